@@ -1,0 +1,53 @@
+"""The tree of errors and the exit codes they carry.
+
+ObsdesignError            anything a person can act on; never a traceback
+    UsageError      2     a wrong command, file, or spec: one line for each problem
+    UndecidedError  4     numerical failure, a timeout, a certificate that could not be established
+
+An infeasible design (exit code 3) is an answer, not an error: it is data in the result.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong, where it is, and what is allowed instead."""
+
+    message: str
+    file: str = ""
+    line: int = 0
+    column: int = 0
+    key: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        return ": ".join(part for part in (place, self.key, self.message) if part)
+
+
+class ObsdesignError(Exception):
+    """Base class of every error that a person can act on.
+
+    Parameters
+    ----------
+    *problems
+        What is wrong: text, or `Problem` with its place. Printed one line each.
+    """
+
+    exit_code = 1
+
+    def __init__(self, *problems: str | Problem) -> None:
+        self.problems = tuple(Problem(p) if isinstance(p, str) else p for p in problems)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class UsageError(ObsdesignError):
+    """A wrong command, an unreadable file, or a spec that is not valid (exit code 2)."""
+
+    exit_code = 2
+
+
+class UndecidedError(ObsdesignError):
+    """Neither a solution nor a proof that there is none (exit code 4)."""
+
+    exit_code = 4

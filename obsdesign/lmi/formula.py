@@ -1,0 +1,159 @@
+"""The vocabulary in which a linear matrix inequality is written once and read three times.
+
+A formula is a function from matrices to symmetric matrices that must be negative (semi)definite. It uses
+`@`, `+`, `.mT` and the block builders below, so the same text is evaluated on float64 stacks (the solver's
+affine map), on float64 matrices (margins) and on rationals (the proof). Rational matrices are numpy arrays of
+`flint.fmpq`; a scalar unknown is a 1x1 matrix, so that `scale * M` broadcasts in all three readings.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from flint import fmpq
+
+Array = npt.NDArray[Any]
+Values = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A matrix that the solver finds. Its coordinates are its entries (row by row; the upper triangle if symmetric)."""
+
+    name: str
+    shape: tuple[int, int]
+    symmetric: bool = False
+
+    def positions(self) -> tuple[Array, Array]:
+        """Row and column index of each coordinate."""
+        if self.symmetric:
+            return np.triu_indices(self.shape[0])
+        rows, columns = np.indices(self.shape)
+        return rows.ravel(), columns.ravel()
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        n, m = self.shape
+        return n * (n + 1) // 2 if self.symmetric else n * m
+
+    def unpack(self, coordinates: Array) -> Array:
+        """Matrix (..., n, m) of the coordinates (..., size)."""
+        rows, columns = self.positions()
+        matrix = np.zeros((*coordinates.shape[:-1], *self.shape), dtype=coordinates.dtype)
+        if coordinates.dtype == object:
+            matrix[...] = fmpq(0)
+        matrix[..., rows, columns] = coordinates
+        if self.symmetric:
+            matrix[..., columns, rows] = coordinates
+        return matrix
+
+    def pack(self, matrix: Array) -> Array:
+        """Coordinates of a matrix: the inverse of `unpack`."""
+        return matrix[..., *self.positions()]
+
+
+@dataclass(frozen=True)
+class Inequality:
+    """`matrix` <= 0, or < 0 if strict. The name is what a certificate says holds."""
+
+    name: str
+    matrix: Array
+    strict: bool = False
+
+
+@dataclass(frozen=True)
+class Injection:
+    """The unknown enters the first inequality only, as He(left @ Y @ right), so it can be projected out."""
+
+    unknown: str
+    left: Array
+    right: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Minimise a linear function of the unknowns subject to `inequalities`, both affine in the unknowns."""
+
+    unknowns: tuple[Unknown, ...]
+    inequalities: Callable[[Values], Sequence[Inequality]]
+    minimise: Callable[[Values], Array] | None = None
+    injection: Injection | None = None
+
+
+def he(X: Array) -> Array:
+    """Return X + X'."""
+    return X + X.mT
+
+
+def symmetric(rows: Sequence[Sequence[Array | int]]) -> Array:
+    """Symmetric block matrix from its upper triangle: row i lists blocks (i, i), (i, i+1), ..; 0 is a zero block."""
+    sizes = [np.shape(row[0])[-1] for row in rows]
+    blocks = [np.asarray(b) for row in rows for b in row if np.ndim(b)]
+    lead = np.broadcast_shapes(*(b.shape[:-2] for b in blocks))
+    edges = np.cumsum([0, *sizes])
+    matrix = zeros((*lead, edges[-1], edges[-1]), like=blocks)
+    for i, row in enumerate(rows):
+        for j, block in enumerate(row, start=i):
+            if np.ndim(block):
+                here, there = slice(edges[i], edges[i + 1]), slice(edges[j], edges[j + 1])
+                matrix[..., here, there] = block
+                if j > i:
+                    matrix[..., there, here] = np.asarray(block).mT
+    return matrix
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Block-diagonal matrix of (possibly rectangular, possibly empty) blocks."""
+    lead = np.broadcast_shapes(*(b.shape[:-2] for b in blocks)) if blocks else ()
+    down = np.cumsum([0, *(b.shape[-2] for b in blocks)])
+    across = np.cumsum([0, *(b.shape[-1] for b in blocks)])
+    matrix = zeros((*lead, down[-1], across[-1]), like=blocks)
+    for i, block in enumerate(blocks):
+        matrix[..., down[i] : down[i + 1], across[i] : across[i + 1]] = block
+    return matrix
+
+
+def zeros(shape: tuple[int, ...], like: Sequence[Array]) -> Array:
+    """Zeros in the numbers of the given arrays: rational as soon as one of them is."""
+    if any(a.dtype == object for a in like):
+        return np.full(shape, fmpq(0), dtype=object)
+    return np.zeros(shape)
+
+
+def identity(n: int, like: Array) -> Array:
+    """Identity matrix in the numbers of the given array."""
+    return rational(np.eye(n)) if like.dtype == object else np.eye(n)
+
+
+def rational_number(value: Any) -> fmpq:
+    """Exact rational of a decimal or "p/q" text, an integer, a fraction, or a double (its binary value)."""
+    if isinstance(value, fmpq):
+        return value
+    fraction = Fraction(value)
+    return fmpq(fraction.numerator, fraction.denominator)
+
+
+def rational(matrix: npt.ArrayLike) -> Array:
+    """Exact rationals of a matrix of numbers or of decimal texts, entry by entry."""
+    entries = np.asarray(matrix, dtype=object)
+    exact = np.empty(entries.shape, dtype=object)
+    for index, value in np.ndenumerate(entries):
+        exact[index] = rational_number(value)
+    return exact
+
+
+def in_floats(value: Any) -> Any:
+    """Same object with every rational number and matrix in it (dataclass fields, tuples) read as doubles."""
+    if isinstance(value, fmpq):
+        return float(value)
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return value.astype(float)
+    if isinstance(value, tuple):
+        return tuple(in_floats(v) for v in value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{f.name: in_floats(getattr(value, f.name)) for f in fields(value) if f.init})
+    return value

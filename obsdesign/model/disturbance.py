@@ -1,0 +1,138 @@
+"""The disturbance model (2), its catalogue, and the augmented plant (10)-(11), Corless and Chakrabarty (2019)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.lmi.formula import Array, block_diagonal, rational, zeros
+from obsdesign.model.plant import Plant
+
+
+@dataclass(frozen=True)
+class Generator:
+    """Model of the exogenous input w, driven by an unknown v.
+
+    xm' = Am xm + Bmf f2 + Bm v
+    q2  = Cq2 xm + Dq2f f2 + Dq2 v
+    w   = Cm xm + Dwf f2 + Dm v
+
+    `inverse` holds, for each channel of w that determines its v, the coefficients c of v = c0 w + c1 w' + ..
+    with xm = (w, w', ..); it is None where w does not determine v.
+    """
+
+    Am: Array  # (nm, nm)
+    Bmf: Array  # (nm, nf2)
+    Bm: Array  # (nm, nv)
+    Cq2: Array  # (nq2, nm)
+    Dq2f: Array  # (nq2, nf2)
+    Dq2: Array  # (nq2, nv)
+    Cm: Array  # (nw, nm)
+    Dwf: Array  # (nw, nf2)
+    Dm: Array  # (nw, nv)
+    inverse: tuple[tuple[fmpq, ...] | None, ...]
+
+    def drive(self, w: Sequence[Expression]) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:
+        """Return v(t) and xm(t) that generate the given w(t), or None where w does not determine them."""
+        v: list[Expression] = []
+        xm: list[Expression] = []
+        for signal, coefficients in zip(w, self.inverse, strict=True):
+            if coefficients is None:
+                return None
+            derivatives = [signal]
+            for _ in coefficients[1:]:
+                derivatives.append(derivatives[-1].derivative("t"))
+            xm += derivatives[:-1]
+            v.append(Expression.combination(coefficients, derivatives))
+        return tuple(v), tuple(xm)
+
+
+def linear(Am: Array, Bm: Array, Cm: Array, Dm: Array, inverse: tuple[fmpq, ...] | None) -> Generator:
+    """Linear model of one channel of w."""
+    nm, nv, nw = Am.shape[0], Bm.shape[1], Cm.shape[0]
+    return Generator(
+        Am,
+        zeros((nm, 0), [Am]),
+        Bm,
+        zeros((0, nm), [Am]),
+        zeros((0, 0), [Am]),
+        zeros((0, nv), [Am]),
+        Cm,
+        zeros((nw, 0), [Am]),
+        Dm,
+        (inverse,),
+    )
+
+
+def unknown() -> Generator:
+    """w = v."""
+    none = rational([]).reshape(0, 0)
+    return linear(none, none.reshape(0, 1).copy(), none.reshape(1, 0).copy(), rational([[1]]), (fmpq(1),))
+
+
+def integrator() -> Generator:
+    """w' = v."""
+    return linear(rational([[0]]), rational([[1]]), rational([[1]]), rational([[0]]), (fmpq(0), fmpq(1)))
+
+
+def double_integrator() -> Generator:
+    """w'' = v."""
+    return sinusoid(fmpq(0))
+
+
+def sinusoid(omega: fmpq) -> Generator:
+    """w'' = -omega^2 w + v, omega in rad/s."""
+    Am = rational([[0, 1], [-omega * omega, 0]])
+    inverse = (omega * omega, fmpq(0), fmpq(1))
+    return linear(Am, rational([[0], [1]]), rational([[1, 0]]), rational([[0]]), inverse)
+
+
+def bias_and_sinusoid(omega: fmpq) -> Generator:
+    """w = b + s, b' = v1, s'' = -omega^2 s + v2; w alone does not say how it splits."""
+    Am = rational([[0, 0, 0], [0, 0, 1], [0, -omega * omega, 0]])
+    Bm = rational([[1, 0], [0, 0], [0, 1]])
+    return linear(Am, Bm, rational([[1, 1, 0]]), rational([[0, 0]]), None)
+
+
+def stack(generators: Sequence[Generator]) -> Generator:
+    """Independent models of the channels of w, one under the other."""
+    matrices = [f.name for f in fields(Generator) if f.name != "inverse"]
+    blocks = {name: block_diagonal([getattr(g, name) for g in generators]) for name in matrices}
+    return Generator(**blocks, inverse=tuple(c for g in generators for c in g.inverse))
+
+
+def augment(plant: Plant, model: Generator, names: tuple[str, ...], drives: tuple[str, ...]) -> Plant:
+    """Append the disturbance model to the plant: xi = (x, xm), driven by v.
+
+    Equations (11a)-(11e), with f = (f1, f2) and q = (q1, q2) stacked plant first. The misprint of the paper's Gamma
+    (D_qf without L2 D_f) does not touch these equations.
+
+    Parameters
+    ----------
+    plant, model
+        n states and nw exogenous inputs; nm states, nv inputs and nw outputs.
+    names, drives
+        Names of the nm states xm and of the nv inputs v.
+    """
+    nm, nf2, nq2 = model.Am.shape[0], model.Bmf.shape[1], model.Cq2.shape[0]
+    n, nf = plant.n, plant.Bf.shape[1]
+
+    def zero(rows: int, columns: int) -> Array:
+        return zeros((rows, columns), [plant.A])
+
+    return Plant(
+        A=np.block([[plant.A, plant.B @ model.Cm], [zero(nm, n), model.Am]]),
+        Bf=np.block([[plant.Bf, plant.B @ model.Dwf], [zero(nm, nf), model.Bmf]]),
+        B=np.block([[plant.B @ model.Dm], [model.Bm]]),
+        Cq=np.block([[plant.Cq, plant.Dq @ model.Cm], [zero(nq2, n), model.Cq2]]),
+        Dqf=np.block([[plant.Dqf, plant.Dq @ model.Dwf], [zero(nq2, nf), model.Dq2f]]),
+        Dq=np.block([[plant.Dq @ model.Dm], [model.Dq2]]),
+        C=np.block([[plant.C, plant.D @ model.Cm]]),
+        Df=np.block([[plant.Df, plant.D @ model.Dwf]]),
+        D=plant.D @ model.Dm,
+        states=plant.states + names,
+        exogenous=drives,
+        outputs=plant.outputs,
+    )

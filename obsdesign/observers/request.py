@@ -1,0 +1,50 @@
+"""What a spec asks of an observer design, in the numbers of the spec."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.lmi.formula import Array
+
+
+@dataclass(frozen=True)
+class Range:
+    """An interval that is searched."""
+
+    low: fmpq
+    high: fmpq
+    points: int = 25
+    log: bool = False
+
+    def grid(self) -> tuple[fmpq, ...]:
+        """The points, ends included, as the exact values of doubles with 12 digits."""
+        low, high = float(self.low), float(self.high)
+        inner = (np.geomspace if self.log else np.linspace)(low, high, self.points)[1:-1]
+        return (self.low, *(fmpq(*float(f"{x:.12g}").as_integer_ratio()) for x in inner), self.high)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Largest gain, storage function and performance level that a design may use; None is no bound."""
+
+    L1: fmpq | None = None
+    norm: Literal["spectral", "frobenius"] = "spectral"  # of L1
+    P: fmpq | None = None  # P <= p I
+    gamma: fmpq | None = None
+
+
+@dataclass(frozen=True)
+class Request:
+    """The `observer` section of a spec for the families whose observer is (12), with gains L1 and L2."""
+
+    type: str
+    L2: Array | None  # (nq, ny); None: free
+    alpha: fmpq | Range
+    objective: Literal["min-gamma", "max-alpha", "feasibility", "pareto", "gamma"] = "min-gamma"
+    gamma: fmpq | None = None  # the level to reach, for objective "gamma"
+    slack: fmpq = fmpq(1, 20)
+    bounds: Bounds = field(default_factory=Bounds)
+    gains: Mapping[str, Array] | None = None  # analysis of these instead of a design

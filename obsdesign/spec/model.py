@@ -1,0 +1,89 @@
+"""A spec, read: everything about one estimation problem in the types of the design and of the simulation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from obsdesign.expressions import Expression
+from obsdesign.lmi.formula import Array
+from obsdesign.model.disturbance import Generator, augment
+from obsdesign.model.plant import Plant
+from obsdesign.nonlinearities import Multiplier, combine
+from obsdesign.observers.request import Request
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Nonlinearity:
+    """One block f_i(t, y, q_i) of f."""
+
+    type: str  # as written in the spec, for tables and messages
+    nq: int
+    multiplier: Multiplier
+    f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Measurement noise held constant over each period (s)."""
+
+    type: Literal["uniform", "gaussian"]
+    amplitude: Vector  # (ny,), half width or standard deviation
+    period: float
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How to try the observer."""
+
+    horizon: float
+    x0: Vector  # (n,) or (n + nm,)
+    xhat0: Vector  # (n + nm,)
+    w: tuple[Expression, ...] | None  # of t and the states; None: v drives the disturbance model
+    v: tuple[Expression, ...] | None  # of t
+    u: tuple[Expression, ...]  # of t and the states
+    noise: Noise | None
+    seed: int
+    points: int
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One estimation problem."""
+
+    name: str
+    source: str
+    description: str
+    text: str  # the file, whole
+    path: str  # as typed
+    plant: Plant  # (1)
+    generator: Generator  # (2)
+    model_states: tuple[str, ...]  # names of xm
+    drives: tuple[str, ...]  # names of v
+    inputs: tuple[str, ...]  # names of the known inputs u
+    units: Mapping[str, str]
+    nonlinearities: tuple[Nonlinearity, ...]  # the plant's, then the disturbance model's
+    gx: tuple[Expression, ...]  # (n,) known terms, of t, the outputs and the inputs
+    gq: tuple[Expression, ...]  # (nq of the plant,)
+    gy: tuple[Expression, ...]  # (ny,) of t and the inputs
+    H: Array  # (nz, n + nm): z = H e
+    H_names: tuple[str, ...]
+    observer: Request
+    simulation: Simulation | None
+    expect: Mapping[str, Any]
+    notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+
+    @cached_property
+    def augmented(self) -> Plant:
+        """The plant with the disturbance model appended, (10)."""
+        return augment(self.plant, self.generator, self.model_states, self.drives)
+
+    @cached_property
+    def multiplier(self) -> Multiplier:
+        """What the design may assume of f = (f_1, .., f_k)."""
+        return combine(block.multiplier for block in self.nonlinearities)
