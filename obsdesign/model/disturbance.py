@@ -1,4 +1,7 @@
-"""The disturbance model (2), its catalogue, and the augmented plant (10)-(11), Corless and Chakrabarty (2019)."""
+"""Disturbance models, which generate an exogenous input w from an unknown v, and the augmented plant.
+
+Equations (2), (10) and (11) of Corless and Chakrabarty (2019).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -53,44 +56,48 @@ def linear(Am: Array, Bm: Array, Cm: Array, Dm: Array, inverse: tuple[fmpq, ...]
     """Linear model of one channel of w."""
     nm, nv, nw = Am.shape[0], Bm.shape[1], Cm.shape[0]
     return Generator(
-        Am,
-        zeros((nm, 0), [Am]),
-        Bm,
-        zeros((0, nm), [Am]),
-        zeros((0, 0), [Am]),
-        zeros((0, nv), [Am]),
-        Cm,
-        zeros((nw, 0), [Am]),
-        Dm,
-        (inverse,),
+        Am=Am,
+        Bmf=zeros((nm, 0), [Am]),
+        Bm=Bm,
+        Cq2=zeros((0, nm), [Am]),
+        Dq2f=zeros((0, 0), [Am]),
+        Dq2=zeros((0, nv), [Am]),
+        Cm=Cm,
+        Dwf=zeros((nw, 0), [Am]),
+        Dm=Dm,
+        inverse=(inverse,),
     )
 
 
 def unknown() -> Generator:
-    """w = v."""
-    none = rational([]).reshape(0, 0)
-    return linear(none, none.reshape(0, 1).copy(), none.reshape(1, 0).copy(), rational([[1]]), (fmpq(1),))
+    """Model w = v."""
+    return linear(empty(0, 0), empty(0, 1), empty(1, 0), rational([[1]]), (fmpq(1),))
+
+
+def empty(rows: int, columns: int) -> Array:
+    """Exact matrix without entries."""
+    return np.empty((rows, columns), dtype=object)
 
 
 def integrator() -> Generator:
-    """w' = v."""
+    """Model w' = v."""
     return linear(rational([[0]]), rational([[1]]), rational([[1]]), rational([[0]]), (fmpq(0), fmpq(1)))
 
 
 def double_integrator() -> Generator:
-    """w'' = v."""
+    """Model w'' = v."""
     return sinusoid(fmpq(0))
 
 
 def sinusoid(omega: fmpq) -> Generator:
-    """w'' = -omega^2 w + v, omega in rad/s."""
+    """Model w'' = -omega^2 w + v, omega in rad/s."""
     Am = rational([[0, 1], [-omega * omega, 0]])
     inverse = (omega * omega, fmpq(0), fmpq(1))
     return linear(Am, rational([[0], [1]]), rational([[1, 0]]), rational([[0]]), inverse)
 
 
 def bias_and_sinusoid(omega: fmpq) -> Generator:
-    """w = b + s, b' = v1, s'' = -omega^2 s + v2; w alone does not say how it splits."""
+    """Model w = b + s, b' = v1, s'' = -omega^2 s + v2; w alone does not say how it splits."""
     Am = rational([[0, 0, 0], [0, 0, 1], [0, -omega * omega, 0]])
     Bm = rational([[1, 0], [0, 0], [0, 1]])
     return linear(Am, Bm, rational([[1, 1, 0]]), rational([[0, 0]]), None)
@@ -104,10 +111,7 @@ def stack(generators: Sequence[Generator]) -> Generator:
 
 
 def augment(plant: Plant, model: Generator, names: tuple[str, ...], drives: tuple[str, ...]) -> Plant:
-    """Append the disturbance model to the plant: xi = (x, xm), driven by v.
-
-    Equations (11a)-(11e), with f = (f1, f2) and q = (q1, q2) stacked plant first. The misprint of the paper's Gamma
-    (D_qf without L2 D_f) does not touch these equations.
+    """Append a disturbance model to a plant: xi = (x, xm), driven by v, with f = (f1, f2) and q = (q1, q2).
 
     Parameters
     ----------
@@ -116,23 +120,24 @@ def augment(plant: Plant, model: Generator, names: tuple[str, ...], drives: tupl
     names, drives
         Names of the nm states xm and of the nv inputs v.
     """
-    nm, nf2, nq2 = model.Am.shape[0], model.Bmf.shape[1], model.Cq2.shape[0]
+    nm, nq2 = model.Am.shape[0], model.Cq2.shape[0]
     n, nf = plant.n, plant.Bf.shape[1]
-
-    def zero(rows: int, columns: int) -> Array:
-        return zeros((rows, columns), [plant.A])
-
     return Plant(
-        A=np.block([[plant.A, plant.B @ model.Cm], [zero(nm, n), model.Am]]),
-        Bf=np.block([[plant.Bf, plant.B @ model.Dwf], [zero(nm, nf), model.Bmf]]),
-        B=np.block([[plant.B @ model.Dm], [model.Bm]]),
-        Cq=np.block([[plant.Cq, plant.Dq @ model.Cm], [zero(nq2, n), model.Cq2]]),
-        Dqf=np.block([[plant.Dqf, plant.Dq @ model.Dwf], [zero(nq2, nf), model.Dq2f]]),
-        Dq=np.block([[plant.Dq @ model.Dm], [model.Dq2]]),
-        C=np.block([[plant.C, plant.D @ model.Cm]]),
-        Df=np.block([[plant.Df, plant.D @ model.Dwf]]),
-        D=plant.D @ model.Dm,
+        A=blocks([[plant.A, plant.B @ model.Cm], [np.zeros((nm, n)), model.Am]]),
+        Bf=blocks([[plant.Bf, plant.B @ model.Dwf], [np.zeros((nm, nf)), model.Bmf]]),
+        B=blocks([[plant.B @ model.Dm], [model.Bm]]),
+        Cq=blocks([[plant.Cq, plant.Dq @ model.Cm], [np.zeros((nq2, n)), model.Cq2]]),
+        Dqf=blocks([[plant.Dqf, plant.Dq @ model.Dwf], [np.zeros((nq2, nf)), model.Dq2f]]),
+        Dq=blocks([[plant.Dq @ model.Dm], [model.Dq2]]),
+        C=blocks([[plant.C, plant.D @ model.Cm]]),
+        Df=blocks([[plant.Df, plant.D @ model.Dwf]]),
+        D=blocks([[plant.D @ model.Dm]]),
         states=plant.states + names,
         exogenous=drives,
         outputs=plant.outputs,
     )
+
+
+def blocks(rows: Sequence[Sequence[Array]]) -> Array:
+    """Exact matrix of blocks; numpy gives integers for a product over an empty dimension."""
+    return rational(np.block([list(row) for row in rows]))

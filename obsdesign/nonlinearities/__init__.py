@@ -9,7 +9,7 @@ from typing import Any
 from obsdesign.nonlinearities.library import FUNCTIONS
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
-from obsdesign.nonlinearities.multiplier import Multiplier, combine
+from obsdesign.model.multiplier import Multiplier, combine
 from obsdesign.nonlinearities.slope import slope
 from obsdesign.nonlinearities.user import user
 

@@ -7,7 +7,7 @@ from functools import partial
 from flint import fmpq
 
 from obsdesign.nonlinearities.monotone import monotone
-from obsdesign.nonlinearities.multiplier import Multiplier
+from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.slope import slope
 
 

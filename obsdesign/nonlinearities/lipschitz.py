@@ -4,7 +4,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.lmi.formula import block_diagonal, rational
-from obsdesign.nonlinearities.multiplier import Multiplier, Scaled
+from obsdesign.model.multiplier import Multiplier, Scaled
 
 
 def lipschitz(k: fmpq, nq: int, nf: int) -> Multiplier:

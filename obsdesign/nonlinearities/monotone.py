@@ -2,15 +2,21 @@
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array, rational
-from obsdesign.nonlinearities.multiplier import Multiplier, Scaled
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import rational
+from obsdesign.model.multiplier import Multiplier, Scaled
 
 
 def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
-    """dq' df >= 0 (nf = nq):  M = lambda [[0, I], [I, 0]].
+    """Incremental passivity, dq' df >= 0:  M = lambda [[0, I], [I, 0]].
 
     The block M22 is zero, so a design must satisfy an equality in its (f, f) rows.
+
+    Raises
+    ------
+    UsageError
+        nf is not nq.
     """
-    assert nf == nq
-    passive: Array = rational(np.kron([[0, 1], [1, 0]], np.eye(nq)))
-    return Multiplier((Scaled.of(passive, nq),))
+    if nf != nq:
+        raise UsageError(f"monotone: f has {nf} components and q has {nq}; it takes as many of both")
+    return Multiplier((Scaled.of(rational(np.kron([[0, 1], [1, 0]], np.eye(nq))), nq),))

@@ -17,8 +17,8 @@ from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, block_diag
 class Scaled:
     """The set {lambda M : lambda >= 0} for one block of q and f.
 
-    `member` is a linear map K in the class, df = K dq, that is [I; K]' M [I; K] >= 0. The loop shift f -> f - K q
-    takes M to a matrix with M11 >= 0.
+    `member` is a linear map K in the class, df = K dq, that is [I; K]' M [I; K] >= 0. The loop shift
+    f -> f - K q takes M to a matrix with M11 >= 0.
     """
 
     M11: Array  # (nq, nq)
@@ -45,8 +45,8 @@ class Scaled:
 class Multiplier:
     """Blocks side by side: q = (q_1, .., q_k), f = (f_1, .., f_k), each with a scale of its own.
 
-    The combined matrix in the order (q, f) is block diagonal in each of M11, M12, M22. (A block-diagonal M itself,
-    in the order (q_1, f_1, q_2, f_2), would tie the wrong components together.)
+    The combined matrix in the order (q, f) is block diagonal in each of M11, M12, M22. (A block-diagonal M
+    itself, in the order (q_1, f_1, q_2, f_2), would tie the wrong components together.)
     """
 
     blocks: tuple[Scaled, ...]
@@ -70,7 +70,7 @@ class Multiplier:
         )
 
     def inequalities(self, v: Values) -> tuple[Inequality, ...]:
-        """The scales are not negative."""
+        """Inequalities that say that no scale is negative."""
         names = [scale_name(i) for i in range(len(self.blocks))]
         return tuple(Inequality(f"{name} >= 0", -v[name]) for name in names)
 

@@ -1,0 +1,168 @@
+"""Result files: written whole or not at all, and read back exactly.
+
+A number in a result file is a decimal that is read as written, or a text "p/q" of any length.
+"""
+
+import datetime
+import hashlib
+import json
+import os
+import platform
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from obsdesign import __version__
+from obsdesign.certificate import Certificate
+from obsdesign.design import Design
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.observers.l2 import statement
+from obsdesign.observers.linear import figures
+from obsdesign.spec.model import Spec
+
+FORMAT = 1
+LARGEST = 64 * 2**20  # bytes of a result file that is read
+
+
+def write_whole(path: str | Path, content: bytes) -> None:
+    """Write a file under a temporary name beside it, then rename it.
+
+    Raises
+    ------
+    UsageError
+        If the folder does not exist or may not be written.
+    """
+    target = Path(path)
+    try:
+        with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as file:
+            try:
+                file.write(content)
+                file.flush()
+                os.chmod(file.name, 0o666 & ~umask())
+                os.replace(file.name, target)
+            except BaseException:
+                os.unlink(file.name)
+                raise
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def umask() -> int:
+    """Permissions that the user withholds from new files."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def result(spec: Spec, design: Design, solver: str) -> dict[str, Any]:
+    """Everything about a design, as the file holds it."""
+    made: dict[str, Any] = {
+        "obsdesign": FORMAT,
+        "name": spec.name,
+        "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+        "status": design.status,
+    }
+    if design.gains:
+        made["observer"] = observer(spec, design)
+    if design.certificate:
+        made["guarantee"] = guarantee(design)
+        made["certificate"] = certificate(design.certificate)
+    elif design.limit:
+        made["guarantee"] = limits(design)
+    if design.diagnosis:
+        made["diagnosis"] = design.diagnosis
+    if design.points:
+        made["search"] = {"parameter": "alpha", "points": list(design.points)}
+    notes = [*spec.notes, *design.notes]
+    return {
+        **made,
+        **({"notes": notes} if notes else {}),
+        "solver": {
+            "name": solver,
+            "version": version("clarabel" if solver == "clarabel" else "cvxpy"),
+            "solves": design.solves,
+            "time_s": round(design.time_s, 4),
+        },
+        "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def observer(spec: Spec, design: Design) -> dict[str, Any]:
+    """Gains and what an engineer asks first of them."""
+    P = design.certificate.P.astype(float) if design.certificate else None
+    L1, L2 = design.gains["L1"], design.gains["L2"]
+    return {
+        "type": spec.observer.type,
+        "L1": L1.tolist(),
+        "L2": L2.tolist(),
+        **figures(in_floats(spec.augmented), L1, P),
+    }
+
+
+def guarantee(design: Design) -> dict[str, Any]:
+    """What is proved, and the limit it is near to."""
+    assert design.certificate
+    g = design.certificate.guarantee
+    return {
+        "gamma": g.gamma,
+        "alpha": g.alpha,
+        "mu1": g.mu1,
+        "mu2": g.mu2,
+        **limits(design),
+        "statement": statement(g.gamma, g.alpha),
+    }
+
+
+def limits(design: Design) -> dict[str, Any]:
+    """Limits of the objective."""
+    bounded = {"limit_bounded": design.limit_bounded} if design.limit_bounded else {}
+    return {"limit": design.limit, **bounded}
+
+
+def certificate(proof: Certificate) -> dict[str, Any]:
+    """Witness and checks."""
+    return {
+        "kind": "exact",
+        "P": [[str(entry) for entry in row] for row in proof.P],
+        "multipliers": {name: str(scale.item()) for name, scale in proof.scales.items()},
+        "checks": [
+            {"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None} for c in proof.checks
+        ],
+    }
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a spec's text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def to_json(value: Any) -> str:
+    """JSON with one line for each key, row of a matrix, and flat object."""
+    return render(value, "") + "\n"
+
+
+def render(value: Any, indent: str) -> str:
+    """JSON of a value whose first line stands at an indentation."""
+    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    nested = any(isinstance(v, dict | list) and v for v in entries)
+    if not entries or (not nested and indent and len(flat) < 200) or (indent and not nested and isinstance(value, list)):
+        return flat
+    inner = indent + "  "
+    if isinstance(value, dict):
+        rows = [f"{json.dumps(k)}: {render(v, inner)}" for k, v in value.items()]
+    else:
+        rows = [render(v, inner) for v in value]
+    left, right = "{}" if isinstance(value, dict) else "[]"
+    return f"{left}\n{inner}" + f",\n{inner}".join(rows) + f"\n{indent}{right}"
+
+
+def csv(header: list[str], rows: Array) -> bytes:
+    """Table of a run, one row a sample, 12 digits."""
+    lines = [",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in rows)]
+    return ("\n".join(lines) + "\n").encode()

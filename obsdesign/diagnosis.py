@@ -1,0 +1,109 @@
+"""Why a design is impossible, in the terms of the model, and what would be possible."""
+
+from typing import Any
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.model.structure import decay_limit, undetectable
+from obsdesign.observers.l2 import L2
+from obsdesign.spec.model import Spec
+
+
+def why_not(spec: Spec, family: L2, largest_alpha: float | None, known: dict[str, Any]) -> dict[str, Any]:
+    """Reasons that hold whatever the gains, the most telling first.
+
+    Parameters
+    ----------
+    spec, family
+        The problem, at the alpha that is infeasible.
+    largest_alpha
+        The largest alpha that is feasible, if one was found.
+    known
+        What the design knows already, such as a bound that was too tight.
+
+    Returns
+    -------
+    dict
+        `reason` in one sentence, `condition` that fails, data of it, `feasible` and a `suggestion`.
+    """
+    alpha = float(family.alpha)
+    plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
+    hidden = undetectable(plant, K, alpha)
+    if hidden:
+        mode = hidden[0]
+        limit = decay_limit(plant, K)
+        return {
+            "condition": "detectability",
+            "reason": f"{mode.sentence}, so no gain makes its error decay at the rate alpha = {alpha:g}",
+            "mode": {
+                "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+                "eigenvector": {name: [entry.real, entry.imag] for name, entry in mode.along},
+            },
+            "feasible": {"alpha_below": limit} if limit > 0 else {},
+            "suggestion": f"ask for alpha below {limit:g}" if limit > 0 else "measure another state, or model w otherwise",
+        }
+    if known:
+        return {"condition": next(iter(known)), "reason": sentence(known), **known, "suggestion": "relax it"}
+    passivity = failing_passivity(spec, in_floats(family)) if family.L2 is not None else None
+    if passivity:
+        return passivity
+    feasible = {} if largest_alpha is None else {"alpha": largest_alpha}
+    if feasible:
+        return {
+            "condition": "decay",
+            "reason": f"alpha = {alpha:g} is too fast: the inequality has a solution only up to alpha = {largest_alpha:.5g}",
+            "feasible": feasible,
+            "suggestion": f"ask for alpha at most {largest_alpha:.4g}, or give another L2 (or `L2: free`)",
+        }
+    return {
+        "condition": "inequality",
+        "reason": f"the inequality of Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried",
+        "feasible": feasible,
+        "suggestion": "a tighter type of the nonlinearity, another measurement, or `L2: free` may make it feasible",
+    }
+
+
+def sentence(known: dict[str, Any]) -> str:
+    """Reason that the design knew already, in words."""
+    if "gamma" in known:
+        asked, least = known["gamma"]["asked"], known["gamma"]["least"]
+        return f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}"
+    return str(next(iter(known.values())))
+
+
+def failing_passivity(spec: Spec, family: L2) -> dict[str, Any] | None:
+    """Blocks with M22 = 0 and M11 = 0 force P Bf + lambda (Cq + L2 C)' = 0, hence (Cq + L2 C) Bf < 0.
+
+    This needs Bf of full column rank, Df = 0, and a loop without Dqf; it says nothing otherwise.
+    """
+    p = family.plant
+    if p.Df.any() or (p.Dqf + family.L2 @ p.Df).any():
+        return None
+    q = f = 0
+    for i, block in enumerate(family.multiplier.blocks):
+        rows, columns = slice(q, q + len(block.M11)), slice(f, f + len(block.M22))
+        q, f = rows.stop, columns.stop
+        if block.M22.any() or block.M11.any() or not p.Bf[:, columns].any():
+            continue
+        product: Array = block.M12.T @ (p.Cq[rows] + family.L2[rows] @ p.C) @ p.Bf[:, columns]
+        largest = float(np.linalg.eigvalsh(product + product.T).max()) / 2
+        if largest >= 0:
+            shown = f"{largest:g}" if product.size == 1 else f"a matrix with the eigenvalue {largest:g}"
+            return {
+                "condition": "passivity",
+                "reason": (
+                    f"{block_name(spec, i)} has no upper slope bound, so P Bf + lambda (Cq + L2 C)' = 0 must hold with P > 0 and "
+                    f"lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here it is {shown}"
+                ),
+                "value": largest,
+                "feasible": {},
+                "suggestion": "choose L2 with (Cq + L2 C) Bf < 0, or `L2: free`",
+            }
+    return None
+
+
+def block_name(spec: Spec, index: int) -> str:
+    """Nonlinearity that block `index` of the multiplier belongs to."""
+    owners = [n for n in spec.nonlinearities for _ in n.multiplier.blocks]
+    return f"the nonlinearity {spec.nonlinearities.index(owners[index]) + 1} ({owners[index].type})"

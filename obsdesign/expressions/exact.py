@@ -1,0 +1,82 @@
+"""Rational arithmetic of bounded size, and its way to doubles."""
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.errors import UsageError
+
+MAX_EXPONENT = 10_000
+MAX_BITS = 20_000
+
+
+class ExpressionError(UsageError):
+    """An expression that is refused.
+
+    Parameters
+    ----------
+    message
+        What is wrong, and what is allowed instead.
+    column
+        Offset in the text of the expression, from 0.
+    """
+
+    def __init__(self, message: str, column: int = 0) -> None:
+        super().__init__(message)
+        self.message = message
+        self.column = column
+
+
+def bounded(value: fmpq) -> fmpq:
+    """Return the value, or raise `ExpressionError` if writing it takes too many digits."""
+    if value.height_bits() > MAX_BITS:
+        raise ExpressionError(f"a number grows beyond {MAX_BITS} bits")
+    return value
+
+
+def double(value: fmpq) -> float:
+    """Nearest double; infinite if there is none."""
+    try:
+        return int(value.p) / int(value.q)
+    except OverflowError:
+        return inf if value > 0 else -inf
+
+
+def rational_power(base: fmpq, exponent: fmpq) -> fmpq | None:
+    """Exact base**exponent, or None where it is irrational or undefined."""
+    if abs(exponent) > MAX_EXPONENT:
+        raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT} in magnitude")
+    if base == 0:
+        return fmpq(0) if exponent > 0 else fmpq(1) if exponent == 0 else None
+    n, root = int(exponent.p), int(exponent.q)
+    if root > 1:
+        base = rational_root(base, root)
+        if base is None:
+            return None
+    if base.height_bits() * abs(n) > 2 * MAX_BITS:
+        raise ExpressionError(f"a number grows beyond {MAX_BITS} bits")
+    return bounded(base**n)
+
+
+def rational_root(base: fmpq, root: int) -> fmpq | None:
+    """Exact root of a positive number, or None where it is irrational or undefined."""
+    if base < 0 or root > MAX_BITS:
+        return None
+    candidate = fmpq(base.p.root(root), base.q.root(root))
+    return candidate if candidate**root == base else None
+
+
+def at(argument: int, value: int) -> Callable[[fmpq], fmpq | None]:
+    """Rule of a function that is rational at one rational argument only (Lindemann and Weierstrass)."""
+
+    def rule(x: fmpq) -> fmpq | None:
+        return fmpq(value) if x == argument else None
+
+    return rule
+
+
+def sign(x: Any) -> fmpq:
+    """-1, 0 or 1."""
+    return fmpq(int(x > 0) - int(x < 0))

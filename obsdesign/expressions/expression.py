@@ -1,0 +1,201 @@
+"""Expressions as the rest of the package sees them."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+from flint import fmpq
+
+from obsdesign.expressions.constant import rounded
+from obsdesign.expressions.exact import double
+from obsdesign.expressions.functions import OPERATIONS
+from obsdesign.expressions.interval import Interval, point
+from obsdesign.expressions.numeric import Closure, compiled
+from obsdesign.expressions.parse import tree
+from obsdesign.expressions.tree import (
+    Call,
+    Node,
+    Number,
+    Variable,
+    equals,
+    fold,
+    number,
+    postorder,
+    product,
+    text,
+    total,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Expression:
+    """A real expression of named variables; immutable, equal to another one of the same structure."""
+
+    root: Node
+
+    @staticmethod
+    def number(value: int | fmpq) -> "Expression":
+        """Return the constant expression of an exact number."""
+        return Expression(number(value))
+
+    @staticmethod
+    def combination(coefficients: Sequence[fmpq], expressions: Sequence["Expression"]) -> "Expression":
+        """Linear combination c_1 e_1 + c_2 e_2 + .. of as many expressions as coefficients."""
+        pairs = zip(coefficients, expressions, strict=True)
+        return Expression(total([product((number(c), e.root)) for c, e in pairs]))
+
+    @cached_property
+    def text(self) -> str:
+        """Text that parses back to an equal expression."""
+        return text(self.root)
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expression) and self.text == other.text
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+    @cached_property
+    def order(self) -> tuple[Node, ...]:
+        """Nodes of the tree, arguments before operations."""
+        return postorder(self.root)
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Variables that occur."""
+        return frozenset(node.name for node in self.order if isinstance(node, Variable))
+
+    def derivative(self, name: str) -> "Expression":
+        """Partial derivative, lightly simplified; that of a jump or a kink is the one beside it.
+
+        sign' = 0, |x|' = sign(x), sat(x)' = where(|x| < 1, 1, 0); comparisons have derivative 0.
+        """
+
+        def of_call(node: Call, rates: list[Node]) -> Node:
+            if all(equals(rate, 0) for rate in rates):
+                return number(0)
+            return OPERATIONS[node.operation].derivative(node.arguments, rates)
+
+        return Expression(
+            fold(self.order, lambda _: number(0), lambda variable: number(int(variable == name)), of_call)
+        )
+
+    def function(self, arguments: Sequence[str]) -> Callable[..., Array]:
+        """Vectorized function of the named arguments, which broadcast; NaN or infinite outside the domain."""
+
+        def value(*values: npt.ArrayLike) -> Array:
+            arrays = [np.asarray(v, dtype=float) for v in values]
+            given = dict(zip(arguments, arrays, strict=True))
+            with np.errstate(all="ignore"):
+                result = fold(
+                    self.order,
+                    lambda v: np.float64(double(v)),
+                    given.__getitem__,
+                    lambda node, operands: OPERATIONS[node.operation].array(*operands),
+                )
+            return np.array(np.broadcast_to(result, np.broadcast_shapes(*(a.shape for a in arrays))))
+
+        return value
+
+    def scalar(self, arguments: Sequence[str]) -> Callable[..., float]:
+        """Fast function of plain floats; where math raises it answers as `function` does, NaN or infinite."""
+        fast, careful = compiled(self.order, arguments), self.function(arguments)
+
+        def value(*values: float) -> float:
+            try:
+                return fast(values)
+            except (ArithmeticError, ValueError):
+                return float(careful(*values))
+
+        return value
+
+    def enclose(self, box: Mapping[str, Interval]) -> Interval:
+        """Rigorous enclosure of the values over boxes.
+
+        An entry is empty where the expression is defined nowhere in its box; where it is defined in a part,
+        the values there are enclosed.
+        """
+
+        def of_call(node: Call, operands: list[Interval]) -> Interval:
+            result = OPERATIONS[node.operation].interval(*operands)
+            if node.operation == "where":  # it ignores what its other branch is
+                return result
+            for operand in operands:
+                if operand.empty.any():
+                    result = result.emptied(operand.empty)
+            return result
+
+        with np.errstate(all="ignore"):
+            return fold(self.order, point, box.__getitem__, of_call)
+
+    def switches(self, name: str) -> tuple["Expression", ...]:
+        """Functions g of this variable alone such that there may be a jump or a kink where g crosses zero."""
+        candidates = [
+            Expression(g)
+            for node in self.order
+            if isinstance(node, Call)
+            for g in OPERATIONS[node.operation].switches(*node.arguments)
+        ]
+        return tuple(dict.fromkeys(g for g in candidates if g.names == {name}))
+
+
+def parse(
+    text: str, names: Collection[str], parameters: Mapping[str, fmpq] = MappingProxyType({})
+) -> Expression:
+    """Read an expression; see `parse.py` for the language.
+
+    Parameters
+    ----------
+    text
+        At most 10,000 characters, 100 levels, constant exponents up to 1e4 in magnitude.
+    names
+        Variables that may occur.
+    parameters
+        Names that stand for exact numbers.
+
+    Raises
+    ------
+    ExpressionError
+        What is wrong, in one line, and the column of it.
+    """
+    return Expression(tree(text, names, parameters))
+
+
+def constant(text: str, parameters: Mapping[str, fmpq] = MappingProxyType({})) -> tuple[fmpq, bool]:
+    """Exact value of an expression without variables, and whether it had to be rounded to a double.
+
+    Rational arithmetic is exact; an irrational value is replaced by its correctly rounded double.
+
+    Raises
+    ------
+    ExpressionError
+        As `parse`, and for a value that is undefined or not finite as a double.
+    """
+    expression = parse(text, (), parameters)
+    if isinstance(expression.root, Number):
+        return expression.root.value, False
+    return fmpq(*rounded(expression.order).as_integer_ratio()), True
+
+
+def vector_function(
+    expressions: Sequence[Expression], arguments: Sequence[str]
+) -> Callable[[Sequence[float]], list[float]]:
+    """Fast function from the values of the arguments (a list of floats) to the values of all expressions."""
+    fast: list[Closure] = [compiled(e.order, arguments) for e in expressions]
+    careful = [e.scalar(arguments) for e in expressions]
+
+    def values(point: Sequence[float]) -> list[float]:
+        try:
+            return [f(point) for f in fast]
+        except (ArithmeticError, ValueError):
+            return [f(*point) for f in careful]
+
+    return values

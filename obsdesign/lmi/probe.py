@@ -1,0 +1,88 @@
+"""First reading of a formula: one batched evaluation gives the affine map that the solver sees."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array, Problem, Unknown, Values
+
+
+@dataclass(frozen=True)
+class Block:
+    """The constraint constant + sum_i x_i coefficients[i] <= 0 (or < 0 if strict) on symmetric k x k matrices."""
+
+    name: str
+    constant: Array  # (k, k)
+    coefficients: Array  # (N, k, k)
+    strict: bool
+
+    def at(self, x: Array) -> Array:
+        """Value at a point x (N,)."""
+        value: Array = self.constant + np.tensordot(x, self.coefficients, axes=1)
+        return value
+
+    def rows(self, keep: Array) -> "Block":
+        """Same block with only the rows and columns in `keep` (a mask or indices)."""
+        return self.congruent(np.eye(len(self.constant))[:, keep])
+
+    def congruent(self, N: Array) -> "Block":
+        """N' F N."""
+        return replace(self, constant=N.T @ self.constant @ N, coefficients=N.T @ self.coefficients @ N)
+
+    def substituted(self, offset: Array, basis: Array) -> "Block":
+        """Same block over z, where x = offset + basis z."""
+        return replace(
+            self, constant=self.at(offset), coefficients=np.tensordot(basis.T, self.coefficients, axes=1)
+        )
+
+
+@dataclass(frozen=True)
+class Program:
+    """Minimise cost' x + constant subject to the blocks."""
+
+    cost: Array  # (N,)
+    constant: float
+    blocks: tuple[Block, ...]
+
+
+def coordinates(unknowns: Sequence[Unknown], values: Values) -> Array:
+    """Stack the coordinates (..., N) of all unknowns."""
+    return np.concatenate([u.pack(values[u.name]) for u in unknowns], axis=-1)
+
+
+def matrices(unknowns: Sequence[Unknown], x: Array) -> dict[str, Array]:
+    """Unknowns as matrices, from coordinates x (..., N)."""
+    edges = np.cumsum([0, *(u.size for u in unknowns)])
+    return {u.name: u.unpack(x[..., a:b]) for u, a, b in zip(unknowns, edges, edges[1:], strict=False)}
+
+
+def probe(problem: Problem) -> Program:
+    """Evaluate a formula at zero and at every basis element at once, and check that it is affine.
+
+    Raises
+    ------
+    ArithmeticError
+        If superposition fails at a random point: the formula is not affine in its unknowns (a defect).
+    """
+    size = sum(u.size for u in problem.unknowns)
+    witness = np.random.default_rng(0).standard_normal(size)
+    points = matrices(problem.unknowns, np.vstack([np.zeros(size), np.eye(size), witness]))
+    blocks = []
+    for inequality in problem.inequalities(points):
+        value = np.broadcast_to(inequality.matrix, (size + 2, *inequality.matrix.shape[-2:]))
+        block = Block(inequality.name, value[0], value[1:-1] - value[0], inequality.strict)
+        require_affine(inequality.name, block.at(witness), value[-1])
+        blocks.append(block)
+    cost, constant = np.zeros(size), 0.0
+    if problem.minimise:
+        objective = np.broadcast_to(problem.minimise(points), (size + 2, 1, 1))[:, 0, 0]
+        cost, constant = objective[1:-1] - objective[0], float(objective[0])
+    return Program(cost, constant, tuple(blocks))
+
+
+def require_affine(name: str, expected: Array, found: Array) -> None:
+    """Compare superposition with the formula itself."""
+    scale = np.abs(expected).max(initial=0) + np.abs(found).max(initial=0)
+    if np.abs(expected - found).max(initial=0) > 1e-9 * scale:
+        raise ArithmeticError(f"the inequality {name!r} is not affine in its unknowns")

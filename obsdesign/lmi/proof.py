@@ -1,0 +1,110 @@
+"""Third reading of a formula: in rationals, where the sign of a matrix is a fact. No solver takes part."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+
+from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, rational
+from obsdesign.lmi.probe import coordinates, matrices
+
+Formula = Callable[[Values], Sequence[Inequality]]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One condition of a certificate.
+
+    `margin` is the distance from the edge, in doubles and only for the reader: for a matrix the smallest eigenvalue of
+    -F with its rows scaled to a unit diagonal (rows that must vanish left out), for a number the number itself.
+    """
+
+    name: str
+    holds: bool
+    margin: float
+
+
+def prove(inequalities: Sequence[Inequality]) -> tuple[Check, ...]:
+    """Decide every inequality exactly."""
+    return tuple(Check(i.name, holds(i), margin(i.matrix)) for i in inequalities)
+
+
+def holds(inequality: Inequality) -> bool:
+    """Whether the matrix is negative semidefinite, or definite if the inequality is strict."""
+    signs = pivots(-inequality.matrix)
+    return signs is not None and (min(signs, default=1) > 0 or not inequality.strict)
+
+
+def pivots(matrix: Array) -> list[int] | None:
+    """Signs (0 or 1) of D in the exact factorisation L D L' of a symmetric matrix; None if it is not >= 0.
+
+    Without pivoting: a zero on the diagonal of a semidefinite matrix makes its row zero.
+    """
+    S = matrix.copy()
+    if (S != S.T).any():
+        return None
+    signs = []
+    for k in range(len(S)):
+        d, column = S[k, k], S[k + 1 :, k]
+        if d < 0 or (d == 0 and (column != 0).any()):
+            return None
+        signs.append(int(d > 0))
+        if d > 0:
+            S[k + 1 :, k + 1 :] -= np.outer(column / d, column)
+    return signs
+
+
+def margin(matrix: Array) -> float:
+    """Smallest eigenvalue of -F scaled to a unit diagonal, without rows that are zero."""
+    S = -matrix.astype(float)
+    if len(S) == 1:
+        return float(S[0, 0])
+    S = S[:, S.any(axis=0)][S.any(axis=1)]
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(S)), 1e-15 * np.abs(S).max(initial=0)))
+    return float(np.linalg.eigvalsh(S * np.outer(scale, scale)).min(initial=np.inf)) if len(S) else 0.0
+
+
+def rounded(values: Values, digits: int) -> dict[str, Array]:
+    """Rationals of the values at so many significant decimal digits."""
+    return {name: rational(np.vectorize(lambda x: f"{x:.{digits}g}", otypes=[object])(m)) for name, m in values.items()}
+
+
+def complete(
+    formula: Formula,
+    unknowns: Sequence[Unknown],
+    values: Values,
+    rows: Sequence[tuple[str, int]],
+    pivots: Sequence[int],
+) -> dict[str, Array]:
+    """Move the pivot coordinates so that the given rows of the inequalities vanish exactly.
+
+    Parameters
+    ----------
+    formula, unknowns, values
+        The inequalities in rationals, their unknowns and a point that nearly satisfies the equalities.
+    rows, pivots
+        What `reduce` found in doubles: (inequality, row) pairs that must vanish, and the coordinates they determine.
+    """
+    x = coordinates(unknowns, values)
+    if not pivots:
+        return dict(values)
+
+    def residual(point: Array) -> Array:
+        by_name = {i.name: i.matrix for i in formula(matrices(unknowns, point))}
+        return np.concatenate([by_name[name][row] for name, row in rows])
+
+    at = residual(x)
+    J = np.stack([residual(x + unit(len(x), j)) - at for j in pivots], axis=1)
+    J, r = fmpq_mat(J.tolist()), fmpq_mat([[v] for v in at])
+    step = (J.transpose() * J).solve(-(J.transpose() * r))
+    for j, d in zip(pivots, step.entries(), strict=True):
+        x[j] += d
+    return matrices(unknowns, x)
+
+
+def unit(size: int, j: int) -> Array:
+    """Coordinate vector in rationals."""
+    e = np.full(size, fmpq(0), dtype=object)
+    e[j] = fmpq(1)
+    return e

@@ -1,0 +1,271 @@
+"""The only code that knows a solver: a problem in, an answer with a status out.
+
+"Optimal" is never a proof here: what a solver returns is a proposal, and `proof` decides.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array, Problem, Values
+from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
+from obsdesign.lmi.reduce import Reduced, balance, reduce, scale_to
+
+MARGIN = 1e-8  # phase I: a largest normalised margin above this is feasible (solver noise is about 5e-11)
+AGREE = 1e-5  # two solves in different scalings agree to this, relative, before an optimum is believed
+CLOSE = 1e-3  # .. or, where more solves do not bring that, the two best of them to this
+SWEEPS = 5  # solves, each in the scaling of the last solution
+
+
+class Status(StrEnum):
+    """What is known of a problem after it was solved."""
+
+    OPTIMAL = "optimal"
+    INFEASIBLE = "infeasible"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Outcome of a problem; objective and values mean something if the status is optimal."""
+
+    status: Status
+    objective: float = 0.0
+    values: dict[str, Array] = field(default_factory=dict)
+    raw: str = ""  # what the solver said, or the contradiction that was found before it ran
+    solves: int = 0
+
+
+Solver = Callable[[Program], tuple[str, Array]]  # raw status and z
+
+
+def minimise(problem: Problem, solver: str = "clarabel", start: Values | None = None) -> Answer:
+    """Solve a problem, scaled at first to the start if there is one; what was projected out is zero in the answer.
+
+    Raises
+    ------
+    UsageError
+        If the solver is not installed.
+    """
+    reduced = reduce(probe(problem), problem.unknowns, problem.injection)
+    if reduced.contradiction:
+        return Answer(Status.INFEASIBLE, raw=reduced.contradiction)
+    search = Search(call(solver))
+    z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
+    status, z = search.optimum(reduced.program, z)
+    return answer(problem, reduced, status, z, search)
+
+
+def widest(problem: Problem, solver: str = "clarabel", start: Values | None = None) -> Answer:
+    """Phase I: the point of largest normalised margin t, F + t I <= 0; its objective is t.
+
+    The inequalities are homogenised (their constant part gets a factor s >= t) and normalised by the trace of
+    -F, so that t is at most 1 and is compared with `MARGIN`.
+    """
+    reduced = reduce(probe(problem), problem.unknowns, problem.injection)
+    if reduced.contradiction:
+        return Answer(Status.INFEASIBLE, raw=reduced.contradiction)
+    search = Search(call(solver))
+    z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
+    t, z = search.margin(reduced.program, z)
+    found = answer(problem, reduced, Status.OPTIMAL if t > MARGIN else Status.INFEASIBLE, z, search)
+    return replace(found, objective=t)
+
+
+def answer(problem: Problem, reduced: Reduced, status: Status, z: Array, search: "Search") -> Answer:
+    """Return to the terms of the problem."""
+    objective = reduced.program.constant + float(reduced.program.cost @ z)
+    values = matrices(problem.unknowns, reduced.point(z))
+    return Answer(status, objective, values, search.raw, search.solves)
+
+
+class Search:
+    """Solves of one program in changing scalings, counted."""
+
+    def __init__(self, solver: Solver) -> None:
+        self.solver = solver
+        self.solves = 0
+        self.raw = ""
+
+    def solve(self, program: Program) -> tuple[str, Array]:
+        """One call of the solver."""
+        self.solves += 1
+        self.raw, z = self.solver(program)
+        return self.raw, z
+
+    def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:
+        """Solve, then solve again in the scaling of the solution until two objectives agree.
+
+        A solve that ends otherwise is believed only if phase I finds no margin; else the sweeps go on from there.
+        """
+        scaled, factors = balance(program) if start is None else scale_to(program, start)
+        found: list[tuple[float, Array]] = []
+        doubted = False
+        for _ in range(SWEEPS):
+            raw, z = self.solve(scaled)
+            z = factors * z
+            if raw == SOLVED:
+                found.append((float(program.cost @ z) + program.constant, z))
+                if len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE):
+                    return Status.OPTIMAL, z
+            elif not found and not doubted:
+                doubted = True
+                t, z = self.margin(program)
+                if t <= MARGIN:
+                    return Status.INFEASIBLE, z
+            if not np.isfinite(z).all() or not z.any():
+                break
+            scaled, factors = scale_to(program, z)
+        found.sort(key=lambda pair: pair[0])
+        if len(found) > 1 and agree(found[0][0], found[1][0], CLOSE):
+            return Status.OPTIMAL, found[0][1]
+        return Status.UNDECIDED, z
+
+    def margin(self, program: Program, start: Array | None = None) -> tuple[float, Array]:
+        """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised; and z / s."""
+        lifted = homogeneous(program)
+        scaled, factors = balance(lifted) if start is None else scale_to(lifted, np.append(start, 1.0))
+        best, point = -np.inf, np.zeros(len(lifted.cost))
+        for _ in range(SWEEPS):
+            raw, x = self.solve(with_margin(scaled))
+            if raw not in {SOLVED, ALMOST} or not np.isfinite(x).all() or not x[:-1].any():
+                break
+            improved = x[-1] > 1.5 * best if best > 0 else x[-1] > best
+            if x[-1] > best:
+                best, point = float(x[-1]), factors * x[:-1]
+            if not improved:
+                break
+            scaled, factors = scale_to(lifted, factors * x[:-1])
+        return best, point[:-1] / point[-1] if point[-1] > 0 else point[:-1]
+
+
+def agree(a: float, b: float, tolerance: float) -> bool:
+    """Relative agreement."""
+    return abs(a - b) <= tolerance * max(abs(a), abs(b))
+
+
+def homogeneous(program: Program) -> Program:
+    """Give the constant part a factor s of its own, the last coordinate, with s >= 0."""
+    size = len(program.cost)
+    s = np.zeros((size + 1, 1, 1))
+    s[-1] = -1.0
+    blocks = [
+        replace(b, constant=0 * b.constant, coefficients=np.concatenate([b.coefficients, b.constant[None]]))
+        for b in program.blocks
+    ]
+    return Program(np.zeros(size + 1), 0.0, (*blocks, Block("s >= 0", np.zeros((1, 1)), s, strict=True)))
+
+
+def with_margin(program: Program) -> Program:
+    """Maximise t (the last coordinate) with F + t I <= 0, sum of traces of -F at most the number of rows."""
+    size = len(program.cost)
+    blocks = [
+        replace(b, coefficients=np.concatenate([b.coefficients, np.eye(len(b.constant))[None]])) for b in program.blocks
+    ]
+    traces = sum(np.trace(-b.coefficients, axis1=1, axis2=2) for b in program.blocks)
+    total = np.append(traces, 0.0)[:, None, None]
+    rows = sum(len(b.constant) for b in program.blocks)
+    cost = np.append(np.zeros(size), -1.0)
+    return Program(cost, 0.0, (*blocks, Block("normalised", np.array([[-float(rows)]]), total, strict=False)))
+
+
+# Clarabel, called with the probed matrices
+
+SOLVED, ALMOST, INFEASIBLE = "Solved", "AlmostSolved", "PrimalInfeasible"
+
+
+class Columns(NamedTuple):
+    """A sparse matrix by columns in the form that Clarabel reads; saves importing scipy.sparse."""
+
+    shape: tuple[int, int]
+    data: Array
+    indices: Array
+    indptr: Array
+    has_canonical_format: bool = True
+    has_sorted_indices: bool = True
+
+
+def columns(dense: Array) -> Columns:
+    """Compress a dense matrix."""
+    across, down = np.nonzero(dense.T)
+    counts = np.bincount(across, minlength=dense.shape[1])
+    return Columns(dense.shape, dense[down, across], down, np.concatenate([[0], np.cumsum(counts)]))
+
+
+def triangle(block: Block) -> tuple[Array, Array]:
+    """Return b and A with b - A z in the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
+    column, row = np.tril_indices(len(block.constant))
+    weight = np.where(row == column, 1.0, np.sqrt(2.0))
+    return -weight * block.constant[row, column], (weight * block.coefficients[:, row, column]).T
+
+
+def with_clarabel(program: Program) -> tuple[str, Array]:
+    """Clarabel without chordal decomposition; with it once more before a point is called infeasible or unsolved."""
+    raw, z = clarabel_once(program, chordal=False)
+    if raw == SOLVED:
+        return raw, z
+    again, other = clarabel_once(program, chordal=True)
+    return (again, other) if again == SOLVED else (raw, z)
+
+
+def clarabel_once(program: Program, *, chordal: bool) -> tuple[str, Array]:
+    """One call."""
+    import clarabel
+
+    blocks = sorted(program.blocks, key=lambda b: len(b.constant) > 1)
+    scalars = sum(len(b.constant) == 1 for b in blocks)
+    cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
+    cones += [clarabel.PSDTriangleConeT(len(b.constant)) for b in blocks[scalars:]]
+    b, A = (np.concatenate(part) for part in zip(*map(triangle, blocks), strict=True))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False
+    settings.chordal_decomposition_enable = chordal
+    size = len(program.cost)
+    settings.max_iter = 100
+    P = columns(np.zeros((size, size)))
+    solution = clarabel.DefaultSolver(P, program.cost, columns(A), b, cones, settings).solve()
+    return str(solution.status), np.array(solution.x)
+
+
+def through_cvxpy(name: str) -> Solver:
+    """Any other solver, given the same probed matrices through cvxpy.
+
+    Raises
+    ------
+    UsageError
+        If cvxpy does not know the solver or it is not installed.
+    """
+    import cvxpy as cp
+
+    installed = cp.installed_solvers()
+    if name.upper() not in installed:
+        raise UsageError(f"--solver {name}: not installed; available: clarabel, {', '.join(sorted(installed))}")
+
+    def solve(program: Program) -> tuple[str, Array]:
+        z = cp.Variable(len(program.cost))
+        constraints = []
+        for block in program.blocks:
+            k = len(block.constant)
+            flat = block.coefficients.reshape(len(block.coefficients), k * k).T
+            F = cp.reshape(flat @ z + block.constant.ravel(), (k, k), order="C")
+            constraints.append((F + F.T) / 2 << 0)
+        model = cp.Problem(cp.Minimize(program.cost @ z), constraints)
+        try:
+            model.solve(solver=name.upper())
+        except cp.SolverError as error:
+            return str(error), np.zeros(len(program.cost))
+        raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "infeasible": INFEASIBLE}.get(model.status, model.status)
+        return raw, z.value if z.value is not None else np.zeros(len(program.cost))
+
+    return solve
+
+
+def call(name: str) -> Solver:
+    """Solver of a name."""
+    return with_clarabel if name.lower() == "clarabel" else through_cvxpy(name)

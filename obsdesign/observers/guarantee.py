@@ -1,0 +1,16 @@
+"""What the gains of an observer are proved to achieve."""
+
+from dataclasses import dataclass
+
+from obsdesign.lmi.formula import Array
+
+
+@dataclass(frozen=True)
+class Guarantee:
+    """Along the error equations V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 with V = e' P e, gamma = sqrt(mu2 / mu1)."""
+
+    gamma: float
+    alpha: float
+    mu1: float
+    mu2: float
+    P: Array  # (n, n), positive definite

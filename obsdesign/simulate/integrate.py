@@ -1,0 +1,283 @@
+"""Integration of a flow through its jumps: LSODA, and Radau where LSODA gives up."""
+
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, cast
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from scipy.integrate import LSODA, Radau
+
+Vector = npt.NDArray[np.float64]
+Status = Literal["done", "escape", "stall"]
+
+HUGE = 1e12  # of the state against its start: an escape
+CALLS = 300_000  # of the right-hand side for one method; a stall
+CALLS_PER_SEGMENT = 300
+PATH = 20_000  # accepted steps that are kept
+
+
+@dataclass(frozen=True)
+class Segment:
+    """An interval in which the flow is smooth, the jump of the state that begins it, and its held inputs."""
+
+    start: float
+    stop: float
+    jump: Vector  # (ns,), added to the state
+    held: Vector
+
+
+@dataclass(frozen=True)
+class Flow:
+    """The flow s' = rhs(t, s, held) with ds'/ds = jacobian(t, s, held).
+
+    Outside their domain both are not finite, or raise ArithmeticError.
+    """
+
+    rhs: Callable[[float, Vector, Vector], Vector]
+    jacobian: Callable[[float, Vector, Vector], Vector]
+    watched: int  # the leading components of s that must stay bounded; the rest are integrals
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How much of each component a step may be wrong by: relative |s| + absolute."""
+
+    relative: float
+    absolute: Vector  # (ns,)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States at the samples and at the accepted steps, up to where the integration got."""
+
+    t: Vector  # (N,)
+    s: Vector  # (N, ns)
+    path_t: Vector  # (M,), start and accepted steps; thinned where there are more than 20,000
+    path_s: Vector  # (M, ns)
+    status: Status
+    time: float  # where it ended
+    reason: str  # of an escape or a stall
+
+
+@dataclass
+class Recorder:
+    """Collects what a solver passes: samples by dense output, and its own steps."""
+
+    samples: Vector
+    t: list[float] = field(default_factory=list)
+    s: list[Vector] = field(default_factory=list)
+    path_t: list[float] = field(default_factory=list)
+    path_s: list[Vector] = field(default_factory=list)
+    stride: int = 1
+    steps: int = 0
+
+    def enter(self, t: float, s: Vector) -> None:
+        """Begin a segment: samples up to t take the state after the jump."""
+        while len(self.t) < len(self.samples) and self.samples[len(self.t)] <= t:
+            self.t.append(float(self.samples[len(self.t)]))
+            self.s.append(s)
+        self.keep(t, s)
+
+    def step(self, solver: "LSODA | Radau") -> None:
+        """Take the samples inside the step that the solver has just made."""
+        first = len(self.t)
+        last = int(np.searchsorted(self.samples, solver.t, side="right"))
+        if last > first:
+            inside = self.samples[first:last]
+            self.t += inside.tolist()
+            self.s += list(solver.dense_output()(inside).T)
+        self.keep(solver.t, solver.y)
+
+    def keep(self, t: float, s: Vector) -> None:
+        """Keep a step; when there are too many, every second one."""
+        if self.steps % self.stride == 0:
+            self.path_t.append(t)
+            self.path_s.append(s)
+        self.steps += 1
+        if len(self.path_t) > PATH:
+            del self.path_t[1::2], self.path_s[1::2]
+            self.stride *= 2
+
+    def trajectory(self, width: int, end: "End") -> Trajectory:
+        """Everything recorded."""
+        return Trajectory(
+            np.array(self.t),
+            np.array(self.s).reshape(-1, width),
+            np.array(self.path_t),
+            np.array(self.path_s).reshape(-1, width),
+            end.status,
+            end.time,
+            end.reason,
+        )
+
+
+@dataclass(frozen=True)
+class End:
+    """How the integration ended."""
+
+    status: Status
+    time: float
+    reason: str = ""
+
+
+def integrate(
+    flow: Flow,
+    start: Vector,
+    segments: Iterable[Segment],
+    samples: Vector,
+    tolerance: Tolerance,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Follow the flow from `start` through the segments.
+
+    LSODA takes each segment, restarted at its start; Radau takes over where LSODA fails or works too hard.
+
+    Parameters
+    ----------
+    flow
+        The vector field, smooth inside each segment.
+    start
+        State (ns,) before the jump of the first segment.
+    samples
+        Increasing times (N,) at which the state is kept.
+    tolerance
+        Of each step.
+    progress
+        Called with the time reached.
+
+    Returns
+    -------
+    Trajectory
+        With status "escape" where the watched state grows beyond 1e12 times its start, or fast enough to be
+        infinite within the resolution of time, and "stall" where neither method gets on.
+    """
+    s, end = start, End("done", float(samples[0]))
+    recorder = Recorder(samples)
+    limit = HUGE * max(1.0, float(np.linalg.norm(start[: flow.watched])))
+    crossing = Crossing(flow, tolerance, recorder, limit, progress)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.filterwarnings("ignore", category=UserWarning, message="lsoda")
+        for segment in segments:
+            s, end = crossing.cross(segment, s + segment.jump)
+            if end.status != "done":
+                break
+    return recorder.trajectory(len(start), end)
+
+
+@dataclass
+class Crossing:
+    """One attempt after the other at a segment, within the budget of right-hand sides."""
+
+    flow: Flow
+    tolerance: Tolerance
+    recorder: Recorder
+    limit: float
+    progress: Callable[[float], None] | None
+    calls: int = 0
+    budget: int = CALLS
+
+    def cross(self, segment: Segment, s: Vector) -> tuple[Vector, End]:
+        """State at the end of the segment, or where it was left and why."""
+        t, end = segment.start, End("done", segment.stop)
+        self.recorder.enter(t, s)
+        self.budget += CALLS_PER_SEGMENT
+        for attempt in (self.lsoda, self.radau):
+            if t >= segment.stop:
+                break
+            t, s, end = self.follow(attempt, segment, t, s)
+            if end.status != "stall":
+                break
+            self.budget = self.calls + CALLS
+        if end.status == "stall" and self.exploding(t, s, segment.held):
+            end = End("escape", t, f"the state grows without bound near t = {t:.6g}")
+        return s, end
+
+    def follow(
+        self,
+        attempt: Callable[[Segment, float, Vector], "LSODA | Radau"],
+        segment: Segment,
+        t: float,
+        s: Vector,
+    ) -> tuple[float, Vector, End]:
+        """Step until the segment is crossed, the state escapes, or the method gives up."""
+        try:
+            solver = attempt(segment, t, s)
+            while solver.status == "running":
+                if trouble := solver.step():
+                    return t, s, End("stall", t, f"the integrator gave up at t = {t:.6g}: {trouble}")
+                t, s = float(solver.t), solver.y
+                if not np.linalg.norm(s[: self.flow.watched]) < self.limit:
+                    return t, s, End("escape", t, f"the state grows beyond {self.limit:.0e} at t = {t:.6g}")
+                self.recorder.step(solver)
+                self.report(t)
+                if self.calls > self.budget:
+                    return t, s, End("stall", t, f"the integrator no longer gets on at t = {t:.6g}")
+        except ArithmeticError as error:
+            return t, s, End("stall", t, f"the model has no value after t = {t:.6g}: {error}")
+        return t, s, End("done", t)
+
+    def lsoda(self, segment: Segment, t: float, s: Vector) -> "LSODA":
+        """LSODA cannot step back from a value that is not finite: the attempt ends there."""
+        from scipy.integrate import LSODA
+
+        def rhs(t: float, s: Vector) -> Vector:
+            self.calls += 1
+            return finite(self.flow.rhs(t, s, segment.held))
+
+        rtol, atol = self.tolerance.relative, self.tolerance.absolute
+        return LSODA(rhs, t, s, segment.stop, rtol=rtol, atol=atol, jac=self.jacobian(segment))
+
+    def radau(self, segment: Segment, t: float, s: Vector) -> "Radau":
+        """Radau halves a step in which a value is not finite."""
+        from scipy.integrate import Radau
+
+        def rhs(t: float, s: Vector) -> Vector:
+            self.calls += 1
+            try:
+                return self.flow.rhs(t, s, segment.held)
+            except ArithmeticError:
+                return np.full_like(s, np.nan)
+
+        first = min(1e-6 * (1 + abs(t)), segment.stop - t)
+        rtol, atol = (
+            self.tolerance.relative,
+            cast(float, self.tolerance.absolute),
+        )  # an array, say scipy's own types
+        return Radau(
+            rhs, t, s, segment.stop, rtol=rtol, atol=atol, jac=self.jacobian(segment), first_step=first
+        )
+
+    def jacobian(self, segment: Segment) -> Callable[[float, Vector], Vector]:
+        """Jacobian of the flow in this segment."""
+        return lambda t, s: finite(self.flow.jacobian(t, s, segment.held))
+
+    def exploding(self, t: float, s: Vector, held: Vector) -> bool:
+        """Whether the state grows by a factor e within 1e-9 of the time that has passed."""
+        try:
+            growth = finite(self.flow.rhs(t, s, held))[: self.flow.watched]
+        except ArithmeticError:
+            return False
+        state = s[: self.flow.watched]
+        return bool(state @ growth * max(t, 1e-300) > 1e9 * (state @ state))
+
+    def report(self, t: float) -> None:
+        """Say how far the integration is."""
+        if self.progress is not None and self.recorder.steps % 100 == 0:
+            self.progress(t)
+
+
+def finite(values: Vector) -> Vector:
+    """Return values if all are finite.
+
+    Raises
+    ------
+    FloatingPointError
+        If one is not.
+    """
+    if not np.isfinite(values).all():
+        raise FloatingPointError("a value is not finite")
+    return values

@@ -1,0 +1,339 @@
+"""YAML text to a tree of nodes that know their line and column: the only YAML code.
+
+Scalars are read as YAML 1.2 (core schema) says, not 1.1: `1e-3` is a number, `010` is ten, `no` is text.
+A number keeps its text, so that a decimal is exact. Hostile files (alias bombs, towers of brackets) are refused
+while their events arrive, before there is a tree.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+
+import yaml
+
+from obsdesign.errors import Problem, UsageError
+
+MAX_BYTES = 4 * 2**20
+TOO_LARGE = "is larger than 4 MiB; a spec may not be"
+TOO_DEEP = "nested deeper than 32 levels; a spec needs no more"
+MAX_DEPTH = 32  # lists and mappings inside each other
+MAX_NODES = 250_000  # a dense A with 400 states has 160,000
+MAX_PROBLEMS = 100
+MAX_QUOTED = 60  # characters of a value in a message
+MAX_ALIASED = 100_000  # nodes that all aliases together stand for
+
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+DECIMAL = re.compile(r"([-+]?)(0+(?=[0-9]))?((\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?)")
+OTHER_BASE = re.compile(r"0o[0-7]{1,20}|0x[0-9a-fA-F]{1,16}")
+NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt \t].*)?|[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?")
+CONSTANTS = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+
+Loc = tuple[str | int, ...]
+
+
+class Number(str):
+    """A scalar that YAML 1.2 reads as a number, as its text: a decimal, or `.inf`, `-.inf`, `.nan`."""
+
+    __slots__ = ()
+
+
+class Node(NamedTuple):
+    """A value and where it begins: line and column are counted from 1."""
+
+    value: Any  # None, bool, Number, str, list[Node], or dict[str, tuple[Node, Node]] of keys and values
+    line: int
+    column: int
+    begins: int  # index in the text
+    size: int = 1  # nodes in it, each alias counted as what it stands for
+    height: int = 0  # lists and mappings inside each other
+
+    def plain(self) -> Any:
+        """Return the values without their places."""
+        if isinstance(self.value, dict):
+            return {name: node.plain() for name, (_, node) in self.value.items()}
+        if isinstance(self.value, list):
+            return [node.plain() for node in self.value]
+        return self.value
+
+
+@dataclass(frozen=True)
+class Document:
+    """One YAML document, and what is wrong in it as YAML where the rest could still be read."""
+
+    path: str
+    text: str
+    root: Node
+    problems: tuple[Problem, ...]
+
+    def problem(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> Problem:
+        """Return what is wrong at `loc`, placed at its value or its key.
+
+        Parameters
+        ----------
+        column
+            Where in a text, from 0. It moves the place only if the text is written out in one line.
+        """
+        key, value = self.find(loc)
+        node = key if at_key else value
+        if column and isinstance(node.value, str):
+            quote = int(self.text[node.begins] in "'\"")
+            column = quote + column if self.text.startswith(node.value, node.begins + quote) else 0
+        return Problem(message, self.path, node.line, node.column + column, dotted(loc))
+
+    def find(self, loc: Loc) -> tuple[Node, Node]:
+        """Key and value at `loc`, or of the part of `loc` that there is."""
+        key = node = self.root
+        for name in loc:
+            if isinstance(node.value, dict) and name in node.value:
+                key, node = node.value[name]
+            elif isinstance(node.value, list) and isinstance(name, int) and name < len(node.value):
+                key = node = node.value[name]
+            else:
+                return key, key
+        return key, node
+
+
+def dotted(loc: Loc) -> str:
+    """`loc` as a user reads it, such as system.A[0][1]."""
+    return "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in loc).removeprefix(".")
+
+
+def read(path: str) -> str:
+    """Text of a file.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, is larger than 4 MiB, or is not UTF-8 text.
+    """
+    try:
+        if Path(path).is_dir():
+            raise UsageError(Problem("is a folder; give a spec file", path))
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
+    if len(data) > MAX_BYTES:
+        raise UsageError(Problem(TOO_LARGE, path))
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path)
+        ) from None
+
+
+def compose(text: str, path: str) -> Document:
+    """Read one YAML document.
+
+    Raises
+    ------
+    UsageError
+        It is not YAML, is empty, too large, too deep, or holds more than one document.
+    """
+    if len(text) > MAX_BYTES:
+        raise UsageError(Problem(TOO_LARGE, path))
+    text = text.removeprefix("\ufeff")
+    if found := NOT_TEXT.search(text):
+        line, column = (
+            text.count("\n", 0, found.start()) + 1,
+            found.start() - text.rfind("\n", 0, found.start()),
+        )
+        message = f"the character U+{ord(found[0]):04X} does not belong in a text file; a spec is a YAML file"
+        raise UsageError(Problem(message, path, line, column))
+    composer = Composer(path)
+    try:
+        for event in yaml.parse(text, LOADER):
+            composer.take(event)
+    except yaml.MarkedYAMLError as error:
+        composer.stop(error.problem_mark or error.context_mark, explained(error, text))
+    if composer.root is None or composer.root.value is None:
+        raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path))
+    return Document(path, text, composer.root, tuple(composer.problems))
+
+
+def explained(error: yaml.MarkedYAMLError, text: str) -> str:
+    """One line for a syntax error."""
+    mark = error.problem_mark
+    if mark is not None and text[mark.index : mark.index + 1] == "\t":
+        return "a tab cannot indent YAML; use spaces"
+    message = f"not valid YAML: {error.problem}"
+    if error.context and error.context_mark:
+        message += f" ({error.context} that begins in line {error.context_mark.line + 1})"
+    return message
+
+
+class Open:
+    """A list or mapping that is being read."""
+
+    def __init__(self, mark: yaml.Mark, anchor: str | None, *, mapping: bool) -> None:
+        self.mark = mark
+        self.anchor = anchor
+        self.mapping = mapping
+        self.values: Any = {} if mapping else []
+        self.key: Node | None = None
+        self.size = 1
+        self.height = 1
+
+
+class Composer:
+    """Builds the tree from the events of the parser, within the limits."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.root: Node | None = None
+        self.problems: list[Problem] = []
+        self.stack: list[Open] = []
+        self.anchors: dict[str, Node | None] = {}  # None: still open
+        self.nodes = 0
+        self.aliased = 0
+
+    def stop(self, mark: yaml.Mark, message: str) -> NoReturn:
+        """Give up reading, with all that was found wrong so far."""
+        raise UsageError(*self.problems, self.problem(mark, message))
+
+    def problem(self, mark: yaml.Mark, message: str) -> Problem:
+        """What is wrong at the mark, with the key under which it stands."""
+        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()))
+
+    def here(self) -> Loc:
+        """Where the next node will stand."""
+        keys = [
+            (level.key and level.key.value) if level.mapping else len(level.values) for level in self.stack
+        ]
+        return tuple(key for key in keys if key is not None)
+
+    def take(self, event: yaml.Event) -> None:
+        """Add one event of the parser."""
+        if len(self.problems) > MAX_PROBLEMS:
+            self.stop(event.start_mark, "too much is wrong to read on")
+        if isinstance(event, yaml.ScalarEvent):
+            self.check(event)
+            plain = event.implicit[0]
+            self.add(placed(scalar(event.value) if plain else event.value, event.start_mark), event.anchor)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            self.check(event)
+            self.begin(event)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            done = self.stack.pop()
+            self.add(placed(done.values, done.mark, done.size, done.height), done.anchor)
+        elif isinstance(event, yaml.AliasEvent):
+            self.add(self.target(event), None)
+        elif isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
+            self.stop(event.start_mark, "a second document begins here; a spec is one document")
+
+    def check(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
+        """Refuse tags, and more nodes than a spec can have."""
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            self.stop(event.start_mark, f"more than {MAX_NODES:,} values; a spec may not have so many")
+        if event.tag is not None:
+            message = f"the tag {event.tag} is not read; write plain numbers, text, lists and mappings"
+            self.problems.append(self.problem(event.start_mark, message))
+
+    def begin(self, event: yaml.CollectionStartEvent) -> None:
+        """Open a list or a mapping."""
+        if len(self.stack) == MAX_DEPTH:
+            self.stop(event.start_mark, TOO_DEEP)
+        if self.stack and self.stack[-1].mapping and self.stack[-1].key is None:
+            self.stop(event.start_mark, "a key must be text, found a list or a mapping")
+        if event.anchor:
+            self.anchors[event.anchor] = None
+        mapping = isinstance(event, yaml.MappingStartEvent)
+        self.stack.append(Open(event.start_mark, event.anchor, mapping=mapping))
+
+    def target(self, event: yaml.AliasEvent) -> Node:
+        """What an alias stands for."""
+        name, mark = event.anchor, event.start_mark
+        if name not in self.anchors:
+            self.stop(
+                mark, f"the alias *{name} has no anchor; put an expression that begins with * in quotes"
+            )
+        found = self.anchors[name]
+        if found is None:
+            self.stop(mark, f"the alias *{name} stands inside what it stands for")
+        self.aliased += found.size
+        if self.aliased > MAX_ALIASED:
+            self.stop(mark, f"aliases expand to more than {MAX_ALIASED:,} values")
+        if len(self.stack) + found.height > MAX_DEPTH:
+            self.stop(mark, TOO_DEEP)
+        return found
+
+    def add(self, node: Node, anchor: str | None) -> None:
+        """Put a finished node where it belongs."""
+        if anchor:
+            self.anchors[anchor] = node
+        if not self.stack:
+            self.root = node
+            return
+        parent = self.stack[-1]
+        if parent.mapping and parent.key is None:
+            parent.key = self.key(node, parent.values)
+            return
+        if node.value is None:
+            self.problems.append(self.empty(node))
+        parent.size += node.size
+        parent.height = max(parent.height, node.height + 1)
+        if parent.key is None:
+            parent.values.append(node)
+            return
+        if parent.key.value is not None:
+            parent.values[parent.key.value] = parent.key, node
+        parent.key = None
+
+    def empty(self, node: Node) -> Problem:
+        """What is wrong with a value that is not there."""
+        message = "has no value; give one, or leave it out"
+        return Problem(message, self.path, node.line, node.column, dotted(self.here()))
+
+    def key(self, node: Node, others: dict[str, tuple[Node, Node]]) -> Node:
+        """Check a key. One that is wrong becomes None, and its value is dropped."""
+        name = node.value
+        if not isinstance(name, str) or isinstance(name, Number):
+            message = f"a key must be text, found {described(name)}"
+        elif name == "<<":
+            message = "merge keys (<<) are not read; write the keys out"
+        elif name in others:
+            message = f"duplicate key {name}; it is given in line {others[name][0].line} already"
+        else:
+            return node
+        loc = self.here() if name is None else (*self.here(), str(name))
+        self.problems.append(Problem(message, self.path, node.line, node.column, dotted(loc)))
+        return node._replace(value=None)
+
+
+def placed(value: Any, mark: yaml.Mark, size: int = 1, height: int = 0) -> Node:
+    """Node that begins at the mark."""
+    return Node(value, mark.line + 1, mark.column + 1, mark.index, size, height)
+
+
+def scalar(text: str) -> None | bool | str:
+    """Value of a plain scalar in the core schema of YAML 1.2."""
+    if text in CONSTANTS:
+        return CONSTANTS[text]
+    if decimal := DECIMAL.fullmatch(text):
+        return Number(decimal[1] + decimal[3])
+    if OTHER_BASE.fullmatch(text):
+        return Number(int(text, 0))
+    return Number(text) if NOT_FINITE.fullmatch(text) else text
+
+
+def described(value: Any) -> str:
+    """A plain value as a message names it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, dict):
+        return "a mapping"
+    return value if len(value) <= MAX_QUOTED else f"{value[:MAX_QUOTED]}.."

@@ -1,0 +1,109 @@
+"""The observer section of a spec: what is asked of the design."""
+
+from collections.abc import Mapping
+
+from flint import fmpq
+
+from obsdesign.lmi.formula import Array
+from obsdesign.observers.request import Bounds, Range, Request
+from obsdesign.spec import schema
+from obsdesign.spec.document import Loc
+from obsdesign.spec.schema import Frobenius, Gains, Level, Observer
+from obsdesign.spec.values import Axis, Reader
+
+ALPHA = Range(
+    fmpq(1, 1000), fmpq(1000), points=25, log=True
+)  # where the search looks if the spec does not say
+SLACK = fmpq(1, 20)
+MAX_POINTS = 10_000
+SEARCHED = ("max-alpha", "pareto")  # objectives that need a range of alpha
+
+
+def read_observer(
+    reader: Reader, section: Observer | None, states: Axis, outputs: Axis, q: Axis
+) -> Request | None:
+    """Return the request; None if the structure of the section is wrong.
+
+    Parameters
+    ----------
+    states, outputs, q
+        Augmented states, measured outputs, and components of q, those of the disturbance model included.
+    """
+    if section is None:
+        return None
+    objective = "gamma" if isinstance(section.objective, Level) else section.objective
+    gamma = None
+    if isinstance(section.objective, Level):
+        gamma = reader.number(section.objective.gamma, ("observer", "objective", "gamma"), "> 0")
+    return Request(
+        type=section.type,
+        L2=read_L2(reader, section, q, outputs),
+        alpha=read_alpha(reader, section),
+        objective=objective,
+        gamma=gamma,
+        slack=SLACK if section.slack is None else reader.number(section.slack, ("observer", "slack"), ">= 0"),
+        bounds=read_bounds(reader, section.bounds),
+        gains=read_gains(reader, section.gains, states, outputs, q),
+    )
+
+
+def read_L2(reader: Reader, section: Observer, q: Axis, outputs: Axis) -> Array | None:
+    """Feedback into the argument of f; None if it is free."""
+    if section.L2 == "free":
+        return None
+    return reader.matrix(reader.entries(section.L2, ("observer", "L2")), q, outputs)
+
+
+def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
+    """Decay rate, or where to search it."""
+    loc: Loc = ("observer", "alpha")
+    if section.alpha is None:
+        reader.notes.append(
+            f"observer.alpha is not given and is searched from {float(ALPHA.low):g} to {float(ALPHA.high):g}"
+        )
+        return ALPHA
+    if isinstance(section.alpha, schema.Range):
+        return read_range(reader, section.alpha, loc)
+    if section.objective in SEARCHED:
+        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
+    return reader.number(section.alpha, loc, "> 0")
+
+
+def read_range(reader: Reader, section: schema.Range, loc: Loc) -> Range:
+    """Interval that is searched."""
+    before = len(reader.problems)
+    low = reader.number(section.min, (*loc, "min"), "> 0")
+    high = reader.number(section.max, (*loc, "max"), "> 0")
+    points = reader.integer(section.points, (*loc, "points"), 25, 2, MAX_POINTS)
+    if len(reader.problems) == before and low >= high:
+        reader.wrong(loc, f"min {section.min} is not below max {section.max}; a range needs min < max")
+    return Range(low, high, points, section.log)
+
+
+def read_bounds(reader: Reader, section: schema.Bounds | None) -> Bounds:
+    """Largest gain, storage function and level."""
+    if section is None:
+        return Bounds()
+    loc: Loc = ("observer", "bounds")
+
+    def bound(text: str | None, *keys: str) -> fmpq | None:
+        return None if text is None else reader.number(text, (*loc, *keys), "> 0")
+
+    P, gamma = bound(section.P, "P"), bound(section.gamma, "gamma")
+    if isinstance(section.L1, Frobenius):
+        return Bounds(bound(section.L1.frobenius, "L1", "frobenius"), "frobenius", P, gamma)
+    return Bounds(bound(section.L1, "L1"), "spectral", P, gamma)
+
+
+def read_gains(
+    reader: Reader, section: Gains | None, states: Axis, outputs: Axis, q: Axis
+) -> Mapping[str, Array] | None:
+    """Gains to be analyzed."""
+    if section is None:
+        return None
+    loc: Loc = ("observer", "gains")
+    rows = {"L1": states, "L2": q}
+    return {
+        key: reader.matrix(reader.entries(getattr(section, key), (*loc, key)), rows[key], outputs)
+        for key in rows
+    }

@@ -1,0 +1,406 @@
+"""The format of a spec, version 1: which keys there are and what form their values have.
+
+The models hold structure only. Numbers stay texts here (`Entry`), sizes and meanings are checked by `resolve`.
+Every section of a file may be None here: that is what is left of a section whose structure is wrong.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    InstanceOf,
+    Tag,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic import model_validator as validator
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from typing_extensions import TypeAliasType
+
+from obsdesign.nonlinearities import FUNCTIONS
+from obsdesign.spec.words import unavailable, unknown
+
+FAMILIES = ("l2",)
+LATER_FAMILIES = (
+    "linf", "lipschitz", "sporadic", "kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain",
+)  # fmt: skip
+LATER_OBSERVER_KEYS = (
+    "reconstruct", "relaxation", "decay", "weight", "T1", "T2", "delta", "injection",
+    "coordinates", "left_inverse", "estimator", "degree", "lambdas",
+)  # fmt: skip
+TYPES = ("monotone", *FUNCTIONS)
+FORMS = ("lipschitz", "slope", "multiplier")
+LATER_FORMS = ("sector", "cocoercive", "ball", "one-sided-lipschitz", "jacobian", "cone", "auto")
+CHANNELS = ("unknown", "integrator", "double-integrator")
+CHANNEL_FORMS = ("sinusoid", "bias+sinusoid", "model")
+
+
+def form(value: Any) -> str:
+    """Tag of the form of a value, by which a union is told apart."""
+    if isinstance(value, dict):
+        return "<mapping>"
+    if isinstance(value, list):
+        return "<rows>" if any(isinstance(item, list) for item in value) else "<list>"
+    return "<scalar>"
+
+
+def told_apart(expected: str) -> Discriminator:
+    """Discriminator of a union by form; `expected` completes "expected .., found ..."."""
+    return Discriminator(form, custom_error_type="expected", custom_error_message=expected)
+
+
+@dataclass(frozen=True, eq=False)
+class OneOf:
+    """Marks a text as one of a few words."""
+
+    kind: str
+    words: tuple[str, ...]
+    hints: Mapping[str, str] = field(default_factory=dict)  # what to say of other words that have a meaning
+
+    def check(self, value: Any) -> str:
+        """Return the word, or say which are allowed."""
+        if isinstance(value, str) and value in self.words:
+            return value
+        raise PydanticCustomError(
+            "word", "{message}", {"message": unknown(self.kind, value, self.words, self.hints)}
+        )
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:  # noqa: ARG002, PLW3201
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> JsonSchemaValue:  # noqa: ARG002, PLW3201
+        return {"enum": list(self.words)}
+
+
+Text = str
+Entry = Annotated[InstanceOf[str], WithJsonSchema({"type": ["number", "string"]})]
+Scalar = Annotated[Entry, Tag("<scalar>")]
+Items = Annotated[list[Entry], Tag("<list>")]
+Rows = Annotated[list[list[Entry]], Tag("<rows>")]
+Matrix = TypeAliasType(
+    "Matrix", Annotated[Scalar | Items | Rows, told_apart("a number, a vector or a list of rows")]
+)
+Vector = TypeAliasType("Vector", Annotated[Scalar | Items, told_apart("a number or a list of numbers")])
+Signals = TypeAliasType(
+    "Signals", Annotated[Scalar | Items, told_apart("an expression or a list of expressions")]
+)
+
+
+class Section(BaseModel):
+    """A mapping with known keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    hints: ClassVar[Mapping[str, str]] = {}  # what to say of other keys that have a meaning
+
+    @classmethod
+    def keys(cls) -> tuple[str, ...]:
+        """The keys, as they are written."""
+        return tuple(f.alias or name for name, f in cls.model_fields.items())
+
+
+class Choice(Section):
+    """A mapping with exactly one of its keys."""
+
+    @validator(mode="after")
+    def _one_key(self) -> Self:
+        if len(self.model_fields_set) != 1:
+            raise PydanticCustomError(
+                "choice", "expected one of the keys {keys}", {"keys": ", ".join(self.keys())}
+            )
+        return self
+
+
+class System(Section):
+    """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
+
+    hints = unavailable(("dynamics", "domain"), ("A", "C"))
+
+    states: list[Text] | None = Field(None, description="names, default x1, x2, ..")
+    outputs: list[Text] | None = Field(None, description="names, default y1, y2, ..")
+    inputs: list[Text] = Field([], description="names of known inputs, usable in gx, gy, gq and f")
+    units: dict[str, Text] = Field({}, description="units of states, outputs and inputs, for axes and tables")
+    A: Matrix = Field(description="nx x nx")
+    B: Matrix | None = Field(None, description="nx x nw; w is disturbance and noise together")
+    C: Matrix = Field(description="ny x nx")
+    D: Matrix | None = Field(None, description="ny x nw")
+    gx: Signals | None = Field(None, description="known terms: expressions of t, the outputs and the inputs")
+    gy: Signals | None = Field(None, description="known terms: expressions of t and the inputs")
+
+    @validator(mode="before")
+    @classmethod
+    def _matrices(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "dynamics" in data:
+            refusal = PydanticCustomError("later", "{message}", {"message": cls.hints["dynamics"]})
+            error = {"type": refusal, "loc": ("dynamics",), "input": data}
+            raise ValidationError.from_exception_data(cls.__name__, [error])  # type: ignore[list-item]
+        return data
+
+
+class TypeData(Choice):
+    """A type of nonlinearity that has data."""
+
+    hints = unavailable((*LATER_FORMS, "region"), FORMS) | {
+        name: f"takes no data; write type: {name}" for name in TYPES
+    }
+
+    lipschitz: Entry | None = Field(None, description="norm(df) <= lipschitz norm(dq)")
+    slope: Annotated[list[Vector] | None, Field(min_length=2, max_length=2)] = Field(
+        None,
+        description="[lo, hi]: componentwise slope, each a number or one for each component; .inf allowed for hi",
+    )
+    multiplier: Matrix | None = Field(None, description="M of [dq; df]' M [dq; df] >= 0, (nq + nf) square")
+
+
+Type = Annotated[
+    Annotated[
+        str,
+        OneOf(
+            "type",
+            TYPES,
+            {name: f"needs data: {{{name}: ..}}" for name in FORMS} | unavailable(LATER_FORMS, TYPES + FORMS),
+        ),
+        Tag("<scalar>"),
+    ]
+    | Annotated[TypeData, Tag("<mapping>")],
+    told_apart("the name of a type, or a mapping with its data"),
+]
+
+
+class Function(Section):
+    """One block of f in a disturbance model."""
+
+    type: Type = Field(description="what the design may assume of f")
+    f: Signals | None = Field(
+        None, description="expressions of q (q1, q2, ..), t, the outputs and the inputs"
+    )
+
+
+class Nonlinearity(Function):
+    """One block of f, with its own argument q = Cq x + Dqf f + gq + Dq w."""
+
+    Bf: Matrix | None = Field(None, description="nx x nf_i")
+    Cq: Matrix | None = Field(None, description="nq_i x nx")
+    Dqf: Matrix | None = Field(None, description="nq_i x nf, for all blocks of the plant")
+    Dq: Matrix | None = Field(None, description="nq_i x nw")
+    gq: Signals | None = Field(None, description="known terms: expressions of t, the outputs and the inputs")
+    Df: Matrix | None = Field(None, description="ny x nf_i")
+
+
+class Frequency(Section):
+    """Of a sinusoid."""
+
+    omega: Entry = Field(description="rad/s")
+
+
+class DisturbanceModel(Section):
+    """xm' = Am xm + Bmf f2 + Bm v, q2 = Cq2 xm + Dq2f f2 + Dq2 v, w = Cm xm + Dwf f2 + Dm v."""
+
+    Am: Matrix | None = None
+    Bm: Matrix | None = None
+    Cm: Matrix | None = None
+    Dm: Matrix | None = None
+    Bmf: Matrix | None = None
+    Cq2: Matrix | None = None
+    Dq2f: Matrix | None = None
+    Dq2: Matrix | None = None
+    Dwf: Matrix | None = None
+    nonlinearities: list[Function] = []
+
+
+class ChannelData(Choice):
+    """A disturbance model that has data."""
+
+    hints: ClassVar[Mapping[str, str]] = {name: f"takes no data; write {name}" for name in CHANNELS}
+
+    sinusoid: Frequency | None = None
+    bias_sinusoid: Frequency | None = Field(None, alias="bias+sinusoid")
+    model: DisturbanceModel | None = None
+
+
+ChannelName = Annotated[
+    str,
+    OneOf("disturbance", CHANNELS, {name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS}),
+    Tag("<scalar>"),
+]
+Channel = Annotated[
+    ChannelName | Annotated[ChannelData, Tag("<mapping>")],
+    told_apart("the name of a disturbance model, or a mapping with its data"),
+]
+Channels = Annotated[
+    ChannelName | Annotated[ChannelData, Tag("<mapping>")] | Annotated[list[Channel], Tag("<list>")],
+    told_apart("a disturbance model, or a list with one for each channel of w"),
+]
+
+
+class Disturbance(ChannelData):
+    """How w is generated from v; `type` may be left out."""
+
+    type: Channels | None = None
+
+
+class Weight(Section):
+    """z = H e."""
+
+    H: Matrix = Field(description="over the augmented state (x, xm)")
+
+
+class Range(Section):
+    """An interval that is searched."""
+
+    min: Entry
+    max: Entry
+    points: Entry | None = Field(None, description="default 25")
+    log: bool = Field(False, strict=True, description="spaced by a factor")
+
+
+class Level(Section):
+    """A performance level to reach."""
+
+    gamma: Entry
+
+
+class Frobenius(Section):
+    """A bound on the Frobenius norm."""
+
+    frobenius: Entry
+
+
+class Bounds(Section):
+    """What a design may use at most."""
+
+    L1: (
+        Annotated[
+            Scalar | Annotated[Frobenius, Tag("<mapping>")], told_apart("a number, or {frobenius: a number}")
+        ]
+        | None
+    ) = Field(None, description="spectral norm of the gain")
+    P: Entry | None = Field(None, description="P <= p I")
+    gamma: Entry | None = None
+
+
+class Gains(Section):
+    """Gains to be analyzed instead of designed; they multiply (yhat - y)."""
+
+    L1: Matrix
+    L2: Matrix | None = None
+
+
+class Observer(Section):
+    """What is asked of the design."""
+
+    hints = unavailable(LATER_OBSERVER_KEYS, ("L2", "alpha", "objective", "slack", "bounds", "gains"))
+
+    type: Annotated[str, OneOf("observer", FAMILIES, unavailable(LATER_FAMILIES, FAMILIES))]
+    L2: Matrix | None = Field(None, description="nq x ny, rows follow q, the plant's blocks first; or `free`")
+    alpha: (
+        Annotated[
+            Scalar | Annotated[Range, Tag("<mapping>")],
+            told_apart("a number, or a range {min: .., max: .., points: .., log: ..}"),
+        ]
+        | None
+    ) = Field(None, description="decay rate")
+    objective: Annotated[
+        Annotated[
+            str,
+            OneOf("objective", ("min-gamma", "max-alpha", "feasibility", "pareto")),
+            Tag("<scalar>"),
+        ]
+        | Annotated[Level, Tag("<mapping>")],
+        told_apart("an objective, or {gamma: a number}"),
+    ] = "min-gamma"
+    slack: Entry | None = Field(None, description="relative, default 0.05")
+    bounds: Bounds | None = None
+    gains: Gains | None = None
+
+    @validator(mode="before")
+    @classmethod
+    def _this_family(cls, data: Any) -> Any:
+        """Leave the keys of other families alone: that the family is not available says it all."""
+        other = isinstance(data, dict) and "type" in data and data["type"] not in FAMILIES
+        return {"type": data["type"]} if other else data
+
+
+class Noise(Section):
+    """Extra measurement noise, constant over each period."""
+
+    type: Annotated[str, OneOf("noise", ("uniform", "gaussian"))] = "uniform"
+    amplitude: Vector = Field(
+        description="half width or standard deviation, one number or one for each output"
+    )
+    period: Entry = Field(description="s")
+
+
+class Simulation(Section):
+    """How to try the observer."""
+
+    hints = unavailable(("sampling", "events"), ())
+
+    horizon: Entry = Field(description="s")
+    x0: Vector | None = Field(None, description="over x, or over the augmented state; default 0")
+    xhat0: Vector | None = Field(None, description="over x, or over the augmented state; default 0")
+    w: Signals | None = Field(None, description="expressions of t and the states")
+    v: Signals | None = Field(None, description="expressions of t: what drives the disturbance model")
+    u: Signals | None = Field(None, description="known inputs: expressions of t and the states")
+    noise: Noise | None = None
+    seed: Entry | None = None
+    points: Entry | None = Field(None, description="samples kept, default 2000")
+
+
+class File(Section):
+    """A spec of obsdesign, format 1: one estimation problem."""
+
+    model_config = ConfigDict(defer_build=False)  # the whole format is built here, at once
+
+    obsdesign: Entry | None = Field(description="version of the format: 1")
+    name: Text | None = None
+    source: Text | None = None
+    description: Text | None = None
+    parameters: dict[str, Entry] | None = Field(
+        {}, description="numbers, usable by name in entries and expressions"
+    )
+    system: System | None
+    nonlinearities: list[Nonlinearity] | None = []
+    disturbance: (
+        Annotated[
+            ChannelName | Annotated[Disturbance, Tag("<mapping>")] | Annotated[list[Channel], Tag("<list>")],
+            told_apart("a disturbance model, or a list with one for each channel of w"),
+        ]
+        | None
+    ) = "unknown"
+    performance: (
+        Annotated[
+            Annotated[str, Tag("<scalar>")]
+            | Annotated[list[Text], Tag("<list>")]
+            | Annotated[Weight, Tag("<mapping>")],
+            told_apart("x, w, all, a list of names, or {H: a matrix}"),
+        ]
+        | None
+    ) = "x"
+    observer: Observer | None
+    simulation: Simulation | None = None
+    expect: dict[str, Any] | None = Field({}, description="what this spec must give")
+
+
+class SchemaWriter(GenerateJsonSchema):
+    """JSON Schema in which a key may be left out but not be null."""
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        """Schema of the value itself."""
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        """Schema of the value itself, where the default is that there is none."""
+        if "default" in schema and schema["default"] is None:
+            return self.generate_inner(schema["schema"])
+        return super().default_schema(schema)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of the format, for editors."""
+    return File.model_json_schema(schema_generator=SchemaWriter)

@@ -1,0 +1,160 @@
+"""Proves a result file anew: from its spec, its gains and its witness, in rationals, with no solver."""
+
+import json
+import math
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.certificate import Certificate, certify
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array, rational, rational_number
+from obsdesign.observers.l2 import L2, statement
+from obsdesign.observers.request import Range
+from obsdesign.spec import loads
+from obsdesign.spec.model import Spec
+
+LARGEST = 64 * 2**20  # bytes
+LONGEST = 100_000  # characters of one number
+
+
+class ResultFile:
+    """A result file, read exactly.
+
+    Raises
+    ------
+    UsageError
+        If it is unreadable, no result of this format, or holds what is no number where one must stand.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.content = self.read()
+        if self.content.get("obsdesign") != "1":
+            raise self.wrong("obsdesign", "not a result of format 1")
+        self.spec = self.embedded()
+
+    def read(self) -> dict[str, Any]:
+        """JSON with every number kept as the text that was written."""
+        try:
+            raw = Path(self.path).read_bytes()
+        except OSError as error:
+            raise UsageError(f"{self.path}: cannot be read: {error.strerror}") from None
+        if len(raw) > LARGEST:
+            raise UsageError(f"{self.path}: larger than {LARGEST} bytes")
+        try:
+            content = json.loads(raw, parse_float=str, parse_int=str, parse_constant=self.no_number)
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"{self.path}: not JSON: {error}") from None
+        if not isinstance(content, dict):
+            raise UsageError(f"{self.path}: not a result file: an object is expected")
+        return content
+
+    def no_number(self, text: str) -> None:
+        """Refuse NaN and infinities."""
+        raise UsageError(f"{self.path}: {text} is no number; a result holds finite numbers only")
+
+    def wrong(self, key: str, message: str) -> UsageError:
+        """Error about one key."""
+        return UsageError(f"{self.path}: {key}: {message}")
+
+    def at(self, *keys: str) -> Any:
+        """Entry at a path of keys, which must exist."""
+        value: Any = self.content
+        for i, key in enumerate(keys):
+            if not isinstance(value, dict) or key not in value:
+                raise self.wrong(".".join(keys[: i + 1]), "missing")
+            value = value[key]
+        return value
+
+    def embedded(self) -> Spec:
+        """Spec that travels in the file, if its hash is right."""
+        from obsdesign.artifacts import digest
+
+        text, found = self.at("spec", "text"), self.at("spec", "sha256")
+        if not isinstance(text, str) or digest(text) != found:
+            raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
+        return loads(text, f"{self.path} (spec.text)")
+
+    def number(self, *keys: str) -> fmpq:
+        """Exact value of one number."""
+        return self.exact(self.at(*keys), ".".join(keys))
+
+    def matrix(self, shape: tuple[int, int], *keys: str) -> Array:
+        """Exact matrix of a given shape."""
+        rows, name = self.at(*keys), ".".join(keys)
+        regular = isinstance(rows, list) and all(isinstance(r, list) and len(r) == shape[1] for r in rows)
+        if not regular or len(rows) != shape[0]:
+            raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix")
+        entries = [[self.exact(x, name) for x in row] for row in rows]
+        return rational(np.array(entries, dtype=object).reshape(shape))
+
+    def exact(self, text: Any, name: str) -> fmpq:
+        """Rational of a decimal or of "p/q"."""
+        try:
+            if not isinstance(text, str) or len(text) > LONGEST:
+                raise ValueError
+            if "/" in text:
+                return rational_number(Fraction(text))
+            decimal = Decimal(text)
+            if not decimal.is_finite() or abs(decimal.adjusted()) > 400:
+                raise ValueError
+            return rational_number(Fraction(decimal))
+        except (ValueError, ArithmeticError):
+            raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
+
+
+def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate]:
+    """Prove the claim of a result file anew.
+
+    Parameters
+    ----------
+    path
+        The result file.
+    spec
+        The spec that it must belong to; without one, the spec in the file is believed.
+
+    Raises
+    ------
+    UsageError
+        If the file is no certified result, is malformed, or belongs to another spec.
+    """
+    file = ResultFile(path)
+    if spec is not None and spec.text != file.spec.text:
+        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    if file.at("status") != "certified":
+        raise file.wrong("status", f"{file.at('status')!r} claims nothing; only a certified result can be verified")
+    made = file.spec
+    plant, multiplier = made.augmented, made.multiplier
+    n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
+    L1, L2_ = file.matrix((n, ny), "observer", "L1"), file.matrix((nq, ny), "observer", "L2")
+    require_request(file, L1, L2_)
+    family = L2(plant, multiplier, made.H, file.number("guarantee", "alpha"), L1, L2_)
+    values = {"P": file.matrix((n, n), "certificate", "P")}
+    for unknown in multiplier.unknowns():
+        values[unknown.name] = rational([[file.number("certificate", "multipliers", unknown.name)]])
+    gamma, mu1, mu2 = (file.number("guarantee", key) for key in ("gamma", "mu1", "mu2"))
+    return file, certify(family, gamma, mu1, mu2, values)
+
+
+def require_request(file: ResultFile, L1: Array, L2_: Array) -> None:
+    """Hold the claim against what the spec asks: the family, alpha, given gains, the statement."""
+    request = file.spec.observer
+    if file.at("observer", "type") != request.type:
+        raise file.wrong("observer.type", f"the spec asks for {request.type}")
+    alpha, gamma = file.number("guarantee", "alpha"), file.number("guarantee", "gamma")
+    low, high = (request.alpha.low, request.alpha.high) if isinstance(request.alpha, Range) else (request.alpha,) * 2
+    if not low <= alpha <= high:
+        raise file.wrong("guarantee.alpha", f"{float(alpha):g} is not what the spec asks for")
+    given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
+    for name, found in (("L1", L1), ("L2", L2_)):
+        if name in given and (given[name] != found).any():
+            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
+    if file.at("guarantee", "statement") != statement(float(gamma), float(alpha)):
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+    if not math.isfinite(float(gamma)):
+        raise file.wrong("guarantee.gamma", "not finite")

@@ -1,0 +1,295 @@
+"""Detectability and Condition 1 against closed forms, invariants and exact arithmetic."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from flint import fmpq, fmpq_mat
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import in_floats, rational
+from obsdesign.model.disturbance import augment, double_integrator, integrator, sinusoid, stack, unknown
+from obsdesign.model.pencil import System, invariant_zeros
+from obsdesign.model.plant import Plant
+from obsdesign.model.structure import condition1, decay_limit, linear, modes, undetectable
+from obsdesign.nonlinearities.slope import slope
+
+NO_NONLINEARITY = np.zeros((0, 0))
+
+
+def plant(A, B, C, D, Bf=None, Cq=None, Dqf=None, Dq=None, Df=None):
+    """Exact plant; what is missing is zero."""
+    A, B, C, D = map(rational, (A, B, C, D))
+    n, nw, ny = len(A), B.shape[1], len(C)
+    Bf = rational(np.zeros((n, 0)) if Bf is None else Bf)
+    Cq = rational(np.zeros((0, n)) if Cq is None else Cq)
+    nf, nq = Bf.shape[1], len(Cq)
+
+    def or_zero(matrix, *shape):
+        return rational(np.zeros(shape) if matrix is None else matrix)
+
+    return Plant(
+        A=A,
+        Bf=Bf,
+        B=B,
+        Cq=Cq,
+        Dqf=or_zero(Dqf, nq, nf),
+        Dq=or_zero(Dq, nq, nw),
+        C=C,
+        Df=or_zero(Df, ny, nf),
+        D=D,
+        states=names("x", n),
+        exogenous=names("w", nw),
+        outputs=names("y", ny),
+    )
+
+
+def names(letter, count):
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def augmented(p, model):
+    return in_floats(augment(p, model, names("m", len(model.Am)), names("v", model.Bm.shape[1])))
+
+
+BEARING = plant(
+    A=[[0, 1, 0], [0, 0, 1], [0, 0, 0]],
+    B=[[1, 0], [0, 0], [0, 1]],
+    C=[[1, 0, 0], [0, 1, 0]],
+    D=[["0.1", 0], [0, 0]],
+    Bf=[[0], [1], [0]],
+    Cq=[[0, 0, 1]],
+)
+TWO_INTEGRATORS = stack([integrator(), integrator()])
+
+
+# modes
+
+
+def test_a_constant_force_and_a_constant_sensor_bias_cannot_be_told_apart_from_the_position():
+    # x' = w1, y = x + w2: a bias of y is a constant shift of x
+    p = augmented(plant([[0]], [[1, 0]], [[1]], [[0, 1]]), TWO_INTEGRATORS)
+    (mode,) = undetectable(p, NO_NONLINEARITY)
+    assert mode.eigenvalue == 0
+    assert dict(mode.along) == pytest.approx({"x1": 0.5**0.5, "m2": -(0.5**0.5)})
+    assert mode.sentence == "the mode lambda = 0 along x1 (0.71), m2 (-0.71) is not seen by any output"
+    assert decay_limit(p, NO_NONLINEARITY) == 0
+
+
+def test_the_bearing_sees_every_mode():
+    p = augmented(BEARING, TWO_INTEGRATORS)
+    assert undetectable(p, np.zeros((1, 1))) == ()
+    assert decay_limit(p, np.zeros((1, 1))) == inf
+
+
+def test_a_stable_hidden_mode_limits_the_decay_to_its_own():
+    A, C = np.diag([-0.3, -2.0, 1.0]), np.array([[0.0, 0.0, 1.0]])
+    p = in_floats(plant(A, np.zeros((3, 1)), C, [[0]]))
+    assert decay_limit(p, NO_NONLINEARITY) == pytest.approx(0.3, rel=1e-12)
+    assert undetectable(p, NO_NONLINEARITY) == ()
+    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, 0.3)] == pytest.approx([-0.3])
+    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, 5.0)] == pytest.approx([-0.3, -2.0])
+
+
+def test_two_hidden_modes_with_one_eigenvalue_are_reported_along_their_own_states():
+    found = modes(np.zeros((3, 3)), np.array([[1.0, 0, 0]]), names("x", 3))
+    assert {m.along[0] for m in found} == {("x2", 1.0), ("x3", 1.0)}
+    assert all(len(m.along) == 1 for m in found)
+
+
+def test_a_hidden_oscillation_is_one_mode_with_its_conjugate():
+    A = np.array([[0, 1, 0], [-4, 0, 0], [1, 0, -1.0]])
+    (oscillation,) = modes(A[:2, :2], np.zeros((1, 2)), names("x", 2))
+    assert oscillation.eigenvalue == pytest.approx(2j)
+    v = np.array([dict(oscillation.along)[s] for s in names("x", 2)])
+    assert A[:2, :2] @ v == pytest.approx(2j * v)
+    assert np.linalg.norm(v) == pytest.approx(1)
+    assert (
+        oscillation.sentence
+        == "the mode lambda = 0 +- 2j along x2 (0.89), x1 (0.45) is not seen by any output"
+    )
+    assert modes(A, np.array([[0, 0, 1.0]]), names("x", 3)) == ()
+
+
+@pytest.mark.parametrize("size", [2, 3, 5, 7])
+@pytest.mark.parametrize("eigenvalue", [0.0, -0.5, 2.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_hidden_chain_is_one_eigenvalue_in_any_coordinates(size, eigenvalue, seed):
+    rng = np.random.default_rng(seed)
+    n = size + 2
+    A = rng.normal(size=(n, n))
+    A[:2, 2:] = 0
+    A[2:, 2:] = np.diag(np.full(size - 1, 1.0), 1) + eigenvalue * np.eye(size)
+    C = np.concatenate([rng.normal(size=2), np.zeros(size)])[None]
+    Q = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    (mode,) = modes(Q @ A @ Q.T, C @ Q.T, names("x", n))
+    assert mode.eigenvalue == pytest.approx(eigenvalue, abs=1e-10)
+    v = np.array([dict(mode.along).get(s, 0) for s in names("x", n)])
+    assert np.abs(v @ Q[:, 2]) == pytest.approx(1)  # the head of the chain
+
+
+def test_a_hidden_chain_of_integrators_is_not_called_stable_by_rounding():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        Q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+        A = Q @ np.diag(np.ones(5), 1) @ Q.T
+        (mode,) = modes(A, np.zeros((1, 6)), names("x", 6), decay=0.0)
+        assert mode.eigenvalue == 0
+
+
+def test_a_chain_seen_at_its_head_hides_nothing_and_at_its_tail_all_but_one():
+    A = np.diag(np.ones(4), 1)
+    assert modes(A, np.eye(5)[:1], names("x", 5)) == ()
+    (mode,) = modes(A, np.eye(5)[4:], names("x", 5))
+    assert mode.along == (("x1", 1.0),)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e6])
+def test_detectability_does_not_depend_on_units(unit):
+    # position in other units, time in other units
+    A = np.array([[0, 1 / unit, 0], [0, -0.1, unit], [0, 0, 0]]) / unit
+    assert modes(A, np.array([[unit, 0, 0]]), names("x", 3)) == ()
+    (mode,) = modes(A, np.array([[0, unit, 0]]), names("x", 3))
+    assert (mode.eigenvalue, mode.along) == (0, (("x1", 1.0),))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_modes_agree_with_exact_ranks(seed):
+    rng = np.random.default_rng(seed)
+    n, ny = rng.integers(1, 6), rng.integers(1, 3)
+    A = rng.integers(-2, 3, (n, n)) * (rng.random((n, n)) < 0.5)
+    C = rng.integers(-2, 3, (ny, n)) * (rng.random((ny, n)) < 0.4)
+    krylov = [C]
+    for _ in range(n - 1):
+        krylov.append(krylov[-1] @ A)
+    hidden = n - fmpq_mat(n * ny, n, [int(e) for e in np.vstack(krylov).ravel()]).rank()
+    found = modes(A.astype(float), C.astype(float), names("x", n))
+    assert bool(found) == bool(hidden)
+    for mode in found:
+        v = np.array([dict(mode.along).get(s, 0) for s in names("x", n)])
+        assert np.allclose(A @ v, mode.eigenvalue * v, atol=1e-7)
+        assert np.allclose(C @ v, 0, atol=1e-9)
+
+
+# members of the class of f
+
+
+def test_a_known_slope_moves_the_modes_of_the_plant():
+    # x2' = -x2 + f(x2), slope in [2, 3]: the member f = 2 q makes it x2' = x2, and nothing sees x2
+    p = in_floats(plant([[-1, 0], [0, -1]], np.zeros((2, 1)), [[1, 0]], [[0]], Bf=[[0], [1]], Cq=[[0, 1]]))
+    assert undetectable(p, np.zeros((1, 1))) == ()
+    K = in_floats(slope([(fmpq(2), fmpq(3))], 1, 1).member)
+    (mode,) = undetectable(p, K)
+    assert mode.eigenvalue == pytest.approx(1)
+    assert decay_limit(p, K) == pytest.approx(-1)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_the_linear_plant_of_a_member_solves_the_loop(seed):
+    rng = np.random.default_rng(seed)
+    n, nf, nq, nw, ny = rng.integers(1, 5, 5)
+    sizes = {"A": (n, n), "B": (n, nw), "C": (ny, n), "D": (ny, nw), "Bf": (n, nf), "Cq": (nq, n)}
+    sizes |= {"Dqf": (nq, nf), "Dq": (nq, nw), "Df": (ny, nf)}
+    p = in_floats(plant(**{k: rng.normal(size=s) for k, s in sizes.items()}))
+    K = 0.3 * rng.normal(size=(nf, nq))
+    x, w = rng.normal(size=n), rng.normal(size=nw)
+    q = np.linalg.solve(np.eye(nq) - p.Dqf @ K, p.Cq @ x + p.Dq @ w)
+    s = linear(p, K)
+    assert s.A @ x + s.B @ w == pytest.approx(p.A @ x + p.Bf @ K @ q + p.B @ w, rel=1e-6, abs=1e-6)
+    assert s.C @ x + s.D @ w == pytest.approx(p.C @ x + p.Df @ K @ q + p.D @ w, rel=1e-6, abs=1e-6)
+
+
+def test_a_member_without_a_solution_of_the_loop_is_an_error_about_dqf():
+    p = in_floats(plant([[0]], [[1]], [[1]], [[0]], Bf=[[1]], Cq=[[1]], Dqf=[["0.5"]]))
+    with pytest.raises(UsageError, match=r"^Dqf: .* no unique solution"):
+        undetectable(p, np.array([[2.0]]))
+
+
+# Condition 1 and Lemma 3
+
+
+def test_condition_1_holds_for_the_bearing_at_the_eigenvalue_of_the_integrators():
+    (test,) = condition1(in_floats(BEARING), in_floats(TWO_INTEGRATORS.Am))
+    assert (test.holds, test.rank, test.columns) == (True, 5, 5)
+    assert test.sentence == "Condition 1 holds at lambda = 0: [A - lambda I, B; C, D] has rank 5 of 5"
+
+
+def test_condition_1_fails_at_the_frequency_of_a_zero():
+    # y = x2' - w hides nothing but a sinusoid at the zero of w -> y: (s^2 + 4) / (s + 1)^2
+    p = plant([[0, 1], [-1, -2]], [[0], [1]], [[3, -2]], [[1]])
+    assert invariant_zeros(in_floats(System(p.A, p.B, p.C, p.D))).values == pytest.approx((2j, -2j))
+    (test,) = condition1(in_floats(p), in_floats(sinusoid(fmpq(2)).Am))
+    assert test.eigenvalue == pytest.approx(2j)
+    assert (test.holds, test.rank, test.columns) == (False, 2, 3)
+    assert "fails at lambda = 0 + 2j" in test.sentence
+    (mode,) = undetectable(augmented(p, sinusoid(fmpq(2))), NO_NONLINEARITY)
+    assert mode.eigenvalue == pytest.approx(2j)
+    assert undetectable(augmented(p, sinusoid(fmpq(3))), NO_NONLINEARITY) == ()
+
+
+def test_condition_1_says_nothing_of_stable_or_absent_disturbance_models():
+    p = in_floats(BEARING)
+    assert condition1(p, np.array([[-1.0]])) == ()
+    assert condition1(p, in_floats(unknown().Am)) == ()
+
+
+def test_condition_1_is_only_sufficient():
+    # two disturbances, one output: it cannot hold, yet a constant and a sinusoid are told apart
+    p = plant([[-1]], [[1, 1]], [[1]], [[0, 0]])
+    model = stack([integrator(), sinusoid(fmpq(2))])
+    assert not any(t.holds for t in condition1(in_floats(p), in_floats(model.Am)))
+    assert undetectable(augmented(p, model), NO_NONLINEARITY) == ()
+
+
+def full_rank_at(value, *matrices):
+    """Exact column rank test of [A - value I, ..; ..] with the first n rows those of A."""
+    A, B, C, D = matrices
+    n = len(A)
+    M = np.block([[A - value * np.eye(n, dtype=int), B], [C, D]])
+    return fmpq_mat(*M.shape, [int(e) for e in M.ravel()]).rank() == M.shape[1]
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_lemma_3_detectable_pairs_and_condition_1_make_the_augmented_plant_detectable(seed):
+    rng = np.random.default_rng(seed)
+    n, nw, ny = rng.integers(1, 4), rng.integers(1, 3), rng.integers(1, 4)
+
+    def draw(*shape):
+        return rng.integers(-2, 3, shape) * (rng.random(shape) < 0.7)
+
+    A, B, C, D = draw(n, n), draw(n, nw), draw(ny, n), draw(ny, nw)
+    model = stack([[integrator(), double_integrator(), sinusoid(fmpq(1))][i] for i in rng.integers(0, 3, nw)])
+    p = plant(A, B, C, D)
+    exact = in_floats(p)
+    tests = condition1(exact, in_floats(model.Am))
+    for t in tests:
+        if t.eigenvalue == 0:
+            assert t.holds == full_rank_at(0, A, B, C, D)
+    if not modes(exact.A, exact.C, p.states, decay=0.0) and all(t.holds for t in tests):
+        assert undetectable(augmented(p, model), NO_NONLINEARITY) == ()
+
+
+def test_a_plant_is_read_as_it_is_and_not_changed():
+    p = in_floats(BEARING)
+    before = replace(p, A=p.A.copy(), C=p.C.copy())
+    undetectable(p, np.zeros((1, 1)))
+    condition1(p, np.zeros((1, 1)))
+    assert np.array_equal(p.A, before.A)
+    assert np.array_equal(p.C, before.C)
+
+
+def test_the_bearing_has_its_zero_at_minus_ten_with_and_without_the_disturbance_model():
+    p = in_floats(BEARING)
+    for zeros in (
+        invariant_zeros(linear(p, np.zeros((1, 1)))),
+        invariant_zeros(linear(augmented(BEARING, TWO_INTEGRATORS), np.zeros((1, 1)))),
+    ):
+        assert zeros.values == pytest.approx((-10,))
+        assert zeros.left_invertible
+        assert zeros.sentence == "invariant zeros -10"
