@@ -13,6 +13,7 @@ from flint import fmpq
 from obsdesign.certificate import Certificate, certify
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, rational, rational_number
+from obsdesign.observers.guarantee import Guarantee
 from obsdesign.observers.l2 import L2, statement
 from obsdesign.observers.request import Range
 from obsdesign.spec import loads
@@ -158,3 +159,24 @@ def require_request(file: ResultFile, L1: Array, L2_: Array) -> None:
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     if not math.isfinite(float(gamma)):
         raise file.wrong("guarantee.gamma", "not finite")
+
+
+def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | None]:
+    """Spec, gains in doubles, and guarantee of a result file; None where nothing is claimed, or proved.
+
+    Raises
+    ------
+    UsageError
+        If the file is malformed, has no gains, or belongs to another spec.
+    """
+    file = ResultFile(path)
+    if spec is not None and spec.text != file.spec.text:
+        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    plant = file.spec.augmented
+    n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
+    gains = {"L1": file.matrix((n, ny), "observer", "L1"), "L2": file.matrix((nq, ny), "observer", "L2")}
+    guarantee = None
+    if file.at("status") == "certified":
+        _, proof = verify(path, spec)
+        guarantee = proof.guarantee if proof.holds else None
+    return file.spec, {name: gain.astype(float) for name, gain in gains.items()}, guarantee

@@ -182,18 +182,21 @@ class Crossing:
 
     def cross(self, segment: Segment, s: Vector) -> tuple[Vector, End]:
         """State at the end of the segment, or where it was left and why."""
-        t, end = segment.start, End("done", segment.stop)
+        t, end, troubles = segment.start, End("done", segment.stop), []
         self.recorder.enter(t, s)
         self.budget += CALLS_PER_SEGMENT
-        for attempt in (self.lsoda, self.radau):
+        for method, attempt in {"LSODA": self.lsoda, "Radau": self.radau}.items():
             if t >= segment.stop:
                 break
             t, s, end = self.follow(attempt, segment, t, s)
             if end.status != "stall":
                 break
+            troubles.append(f"{method}: {end.reason}")
             self.budget = self.calls + CALLS
-        if end.status == "stall" and self.exploding(t, s, segment.held):
-            end = End("escape", t, f"the state grows without bound near t = {t:.6g}")
+        if end.status == "stall":
+            escape = self.exploding(t, s, segment.held)
+            reason = "the state grows without bound" if escape else "; ".join(troubles)
+            end = End("escape" if escape else "stall", t, f"at t = {t:.6g}: {reason}")
         return s, end
 
     def follow(
@@ -208,16 +211,16 @@ class Crossing:
             solver = attempt(segment, t, s)
             while solver.status == "running":
                 if trouble := solver.step():
-                    return t, s, End("stall", t, f"the integrator gave up at t = {t:.6g}: {trouble}")
+                    return t, s, End("stall", t, trouble)
                 t, s = float(solver.t), solver.y
                 if not np.linalg.norm(s[: self.flow.watched]) < self.limit:
-                    return t, s, End("escape", t, f"the state grows beyond {self.limit:.0e} at t = {t:.6g}")
+                    return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.0e}")
                 self.recorder.step(solver)
                 self.report(t)
                 if self.calls > self.budget:
-                    return t, s, End("stall", t, f"the integrator no longer gets on at t = {t:.6g}")
+                    return t, s, End("stall", t, "too many steps")
         except ArithmeticError as error:
-            return t, s, End("stall", t, f"the model has no value after t = {t:.6g}: {error}")
+            return t, s, End("stall", t, str(error))
         return t, s, End("done", t)
 
     def lsoda(self, segment: Segment, t: float, s: Vector) -> "LSODA":
@@ -279,5 +282,5 @@ def finite(values: Vector) -> Vector:
         If one is not.
     """
     if not np.isfinite(values).all():
-        raise FloatingPointError("a value is not finite")
+        raise FloatingPointError("the model has no finite value")
     return values

@@ -1,0 +1,5 @@
+"""python -m obsdesign."""
+
+from obsdesign.cli import main
+
+main()

@@ -1,0 +1,386 @@
+"""The command line: the only code that prints or exits. Heavy modules are imported by the command that needs them."""
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from obsdesign.errors import ObsdesignError, UndecidedError, UsageError
+
+if TYPE_CHECKING:
+    from obsdesign.observers.guarantee import Guarantee
+    from obsdesign.simulate import Run
+    from obsdesign.spec import Spec
+
+EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
+INTERRUPTED = 130
+
+
+class Commands(TyperGroup):
+    """Group whose commands answer a user's mistake in lines on standard error and with the exit code of the error."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except ObsdesignError as error:
+            for problem in error.problems:
+                typer.echo(str(problem), err=True)
+            raise typer.Exit(error.exit_code) from None
+        except KeyboardInterrupt:
+            typer.echo("interrupted", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+
+
+app = typer.Typer(
+    cls=Commands,
+    help="Design, prove and simulate state observers for nonlinear systems with unknown inputs.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+SpecPath = Annotated[str, typer.Argument(metavar="SPEC", help="Spec file (YAML).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Solver = Annotated[str, typer.Option(help="clarabel, or any solver that cvxpy has installed.")]
+Timeout = Annotated[float, typer.Option(min=1e-3, help="Seconds after which the command gives up.")]
+
+
+def main() -> None:
+    """Entry point. Matrices are small: one thread makes runs repeatable and halves the start-up time."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    app()
+
+
+@app.command()
+def solve(
+    spec: SpecPath,
+    output: Annotated[str, typer.Option("-o", "--output", help="Gains file; - is standard output.")] = "",
+    simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Plot the curve of gamma against alpha, NAME.curve.png.")] = False,
+    solver: Solver = "clarabel",
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Design the observer of a spec and write its certified gains."""
+    from obsdesign.artifacts import result, to_json, write_whole
+    from obsdesign.spec import load
+
+    with limited(timeout):
+        problem = load(spec)
+        name = stem(spec)
+        target = output or f"{name}.gains.json"
+        made, content = solved(problem, solver, quiet)
+        text = to_json(content)
+        if target == "-":
+            typer.echo(text, nl=False)
+        else:
+            write_whole(target, text.encode())
+        if not quiet and target != "-":
+            typer.echo(text if as_json else design_table(content, target), nl=not as_json)
+        beside = Path(target).parent if target != "-" else Path()
+        if plot:
+            plot_curve(content, str(beside / f"{name}.curve.png"), quiet)
+        if simulate and made.gains:
+            files = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
+            guarantee = made.certificate.guarantee if made.certificate and made.certificate.holds else None
+            summary = simulated(problem, made.gains, guarantee, files, quiet)
+            if not quiet and target != "-" and not as_json:
+                typer.echo(run_table(summary, guarantee is not None, files))
+    raise typer.Exit(EXIT[made.status])
+
+
+@app.command()
+def simulate(
+    source: Annotated[str, typer.Argument(metavar="[SPEC|GAINS.json]", help="Default: the newest certified gains.")] = "",
+    gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
+    output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV).")] = "",
+    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
+    solver: Solver = "clarabel",
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate plant and observer; write the samples and a figure."""
+    with limited(timeout):
+        source = source or newest(quiet)
+        name = stem(source)
+        files = output or f"{name}.run.csv", plot or f"{name}.run.png"
+        problem, matrices, guarantee = tried(source, gains, solver, quiet)
+        summary = simulated(problem, matrices, guarantee, files, quiet)
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2, allow_nan=False))
+    elif not quiet:
+        typer.echo(run_table(summary, guarantee is not None, files))
+
+
+@app.command()
+def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
+    """Say what the structure of a spec allows, before any design."""
+    from obsdesign.examine import examine
+    from obsdesign.spec import load
+
+    with limited(timeout):
+        report = examine(load(spec))
+    if as_json:
+        typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
+    elif not quiet:
+        for finding in report["findings"]:
+            typer.echo(f"{'ok  ' if finding['holds'] else 'FAIL' if finding['decides'] else 'note'}  {finding['sentence']}")
+    raise typer.Exit(0 if report["possible"] else 3)
+
+
+@app.command()
+def verify(
+    gains: Annotated[str, typer.Argument(metavar="GAINS.json", help="Result file of `solve`.")],
+    spec: Annotated[str, typer.Argument(metavar="[SPEC]", help="The spec it must belong to.")] = "",
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Prove the claim of a gains file anew, exactly and without a solver."""
+    from obsdesign.spec import load
+    from obsdesign.verification import verify as prove
+
+    with limited(timeout):
+        _, certificate = prove(gains, load(spec) if spec else None)
+    rows = [{"name": c.name, "holds": c.holds, "margin": c.margin} for c in certificate.checks]
+    if as_json:
+        typer.echo(json.dumps({"proved": certificate.holds, "checks": rows}, indent=2, allow_nan=False))
+    elif not quiet:
+        for row in rows:
+            typer.echo(f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}")
+        g = certificate.guarantee
+        verdict = "proved" if certificate.holds else "NOT proved"
+        typer.echo(f"{verdict}: norm2(z) <= {g.gamma:g} norm2(v) from zero error, decay rate {g.alpha:g} 1/s")
+    if not certificate.holds:
+        failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
+        raise UndecidedError(f"{gains}: the claim is not proved: {failed}")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of a spec file."""
+    from obsdesign.spec import json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2))
+
+
+# Steps that commands share
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Give up after so many seconds."""
+
+    def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        raise UndecidedError(f"not finished after {seconds:g} s; --timeout allows more")
+
+    if not hasattr(signal, "SIGALRM"):
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
+    """Bar on standard error, on a terminal only."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda *_: None
+        return
+    with typer.progressbar(length=1000, file=sys.stderr, show_eta=False, item_show_func=str) as bar:
+
+        def report(fraction: float, what: str) -> None:
+            bar.update(max(0, int(1000 * fraction) - bar.pos), what)
+
+        yield report
+
+
+def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, Any]]:
+    """Design of a spec, and its result."""
+    from obsdesign.artifacts import result
+    from obsdesign.design import design
+
+    with progress(quiet) as report:
+        made = design(problem, solver, report)
+    return made, result(problem, made, solver)
+
+
+def tried(
+    source: str, gains: str, solver: str, quiet: bool
+) -> tuple["Spec", Mapping[str, Any], "Guarantee | None"]:
+    """Spec, gains and guarantee of what is to be simulated; a spec without gains is solved first."""
+    from obsdesign.spec import load
+    from obsdesign.verification import recorded
+
+    if not is_result(source):
+        problem = load(source)
+        if not gains:
+            made, _ = solved(problem, solver, quiet)
+            if not made.gains:
+                raise UndecidedError(f"{source}: no gains to simulate: {made.diagnosis.get('reason', made.status)}")
+            certified = made.certificate is not None and made.certificate.holds
+            return problem, made.gains, made.certificate.guarantee if certified else None
+        return recorded(gains, problem)
+    if gains:
+        raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
+    return recorded(source, None)
+
+
+def simulated(
+    problem: "Spec", gains: Mapping[str, Any], guarantee: "Guarantee | None", files: tuple[str, str], quiet: bool
+) -> Mapping[str, Any]:
+    """Run, write samples and figure, return the summary."""
+    from obsdesign.artifacts import csv, write_whole
+    from obsdesign.plot import run_figure
+    from obsdesign.simulate import simulate as run_of
+
+    with progress(quiet) as report:
+        run: Run = run_of(problem, gains, guarantee, lambda done: report(done, "simulation"))
+    write_whole(files[0], csv(*run.table()))
+    write_whole(files[1], run_figure(problem, run, guarantee))
+    if run.status != "done" and not quiet:
+        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    return run.summary
+
+
+def plot_curve(content: Mapping[str, Any], path: str, quiet: bool) -> None:
+    """Figure of the points of a search."""
+    from obsdesign.artifacts import write_whole
+    from obsdesign.plot import tradeoff_figure
+
+    points = content.get("search", {}).get("points", [])
+    if not points:
+        if not quiet:
+            typer.echo("no curve to plot: give alpha as a range, with objective min-gamma or pareto", err=True)
+        return
+    claimed = content.get("guarantee", {})
+    shipped = claimed if "gamma" in claimed else None
+    write_whole(path, tradeoff_figure(points, shipped, content["name"]))
+
+
+def is_result(path: str) -> bool:
+    """Whether a file is meant as a result, by its name."""
+    return path.endswith(".json")
+
+
+def stem(path: str) -> str:
+    """Name of a spec or of its gains file, without folder and endings."""
+    name = Path(path).name
+    return name.removesuffix(".gains.json") if name.endswith(".gains.json") else Path(name).stem
+
+
+def newest(quiet: bool) -> str:
+    """Newest certified gains file in the current folder."""
+    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
+        try:
+            certified = json.loads(path.read_bytes()).get("status") == "certified"
+        except (OSError, ValueError, AttributeError):
+            continue
+        if certified:
+            if not quiet:
+                typer.echo(f"simulating {path}", err=True)
+            return str(path)
+    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")
+
+
+# Tables
+
+
+def design_table(content: Mapping[str, Any], target: str) -> str:
+    """What an engineer wants to know of a result, one line each."""
+    rows = [("problem", content["name"]), ("status", content["status"])]
+    claimed, made = content.get("guarantee", {}), content.get("observer", {})
+    if "gamma" in claimed:
+        rows += [("gamma", f"{claimed['gamma']:g}   norm2(z) <= gamma norm2(v) from zero error")]
+        rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
+    for key in ("limit", "limit_bounded"):
+        numbers = ", ".join(f"{k} {v:.6g}" for k, v in claimed.get(key, {}).items() if k != "attained")
+        rows += [(key.replace("_", " "), numbers)] if numbers else []
+    if made:
+        rows += [("gain", f"|L1| = {spectral_norm(made['L1']):.4g}"), ("L2", matrix_text(made["L2"]))]
+        rows += [("poles", ", ".join(pole_text(p) for p in made["poles"]))]
+        rows += [("largest step", f"{made['largest_step']:.3g} s (Runge-Kutta 4)")] if "largest_step" in made else []
+        noise = ", ".join(f"{name} {value:.3g}" for name, value in made["noise_gain"].items())
+        rows += [("noise gain", noise)] if noise else []
+        rows += [("cond(P)", f"{made['condition_P']:.3g}")] if "condition_P" in made else []
+    for check_ in content.get("certificate", {}).get("checks", []):
+        rows.append(("proved" if check_["holds"] else "NOT PROVED", check_["name"]))
+    if "diagnosis" in content:
+        rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
+    points = content.get("search", {}).get("points", [])
+    rows += [("curve", f"alpha {p['alpha']:<10.4g} {shown(p)}") for p in points]
+    rows += [("note", note) for note in content.get("notes", [])]
+    return aligned([*rows, ("file", target)])
+
+
+def shown(point: Mapping[str, Any]) -> str:
+    """One point of a curve."""
+    return f"gamma {point['gamma']:.6g}" if "gamma" in point else str(point["status"])
+
+
+def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, str]) -> str:
+    """Summary of a run."""
+    rows = [] if guaranteed else [("guarantee", "no guarantee: these gains are not certified")]
+    for key, value in summary.items():
+        if key == "bounds":
+            rows += [("bound", bound_text(bound)) for bound in value]
+        elif isinstance(value, Mapping):
+            rows.append((key.replace("_", " "), ", ".join(f"{k} {plain(v)}" for k, v in value.items())))
+        elif value is not None:
+            rows.append((key.replace("_", " "), plain(value)))
+    return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
+
+
+def bound_text(bound: Mapping[str, Any]) -> str:
+    """One bound of a guarantee against the run."""
+    verdict = "holds" if bound["holds"] else "VIOLATED"
+    return f"{verdict}: {bound['value']:.6g} <= {bound['bound']:.6g}   {bound['name']}"
+
+
+def plain(value: Any) -> str:
+    """Value in a table."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return ", ".join(map(plain, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def aligned(rows: list[tuple[str, str]]) -> str:
+    """Two columns."""
+    width = max(len(key) for key, _ in rows)
+    return "\n".join(f"{key:<{width}}  {value}" for key, value in rows)
+
+
+def matrix_text(rows: list[list[float]]) -> str:
+    """Small matrix in one line."""
+    return "[" + ", ".join("[" + ", ".join(f"{x:g}" for x in row) + "]" for row in rows) + "]"
+
+
+def pole_text(pole: list[float]) -> str:
+    """Pole in 1/s."""
+    real, imaginary = pole
+    return f"{real:.4g}" if imaginary == 0 else f"{real:.4g}{imaginary:+.4g}j"
+
+
+def spectral_norm(rows: list[list[float]]) -> float:
+    """Spectral norm of a matrix."""
+    import numpy as np
+
+    return float(np.linalg.norm(np.array(rows), 2))

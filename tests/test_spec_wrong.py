@@ -1,0 +1,299 @@
+"""Wrong specs: each is answered in one line for each error, at its place, with what is allowed."""
+
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+
+import pytest
+
+from obsdesign.errors import UsageError
+from obsdesign.spec import load, loads
+
+BASE = """\
+obsdesign: 1
+parameters: {b: 0.5}
+system:
+  A: [[0, 1], [-1, 0]]
+  B: [[0], [1]]
+  C: [[1, 0]]
+  D: [[b]]
+nonlinearities:
+  - type: monotone
+    f: q**3
+    Bf: [0, 1]
+    Cq: [0, 1]
+disturbance: integrator
+performance: x
+observer:
+  type: l2
+  alpha: 0.5
+simulation:
+  horizon: 10
+  x0: [1, 0]
+  w: [sin(t)]
+expect:
+  status: certified
+"""
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """BASE with one line in place of another, and what must be said about it."""
+
+    old: str
+    new: str
+    key: str
+    words: tuple[str, ...]
+    place: tuple[int, int] | None = None
+
+    @property
+    def text(self) -> str:
+        assert self.old in BASE
+        return BASE.replace(self.old, self.new, 1)
+
+
+def wrong(old, new, key, *words, place=None):
+    return pytest.param(Wrong(old, new, key, words, place), id=f"{key}<-{new.strip()[:40]!r}")
+
+
+A, B, C, D = "  A: [[0, 1], [-1, 0]]", "  B: [[0], [1]]", "  C: [[1, 0]]", "  D: [[b]]"
+ALPHA, TYPE, BF, CQ, F = "  alpha: 0.5", "  - type: monotone", "    Bf: [0, 1]", "    Cq: [0, 1]", "    f: q**3"
+DISTURBANCE, PERFORMANCE, HORIZON, X0 = "disturbance: integrator", "performance: x", "  horizon: 10", "  x0: [1, 0]"
+W, STATUS, PARAMETERS = "  w: [sin(t)]", "  status: certified", "parameters: {b: 0.5}"
+
+SHAPES = [
+    wrong(A, "  A: [[0, 1]]", "system.A", "square", "1x2", place=(4, 6)),
+    wrong(A, "  A: [0, 1]", "system.A", "square", "a vector of 2"),
+    wrong(A, "  A: []", "system.A", "square"),
+    wrong(A, "  A: [[0, 1], [-1]]", "system.A[1]", "a row of 1", place=(4, 15)),
+    wrong(B, "  B: [[0, 1], [1, 0], [2, 2]]", "system.B", "expected 2 rows (one for each state), found 3x2"),
+    wrong(B, "  B: [0, 1, 2]", "system.B", "2 rows (one for each state)", "a vector of 3"),
+    wrong(B, "  B: 1", "system.B", "2 rows", "a number"),
+    wrong(C, "  C: [[1, 0, 0]]", "system.C", "expected 2 columns (one for each state), found 1x3"),
+    wrong(C, "  C: []", "system.C", "1 row (one for each output)"),
+    wrong(D, "  D: [[b, 0]]", "system.D", "expected 1 column (one for each w), found 1x2", place=(7, 6)),
+    wrong(BF, "    Bf: [0, 1, 0]", "nonlinearities[0].Bf", "2 rows (one for each state)"),
+    wrong(BF, "    Bf: [[0, 0], [1, 0]]", "nonlinearities[0].f", "expected 2 expressions", "found 1"),
+    wrong(CQ, "    Cq: [[0, 1], [1, 0]]", "nonlinearities[0].type", "f has 1 components and q has 2"),
+    wrong(CQ, "    Cq: [0, 1]\n    Dq: [[1, 0]]", "nonlinearities[0].Dq", "1 column (one for each w), found 1x2"),
+    wrong(CQ, "    Cq: [0, 1]\n    Dqf: [1, 0]", "nonlinearities[0].Dqf", "1 column", "a vector of 2"),
+    wrong(CQ, "    Cq: [0, 1]\n    Df: [1, 0]", "nonlinearities[0].Df", "one for each output"),
+    wrong(ALPHA, "  alpha: 0.5\n  L2: [[0, 0]]", "observer.L2", "1 column (one for each output), found 1x2"),
+    wrong(ALPHA, "  alpha: 0.5\n  gains: {L1: [1, 2]}", "observer.gains.L1", "3 rows (one for each augmented state)"),
+    wrong(PERFORMANCE, "performance: {H: [1, 0]}", "performance.H", "3 columns (one for each augmented state)"),
+    wrong(X0, "  x0: [1, 0, 0, 0]", "simulation.x0", "2 numbers", "or 3 with those of the disturbance model"),
+    wrong(X0, "  x0: 1", "simulation.x0", "2 numbers", "a number"),
+    wrong(W, "  w: [sin(t), t]", "simulation.w", "1 expression (one for each w), found 2"),
+    wrong(W, "  v: [0, 0]", "simulation.v", "1 expression (one for each v), found 2"),
+    wrong(W, "  u: [1]", "simulation.u", "0 expressions (one for each input), found 1"),
+    wrong(A, "  states: [x1]\n" + A, "system.states", "2 names (one for each state), found 1"),
+    wrong(DISTURBANCE, "disturbance: [integrator, unknown]", "disturbance", "1 model (one for each w), found 2"),
+    wrong(DISTURBANCE, "disturbance: {model: {Am: [[1, 2]]}}", "disturbance.model.Am", "square"),
+    wrong(
+        DISTURBANCE,
+        "disturbance: {model: {Am: 0, Bm: 1, Cm: [1, 1]}}",
+        "disturbance.model.Bm",
+        "2 rows (one for each state of the disturbance model)",
+    ),
+    wrong(W, "  gx: 0", "simulation.gx", "unknown key gx"),
+    wrong(D, D + "\n  gx: [0]", "system.gx", "2 expressions (one for each state)"),
+    wrong(
+        HORIZON,
+        HORIZON + "\n  noise: {amplitude: [1, 2], period: 1}",
+        "simulation.noise.amplitude",
+        "1 number (one for each output), found 2",
+    ),
+]
+
+FORMS = [
+    wrong(A, "  A: {a: 1}", "system.A", "expected a number, a vector or a list of rows; found a mapping"),
+    wrong(A, "  A: [[0, true], [-1, 0]]", "system.A[0][1]", "expected a number", "found true", place=(4, 11)),
+    wrong(A, "  A: [[0, [1]], [-1, 0]]", "system.A[0][1]", "found a list"),
+    wrong(A, "  A: [[0, 1], 2]", "system.A[1]", "expected a list; found 2"),
+    wrong(A, "  A:", "system.A", "has no value"),
+    wrong(A, "  A: [[0, ~], [1, 0]]", "system.A[0][1]", "has no value"),
+    wrong(A + "\n", "", "system.A", "is required", place=(3, 1)),
+    wrong("  type: l2\n", "", "observer.type", "is required"),
+    wrong("obsdesign: 1\n", "", "obsdesign", "is required"),
+    wrong("obsdesign: 1", "obsdesign: 2", "obsdesign", "format 2 is not known", "format 1"),
+    wrong("obsdesign: 1", "obsdesign: true", "obsdesign", "found true"),
+    wrong(B, "  BB: [[0], [1]]", "system.BB", "unknown key BB; did you mean B?", place=(5, 3)),
+    wrong("system:", "sytem:", "sytem", "did you mean system?", place=(3, 1)),
+    wrong(ALPHA, "  aplha: 0.5", "observer.aplha", "unknown key aplha; did you mean alpha?", "allowed: type, L2"),
+    wrong(TYPE, "  - type: monoton", "nonlinearities[0].type", "did you mean monotone?"),
+    wrong(TYPE, "  - type: {lipschits: 1}", "nonlinearities[0].type.lipschits", "did you mean lipschitz?"),
+    wrong(TYPE, "  - type: lipschitz", "nonlinearities[0].type", "needs data: {lipschitz: ..}"),
+    wrong(TYPE, "  - type: {monotone: 1}", "nonlinearities[0].type.monotone", "takes no data"),
+    wrong(TYPE, "  - type: {}", "nonlinearities[0].type", "one of the keys lipschitz, slope, multiplier"),
+    wrong(TYPE, "  - type: {lipschitz: 1, slope: [0, 1]}", "nonlinearities[0].type", "one of the keys"),
+    wrong(TYPE, "  - type: {sector: {K1: 1}}", "nonlinearities[0].type.sector", "not available in this version"),
+    wrong(TYPE, "  - type: {auto: {region: {q: [-1, 1]}}}", "nonlinearities[0].type.auto", "not available"),
+    wrong(TYPE, "  - type: {lipschitz: 1, region: 1}", "nonlinearities[0].type.region", "not available"),
+    wrong(TYPE, "  - type: {slope: [1]}", "nonlinearities[0].type.slope", "two items [lo, hi]"),
+    wrong("  type: l2", "  type: linf", "observer.type", "linf is not available in this version; available: l2"),
+    wrong("  type: l2", "  type: l3", "observer.type", "unknown observer l3; did you mean l2?"),
+    wrong(ALPHA, "  reconstruct: w", "observer.reconstruct", "not available in this version"),
+    wrong(ALPHA, "  objective: min-gama", "observer.objective", "did you mean min-gamma?"),
+    wrong(ALPHA, "  objective: {gama: 1}", "observer.objective.gama", "did you mean gamma?"),
+    wrong(ALPHA, "  bounds: {L1: {spectral: 1}}", "observer.bounds.L1.spectral", "allowed: frobenius"),
+    wrong(ALPHA, "  alpha: [1, 2]", "observer.alpha", "a number, or a range"),
+    wrong(ALPHA, "  alpha: {min: 1, max: 2, log: yes}", "observer.alpha.log", "true or false; found yes"),
+    wrong(DISTURBANCE, "disturbance: integrater", "disturbance", "did you mean integrator?"),
+    wrong(DISTURBANCE, "disturbance: sinusoid", "disturbance", "needs data"),
+    wrong(DISTURBANCE, "disturbance: {sinusoid: 2}", "disturbance.sinusoid", "a mapping with the keys omega"),
+    wrong(DISTURBANCE, "disturbance: {type: {sinusoid: {omgea: 2}}}", "disturbance.type.sinusoid.omgea", "omega?"),
+    wrong(DISTURBANCE, "disturbance: {}", "disturbance", "one of the keys sinusoid"),
+    wrong(PERFORMANCE, "performance: y", "performance", "unknown performance y", "allowed: x, w, all"),
+    wrong(PERFORMANCE, "performance: [x1, x4]", "performance[1]", "unknown state x4", place=(14, 19)),
+    wrong(PERFORMANCE, "performance: {G: 1}", "performance.G", "allowed: H"),
+    wrong(PERFORMANCE, "performance: []", "performance", "at least one state"),
+    wrong(HORIZON, "  duration: 10", "simulation.duration", "unknown key duration"),
+    wrong(HORIZON, HORIZON + "\n  sampling: periodic", "simulation.sampling", "not available"),
+    wrong(HORIZON, HORIZON + "\n  noise: {type: white, amplitude: 1, period: 1}", "simulation.noise.type", "uniform"),
+    wrong(STATUS, "  status: certifed", "expect.status", "did you mean certified?"),
+    wrong(STATUS, "  limit.gamma: {verifed: 1}", "expect.limit.gamma.verifed", "did you mean verified?"),
+    wrong(STATUS, "  limit gamma: 1", "expect.limit gamma", "no path into a result"),
+    wrong(STATUS, "  limit.gamma: {rtol: -1}", "expect.limit.gamma.rtol", "give a number >= 0"),
+    wrong(BASE.split("nonlin")[0].split("obsdesign: 1\n")[1], "system: [1]\n", "system", "a mapping with the keys"),
+    wrong(
+        BASE.split("nonlin")[0].split("obsdesign: 1\n")[1],
+        "system: {dynamics: {x1: x2}, outputs: {y: x1}}\n",
+        "system.dynamics",
+        "not available in this version; available: A, C",
+    ),
+]
+
+VALUES = [
+    wrong(A, "  A: [[0, .inf], [-1, 0]]", "system.A[0][1]", ".inf is not a finite number"),
+    wrong(A, "  A: [[0, -.inf], [-1, 0]]", "system.A[0][1]", "-.inf is not a finite number"),
+    wrong(A, "  A: [[0, .nan], [-1, 0]]", "system.A[0][1]", ".nan is not a finite number"),
+    wrong(A, "  A: [[0, 1e400], [-1, 0]]", "system.A[0][1]", "out of the range of a double"),
+    wrong(A, "  A: [[0, 1e-999999999], [-1, 0]]", "system.A[0][1]", "out of the range of a double"),
+    wrong(A, "  A: [[0, exp(1000)], [-1, 0]]", "system.A[0][1]", "not finite"),
+    wrong(A, "  A: [[0, 1/0], [-1, 0]]", "system.A[0][1]", "division by zero", place=(4, 12)),
+    wrong(A, "  A: [[0, c], [-1, 0]]", "system.A[0][1]", "unknown name 'c'"),
+    wrong(A, "  A: [[0, 'b + c'], [-1, 0]]", "system.A[0][1]", "unknown name 'c'", place=(4, 16)),
+    wrong(A, "  A: [[0, x1], [-1, 0]]", "system.A[0][1]", "unknown name 'x1'"),
+    wrong(A, "  A: [[0, no], [-1, 0]]", "system.A[0][1]", "unknown name 'no'"),
+    wrong(A, "  A: [[0, 2001-12-10], [-1, 0]]", "system.A[0][1]", "reads as a date or a time"),
+    wrong(A, "  A: [[0, 2001-12-10 01:02:03], [-1, 0]]", "system.A[0][1]", "reads as a date or a time"),
+    wrong(A, "  A: [[0, 12:30], [-1, 0]]", "system.A[0][1]", "reads as a date or a time"),
+    wrong(A, "  A: [[0, 1:30:00], [-1, 0]]", "system.A[0][1]", "reads as a date or a time"),
+    wrong(A, "  A: [[0, 1_000], [-1, 0]]", "system.A[0][1]", "expected an operator"),
+    wrong(A, "  A: [[0, 1,5], [-1, 0]]", "system.A[0]", "a row of 3"),
+    wrong(A, "  A: [[0, sqrt(-1)], [-1, 0]]", "system.A[0][1]", "no finite value"),
+    wrong(A, "  A: [[0, __import__('os').system('true')], [-1, 0]]", "system.A[0][1]", "not allowed"),
+    wrong(A, "  A: [[0, 9**9**9**9], [-1, 0]]", "system.A[0][1]", "exponent"),
+    wrong(A, f"  A: [[0, {'(' * 5000}1{')' * 5000}], [-1, 0]]", "system.A[0][1]", "nested deeper than 100"),
+    wrong(A, f"  A: [[0, {'1+' * 6000}1], [-1, 0]]", "system.A[0][1]", "10000"),
+    wrong(A, f"  A: [[0, {'9' * 20000}], [-1, 0]]", "system.A[0][1]", "10000"),
+    wrong(A, f"  A: [[0, 0.{'0' * 5000}1e5000], [-1, 0]]", "system.A[0][1]", "out of the range"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, t: 1}", "parameters.t", "is the time", place=(2, 22)),
+    wrong(PARAMETERS, "parameters: {b: 0.5, q1: 1}", "parameters.q1", "argument of a nonlinearity"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, pi: 3}", "parameters.pi", "choose another name"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, sin: 3}", "parameters.sin", "choose another name"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, x1: 3}", "parameters.x1", "is a state already"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, y1: 3}", "parameters.y1", "is an output already"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, w1: 3}", "parameters.w1", "is an exogenous input already"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, a b: 3}", "parameters.a b", "is not a name"),
+    wrong(PARAMETERS, "parameters: {b: 2*c, c: 1}", "parameters.b", "unknown name 'c'"),
+    wrong(PARAMETERS, "parameters: {b: [1]}", "parameters.b", "found a list"),
+    wrong(A, "  states: [x1, x1]\n" + A, "system.states[1]", "x1 is a state already"),
+    wrong(A, "  states: [x1, y1]\n" + A, "system.outputs", "y1 is a state already"),
+    wrong(A, "  states: [x1, sin]\n" + A, "system.states[1]", "function or a constant"),
+    wrong(A, "  states: [x1, w1]\n" + A, "system.states[1]", "w1 is an exogenous input already"),
+    wrong(A, "  states: [x1, hat_x1]\n" + A, "system.states[1]", "estimate"),
+    wrong(A, "  units: {z: m}\n" + A, "system.units.z", "unknown signal z"),
+    wrong(TYPE, "  - type: {lipschitz: -1}", "nonlinearities[0].type.lipschitz", "give a number >= 0"),
+    wrong(TYPE, "  - type: {lipschitz: auto}", "nonlinearities[0].type.lipschitz", "auto is not available"),
+    wrong(TYPE, "  - type: {slope: [2, 1]}", "nonlinearities[0].type", "above the upper bound"),
+    wrong(TYPE, "  - type: {slope: [-.inf, 1]}", "nonlinearities[0].type.slope[0]", "not a finite number"),
+    wrong(TYPE, "  - type: {slope: [0, -.inf]}", "nonlinearities[0].type.slope[1]", "not a finite number"),
+    wrong(TYPE, "  - type: {slope: [[0, 0], [1, 1]]}", "nonlinearities[0].type", "as many of each"),
+    wrong(TYPE, "  - type: {multiplier: [[0, 1], [2, 0]]}", "nonlinearities[0].type", "not symmetric"),
+    wrong(TYPE, "  - type: {multiplier: [[0, 1, 0], [1, 0, 0]]}", "nonlinearities[0].type", "2 x 2"),
+    wrong(TYPE, "  - type: q|q|", "nonlinearities[0].f", "differs from its type q|q|"),
+    wrong(F, "    f: x1", "nonlinearities[0].f", "unknown name 'x1'"),
+    wrong(F, "    f: q.real", "nonlinearities[0].f", "attributes are not allowed", place=(10, 9)),
+    wrong(F, "    f: lambda q. q", "nonlinearities[0].f", "unknown name 'lambda'"),
+    wrong(F, "    f: eval(q)", "nonlinearities[0].f", "unknown function 'eval'"),
+    wrong(ALPHA, "  alpha: 0", "observer.alpha", "0 is not allowed; give a number > 0"),
+    wrong(ALPHA, "  alpha: -b", "observer.alpha", "-b is not allowed; give a number > 0"),
+    wrong(ALPHA, "  alpha: {min: 2, max: 1}", "observer.alpha", "min 2 is not below max 1"),
+    wrong(ALPHA, "  alpha: {min: 0, max: 1}", "observer.alpha.min", "give a number > 0"),
+    wrong(ALPHA, "  alpha: {min: 1, max: 2, points: 1}", "observer.alpha.points", "whole number from 2"),
+    wrong(ALPHA, "  alpha: {min: 1, max: 2, points: 2.5}", "observer.alpha.points", "whole number from 2"),
+    wrong(ALPHA, ALPHA + "\n  objective: pareto", "observer.alpha", "objective pareto needs a range"),
+    wrong(ALPHA, ALPHA + "\n  objective: max-alpha", "observer.alpha", "objective max-alpha needs a range"),
+    wrong(ALPHA, ALPHA + "\n  objective: {gamma: 0}", "observer.objective.gamma", "> 0"),
+    wrong(ALPHA, ALPHA + "\n  slack: -0.1", "observer.slack", "give a number >= 0"),
+    wrong(ALPHA, ALPHA + "\n  bounds: {P: 0}", "observer.bounds.P", "give a number > 0"),
+    wrong(ALPHA, ALPHA + "\n  bounds: {L1: {frobenius: 0}}", "observer.bounds.L1.frobenius", "> 0"),
+    wrong(DISTURBANCE, "disturbance: {sinusoid: {omega: 0}}", "disturbance.sinusoid.omega", "> 0"),
+    wrong(DISTURBANCE + "\nperformance: x", "performance: w", "performance", "w1 is no function of the augmented"),
+    wrong(HORIZON, "  horizon: 0", "simulation.horizon", "give a number > 0"),
+    wrong(HORIZON, HORIZON + "\n  points: 1000001", "simulation.points", "whole number from 2 to 1000000"),
+    wrong(HORIZON, HORIZON + "\n  seed: -1", "simulation.seed", "whole number from 0"),
+    wrong(HORIZON, HORIZON + "\n  noise: {amplitude: -1, period: 1}", "simulation.noise.amplitude", ">= 0"),
+    wrong(HORIZON, HORIZON + "\n  noise: {amplitude: 1, period: 1e-9}", "simulation.noise.period", "periods"),
+    wrong(W, "  w: [sin(t)]\n  v: [0]", "simulation.v", "w is given already"),
+    wrong(W, "  w: [sin(s)]", "simulation.w[0]", "unknown name 's'", place=(21, 11)),
+    wrong(W, "  v: [x1]", "simulation.v[0]", "unknown name 'x1'"),
+    wrong(STATUS, "  limit.gamma: .nan", "expect.limit.gamma", "not a finite number"),
+]
+
+YAML = [
+    wrong(C, "  C: [[1, 0]", "system.C", "not valid YAML"),
+    wrong(C, "\tC: [[1, 0]]", "", "a tab cannot indent YAML"),
+    wrong(C, C + "\n" + A, "system.A", "duplicate key A; it is given in line 4 already", place=(7, 3)),
+    wrong(C, C + "\n  <<: {D: 1}", "system.<<", "merge keys"),
+    wrong(C, C + "\n  1: 2", "system.1", "a key must be text, found 1"),
+    wrong(C, C + "\n  ? [a]\n  : 1", "system", "a key must be text, found a list or a mapping"),
+    wrong(C, "  C: !!python/object/apply:os.system [true]", "system.C", "tag", "is not read"),
+    wrong(C, "  C: !!binary aGVsbG8=", "system.C", "tag", "is not read"),
+    wrong(C, "  C: &c [*c]", "system.C[0]", "stands inside what it stands for"),
+    wrong(C, "  C: *c", "system.C", "the alias *c has no anchor"),
+    wrong(C, C + "\n---\nobsdesign: 1", "", "a second document begins here"),
+    wrong(C, f"  C: {'[' * 40}1{']' * 40}", "", "nested deeper than 32 levels"),
+    wrong(C, "  C: \x01", "", "U+0001"),
+    wrong(C, "  C: \0", "", "U+0000"),
+]
+
+BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
+    f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(30)
+)
+JARGON = ("pydantic", "Input should", "validation error", "http", "instance of", "<rows>", "Traceback", "\n")
+
+
+def problems_of(text):
+    started = time.perf_counter()
+    with pytest.raises(UsageError) as caught:
+        loads(text, "spec.yaml")
+    assert time.perf_counter() - started < 2
+    for problem in caught.value.problems:
+        assert not any(word in str(problem) for word in JARGON), str(problem)
+        assert len(str(problem)) < 400
+    return caught.value.problems
+
+
+def test_the_spec_that_the_wrong_ones_are_made_from_is_right():
+    assert loads(BASE).plant.n == 2
+
+
+@pytest.mark.parametrize("case", [*SHAPES, *FORMS, *VALUES, *YAML])
+def test_a_wrong_spec_is_answered_at_its_place_with_what_is_allowed(case):
+    problems = problems_of(case.text)
+    (problem, *_) = [p for p in problems if p.key == case.key] or pytest.fail("\n".join(map(str, problems)))
+    for words in case.words:
+        assert words in problem.message, str(problem)
+    assert problem.file == "spec.yaml"
+    assert 1 <= problem.line <= case.text.count("\n") + 1
+    assert problem.column >= 1
+    assert case.place in (None, (problem.line, problem.column)), str(problem)
+
+
+@pytest.mark.parametrize("case", [*SHAPES, *FORMS, *VALUES, *YAML])
+def test_one_mistake_gives_one_line(case):
+    problems = problems_of(case.text)
+    assert len(problems) == 1, "\n".join(map(str, problems))
