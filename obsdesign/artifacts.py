@@ -131,7 +131,8 @@ def certificate(proof: Certificate) -> dict[str, Any]:
         "P": [[str(entry) for entry in row] for row in proof.P],
         "multipliers": {name: str(scale.item()) for name, scale in proof.scales.items()},
         "checks": [
-            {"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None} for c in proof.checks
+            {"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None}
+            for c in proof.checks
         ],
     }
 
@@ -151,7 +152,11 @@ def render(value: Any, indent: str) -> str:
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
     entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     nested = any(isinstance(v, dict | list) and v for v in entries)
-    if not entries or (not nested and indent and len(flat) < 200) or (indent and not nested and isinstance(value, list)):
+    if (
+        not entries
+        or (not nested and indent and len(flat) < 200)
+        or (indent and not nested and isinstance(value, list))
+    ):
         return flat
     inner = indent + "  "
     if isinstance(value, dict):

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array, Inequality, Values, in_floats, rational
+from obsdesign.lmi.formula import Array, Inequality, Values, rational
 from obsdesign.lmi.proof import Check, prove
-from obsdesign.model.loop import Verdict, well_posed
+from obsdesign.model import loop
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.observers.l2 import L2
 
@@ -32,7 +32,7 @@ class Certificate:
     @property
     def guarantee(self) -> Guarantee:
         """Guarantee in doubles."""
-        return Guarantee(*map(float, (self.gamma, self.alpha, self.mu1, self.mu2)), self.P.astype(float))
+        return Guarantee(float(self.gamma), float(self.alpha), float(self.mu1), float(self.mu2), self.P.astype(float))
 
 
 def theorem(family: L2, mu1: fmpq, mu2: fmpq) -> Callable[[Values], tuple[Inequality, ...]]:
@@ -54,7 +54,8 @@ def certify(family: L2, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values) -> Ce
         P and the scales, in rationals.
     """
     proved = prove(theorem(family, mu1, mu2)(values))
-    verdict = loop(family)
+    plant = family.plant
+    verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     checks = (
         *proved,
         Check("alpha > 0", family.alpha > 0, float(family.alpha)),
@@ -64,9 +65,3 @@ def certify(family: L2, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values) -> Ce
     )
     scales = {name: value for name, value in values.items() if name != "P"}
     return Certificate(family.alpha, gamma, mu1, mu2, values["P"], scales, checks)
-
-
-def loop(family: L2) -> Verdict:
-    """Whether qhat = .. + (Dqf + L2 Df) f(qhat) has one solution."""
-    fixed = in_floats(family)
-    return well_posed(fixed.plant.Dqf + fixed.L2 @ fixed.plant.Df, fixed.multiplier)

@@ -67,7 +67,9 @@ def solve(
     spec: SpecPath,
     output: Annotated[str, typer.Option("-o", "--output", help="Gains file; - is standard output.")] = "",
     simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Plot the curve of gamma against alpha, NAME.curve.png.")] = False,
+    plot: Annotated[
+        bool, typer.Option("--plot", help="Plot the curve of gamma against alpha, NAME.curve.png.")
+    ] = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,
@@ -103,7 +105,9 @@ def solve(
 
 @app.command()
 def simulate(
-    source: Annotated[str, typer.Argument(metavar="[SPEC|GAINS.json]", help="Default: the newest certified gains.")] = "",
+    source: Annotated[
+        str, typer.Argument(metavar="[SPEC|GAINS.json]", help="Default: the newest certified gains.")
+    ] = "",
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
     output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV).")] = "",
     plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
@@ -137,7 +141,9 @@ def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet
         typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
     elif not quiet:
         for finding in report["findings"]:
-            typer.echo(f"{'ok  ' if finding['holds'] else 'FAIL' if finding['decides'] else 'note'}  {finding['sentence']}")
+            typer.echo(
+                f"{'ok  ' if finding['holds'] else 'FAIL' if finding['decides'] else 'note'}  {finding['sentence']}"
+            )
     raise typer.Exit(0 if report["possible"] else 3)
 
 
@@ -223,9 +229,7 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, An
     return made, result(problem, made, solver)
 
 
-def tried(
-    source: str, gains: str, solver: str, quiet: bool
-) -> tuple["Spec", Mapping[str, Any], "Guarantee | None"]:
+def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Guarantee | None"]:
     """Spec, gains and guarantee of what is to be simulated; a spec without gains is solved first."""
     from obsdesign.spec import load
     from obsdesign.verification import recorded

@@ -41,7 +41,9 @@ def why_not(spec: Spec, family: L2, largest_alpha: float | None, known: dict[str
                 "eigenvector": {name: [entry.real, entry.imag] for name, entry in mode.along},
             },
             "feasible": {"alpha_below": limit} if limit > 0 else {},
-            "suggestion": f"ask for alpha below {limit:g}" if limit > 0 else "measure another state, or model w otherwise",
+            "suggestion": f"ask for alpha below {limit:g}"
+            if limit > 0
+            else "measure another state, or model w otherwise",
         }
     if known:
         return {"condition": next(iter(known)), "reason": sentence(known), **known, "suggestion": "relax it"}
@@ -54,14 +56,19 @@ def why_not(spec: Spec, family: L2, largest_alpha: float | None, known: dict[str
             "condition": "decay",
             "reason": f"alpha = {alpha:g} is too fast: the inequality has a solution only up to alpha = {largest_alpha:.5g}",
             "feasible": feasible,
-            "suggestion": f"ask for alpha at most {largest_alpha:.4g}, or give another L2 (or `L2: free`)",
+            "suggestion": f"ask for alpha at most {largest_alpha:.4g}{other(family)}",
         }
     return {
         "condition": "inequality",
         "reason": f"the inequality of Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried",
         "feasible": feasible,
-        "suggestion": "a tighter type of the nonlinearity, another measurement, or `L2: free` may make it feasible",
+        "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
+
+
+def other(family: L2) -> str:
+    """Suggestion of a free L2 where it is fixed."""
+    return "" if family.L2 is None else "; so may another L2, or `L2: free`"
 
 
 def sentence(known: dict[str, Any]) -> str:

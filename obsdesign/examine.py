@@ -32,7 +32,9 @@ def examine(spec: Spec) -> dict[str, Any]:
         for mode in hidden
     ] or [finding("detectability", True, f"no hidden mode is slower than alpha = {lowest:g}", decides=True)]
     if isfinite(limit):
-        findings.append(finding("decay", limit > lowest, f"detectability limits alpha to {limit:g}", decides=True, limit=limit))
+        findings.append(
+            finding("decay", limit > lowest, f"detectability limits alpha to {limit:g}", decides=True, limit=limit)
+        )
     nf = plant.Bf.shape[1]
     for test in condition1(plant, in_floats(spec.generator.Am)):
         findings.append(finding("condition 1", test.holds, test.sentence, eigenvalue=complex_pair(test.eigenvalue)))

@@ -28,7 +28,7 @@ ROW = 4  # panels beside each other
 CURVES = 7  # in one panel: as many as there are colors
 SINGLE = 8  # so many signals get a panel each; more share panels
 FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
-DECADES = 12  # below the peak that an error axis shows
+DECADES = 14  # below the peak that an error axis shows
 DPI = 150
 STYLE: dict[Any, Any] = {
     "figure.dpi": DPI,
@@ -58,7 +58,7 @@ STYLE: dict[Any, Any] = {
 def run_figure(spec: Spec, run: Run, guarantee: Guarantee | None) -> bytes:
     """Draw states and unknown inputs with their estimates, errors, and V(e) against its bound.
 
-    Errors are drawn at the steps of the integrator, so that a peak between two samples is seen, on a
+    Errors are drawn at the steps of the integrator, so that a peak between two samples is seen, and on a
     symmetric logarithmic axis; where they settle early, over the logarithm of time.
 
     Returns
@@ -67,66 +67,81 @@ def run_figure(spec: Spec, run: Run, guarantee: Guarantee | None) -> bytes:
         A PNG, the same for the same run.
     """
     with style():
-        sections = state_panels(spec, run), input_panels(spec, run), error_panels(run, guarantee)
-        rows = [row for section in sections for row in shared(list(section), ROW)]
-        figure = new_figure(10.5, 0.75 + 2.35 * len(rows))
-        figure.suptitle(heading(spec, run, guarantee), fontsize=11)
-        grid = figure.add_gridspec(len(rows), 1)
-        for i, row in enumerate(rows):
-            columns = grid[i].subgridspec(1, len(row))
-            for j, panel in enumerate(row):
-                panel.draw(figure.add_subplot(columns[j]))
-        return png(figure)
+        return png(run_sheet(spec, run, guarantee))
 
 
 def tradeoff_figure(
     points: Sequence[Mapping[str, Any]],
+    shipped: Mapping[str, Any] | None,
     title: str,
     x: str = "alpha",
     y: str = "gamma",
-    shipped: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Draw the curve of a search, as a PNG.
+    """Draw the curve of a search.
 
     Parameters
     ----------
     points
         Mappings with the searched x, the result y (missing or None where there is none) and "status".
+    shipped
+        The point of the design that is shipped, or None.
     title, x, y
         Title, and the keys on the axes.
-    shipped
-        The point of the design that is shipped.
+
+    Returns
+    -------
+    bytes
+        A PNG, the same for the same points.
     """
     with style():
-        figure = new_figure(6.4, 4.2)
-        axes = figure.add_subplot()
-        axes.set_title(title, fontsize=11)
-        solved = sorted((p[x], p[y]) for p in points if p.get(y) is not None)
-        refused = sorted((p[x], str(p["status"])) for p in points if p.get(y) is None)
-        if solved:
-            axes.plot(
-                *zip(*solved, strict=True), color=TRUE, marker="o", markersize=3.5, label=f"best {symbol(y)}"
-            )
-        for status, color in zip(dict.fromkeys(s for _, s in refused), COLORS[1:], strict=False):
-            at = [p for p, s in refused if s == status]
-            foot = axes.get_xaxis_transform()
-            axes.plot(at, [0.03] * len(at), "x", color=color, transform=foot, clip_on=False, label=status)
-        if shipped is not None:
-            axes.plot(
-                shipped[x],
-                shipped[y],
-                "*",
-                color=COLORS[4],
-                markeredgecolor="black",
-                markersize=13,
-                label="shipped design",
-            )
-        spread_axis(axes, "x", [p[x] for p in points])
-        spread_axis(axes, "y", [value for _, value in solved])
-        axes.set_xlabel(symbol(x))
-        axes.set_ylabel(symbol(y))
-        axes.legend()
-        return png(figure)
+        return png(tradeoff_sheet(points, shipped, title, x, y))
+
+
+def run_sheet(spec: Spec, run: Run, guarantee: Guarantee | None) -> "Figure":
+    """Compose a figure of a run: a row (or more) each of states, unknown inputs and errors."""
+    sections = state_panels(spec, run), input_panels(spec, run), error_panels(run, guarantee)
+    rows = [row for section in sections for row in shared(list(section), ROW)]
+    figure = new_figure(10.5, 0.75 + 2.35 * len(rows))
+    figure.suptitle(heading(spec, run, guarantee), fontsize=11)
+    grid = figure.add_gridspec(len(rows), 1)
+    for i, row in enumerate(rows):
+        columns = grid[i].subgridspec(1, len(row))
+        for j, panel in enumerate(row):
+            panel.draw(figure.add_subplot(columns[j]))
+    return figure
+
+
+def tradeoff_sheet(
+    points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str, x: str, y: str
+) -> "Figure":
+    """Compose a figure of a search; a point without a result stands at the foot, under its status."""
+    figure = new_figure(6.4, 4.2)
+    axes = figure.add_subplot()
+    axes.set_title(plain(title), fontsize=11)
+    solved = sorted((p[x], p[y]) for p in points if p.get(y) is not None)
+    if solved:
+        axes.plot(*zip(*solved, strict=True), color=TRUE, marker="o", markersize=3.5, label=f"best {symbol(y)}")
+    refused = sorted((p[x], str(p["status"])) for p in points if p.get(y) is None)
+    for i, status in enumerate(dict.fromkeys(status for _, status in refused)):
+        at, foot = [p for p, s in refused if s == status], axes.get_xaxis_transform()
+        color = COLORS[1 + i % (len(COLORS) - 1)]
+        axes.plot(at, [0.03] * len(at), "x", color=color, transform=foot, clip_on=False, label=status)
+    if shipped is not None:
+        axes.plot(
+            shipped[x],
+            shipped[y],
+            "*",
+            color=COLORS[4],
+            markeredgecolor="black",
+            markersize=13,
+            label="shipped",
+        )
+    spread_axis(axes, "x", [p[x] for p in points])
+    spread_axis(axes, "y", [value for _, value in solved])
+    axes.set_xlabel(symbol(x))
+    axes.set_ylabel(symbol(y))
+    axes.legend()
+    return figure
 
 
 @dataclass(frozen=True)
@@ -173,14 +188,15 @@ class Errors:
     log_time: bool
 
     def draw(self, axes: "Axes") -> None:
-        """Draw; the axis is linear within the smallest of the final errors, or 12 decades below the peak."""
+        """Draw; the axis is linear about zero, below the errors that matter."""
         for (name, values), color in zip(self.curves, COLORS, strict=False):
             axes.plot(self.t, values, color=color, label=name)
-        peak = max(float(np.abs(values).max()) for _, values in self.curves)
         threshold = linear_threshold([values for _, values in self.curves])
-        decades = max(1.0, np.log10(max(peak, threshold) / threshold))
-        axes.set_yscale("symlog", linthresh=threshold, linscale=decades / 6)
-        axes.set_yticks(symlog_ticks(threshold, peak))
+        low = min(float(values.min()) for _, values in self.curves)
+        high = max(float(values.max()) for _, values in self.curves)
+        decades = np.log10(max(-low, high, threshold) / threshold)
+        axes.set_yscale("symlog", linthresh=threshold, linscale=max(0.8, decades / 6))
+        axes.set_yticks([tick for tick in symlog_ticks(threshold, max(-low, high)) if low <= tick <= high or tick == 0])
         axes.minorticks_off()
         axes.axhline(0, color="black", linewidth=0.6)
         time_axis(axes, self.t, self.log_time)
@@ -221,7 +237,7 @@ def state_panels(spec: Spec, run: Run) -> Iterator[Panel]:
     """Panels of the plant's states."""
     n = run.plant_states
     curves = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states[:n])]
-    return comparisons(spec, run.t, curves, "states")
+    return comparisons(spec, run.t, curves, "states (dashed: estimates)")
 
 
 def input_panels(spec: Spec, run: Run) -> Iterator[Panel]:
@@ -231,7 +247,7 @@ def input_panels(spec: Spec, run: Run) -> Iterator[Panel]:
         Curve(name, run.w[:, i], run.what[:, column[i]] if i in column else None)
         for i, name in enumerate(run.exogenous)
     ]
-    return comparisons(spec, run.t, curves, "unknown inputs")
+    return comparisons(spec, run.t, curves, "unknown inputs (dashed: estimates)")
 
 
 def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str) -> Iterator[Panel]:
@@ -297,10 +313,11 @@ def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
 
 
 def linear_threshold(values: Sequence[Array]) -> float:
-    """Power of ten below the smallest final error, at most 12 decades below the peak."""
-    peak = max(float(np.abs(v).max()) for v in values) or 1.0
-    final = [float(np.abs(v[-max(1, len(v) // 20) :]).max()) for v in values]
-    smallest = min((f for f in final if f > 0), default=peak)
+    """Power of ten below the smallest initial, median or final error, at most 14 decades below the peak."""
+    sizes = [np.abs(v) for v in values]
+    peak = max(float(size.max()) for size in sizes) or 1.0
+    ends = [(size[0], np.median(size), size[-max(1, len(size) // 20) :].max()) for size in sizes]
+    smallest = min((float(size) for three in ends for size in three if size > 0), default=peak)
     return float(10.0 ** np.floor(np.log10(max(smallest, peak * 10.0**-DECADES))))
 
 

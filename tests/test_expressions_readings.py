@@ -207,9 +207,7 @@ def test_an_enclosure_is_tight_to_a_few_units_in_the_last_place(text, low, high,
     assert found[0] <= expected[0] <= expected[1] <= found[1]
 
 
-@pytest.mark.parametrize(
-    "text", ["log(x)", "sqrt(x)", "x**0.5", "asin(x - 2.5)", "1 + exp(acos(x))", "x < log(x)"]
-)
+@pytest.mark.parametrize("text", ["log(x)", "sqrt(x)", "x**0.5", "asin(x - 2.5)", "1 + exp(acos(x))", "x < log(x)"])
 def test_an_enclosure_is_empty_where_the_expression_is_defined_nowhere(text):
     found = parse(text, NAMES).enclose(box([-3.0, 0.9], [-2.0, 1.0]))
     assert found.empty.tolist() == [True, "asin" in text]

@@ -38,11 +38,7 @@ def integers(rng, *shape):
 
 
 def matrices(thing):
-    return {
-        f.name: getattr(thing, f.name)
-        for f in fields(thing)
-        if isinstance(getattr(thing, f.name), np.ndarray)
-    }
+    return {f.name: getattr(thing, f.name) for f in fields(thing) if isinstance(getattr(thing, f.name), np.ndarray)}
 
 
 def random_plant(rng, n, nf, nq, nw, ny):
@@ -126,9 +122,7 @@ def test_the_bearing_augmented_with_integrators_is_the_printed_one():
     )
     whole = augment(p, stack([integrator(), integrator()]), ("w1", "w2"), ("v1", "v2"))
     assert whole.states == ("x1", "x2", "x3", "w1", "w2")
-    assert np.array_equal(
-        whole.A, rational([[0, 1, 0, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1], [0] * 5, [0] * 5])
-    )
+    assert np.array_equal(whole.A, rational([[0, 1, 0, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1], [0] * 5, [0] * 5]))
     assert np.array_equal(whole.B, rational([[0, 0], [0, 0], [0, 0], [1, 0], [0, 1]]))
     assert np.array_equal(whole.C, rational([[1, 0, 0, "0.1", 0], [0, 1, 0, 0, 0]]))
     assert np.array_equal(whole.Bf, rational([[0], [1], [0], [0], [0]]))

@@ -169,9 +169,7 @@ MEMBERS = {
     "slopes": slope(bounds((1, 3), (-3, -1), (-1, 2), (2, None), (-2, None)), 5, 5),
     "user sector": user(rational([[-6, 4], [4, -2]]), 1, 1),
     "user without upper bound": user(rational([["-0.5", 1], [1, 0]]), 1, 1),
-    "user of two arguments": user(
-        rational([[-2, 0, 1, 0], [0, -8, 0, 3], [1, 0, 0, 0], [0, 3, 0, -1]]), 2, 2
-    ),
+    "user of two arguments": user(rational([[-2, 0, 1, 0], [0, -8, 0, 3], [1, 0, 0, 0], [0, 3, 0, -1]]), 2, 2),
 }
 
 
@@ -293,9 +291,7 @@ def test_two_lipschitz_blocks_in_a_ring_are_well_posed_up_to_a_loop_gain_of_one(
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), k=st.integers(2, 5))
-def test_scales_are_found_for_rings_of_lipschitz_blocks_exactly_when_the_spectral_radius_is_below_one(
-    seed, k
-):
+def test_scales_are_found_for_rings_of_lipschitz_blocks_exactly_when_the_spectral_radius_is_below_one(seed, k):
     rng = np.random.default_rng(seed)
     D = np.where(rng.random((k, k)) < 0.7, rng.uniform(0, 1, (k, k)), 0.0)
     D *= rng.choice([0.9, 1.1]) / max(abs(np.linalg.eigvals(D)).max(), 1e-3)

@@ -70,9 +70,7 @@ def test_zeros_and_normal_rank_do_not_change_with_coordinates_injection_feedback
     A2, B2 = A + L @ C, B + L @ D
     A2, C2 = A2 + B2 @ K, C + D @ K
     units_y, units_w = 10.0 ** rng.integers(-3, 4, (p, 1)), 10.0 ** rng.integers(-3, 4, m)
-    after = invariant_zeros(
-        System(T @ A2 @ T.T, T @ B2 * units_w, units_y * (C2 @ T.T), units_y * D * units_w)
-    )
+    after = invariant_zeros(System(T @ A2 @ T.T, T @ B2 * units_w, units_y * (C2 @ T.T), units_y * D * units_w))
     assert after.normal_rank == before.normal_rank
     assert after.values == pytest.approx(before.values, rel=1e-5, abs=1e-5)
     if before.left_invertible:
@@ -84,9 +82,7 @@ def test_zeros_and_normal_rank_do_not_change_with_coordinates_injection_feedback
 def test_the_pencil_loses_rank_at_every_zero_and_nowhere_else(seed):
     rng = np.random.default_rng(seed)
     n, m = rng.integers(2, 6), rng.integers(1, 3)
-    s = System(
-        rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(m, n)), rng.normal(size=(m, m))
-    )
+    s = System(rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(m, n)), rng.normal(size=(m, m)))
     for zero in invariant_zeros(s).values:
         assert np.linalg.svd(s.pencil(zero), compute_uv=False)[-1] < 1e-7
         assert np.linalg.svd(s.pencil(zero + 0.5j + 0.3), compute_uv=False)[-1] > 1e-7

@@ -107,10 +107,7 @@ def test_a_hidden_oscillation_is_one_mode_with_its_conjugate():
     v = np.array([dict(oscillation.along)[s] for s in names("x", 2)])
     assert A[:2, :2] @ v == pytest.approx(2j * v)
     assert np.linalg.norm(v) == pytest.approx(1)
-    assert (
-        oscillation.sentence
-        == "the mode lambda = 0 +- 2j along x2 (0.89), x1 (0.45) is not seen by any output"
-    )
+    assert oscillation.sentence == "the mode lambda = 0 +- 2j along x2 (0.89), x1 (0.45) is not seen by any output"
     assert modes(A, np.array([[0, 0, 1.0]]), names("x", 3)) == ()
 
 

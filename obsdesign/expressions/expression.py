@@ -147,9 +147,7 @@ class Expression:
         return tuple(dict.fromkeys(g for g in candidates if g.names == {name}))
 
 
-def parse(
-    text: str, names: Collection[str], parameters: Mapping[str, fmpq] = MappingProxyType({})
-) -> Expression:
+def parse(text: str, names: Collection[str], parameters: Mapping[str, fmpq] = MappingProxyType({})) -> Expression:
     """Read an expression; see `parse.py` for the language.
 
     Parameters

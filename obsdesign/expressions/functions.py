@@ -191,9 +191,7 @@ def choice_ball(condition: arb, a: arb, b: arb) -> arb:
     return a.union(b) if condition.contains(0) else a
 
 
-def comparison(
-    relation: Callable[[Any, Any], Any], opposite: Callable[[Any, Any], Any], rule: Any
-) -> Operation:
+def comparison(relation: Callable[[Any, Any], Any], opposite: Callable[[Any, Any], Any], rule: Any) -> Operation:
     """Entry of a comparison, whose value is 1 or 0."""
     return Operation(
         arity=(2, 2),
@@ -230,9 +228,7 @@ def function(
     return Operation((1, 1), unary(slope), array, rule, ball, scalar, rational, switches)
 
 
-def extreme(
-    name: str, scalar: Callable[[float, float], float], array: Any, ball: Any, rational: Any
-) -> Operation:
+def extreme(name: str, scalar: Callable[[float, float], float], array: Any, ball: Any, rational: Any) -> Operation:
     """Entry of min or max."""
     return Operation(
         arity=(2, 100),
@@ -263,9 +259,7 @@ FUNCTIONS = {
     "cos": function(math.cos, np.cos, lambda x: -sin(x), wave(np.cos, 0.0, 0.0), arb.cos, at(0, 1)),
     "tan": function(math.tan, np.tan, lambda x: ONE + tan(x) ** TWO, interval.tan, arb.tan, at(0, 0)),
     "asin": function(math.asin, np.arcsin, arc_slope, monotone(np.arcsin, 0.0, UNIT), arb.asin, at(0, 0)),
-    "acos": function(
-        math.acos, np.arccos, lambda x: -arc_slope(x), monotone(np.arccos, 1.0, UNIT), arb.acos, at(1, 0)
-    ),
+    "acos": function(math.acos, np.arccos, lambda x: -arc_slope(x), monotone(np.arccos, 1.0, UNIT), arb.acos, at(1, 0)),
     "atan": function(
         math.atan, np.arctan, lambda x: ONE / (ONE + x**TWO), monotone(np.arctan, 0.0), arb.atan, at(0, 0)
     ),

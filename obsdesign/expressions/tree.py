@@ -208,9 +208,7 @@ def written_call(node: Call, arguments: list[Written]) -> Written:
     """Text of an operation from the texts of its arguments."""
     binding = BINDING.get(node.operation)
     if binding is None:
-        return (
-            f"{node.operation}({', '.join(a for a, _ in arguments)})" if arguments else node.operation
-        ), ATOM
+        return (f"{node.operation}({', '.join(a for a, _ in arguments)})" if arguments else node.operation), ATOM
     first, *others = arguments
     if binding == SUM:
         terms = [enclosed(term, PRODUCT) for term in others]

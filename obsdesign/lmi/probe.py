@@ -23,8 +23,14 @@ class Block:
         return value
 
     def rows(self, keep: Array) -> "Block":
-        """Same block with only the rows and columns in `keep` (a mask or indices)."""
-        return self.congruent(np.eye(len(self.constant))[:, keep])
+        """Same block with only the rows and columns that `keep` (a mask) selects."""
+        constant, coefficients = self.constant[keep][:, keep], self.coefficients[:, keep][:, :, keep]
+        return Block(self.name, constant, coefficients, self.strict)
+
+    def scaled(self, d: Array) -> "Block":
+        """diag(d) F diag(d)."""
+        weights = np.outer(d, d)
+        return Block(self.name, self.constant * weights, self.coefficients * weights, self.strict)
 
     def congruent(self, N: Array) -> "Block":
         """N' F N."""
@@ -32,9 +38,7 @@ class Block:
 
     def substituted(self, offset: Array, basis: Array) -> "Block":
         """Same block over z, where x = offset + basis z."""
-        return replace(
-            self, constant=self.at(offset), coefficients=np.tensordot(basis.T, self.coefficients, axes=1)
-        )
+        return replace(self, constant=self.at(offset), coefficients=np.tensordot(basis.T, self.coefficients, axes=1))
 
 
 @dataclass(frozen=True)

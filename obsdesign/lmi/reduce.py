@@ -67,7 +67,9 @@ def eliminate(reduced: Reduced) -> Reduced:
                 kept.append(block.rows(~zero))
         if not rows:
             return reduced
-        reduced = replace(reduced, program=replace(reduced.program, blocks=tuple(kept)), rows=reduced.rows + tuple(rows))
+        reduced = replace(
+            reduced, program=replace(reduced.program, blocks=tuple(kept)), rows=reduced.rows + tuple(rows)
+        )
         reduced = solve_equalities(reduced, np.concatenate(equalities))
         if reduced.contradiction:
             return reduced
@@ -175,14 +177,18 @@ def scale_to(program: Program, z: Array) -> tuple[Program, Array]:
     blocks = []
     for block in program.blocks:
         diagonals = np.abs(np.diagonal(block.coefficients, axis1=1, axis2=2))
-        size = np.maximum(np.abs(np.diag(block.at(z))), 1e-3 * (np.abs(z) @ diagonals + np.abs(np.diag(block.constant))))
+        size = np.maximum(
+            np.abs(np.diag(block.at(z))), 1e-3 * (np.abs(z) @ diagonals + np.abs(np.diag(block.constant)))
+        )
         blocks.append(scaled_rows(block, np.sqrt(np.maximum(size, 1e-12 * size.max()))))
     return scaled_coordinates(replace(program, blocks=tuple(blocks)), factors), factors
 
 
 def largest_by_row(block: Block) -> Array:
     """Largest entry of each row over all coefficients."""
-    return np.asarray(np.maximum(np.abs(block.coefficients).max(axis=(0, 2), initial=0), np.abs(block.constant).max(axis=1)))
+    return np.asarray(
+        np.maximum(np.abs(block.coefficients).max(axis=(0, 2), initial=0), np.abs(block.constant).max(axis=1))
+    )
 
 
 def power_of_two(x: Array) -> Array:
@@ -192,8 +198,7 @@ def power_of_two(x: Array) -> Array:
 
 def scaled_rows(block: Block, size: Array) -> Block:
     """D^-1 F D^-1 with the powers of two nearest to the sizes in D."""
-    D = np.diag(1 / power_of_two(size))
-    return block.congruent(D)
+    return block.scaled(1 / power_of_two(size))
 
 
 def scaled_coordinates(program: Program, factors: Array) -> Program:

@@ -92,9 +92,10 @@ class Search:
         self.raw = ""
 
     def solve(self, program: Program) -> tuple[str, Array]:
-        """One call of the solver."""
+        """One call of the solver, with a cost of unit size: its gap has an absolute tolerance."""
         self.solves += 1
-        self.raw, z = self.solver(program)
+        largest = np.abs(program.cost).max(initial=0.0) or 1.0
+        self.raw, z = self.solver(replace(program, cost=program.cost / largest))
         return self.raw, z
 
     def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:
@@ -260,7 +261,9 @@ def through_cvxpy(name: str) -> Solver:
             model.solve(solver=name.upper())
         except cp.SolverError as error:
             return str(error), np.zeros(len(program.cost))
-        raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "infeasible": INFEASIBLE}.get(model.status, model.status)
+        raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "infeasible": INFEASIBLE}.get(
+            model.status, model.status
+        )
         return raw, z.value if z.value is not None else np.zeros(len(program.cost))
 
     return solve

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array, he, in_floats
+from obsdesign.lmi.formula import Array, Inequality, Values, he, in_floats
+from obsdesign.lmi.proof import holds
 from obsdesign.model.multiplier import Multiplier, Scaled
 
-MARGIN = (
-    1e-6  # below zero, of an eigenvalue that counts as negative; above the tolerance of the linear programs
-)
+EXPLICIT = "no block of f acts on its own argument, so they are computed block by block"
+MARGIN = 1e-6  # an eigenvalue further below zero counts as negative; above the tolerance of linear programs
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,34 @@ def well_posed(D: Array, multiplier: Multiplier) -> Verdict:
     q, f = indices([len(b.M11) for b in blocks]), indices([len(b.M22) for b in blocks])
     groups = loops(D, q, f)
     if not groups:
-        return Verdict(True, "no block of f acts on its own argument, so the loop is solved block by block")
+        return Verdict(True, EXPLICIT)
     for group in groups:
         inside = np.concatenate([f[i] for i in group])
         forms = [form(D[np.ix_(q[i], inside)], blocks[i], np.isin(inside, f[i])) for i in group]
         if smallest_peak(forms) >= -MARGIN:
             return Verdict(False, f"no multiplier of {names(group)} makes [D; I]' M [D; I] negative definite")
+    return Verdict(True, f"[D; I]' M [D; I] < 0 for {' and for '.join(map(names, groups))}")
+
+
+def proved(D: Array, multiplier: Multiplier, scales: Values) -> Verdict:
+    """Decide the same exactly, for the given scales: N < 0 for each group of blocks in a loop.
+
+    Parameters
+    ----------
+    D, multiplier, scales
+        In rationals.
+    """
+    q, f = indices([len(b.M11) for b in multiplier.blocks]), indices([len(b.M22) for b in multiplier.blocks])
+    M11, M12, M22 = multiplier.matrix(scales)
+    groups = loops(D, q, f)
+    for group in groups:
+        rows, columns = np.concatenate([q[i] for i in group]), np.concatenate([f[i] for i in group])
+        inner = D[np.ix_(rows, columns)]
+        N = inner.T @ M11[np.ix_(rows, rows)] @ inner + he(inner.T @ M12[np.ix_(rows, columns)])
+        if not holds(Inequality("N < 0", N + M22[np.ix_(columns, columns)], strict=True)):
+            return Verdict(False, f"the scales do not make [D; I]' M [D; I] of {names(group)} negative definite")
+    if not groups:
+        return Verdict(True, EXPLICIT)
     return Verdict(True, f"[D; I]' M [D; I] < 0 for {' and for '.join(map(names, groups))}")
 
 
@@ -77,12 +99,12 @@ def loops(D: Array, q: Sequence[Array], f: Sequence[Array]) -> list[tuple[int, .
     They are the strongly connected components, with an edge, of the graph in which block j acts on block i if
     D takes f_j into q_i.
     """
-    from scipy.sparse.csgraph import connected_components
-
-    acts = np.array([[D[np.ix_(rows, columns)].any() for columns in f] for rows in q]).reshape(len(q), len(f))
-    count, label = connected_components(acts, connection="strong")
-    groups = [np.flatnonzero(label == k) for k in range(count)]
-    return [tuple(g.tolist()) for g in groups if acts[np.ix_(g, g)].any()]
+    acts = np.array([[(D[np.ix_(rows, columns)] != 0).any() for columns in f] for rows in q]).reshape(len(q), len(f))
+    reach = acts.copy()
+    for _ in q:
+        reach |= (reach.astype(int) @ acts.astype(int)) > 0
+    mutual = reach & reach.T
+    return sorted({tuple(np.flatnonzero(mutual[i]).tolist()) for i in range(len(q)) if mutual[i, i]})
 
 
 def form(D: Array, block: Scaled, own: Array) -> Array:

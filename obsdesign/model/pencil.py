@@ -100,11 +100,11 @@ def spectrum(S: Array, size: float) -> list[tuple[complex, int]]:
     S, size
         Square matrix, and the norm of the matrices that it was computed from.
     """
+    if not len(S):
+        return []
     from scipy.linalg import eig
     from scipy.sparse.csgraph import connected_components
 
-    if not len(S):
-        return []
     values, left, right = eig(S, left=True, right=True)  # type: ignore[misc]
     distance = np.abs(values[:, None] - values)
     cosine = np.maximum(np.abs((left.conj() * right).sum(axis=0)), np.finfo(float).eps)
@@ -112,9 +112,7 @@ def spectrum(S: Array, size: float) -> list[tuple[complex, int]]:
     for _ in values:
         uncertainty = size * np.minimum(TOLERANCE / cosine, TOLERANCE ** (1 / neighbors))
         neighbors = (distance <= 2 * uncertainty[:, None]).sum(axis=1)
-    count, label = connected_components(
-        distance <= np.minimum(uncertainty[:, None], uncertainty), directed=False
-    )
+    count, label = connected_components(distance <= np.minimum(uncertainty[:, None], uncertainty), directed=False)
     clusters = [values[label == i] for i in range(count)]
     return [(without_noise(complex(c.mean()), TOLERANCE * size), len(c)) for c in clusters]
 
@@ -144,9 +142,7 @@ class Zeros:
     @property
     def sentence(self) -> str:
         """Zeros in words."""
-        found = (
-            f"invariant zeros {', '.join(map(text, self.values))}" if self.values else "no invariant zeros"
-        )
+        found = f"invariant zeros {', '.join(map(text, self.values))}" if self.values else "no invariant zeros"
         if self.left_invertible:
             return found
         return f"{found}; not left invertible: normal rank {self.normal_rank} with {self.inputs} inputs"

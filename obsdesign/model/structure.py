@@ -19,9 +19,7 @@ class Mode:
     """A mode that no output sees: A v = lambda v and C v = 0. A complex one stands for its conjugate too."""
 
     eigenvalue: complex
-    along: tuple[
-        tuple[str, complex], ...
-    ]  # states and entries of v, norm(v) = 1, the largest first and positive
+    along: tuple[tuple[str, complex], ...]  # states and entries of v, norm(v) = 1, the largest first and positive
 
     @property
     def sentence(self) -> str:
@@ -95,9 +93,7 @@ def linear(plant: Plant, K: Array) -> System:
     """
     loop = np.eye(len(K)) - K @ plant.Dqf
     if np.linalg.matrix_rank(loop) < len(loop):
-        raise UsageError(
-            "Dqf: q = Cq x + Dqf f has no unique solution for the linear f = K q that the types allow"
-        )
+        raise UsageError("Dqf: q = Cq x + Dqf f has no unique solution for the linear f = K q that the types allow")
     F = np.linalg.solve(loop, K)
     return System(
         plant.A + plant.Bf @ F @ plant.Cq,

@@ -49,9 +49,7 @@ def linear_member(given: Scaled) -> Array:
             K = np.array(inner.inv().tolist(), dtype=object) @ given.M12.mT
             if positive(Scaled(given.M11, given.M12, given.M22, K).shifted().M11):
                 return K
-    raise UsageError(
-        "multiplier: no f was found that satisfies it, not even a linear f = K q; is its sign right?"
-    )
+    raise UsageError("multiplier: no f was found that satisfies it, not even a linear f = K q; is its sign right?")
 
 
 def positive(symmetric: Array) -> bool:

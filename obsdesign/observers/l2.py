@@ -43,6 +43,7 @@ from obsdesign.observers.request import Bounds
 
 ONE = np.ones((1, 1))
 LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to the mean eigenvalue of P
+LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,11 @@ class L2:
                 ],
                 [he(Gf.mT @ M12) + M22, M12.mT @ Gv, Gf.mT @ U],
                 [-v["mu2"] * identity(p.B.shape[1], p.B), Gv.mT @ U],
-                [-block_diagonal([s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)])],
+                [
+                    -block_diagonal(
+                        [s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)]
+                    )
+                ],
             ]
         )
 
@@ -163,12 +168,17 @@ class L2:
         )
 
     def usable_scales(self, v: Values) -> list[Inequality]:
-        """Where L2 = R / lambda is free, lambda >= LEAST_SCALE tr(P) / n."""
+        """Where L2 = R / lambda is free, LEAST_SCALE <= lambda / (tr P / n) <= LARGEST_SCALE."""
         if self.L2 is not None:
             return []
         mean = np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
         return [
-            Inequality(f"{u.name} > 0", LEAST_SCALE * mean - v[u.name]) for u in self.multiplier.unknowns()
+            Inequality(name, bound)
+            for u in self.multiplier.unknowns()
+            for name, bound in (
+                (f"{u.name} > 0", LEAST_SCALE * mean - v[u.name]),
+                (f"{u.name} bounded", v[u.name] - LARGEST_SCALE * mean),
+            )
         ]
 
     def gain(self, v: Values, floor: Array, square: Array) -> list[Inequality]:
@@ -187,7 +197,10 @@ class L2:
     def gain_unknowns(self, name: str, bounds: Bounds) -> list[Unknown]:
         """Unknowns of `gain`."""
         ny = self.plant.C.shape[0]
-        return [Unknown(name, (1, 1)), *([Unknown("W", (ny, ny), symmetric=True)] if bounds.norm == "frobenius" else [])]
+        return [
+            Unknown(name, (1, 1)),
+            *([Unknown("W", (ny, ny), symmetric=True)] if bounds.norm == "frobenius" else []),
+        ]
 
     @property
     def eye(self) -> Array:
@@ -208,7 +221,9 @@ class L2:
         With W = (I - K Dqf)^-1, f = (I - K Dqf)^-1 (K Cq x + f~ + K Dq w).
         """
         p, K = self.plant, self.multiplier.member
-        return replace(self, plant=shifted_plant(p, K), multiplier=Multiplier(tuple(b.shifted() for b in self.multiplier.blocks)))
+        return replace(
+            self, plant=shifted_plant(p, K), multiplier=Multiplier(tuple(b.shifted() for b in self.multiplier.blocks))
+        )
 
 
 def unshifted(L2: Array, plant: Plant, K: Array) -> Array:

@@ -68,9 +68,7 @@ class Coupled:
         For b; without it b stays zero.
     """
 
-    def __init__(
-        self, spec: Spec, scenario: Scenario, gains: Mapping[str, Array], guarantee: Guarantee | None
-    ) -> None:
+    def __init__(self, spec: Spec, scenario: Scenario, gains: Mapping[str, Array], guarantee: Guarantee | None) -> None:
         plant = scenario.plant
         n, ny = plant.n, len(plant.outputs)
         self.scenario = scenario
@@ -208,9 +206,7 @@ class Terms(NamedTuple):
         columns = np.hstack([np.vstack([plant.Bf, plant.Df, plant.Dqf]), enters[:, [row for _, row in kept]]])
         terms = [*blocks, *(term for term, _ in kept)]
         quiet = len(spec.plant.Bf[0]) if scenario.unmodeled else nf
-        true_terms = [
-            t if i < quiet or i >= nf else Term(Expression.number(0), {}) for i, t in enumerate(terms)
-        ]
+        true_terms = [t if i < quiet or i >= nf else Term(Expression.number(0), {}) for i, t in enumerate(terms)]
         return cls(Stack(true_terms, width), Stack(terms, width), columns[:n], columns[n:])
 
 

@@ -15,8 +15,8 @@ Vector = npt.NDArray[np.float64]
 Status = Literal["done", "escape", "stall"]
 
 HUGE = 1e12  # of the state against its start: an escape
-CALLS = 300_000  # of the right-hand side for one method; a stall
-CALLS_PER_SEGMENT = 300
+WINDOW = 20_000  # calls of the right-hand side in which
+PACE = 1e-3  # of the rest of a segment must be crossed: else a stall
 PATH = 20_000  # accepted steps that are kept
 
 
@@ -168,9 +168,12 @@ def integrate(
     return recorder.trajectory(len(start), end)
 
 
+Attempt = Callable[[Segment, float, Vector], "LSODA | Radau"]  # at the segment, from t and s
+
+
 @dataclass
 class Crossing:
-    """One attempt after the other at a segment, within the budget of right-hand sides."""
+    """One attempt after the other at a segment."""
 
     flow: Flow
     tolerance: Tolerance
@@ -178,21 +181,19 @@ class Crossing:
     limit: float
     progress: Callable[[float], None] | None
     calls: int = 0
-    budget: int = CALLS
 
     def cross(self, segment: Segment, s: Vector) -> tuple[Vector, End]:
         """State at the end of the segment, or where it was left and why."""
         t, end, troubles = segment.start, End("done", segment.stop), []
         self.recorder.enter(t, s)
-        self.budget += CALLS_PER_SEGMENT
-        for method, attempt in {"LSODA": self.lsoda, "Radau": self.radau}.items():
+        attempts: dict[str, Attempt] = {"LSODA": self.lsoda, "Radau": self.radau}
+        for method, attempt in attempts.items():
             if t >= segment.stop:
                 break
             t, s, end = self.follow(attempt, segment, t, s)
             if end.status != "stall":
                 break
             troubles.append(f"{method}: {end.reason}")
-            self.budget = self.calls + CALLS
         if end.status == "stall":
             escape = self.exploding(t, s, segment.held)
             reason = "the state grows without bound" if escape else "; ".join(troubles)
@@ -201,12 +202,13 @@ class Crossing:
 
     def follow(
         self,
-        attempt: Callable[[Segment, float, Vector], "LSODA | Radau"],
+        attempt: "Attempt",
         segment: Segment,
         t: float,
         s: Vector,
     ) -> tuple[float, Vector, End]:
         """Step until the segment is crossed, the state escapes, or the method gives up."""
+        calls, begin = self.calls, t
         try:
             solver = attempt(segment, t, s)
             while solver.status == "running":
@@ -217,8 +219,10 @@ class Crossing:
                     return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.0e}")
                 self.recorder.step(solver)
                 self.report(t)
-                if self.calls > self.budget:
-                    return t, s, End("stall", t, "too many steps")
+                if self.calls > calls + WINDOW:
+                    if t - begin < PACE * (segment.stop - begin):
+                        return t, s, End("stall", t, "the steps have become too small")
+                    calls, begin = self.calls, t
         except ArithmeticError as error:
             return t, s, End("stall", t, str(error))
         return t, s, End("done", t)
@@ -250,9 +254,7 @@ class Crossing:
             self.tolerance.relative,
             cast(float, self.tolerance.absolute),
         )  # an array, say scipy's own types
-        return Radau(
-            rhs, t, s, segment.stop, rtol=rtol, atol=atol, jac=self.jacobian(segment), first_step=first
-        )
+        return Radau(rhs, t, s, segment.stop, rtol=rtol, atol=atol, jac=self.jacobian(segment), first_step=first)
 
     def jacobian(self, segment: Segment) -> Callable[[float, Vector], Vector]:
         """Jacobian of the flow in this segment."""

@@ -105,9 +105,7 @@ def scenario(spec: Spec, simulation: Simulation) -> Scenario:
     """
     missing = [i for i, block in enumerate(spec.nonlinearities, start=1) if block.f is None]
     if missing:
-        raise UsageError(
-            f"nonlinearities[{missing[0]}] has no `f`, which a simulation needs (a design does not)"
-        )
+        raise UsageError(f"nonlinearities[{missing[0]}] has no `f`, which a simulation needs (a design does not)")
     xm, v, unmodeled = disturbance(spec, simulation)
     plant = in_floats(beside(spec) if unmodeled else spec.augmented)
     noise, period = noise_samples(simulation, len(plant.outputs))

@@ -181,9 +181,7 @@ def summarise(
         "reason": trajectory.reason or None,
         "z_norm2": z,
         "v_norm2": v,
-        "v_norm2_infinite": norm_to_infinity(acting.v, trajectory.time, errors.v2[-1])
-        if v is not None
-        else None,
+        "v_norm2_infinite": norm_to_infinity(acting.v, trajectory.time, errors.v2[-1]) if v is not None else None,
         "ratio": z / v if z is not None and v else None,
         "gamma": guarantee.gamma if guarantee else None,
         "bounds": bounds(errors, guarantee) if guarantee and not uncovered else [],

@@ -74,9 +74,7 @@ class Stack:
         table = np.empty((len(arguments), len(self.terms)))
         for column, term in enumerate(self.terms):
             names = sorted(term.expression.names)
-            table[:, column] = term.expression.function(names)(
-                *(arguments[:, term.places[name]] for name in names)
-            )
+            table[:, column] = term.expression.function(names)(*(arguments[:, term.places[name]] for name in names))
         return table
 
     def jacobian(self, arguments: Sequence[float]) -> Array:
@@ -165,9 +163,7 @@ class Loop:
                 return phi
         raise FloatingPointError("the algebraic loop through q = .. + Dqf f(q) has no solution")
 
-    def _descend(
-        self, known: list[float], a: Array, phi: Array, residual: Array, step: Array
-    ) -> tuple[Array, Array]:
+    def _descend(self, known: list[float], a: Array, phi: Array, residual: Array, step: Array) -> tuple[Array, Array]:
         """Point along the Newton step where the residual is smaller, and its residual."""
         for shrink in 0.5 ** np.arange(30):
             trial = phi - shrink * step

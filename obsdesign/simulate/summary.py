@@ -125,9 +125,7 @@ def norm_to_infinity(v: Sequence[Expression], horizon: float, so_far: float) -> 
         return None
     signals = [e.scalar(["t"]) for e in v]
     try:
-        tail, error, *trouble = quad(
-            lambda t: sum(s(t) ** 2 for s in signals), horizon, np.inf, full_output=1
-        )
+        tail, error, *trouble = quad(lambda t: sum(s(t) ** 2 for s in signals), horizon, np.inf, full_output=1)
     except ArithmeticError:
         return None
     converged = len(trouble) == 1 and np.isfinite(tail) and error <= ROUNDING * (so_far + tail) + 1e-300

@@ -20,9 +20,7 @@ from obsdesign.spec.values import Axis, Entries, Reader, Size
 UNEQUAL = ("lipschitz", "multiplier")  # types for which q and f may have different sizes
 ARGUMENT = re.compile(r"\bq\b")
 INFINITE = (".inf", "+.inf", ".Inf", "+.Inf", ".INF", "+.INF")
-POINTS = np.concatenate(
-    [np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)]
-)
+POINTS = np.concatenate([np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)])
 TOLERANCE = 1e-9  # relative, of two ways to write the same function
 Slopes = tuple[list[fmpq | None], list[fmpq | None]]
 
@@ -37,9 +35,7 @@ class Kind:
 
     def components(self) -> Size:
         """Components of q (and of f) that the data speak of; None if of any number."""
-        if self.name != "slope":
-            return None
-        longest = max(map(len, self.data))
+        longest = max(map(len, self.data)) if isinstance(self.data, tuple) else 1
         return longest if longest > 1 else None
 
 
@@ -80,6 +76,9 @@ def read_type(reader: Reader, written: str | TypeData, loc: Loc) -> Kind:
     """Type of a block with its data in exact numbers."""
     if isinstance(written, str):
         return Kind(written, written, None)
+    if written.lipschitz == "auto":
+        reader.wrong((*loc, "lipschitz"), "auto is not available in this version; give a number >= 0")
+        return Kind("lipschitz", "lipschitz auto", fmpq(1))
     if written.lipschitz is not None:
         k = reader.number(written.lipschitz, (*loc, "lipschitz"), ">= 0")
         return Kind("lipschitz", f"lipschitz {written.lipschitz}", k)
@@ -90,34 +89,31 @@ def read_type(reader: Reader, written: str | TypeData, loc: Loc) -> Kind:
     return Kind("multiplier", "multiplier", reader.entries(written.multiplier, (*loc, "multiplier")))
 
 
-def read_bounds(
-    reader: Reader, written: str | Sequence[str], loc: Loc, *, infinite: bool = False
-) -> list[fmpq | None]:
+def read_bounds(reader: Reader, written: str | Sequence[str], loc: Loc, *, infinite: bool = False) -> list[fmpq | None]:
     """Bounds of slopes; None is infinite."""
-    places = (
-        {loc: written} if isinstance(written, str) else {(*loc, i): text for i, text in enumerate(written)}
-    )
-    return [
-        None if infinite and text in INFINITE else reader.number(text, place)
-        for place, text in places.items()
-    ]
+    if isinstance(written, str):
+        return [None if infinite and written in INFINITE else reader.number(written, loc)]
+    reader.limit(len(written), "bounds", loc)
+    return [None if infinite and text in INFINITE else reader.number(text, (*loc, i)) for i, text in enumerate(written)]
 
 
 def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None) -> Nonlinearity | None:
-    """Function and multiplier of a block; None after an error.
+    """Read the function and the multiplier of a block; None after an error.
 
     Parameters
     ----------
     known
         What f may depend on besides its argument; None if an earlier error leaves it open.
     """
-    f = read_function(reader, block, known)
-    if not reader.clean(block.loc):
+    if not reader.clean((*block.loc, "type")):
         return None
     try:
         multiplier = TEMPLATES[block.kind.name](template_data(block), block.nq, block.nf)
     except UsageError as error:
         reader.wrong((*block.loc, "type"), error.problems[0].message)
+        return None
+    f = read_function(reader, block, known)
+    if not reader.clean((*block.loc, "f")):
         return None
     if f is not None and block.kind.name in FUNCTIONS and known is not None:
         compare(reader, block, f, known)
@@ -125,7 +121,7 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
 
 
 def template_data(block: Block) -> Any:
-    """Data of the type as its template takes them."""
+    """Return the data of the type as its template takes them."""
     data = block.kind.data
     if isinstance(data, Entries):
         return data.values
@@ -138,7 +134,7 @@ def template_data(block: Block) -> Any:
 
 
 def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> tuple[Expression, ...] | None:
-    """Function of a block: as given, or that of its type."""
+    """Read the function of a block: as given, or that of its type."""
     library = FUNCTIONS.get(block.kind.name)
     if block.section.f is not None:
         names = None if known is None else (*arguments(block.nq), *known)

@@ -1,8 +1,8 @@
 """YAML text to a tree of nodes that know their line and column: the only YAML code.
 
 Scalars are read as YAML 1.2 (core schema) says, not 1.1: `1e-3` is a number, `010` is ten, `no` is text.
-A number keeps its text, so that a decimal is exact. Hostile files (alias bombs, towers of brackets) are refused
-while their events arrive, before there is a tree.
+A number keeps its text, so that a decimal is exact. Hostile files (alias bombs, towers of brackets) are
+refused while their events arrive, before there is a tree.
 """
 
 import re
@@ -18,8 +18,9 @@ MAX_BYTES = 4 * 2**20
 TOO_LARGE = "is larger than 4 MiB; a spec may not be"
 TOO_DEEP = "nested deeper than 32 levels; a spec needs no more"
 MAX_DEPTH = 32  # lists and mappings inside each other
-MAX_NODES = 250_000  # a dense A with 400 states has 160,000
+MAX_NODES = 200_000  # a dense A with 400 states has 160,000
 MAX_PROBLEMS = 100
+MAX_SHOWN = 4  # parts of a key in a message about YAML
 MAX_QUOTED = 60  # characters of a value in a message
 MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 
@@ -36,6 +37,7 @@ CONSTANTS = {
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
 Loc = tuple[str | int, ...]
+Mark = Any  # of PyYAML, or of libyaml
 
 
 class Number(str):
@@ -126,9 +128,7 @@ def read(path: str) -> str:
     try:
         return data.decode()
     except UnicodeDecodeError as error:
-        raise UsageError(
-            Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path)
-        ) from None
+        raise UsageError(Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path)) from None
 
 
 def compose(text: str, path: str) -> Document:
@@ -154,7 +154,9 @@ def compose(text: str, path: str) -> Document:
         for event in yaml.parse(text, LOADER):
             composer.take(event)
     except yaml.MarkedYAMLError as error:
-        composer.stop(error.problem_mark or error.context_mark, explained(error, text))
+        mark = error.problem_mark or error.context_mark
+        place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        raise UsageError(*composer.problems, Problem(explained(error, text), path, *place)) from None
     if composer.root is None or composer.root.value is None:
         raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path))
     return Document(path, text, composer.root, tuple(composer.problems))
@@ -174,7 +176,7 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> str:
 class Open:
     """A list or mapping that is being read."""
 
-    def __init__(self, mark: yaml.Mark, anchor: str | None, *, mapping: bool) -> None:
+    def __init__(self, mark: Mark, anchor: str | None, *, mapping: bool) -> None:
         self.mark = mark
         self.anchor = anchor
         self.mapping = mapping
@@ -196,19 +198,17 @@ class Composer:
         self.nodes = 0
         self.aliased = 0
 
-    def stop(self, mark: yaml.Mark, message: str) -> NoReturn:
+    def stop(self, mark: Mark, message: str) -> NoReturn:
         """Give up reading, with all that was found wrong so far."""
         raise UsageError(*self.problems, self.problem(mark, message))
 
-    def problem(self, mark: yaml.Mark, message: str) -> Problem:
-        """What is wrong at the mark, with the key under which it stands."""
-        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()))
+    def problem(self, mark: Mark, message: str) -> Problem:
+        """Return what is wrong at the mark, with the key under which it stands."""
+        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()[:MAX_SHOWN]))
 
     def here(self) -> Loc:
         """Where the next node will stand."""
-        keys = [
-            (level.key and level.key.value) if level.mapping else len(level.values) for level in self.stack
-        ]
+        keys = [(level.key and level.key.value) if level.mapping else len(level.values) for level in self.stack]
         return tuple(key for key in keys if key is not None)
 
     def take(self, event: yaml.Event) -> None:
@@ -251,12 +251,10 @@ class Composer:
         self.stack.append(Open(event.start_mark, event.anchor, mapping=mapping))
 
     def target(self, event: yaml.AliasEvent) -> Node:
-        """What an alias stands for."""
+        """Node that an alias stands for."""
         name, mark = event.anchor, event.start_mark
         if name not in self.anchors:
-            self.stop(
-                mark, f"the alias *{name} has no anchor; put an expression that begins with * in quotes"
-            )
+            self.stop(mark, f"the alias *{name} has no anchor; put an expression that begins with * in quotes")
         found = self.anchors[name]
         if found is None:
             self.stop(mark, f"the alias *{name} stands inside what it stands for")
@@ -290,7 +288,7 @@ class Composer:
         parent.key = None
 
     def empty(self, node: Node) -> Problem:
-        """What is wrong with a value that is not there."""
+        """Return what is wrong with a value that is not there."""
         message = "has no value; give one, or leave it out"
         return Problem(message, self.path, node.line, node.column, dotted(self.here()))
 
@@ -310,12 +308,12 @@ class Composer:
         return node._replace(value=None)
 
 
-def placed(value: Any, mark: yaml.Mark, size: int = 1, height: int = 0) -> Node:
+def placed(value: Any, mark: Mark, size: int = 1, height: int = 0) -> Node:
     """Node that begins at the mark."""
     return Node(value, mark.line + 1, mark.column + 1, mark.index, size, height)
 
 
-def scalar(text: str) -> None | bool | str:
+def scalar(text: str) -> bool | str | None:
     """Value of a plain scalar in the core schema of YAML 1.2."""
     if text in CONSTANTS:
         return CONSTANTS[text]
@@ -327,7 +325,7 @@ def scalar(text: str) -> None | bool | str:
 
 
 def described(value: Any) -> str:
-    """A plain value as a message names it."""
+    """Name a plain value as a message does."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):

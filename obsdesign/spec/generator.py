@@ -1,7 +1,7 @@
 """The disturbance section of a spec: how w is generated from v."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from obsdesign.model import disturbance
 from obsdesign.model.disturbance import Generator
@@ -27,13 +27,17 @@ STATES = {  # names of the states that generate the channel {w}
 }
 
 
+XM, V = Axis(None, "state of the disturbance model"), Axis(None, "v")
+Q2, F2 = Axis(None, "component of q2"), Axis(None, "component of f2")
+
+
 @dataclass(frozen=True)
 class Exogenous:
     """What was read of the disturbance section, open where an earlier error leaves it open."""
 
-    xm: Axis = Axis(None, "state of the disturbance model")
-    v: Axis = Axis(None, "v")
-    q: Axis = Axis(None, "component of q2")
+    xm: Axis = XM
+    v: Axis = V
+    q: Axis = Q2
     generator: Generator | None = None
     states: tuple[str, ...] = ()
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
@@ -61,7 +65,7 @@ def read_disturbance(
         reader.wrong(loc, "there is no w to generate; give system.B or system.D")
         return Exogenous()
     channels = read_channels(reader, section, loc, layout)
-    if layout.w.size is None:
+    if sum(len(channel.generator.Cm) for channel in channels) != layout.w.size:
         return Exogenous()
     return stacked(reader, channels, loc, layout)
 
@@ -77,6 +81,7 @@ def read_channels(
         return [read_channel(reader, section, loc, layout)] * (w.size or 0)
     if not w.admits(len(section)):
         reader.wrong(loc, f"expected {counted(w.size, 'model')} ({w}), found {len(section)}")
+        return []
     return [read_channel(reader, item, (*loc, i), layout) for i, item in enumerate(section)]
 
 
@@ -84,7 +89,7 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
     """Models one under the other, with the names of their states."""
     nm = sum(len(channel.states) for channel in channels)
     if layout.states.size is not None:
-        reader.limit(Axis(layout.states.size + nm, "state of the plant and of the disturbance model"), loc)
+        reader.limit(layout.states.size + nm, "states of the plant and of the disturbance model", loc)
     generator = disturbance.stack([channel.generator for channel in channels])
     templates = [(f"w{i + 1}", state) for i, channel in enumerate(channels) for state in channel.states]
     states = tuple(state.format(w=w, k=k + 1) for k, (w, state) in enumerate(templates))
@@ -93,9 +98,9 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
         if name in taken:
             reader.wrong(loc, f"{name} names a state of the disturbance model; rename that of system")
     return Exogenous(
-        replace(Exogenous.xm, size=nm),
-        replace(Exogenous.v, size=generator.Bm.shape[1]),
-        replace(Exogenous.q, size=generator.Cq2.shape[0]),
+        XM.of(nm),
+        V.of(generator.Bm.shape[1]),
+        Q2.of(generator.Cq2.shape[0]),
         generator,
         states,
         tuple(block for channel in channels for block in channel.nonlinearities),
@@ -107,7 +112,7 @@ def read_channel(reader: Reader, section: str | ChannelData, loc: Loc, layout: L
     if isinstance(section, str):
         return Channel(MODELS[section](), STATES[section])
     if section.model is not None:
-        return read_model(reader, section.model, (*loc, "model"), replace(layout.w, size=1), layout)
+        return read_model(reader, section.model, (*loc, "model"), layout.w.of(1), layout)
     if section.sinusoid is not None:
         omega = reader.number(section.sinusoid.omega, (*loc, "sinusoid", "omega"), "> 0")
         return Channel(disturbance.sinusoid(omega), STATES["sinusoid"])
@@ -117,25 +122,18 @@ def read_channel(reader: Reader, section: str | ChannelData, loc: Loc, layout: L
 
 
 def read_model(reader: Reader, section: DisturbanceModel, loc: Loc, w: Axis, layout: Layout) -> Channel:
-    """A model of the user's own."""
+    """Model of the user's own."""
     matrices = {key: reader.entries(getattr(section, key), (*loc, key)) for key in MATRICES}
-    otherwise = (
-        matrices["Cm"].shape(w.size)[1] or matrices["Bm"].shape()[0] or matrices["Bmf"].shape()[0] or 0
-    )
+    otherwise = matrices["Cm"].shape(w.size)[1] or matrices["Bm"].shape()[0] or matrices["Bmf"].shape()[0] or 0
     nm = order(reader, matrices["Am"], otherwise)
     blocks = read_blocks(reader, section, matrices, loc, nm)
-    xm = replace(Exogenous.xm, size=nm)
-    q = replace(Exogenous.q, size=sum(block.nq for block in blocks))
-    f = Axis(sum(block.nf for block in blocks), "component of f2")
-    nv = (
-        matrices["Bm"].shape(nm)[1]
-        or matrices["Dm"].shape(w.size)[1]
-        or matrices["Dq2"].shape(q.size)[1]
-        or 0
-    )
-    v = replace(Exogenous.v, size=nv)
-    for axis in (xm, q, f, v):
-        reader.limit(axis, loc)
+    xm = XM.of(nm)
+    q = Q2.of(sum(block.nq for block in blocks))
+    f = F2.of(sum(block.nf for block in blocks))
+    nv = matrices["Bm"].shape(nm)[1] or matrices["Dm"].shape(w.size)[1] or matrices["Dq2"].shape(q.size)[1] or 0
+    v = V.of(nv)
+    reader.limit(q.size, "components of q2", loc)
+    reader.limit(f.size, "components of f2", loc)
     rows = {"Am": xm, "Bmf": xm, "Bm": xm, "Cq2": q, "Dq2f": q, "Dq2": q, "Cm": w, "Dwf": w, "Dm": w}
     columns = {"Am": xm, "Bmf": f, "Bm": v, "Cq2": xm, "Dq2f": f, "Dq2": v, "Cm": xm, "Dwf": f, "Dm": v}
     exact = {key: reader.matrix(matrices[key], rows[key], columns[key]) for key in MATRICES}

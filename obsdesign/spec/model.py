@@ -25,9 +25,7 @@ class Nonlinearity:
     type: str  # as written in the spec, for tables and messages
     nq: int
     multiplier: Multiplier
-    f: (
-        tuple[Expression, ...] | None
-    )  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
+    f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def arguments(nq: int) -> tuple[str, ...]:
 
 
 def meaning(name: str) -> str | None:
-    """What a name means already, or why it is none."""
+    """Say what a name means already, or why it is none."""
     if not NAME.fullmatch(name):
         return "is not a name; use letters, digits and _, a letter first"
     if name == "t":
@@ -53,7 +53,9 @@ def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
     for name, text in parameters.items():
         if reason := meaning(name):
             reader.wrong(("parameters", name), f"{name} {reason}", at_key=True)
-        reader.parameters[name] = reader.number(text, ("parameters", name))
+        value = reader.number(text, ("parameters", name))
+        if reason is None:
+            reader.parameters[name] = value
 
 
 def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: Axis) -> Names | None:
@@ -69,9 +71,7 @@ def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: A
     for key, each in (("states", "a state"), ("outputs", "an output"), ("inputs", "an input")):
         given = getattr(system, key)
         for i, name in enumerate(getattr(names, key)):
-            if reason := meaning(name) or (
-                name in taken and f"is {taken[name]} already; choose another name"
-            ):
+            if reason := meaning(name) or (name in taken and f"is {taken[name]} already; choose another name"):
                 reader.wrong(("system", key, i) if given else ("system", key), f"{name} {reason}")
             taken[name] = each
     for name in reader.parameters:
@@ -81,13 +81,10 @@ def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: A
     for name in system.units:
         if name not in taken:
             reader.wrong(("system", "units", name), unknown("signal", name, tuple(taken), {}), at_key=True)
-    known = states.size is not None and outputs.size is not None
-    return names if known and len(reader.problems) == before else None
+    return names if len(reader.problems) == before else None
 
 
-def given_or(
-    reader: Reader, key: str, given: Sequence[str] | None, axis: Axis, letter: str
-) -> tuple[str, ...]:
+def given_or(reader: Reader, key: str, given: Sequence[str] | None, axis: Axis, letter: str) -> tuple[str, ...]:
     """Names as given, or the default ones."""
     if given is not None and not axis.admits(len(given)):
         reader.wrong(("system", key), f"expected {counted(axis.size, 'name')} ({axis}), found {len(given)}")

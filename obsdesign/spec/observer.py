@@ -11,17 +11,13 @@ from obsdesign.spec.document import Loc
 from obsdesign.spec.schema import Frobenius, Gains, Level, Observer
 from obsdesign.spec.values import Axis, Reader
 
-ALPHA = Range(
-    fmpq(1, 1000), fmpq(1000), points=25, log=True
-)  # where the search looks if the spec does not say
+ALPHA = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
 SLACK = fmpq(1, 20)
 MAX_POINTS = 10_000
 SEARCHED = ("max-alpha", "pareto")  # objectives that need a range of alpha
 
 
-def read_observer(
-    reader: Reader, section: Observer | None, states: Axis, outputs: Axis, q: Axis
-) -> Request | None:
+def read_observer(reader: Reader, section: Observer | None, states: Axis, outputs: Axis, q: Axis) -> Request | None:
     """Return the request; None if the structure of the section is wrong.
 
     Parameters
@@ -103,7 +99,4 @@ def read_gains(
         return None
     loc: Loc = ("observer", "gains")
     rows = {"L1": states, "L2": q}
-    return {
-        key: reader.matrix(reader.entries(getattr(section, key), (*loc, key)), rows[key], outputs)
-        for key in rows
-    }
+    return {key: reader.matrix(reader.entries(getattr(section, key), (*loc, key)), rows[key], outputs) for key in rows}

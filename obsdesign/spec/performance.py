@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array
@@ -50,7 +49,7 @@ def read_performance(
 
 
 def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Array | None]:
-    """Row over the augmented state of each state and of each w; None where w has a feedthrough from v or f."""
+    """Row over the augmented state of each state and each w; None where w has a feedthrough from v or f."""
     n, size = len(names.states), len(names.states) + len(xm)
     basis = np.full((size, size), fmpq(0), dtype=object)
     np.fill_diagonal(basis, fmpq(1))
@@ -62,9 +61,7 @@ def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Arr
     return table
 
 
-def read_weight(
-    reader: Reader, section: Weight, layout: Layout, exogenous: Exogenous
-) -> tuple[Array, tuple[str, ...]]:
+def read_weight(reader: Reader, section: Weight, layout: Layout, exogenous: Exogenous) -> tuple[Array, tuple[str, ...]]:
     """H as given."""
     entries = reader.entries(section.H, ("performance", "H"))
     n, nm = layout.states.size, exogenous.xm.size

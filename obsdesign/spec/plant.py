@@ -1,7 +1,7 @@
 """The plant of a spec: sizes from its matrices, then every matrix checked against them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,21 +11,24 @@ from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
 from obsdesign.spec.blocks import Block, read_block, read_nonlinearity
 from obsdesign.spec.model import Nonlinearity
-from obsdesign.spec.names import Names, arguments, read_names
+from obsdesign.spec.names import Names, read_names
 from obsdesign.spec.schema import Nonlinearity as Section
 from obsdesign.spec.schema import System
 from obsdesign.spec.values import Axis, Entries, Reader, Size
+
+X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")
+Q, F = Axis(None, "component of q"), Axis(None, "component of f")
 
 
 @dataclass(frozen=True)
 class Layout:
     """Sizes and names of a plant, open where an earlier error leaves them open."""
 
-    states: Axis = Axis(None, "state")
-    outputs: Axis = Axis(None, "output")
-    w: Axis = Axis(None, "w")
-    q: Axis = Axis(None, "component of q")
-    f: Axis = Axis(None, "component of f")
+    states: Axis = X
+    outputs: Axis = Y
+    w: Axis = W
+    q: Axis = Q
+    f: Axis = F
     names: Names | None = None
 
     def known(self, *kinds: str) -> tuple[str, ...] | None:
@@ -55,20 +58,7 @@ def read_plant(reader: Reader, system: System | None, sections: Sequence[Section
     n = order(reader, matrices["A"], len(system.states or ["x1"]))
     ny = matrices["C"].shape(None, n)[0] or matrices["D"].shape()[0] or len(system.outputs or ["y1"])
     parts = [read_part(reader, section, i, n, ny) for i, section in enumerate(sections or ())]
-    nw = matrices["B"].shape(n)[1] or matrices["D"].shape(ny)[1]
-    for part in parts:
-        nw = nw or part.matrices["Dq"].shape(part.block.nq)[1]
-    nw = nw or 0
-    sizes = {
-        "states": n,
-        "outputs": ny,
-        "w": nw,
-        "q": sum(p.block.nq for p in parts),
-        "f": sum(p.block.nf for p in parts),
-    }
-    if sections is None:
-        sizes |= {"w": nw or None, "q": None, "f": None}
-    layout = lay_out(reader, system, sizes)
+    layout = lay_out(reader, system, matrices, (n, ny), parts if sections is not None else None)
     plant = read_matrices(reader, layout, matrices, parts)
     known = layout.known("outputs", "inputs")
     gx = reader.expressions(system.gx, ("system", "gx"), layout.states, known)
@@ -79,13 +69,15 @@ def read_plant(reader: Reader, system: System | None, sections: Sequence[Section
 
 
 def order(reader: Reader, A: Entries, otherwise: Size) -> Size:
-    """Number of states: the size of A, or `otherwise` if A is just 0; None if A is not square."""
+    """Return the size of A, or `otherwise` if A is just 0; None if A is not square."""
     if A.zero:
         return otherwise
     if A.values.size == 1:
         return 1
     rows, columns = A.shape()
-    if rows is None or rows != columns:
+    if A.ragged:
+        return None
+    if not rows or rows != columns:
         reader.wrong(A.loc, f"expected a square matrix, found {A}")
         return None
     return rows
@@ -102,20 +94,18 @@ class Part:
     @property
     def q(self) -> Axis:
         """Components of its argument."""
-        return Axis(self.block.nq, Layout.q.each)
+        return Q.of(self.block.nq)
 
     @property
     def f(self) -> Axis:
         """Components of its value."""
-        return Axis(self.block.nf, Layout.f.each)
+        return F.of(self.block.nf)
 
 
 def read_part(reader: Reader, section: Section, i: int, n: Size, ny: Size) -> Part:
     """One block, with its sizes from its own matrices."""
     loc = ("nonlinearities", i)
-    matrices = {
-        key: reader.entries(getattr(section, key), (*loc, key)) for key in ("Bf", "Cq", "Dqf", "Dq", "Df")
-    }
+    matrices = {key: reader.entries(getattr(section, key), (*loc, key)) for key in ("Bf", "Cq", "Dqf", "Dq", "Df")}
     nf = matrices["Bf"].shape(n)[1] or matrices["Df"].shape(ny)[1]
     nq = matrices["Cq"].shape(None, n)[0] or matrices["Dqf"].shape()[0] or matrices["Dq"].shape()[0]
     if isinstance(section.gq, list):
@@ -123,20 +113,48 @@ def read_part(reader: Reader, section: Section, i: int, n: Size, ny: Size) -> Pa
     return Part(read_block(reader, section, loc, nq, nf), matrices, section.gq)
 
 
-def lay_out(reader: Reader, system: System, sizes: Mapping[str, Size]) -> Layout:
-    """Sizes and names of the whole plant."""
-    axes = {key: replace(getattr(Layout, key), size=size) for key, size in sizes.items()}
-    reader.limit(axes["states"], ("system", "A"))
-    reader.limit(axes["outputs"], ("system", "C"))
-    reader.limit(axes["w"], ("system", "B"))
-    reader.limit(axes["q"], ("nonlinearities",))
-    reader.limit(axes["f"], ("nonlinearities",))
-    return Layout(**axes, names=read_names(reader, system, axes["states"], axes["outputs"], axes["w"]))
+def lay_out(
+    reader: Reader,
+    system: System,
+    matrices: Mapping[str, Entries],
+    sizes: tuple[Size, int],
+    parts: Sequence[Part] | None,
+) -> Layout:
+    """Sizes and names of the whole plant.
+
+    Parameters
+    ----------
+    sizes
+        Number of states, and of outputs.
+    parts
+        The blocks f_i; None if their structure is wrong.
+    """
+    x, y = X.of(sizes[0]), Y.of(sizes[1])
+    w = W.of(exogenous_inputs(matrices, parts or (), x, y))
+    q, f = Q, F
+    if parts is not None:
+        q, f = Q.of(sum(part.block.nq for part in parts)), F.of(sum(part.block.nf for part in parts))
+    elif not w.size:
+        w = W
+    reader.limit(y.size, "outputs", ("system", "outputs"))
+    reader.limit(q.size, "components of q", ("nonlinearities",))
+    reader.limit(f.size, "components of f", ("nonlinearities",))
+    guess = len(system.states or ()) or max(matrices["A"].values.shape, default=1) or 1
+    names = read_names(reader, system, x if x.size else X.of(guess), y, w)
+    return Layout(x, y if matrices["C"].fits(Y, x) else Y, w, q, f, names)
 
 
-def read_matrices(
-    reader: Reader, layout: Layout, whole: Mapping[str, Entries], parts: Sequence[Part]
-) -> Plant:
+def exogenous_inputs(matrices: Mapping[str, Entries], parts: Sequence[Part], x: Axis, y: Axis) -> Size:
+    """Count the exogenous inputs, from the first matrix that says it; None if that one is wrong."""
+    candidates = [(matrices["B"], x), (matrices["D"], y), *((p.matrices["Dq"], p.q) for p in parts)]
+    for entries, rows in candidates:
+        count = entries.shape(rows.size)[1]
+        if count is not None:
+            return count if entries.fits(rows, W) else None
+    return 0
+
+
+def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], parts: Sequence[Part]) -> Plant:
     """Every matrix in its size, the blocks f_i side by side."""
     x, y, w = layout.states, layout.outputs, layout.w
     names = layout.names or Names((), (), (), ())

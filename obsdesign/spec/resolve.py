@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +51,8 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
-    augmented = replace(layout.states, size=total(layout.states, exogenous.xm), each="augmented state")
-    q = replace(layout.q, size=total(layout.q, exogenous.q))
+    augmented = Axis(total(layout.states, exogenous.xm), "augmented state")
+    q = layout.q.of(total(layout.q, exogenous.q))
     observer = read_observer(reader, file.observer, augmented, layout.outputs, q)
     simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v)
     expect = read_expectations(reader, file.expect or {})
@@ -92,7 +91,7 @@ def total(plant: Axis, model: Axis) -> Size:
 
 
 def read_expectations(reader: Reader, written: Mapping[str, Any]) -> dict[str, Any]:
-    """What the spec must give: a status, and values by their dotted path in the result."""
+    """Read what the spec must give: a status, and values by their dotted path in the result."""
     expected: dict[str, Any] = {}
     for key, value in written.items():
         loc: Loc = ("expect", key)
@@ -101,9 +100,7 @@ def read_expectations(reader: Reader, written: Mapping[str, Any]) -> dict[str, A
         elif key == "status" and value not in STATUSES:
             reader.wrong(loc, unknown("status", value, STATUSES, {}))
         elif isinstance(value, dict):
-            expected[key] = {
-                name: read_record(reader, name, item, (*loc, name)) for name, item in value.items()
-            }
+            expected[key] = {name: read_record(reader, name, item, (*loc, name)) for name, item in value.items()}
         else:
             expected[key] = read_plain(reader, value, loc)
     return expected
@@ -119,7 +116,7 @@ def read_record(reader: Reader, name: str, value: Any, loc: Loc) -> Any:
 
 
 def read_plain(reader: Reader, value: Any, loc: Loc) -> Any:
-    """A value with its numbers as doubles."""
+    """Read a value with its numbers as doubles."""
     if isinstance(value, Number):
         return float(reader.number(value, loc))
     if isinstance(value, list):

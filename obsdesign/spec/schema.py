@@ -1,30 +1,31 @@
 """The format of a spec, version 1: which keys there are and what form their values have.
 
-The models hold structure only. Numbers stay texts here (`Entry`), sizes and meanings are checked by `resolve`.
-Every section of a file may be None here: that is what is left of a section whose structure is wrong.
+The models hold structure only: sizes and meanings are for `resolve`. Every section of a file may be None,
+which is what is left of a section whose structure is wrong.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    InstanceOf,
-    Tag,
-    ValidationError,
-    WithJsonSchema,
-)
+from pydantic import ConfigDict, Field, Tag, ValidationError
 from pydantic import model_validator as validator
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
-from typing_extensions import TypeAliasType
+from pydantic_core import PydanticCustomError, core_schema
 
 from obsdesign.nonlinearities import FUNCTIONS
-from obsdesign.spec.words import unavailable, unknown
+from obsdesign.spec.forms import (
+    Choice,
+    Entry,
+    Matrix,
+    OneOf,
+    Scalar,
+    Section,
+    Signals,
+    Text,
+    Vector,
+    told_apart,
+)
+from obsdesign.spec.words import unavailable
 
 FAMILIES = ("l2",)
 LATER_FAMILIES = (
@@ -37,83 +38,9 @@ LATER_OBSERVER_KEYS = (
 TYPES = ("monotone", *FUNCTIONS)
 FORMS = ("lipschitz", "slope", "multiplier")
 LATER_FORMS = ("sector", "cocoercive", "ball", "one-sided-lipschitz", "jacobian", "cone", "auto")
+MAX_BLOCKS = 400
 CHANNELS = ("unknown", "integrator", "double-integrator")
 CHANNEL_FORMS = ("sinusoid", "bias+sinusoid", "model")
-
-
-def form(value: Any) -> str:
-    """Tag of the form of a value, by which a union is told apart."""
-    if isinstance(value, dict):
-        return "<mapping>"
-    if isinstance(value, list):
-        return "<rows>" if any(isinstance(item, list) for item in value) else "<list>"
-    return "<scalar>"
-
-
-def told_apart(expected: str) -> Discriminator:
-    """Discriminator of a union by form; `expected` completes "expected .., found ..."."""
-    return Discriminator(form, custom_error_type="expected", custom_error_message=expected)
-
-
-@dataclass(frozen=True, eq=False)
-class OneOf:
-    """Marks a text as one of a few words."""
-
-    kind: str
-    words: tuple[str, ...]
-    hints: Mapping[str, str] = field(default_factory=dict)  # what to say of other words that have a meaning
-
-    def check(self, value: Any) -> str:
-        """Return the word, or say which are allowed."""
-        if isinstance(value, str) and value in self.words:
-            return value
-        raise PydanticCustomError(
-            "word", "{message}", {"message": unknown(self.kind, value, self.words, self.hints)}
-        )
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:  # noqa: ARG002, PLW3201
-        return core_schema.no_info_plain_validator_function(self.check)
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> JsonSchemaValue:  # noqa: ARG002, PLW3201
-        return {"enum": list(self.words)}
-
-
-Text = str
-Entry = Annotated[InstanceOf[str], WithJsonSchema({"type": ["number", "string"]})]
-Scalar = Annotated[Entry, Tag("<scalar>")]
-Items = Annotated[list[Entry], Tag("<list>")]
-Rows = Annotated[list[list[Entry]], Tag("<rows>")]
-Matrix = TypeAliasType(
-    "Matrix", Annotated[Scalar | Items | Rows, told_apart("a number, a vector or a list of rows")]
-)
-Vector = TypeAliasType("Vector", Annotated[Scalar | Items, told_apart("a number or a list of numbers")])
-Signals = TypeAliasType(
-    "Signals", Annotated[Scalar | Items, told_apart("an expression or a list of expressions")]
-)
-
-
-class Section(BaseModel):
-    """A mapping with known keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-    hints: ClassVar[Mapping[str, str]] = {}  # what to say of other keys that have a meaning
-
-    @classmethod
-    def keys(cls) -> tuple[str, ...]:
-        """The keys, as they are written."""
-        return tuple(f.alias or name for name, f in cls.model_fields.items())
-
-
-class Choice(Section):
-    """A mapping with exactly one of its keys."""
-
-    @validator(mode="after")
-    def _one_key(self) -> Self:
-        if len(self.model_fields_set) != 1:
-            raise PydanticCustomError(
-                "choice", "expected one of the keys {keys}", {"keys": ", ".join(self.keys())}
-            )
-        return self
 
 
 class System(Section):
@@ -152,7 +79,7 @@ class TypeData(Choice):
     lipschitz: Entry | None = Field(None, description="norm(df) <= lipschitz norm(dq)")
     slope: Annotated[list[Vector] | None, Field(min_length=2, max_length=2)] = Field(
         None,
-        description="[lo, hi]: componentwise slope, each a number or one for each component; .inf allowed for hi",
+        description="[lo, hi], each a number or one for each component; .inf allowed for hi",
     )
     multiplier: Matrix | None = Field(None, description="M of [dq; df]' M [dq; df] >= 0, (nq + nf) square")
 
@@ -176,9 +103,7 @@ class Function(Section):
     """One block of f in a disturbance model."""
 
     type: Type = Field(description="what the design may assume of f")
-    f: Signals | None = Field(
-        None, description="expressions of q (q1, q2, ..), t, the outputs and the inputs"
-    )
+    f: Signals | None = Field(None, description="expressions of q (q1, q2, ..), t, the outputs and the inputs")
 
 
 class Nonlinearity(Function):
@@ -210,7 +135,7 @@ class DisturbanceModel(Section):
     Dq2f: Matrix | None = None
     Dq2: Matrix | None = None
     Dwf: Matrix | None = None
-    nonlinearities: list[Function] = []
+    nonlinearities: list[Function] = Field([], max_length=MAX_BLOCKS, description="f and type only")
 
 
 class ChannelData(Choice):
@@ -259,6 +184,9 @@ class Range(Section):
     log: bool = Field(False, strict=True, description="spaced by a factor")
 
 
+ObjectiveName = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
+
+
 class Level(Section):
     """A performance level to reach."""
 
@@ -275,9 +203,7 @@ class Bounds(Section):
     """What a design may use at most."""
 
     L1: (
-        Annotated[
-            Scalar | Annotated[Frobenius, Tag("<mapping>")], told_apart("a number, or {frobenius: a number}")
-        ]
+        Annotated[Scalar | Annotated[Frobenius, Tag("<mapping>")], told_apart("a number, or {frobenius: a number}")]
         | None
     ) = Field(None, description="spectral norm of the gain")
     P: Entry | None = Field(None, description="P <= p I")
@@ -306,11 +232,7 @@ class Observer(Section):
         | None
     ) = Field(None, description="decay rate")
     objective: Annotated[
-        Annotated[
-            str,
-            OneOf("objective", ("min-gamma", "max-alpha", "feasibility", "pareto")),
-            Tag("<scalar>"),
-        ]
+        Annotated[ObjectiveName, OneOf("objective", get_args(ObjectiveName)), Tag("<scalar>")]
         | Annotated[Level, Tag("<mapping>")],
         told_apart("an objective, or {gamma: a number}"),
     ] = "min-gamma"
@@ -326,13 +248,14 @@ class Observer(Section):
         return {"type": data["type"]} if other else data
 
 
+NoiseName = Literal["uniform", "gaussian"]
+
+
 class Noise(Section):
     """Extra measurement noise, constant over each period."""
 
-    type: Annotated[str, OneOf("noise", ("uniform", "gaussian"))] = "uniform"
-    amplitude: Vector = Field(
-        description="half width or standard deviation, one number or one for each output"
-    )
+    type: Annotated[NoiseName, OneOf("noise", get_args(NoiseName))] = "uniform"
+    amplitude: Vector = Field(description="half width or standard deviation, one number or one for each output")
     period: Entry = Field(description="s")
 
 
@@ -361,11 +284,9 @@ class File(Section):
     name: Text | None = None
     source: Text | None = None
     description: Text | None = None
-    parameters: dict[str, Entry] | None = Field(
-        {}, description="numbers, usable by name in entries and expressions"
-    )
+    parameters: dict[str, Entry] | None = Field({}, description="numbers, usable by name in entries and expressions")
     system: System | None
-    nonlinearities: list[Nonlinearity] | None = []
+    nonlinearities: list[Nonlinearity] | None = Field([], max_length=MAX_BLOCKS, description="the blocks f_i")
     disturbance: (
         Annotated[
             ChannelName | Annotated[Disturbance, Tag("<mapping>")] | Annotated[list[Channel], Tag("<list>")],
@@ -391,11 +312,11 @@ class SchemaWriter(GenerateJsonSchema):
     """JSON Schema in which a key may be left out but not be null."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """Schema of the value itself."""
+        """Return the schema of the value itself."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        """Schema of the value itself, where the default is that there is none."""
+        """Return the schema of the value itself, where the default is that there is none."""
         if "default" in schema and schema["default"] is None:
             return self.generate_inner(schema["schema"])
         return super().default_schema(schema)

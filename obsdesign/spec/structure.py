@@ -1,5 +1,6 @@
-"""From a document to the models of the format, with every structural error at its place and in plain words."""
+"""From a document to the models of the format, with every structural error in plain words at its place."""
 
+import re
 from collections.abc import Iterator
 from typing import Any, get_args
 
@@ -7,8 +8,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from obsdesign.errors import Problem
-from obsdesign.spec.document import Document, Loc, described
-from obsdesign.spec.schema import File, Section
+from obsdesign.spec.document import MAX_PROBLEMS, Document, Loc, described
+from obsdesign.spec.forms import Section
+from obsdesign.spec.schema import File
 from obsdesign.spec.words import nearest, unknown
 
 EXPECTED = {
@@ -17,8 +19,8 @@ EXPECTED = {
     "list_type": "a list",
     "dict_type": "a mapping",
     "bool_type": "true or false",
-    "too_short": "two items [lo, hi]",
-    "too_long": "two items [lo, hi]",
+    "too_short": "at least {min_length} items",
+    "too_long": "at most {max_length} items",
 }
 
 
@@ -35,45 +37,62 @@ def validate(document: Document) -> tuple[File | None, list[Problem]]:
     problems = list(document.problems)
     tree = document.root.plain()
     if not isinstance(tree, dict):
-        expected = f"a mapping with the keys {', '.join(File.keys())}"
+        expected = f"a mapping with the keys {', '.join(File.names())}"
         problems.append(document.problem((), f"expected {expected}; found {described(tree)}"))
         return None, problems
-    broken = {meant(problem.key) for problem in problems}
+    broken = {meant(re.split(r"[.\[]", problem.key)[0]) for problem in problems}
     try:
-        return (File.model_validate(tree) if not broken else sound(tree, broken)), problems
+        file = File.model_validate(tree)
     except ValidationError as error:
+        errors = [(place(details), details) for details in error.errors(include_url=False)]
+        broken.update(meant(str(loc[0])) for loc, _ in errors)
         known = {problem.key for problem in problems}
-        found = [explained(document, details) for details in error.errors(include_url=False)]
-        problems += [problem for problem in found if problem.key not in known]
-        return sound(tree, broken | {meant(problem.key) for problem in found}), problems
+        problems += [problem for problem in explained(document, errors) if problem.key not in known]
+        return sound(tree, broken), problems
+    return sound(tree, broken) if broken else file, problems
 
 
 def sound(tree: dict[str, Any], broken: set[str]) -> File:
-    """What is left of a file whose `broken` sections are wrong."""
-    keys = [key for key in File.keys() if key in tree or key in broken]
-    return File.model_validate({key: None if key in broken else tree[key] for key in keys})
+    """Return what is left of a file whose `broken` sections are wrong."""
+    left = {key: tree[key] for key in File.names() if key in tree and key not in broken}
+    return File.model_validate(left | dict.fromkeys(broken.intersection(File.names())))
 
 
-def meant(key: str) -> str:
-    """Section in which a dotted key stands, or was probably meant to stand."""
-    name = key.partition(".")[0].partition("[")[0]
-    return nearest(name, File.keys()) or name
+def meant(name: str) -> str:
+    """Section that a key of a file was probably meant to be."""
+    return nearest(name, File.names()) or name
 
 
-def explained(document: Document, details: ErrorDetails) -> Problem:
+def place(details: ErrorDetails) -> Loc:
+    """Where an error stands, without the tags of unions."""
+    return tuple(name for name in details["loc"] if not str(name).startswith("<"))
+
+
+def explained(document: Document, errors: list[tuple[Loc, ErrorDetails]]) -> Iterator[Problem]:
+    """Structural errors at their places in plain words; a misspelt key is not missing as well."""
+    misspelt = {
+        (*loc[:-1], nearest(str(loc[-1]), model_at(loc[:-1]).names()))
+        for loc, details in errors[:MAX_PROBLEMS]
+        if details["type"] == "extra_forbidden"
+    }
+    for loc, details in errors[: MAX_PROBLEMS + 1]:
+        if not (details["type"] == "missing" and loc in misspelt):
+            yield explanation(document, loc, details)
+
+
+def explanation(document: Document, loc: Loc, details: ErrorDetails) -> Problem:
     """One structural error at its place in plain words."""
-    loc = tuple(name for name in details["loc"] if not str(name).startswith("<"))
     kind, value = details["type"], details["input"]
     if kind == "missing":
         return document.problem(loc, "is required")
     if kind == "extra_forbidden":
         owner = model_at(loc[:-1])
-        return document.problem(loc, unknown("key", loc[-1], owner.keys(), owner.hints), at_key=True)
+        return document.problem(loc, unknown("key", loc[-1], owner.names(), owner.hints), at_key=True)
     if kind in {"word", "choice", "later"}:
         return document.problem(loc, details["msg"], at_key=kind == "later")
-    expected = EXPECTED.get(kind) or details["msg"]
+    expected = EXPECTED[kind].format(**details.get("ctx", {})) if kind in EXPECTED else details["msg"]
     if kind == "model_type":
-        expected = f"a mapping with the keys {', '.join(model_at(loc).keys())}"
+        expected = f"a mapping with the keys {', '.join(model_at(loc).names())}"
     return document.problem(loc, f"expected {expected}; found {described(value)}")
 
 

@@ -26,9 +26,7 @@ def read_simulation(
     horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
     known = layout.known("states")
     if section.w is not None and section.v is not None:
-        reader.wrong(
-            (*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model"
-        )
+        reader.wrong((*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model")
     xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm)
     size = (layout.states.size or 0) + (xm.size or 0)
     w = None if section.w is None else reader.expressions(section.w, (*loc, "w"), layout.w, known)
@@ -63,13 +61,12 @@ def read_noise(reader: Reader, section: schema.Noise | None, outputs: Axis, hori
     loc: Loc = ("simulation", "noise")
     period = reader.number(section.period, (*loc, "period"), "> 0")
     if horizon > MAX_PERIODS * period:
-        reader.wrong(
-            (*loc, "period"), f"more than {MAX_PERIODS:,} periods in the horizon; give a longer period"
-        )
+        reader.wrong((*loc, "period"), f"more than {MAX_PERIODS:,} periods in the horizon; give a longer period")
     place = (*loc, "amplitude")
     if isinstance(section.amplitude, str):
         amplitude = [reader.number(section.amplitude, place, ">= 0")] * (outputs.size or 0)
     else:
+        reader.limit(len(section.amplitude), "amplitudes", place)
         amplitude = [reader.number(a, (*place, i), ">= 0") for i, a in enumerate(section.amplitude)]
         if not outputs.admits(len(amplitude)):
             expected = f"expected {counted(outputs.size, 'number')} ({outputs})"

@@ -1,11 +1,12 @@
 """Entries of a spec to exact rationals, matrices that fit, and expressions.
 
-A `Reader` collects what is wrong and goes on with a stand-in (1 for a number, 0 for a matrix), so that all errors of a
-file are found at once. A size that an earlier error leaves open is None, and then anything fits.
+A `Reader` collects what is wrong and goes on with a stand-in (1 for a number, 0 for a matrix), so that all
+errors of a file are found at once. A size that an earlier error leaves open is None, and then anything fits.
 """
 
+from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NoReturn
 
 import numpy as np
@@ -13,12 +14,11 @@ from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
-from obsdesign.lmi.formula import Array, rational_number
-from obsdesign.spec.document import DATE, MAX_PROBLEMS, NOT_FINITE, Document, Loc, Number, described, dotted
+from obsdesign.lmi.formula import Array
+from obsdesign.spec.document import DATE, MAX_PROBLEMS, NOT_FINITE, Document, Loc, described, dotted
 
 ZERO, ONE = fmpq(0), fmpq(1)
-MAX_SIZE = 400  # rows or columns of a matrix
-SHORT = 30  # characters of a decimal that is read without further checks
+MAX_SIZE = 400  # of a signal, such as the augmented state
 
 Size = int | None
 Sign = Literal["any", ">= 0", "> 0"]
@@ -34,6 +34,10 @@ class Axis:
     def __str__(self) -> str:
         return f"one for each {self.each}"
 
+    def of(self, size: Size) -> "Axis":
+        """Return the same axis with another size."""
+        return replace(self, size=size)
+
     def admits(self, count: int) -> bool:
         """Whether there can be so many."""
         return self.size is None or self.size == count
@@ -48,6 +52,7 @@ class Entries:
 
     loc: Loc
     values: Array
+    ragged: bool = False  # the rows have different lengths, which was said already
 
     @property
     def zero(self) -> bool:
@@ -56,28 +61,18 @@ class Entries:
 
     def shape(self, rows: Size = None, columns: Size = None) -> tuple[Size, Size]:
         """Rows and columns, from those that are known and from what is written."""
-        values = self.values
         if self.zero:
             return rows, columns
-        if values.ndim == 2:
-            return values.shape[0], values.shape[1]
-        count = values.size
-        if values.ndim == 1 and count == 0:
-            return rows or 0, columns or 0
-        if columns == count and rows in (None, 1):
-            return 1, count
-        if rows == count and columns in (None, 1):
-            return count, 1
-        if values.ndim == 0:
-            return rows or 1, columns or 1
-        if rows is None and columns == 1:
-            return count, 1
-        return rows, count if rows == 1 and columns is None else columns
+        if self.values.ndim == 2:
+            return self.values.shape[0], self.values.shape[1]
+        count = self.values.size
+        fitting = {(i, j) for i, j in ((1, count), (count, 1)) if rows in (None, i) and columns in (None, j)}
+        return fitting.pop() if len(fitting) == 1 else (rows, columns)
 
     def fits(self, rows: Axis, columns: Axis) -> bool:
         """Whether it can be read as a matrix of this size."""
         shape = self.values.shape
-        if self.zero:
+        if self.zero or self.ragged:
             return True
         if self.values.size == 0:
             return 0 in (rows.size, columns.size) or None in (rows.size, columns.size)
@@ -91,9 +86,7 @@ class Entries:
         found, axes = self.values.shape, {"row": rows, "column": columns}
         wrong = [
             f"{counted(axis.size, unit)} ({axis})"
-            for (unit, axis), count in zip(
-                axes.items(), found if len(found) == 2 else (None, None), strict=True
-            )
+            for (unit, axis), count in zip(axes.items(), found if len(found) == 2 else (None, None), strict=True)
             if axis.size is not None and axis.size != count
         ]
         return f"expected {' and '.join(wrong)}, found {self}"
@@ -119,10 +112,13 @@ class Reader:
         self.problems = problems
         self.notes: list[str] = []
         self.parameters: dict[str, fmpq] = {}
+        self.exact: dict[str, fmpq] = {}  # values of the texts read so far
 
     def wrong(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> None:
-        """Note that something is wrong."""
+        """Note that something is wrong; stop where too much is."""
         self.problems.append(self.document.problem(loc, message, at_key=at_key, column=column))
+        if len(self.problems) > MAX_PROBLEMS:
+            self.stop()
 
     def clean(self, loc: Loc) -> bool:
         """Whether nothing was wrong there so far."""
@@ -130,18 +126,17 @@ class Reader:
             f"{problem.key}.".startswith((f"{dotted(loc)}.", f"{dotted(loc)}[")) for problem in self.problems
         )
 
-    def limit(self, axis: Axis, loc: Loc) -> None:
+    def limit(self, count: Size, what: str, loc: Loc) -> None:
         """Stop at a size that no design can deal with, before there are matrices of it."""
-        if axis.size is not None and axis.size > MAX_SIZE:
-            self.wrong(loc, f"{axis.size} rows or columns, {axis}; at most {MAX_SIZE} are allowed")
+        if count is not None and count > MAX_SIZE:
+            self.wrong(loc, f"{count} {what}; at most {MAX_SIZE} are allowed")
             self.stop()
 
     def stop(self) -> NoReturn:
         """Raise what was found wrong, in the order of the file."""
         problems = sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column))
         if len(problems) > MAX_PROBLEMS:
-            rest = f"and {len(problems) - MAX_PROBLEMS} more errors"
-            problems = [*problems[:MAX_PROBLEMS], Problem(rest, self.document.path)]
+            problems = [*problems[:MAX_PROBLEMS], Problem("and more", self.document.path)]
         raise UsageError(*problems)
 
     def number(self, text: str, loc: Loc, sign: Sign = "any") -> fmpq:
@@ -161,20 +156,16 @@ class Reader:
 
     def value(self, text: str, loc: Loc) -> fmpq:
         """Exact value, or `ExpressionError`."""
-        if NOT_FINITE.fullmatch(text):
-            raise ExpressionError(f"{text} is not a finite number")
-        if (
-            isinstance(text, Number)
-            and len(text) < SHORT
-            and (text.isdecimal() or 1e-300 < abs(float(text)) < 1e300)
-        ):
-            return rational_number(text)
-        if DATE.fullmatch(text):
-            raise ExpressionError(f"expected a number, found {text}, which reads as a date or a time")
-        value, was_rounded = constant(text, self.parameters)
-        if was_rounded:
-            self.notes.append(f"{dotted(loc)} = {text} is read as the double {float(value)!r}")
-        return value
+        if text not in self.exact:
+            if NOT_FINITE.fullmatch(text):
+                raise ExpressionError(f"{text} is not a finite number")
+            if DATE.fullmatch(text):
+                raise ExpressionError(f"expected a number, found {text}, which reads as a date or a time")
+            self.exact[text], was_rounded = constant(text, self.parameters)
+            if was_rounded:
+                double = float(self.exact[text])
+                self.notes.append(f"{dotted(loc)} = {text} is read as the double {double!r}")
+        return self.exact[text]
 
     def integer(self, text: str | None, loc: Loc, default: int, low: int, high: int) -> int:
         """Whole number in a range."""
@@ -193,29 +184,31 @@ class Reader:
             return Entries(loc, np.array(ZERO))
         if isinstance(value, str):
             return Entries(loc, np.array(self.number(value, loc)))
+        self.limit(len(value), "rows or entries", loc)
         if not any(isinstance(row, list) for row in value):
             items = [self.number(entry, (*loc, i)) for i, entry in enumerate(value)]
             return Entries(loc, np.array(items, dtype=object))
-        return Entries(loc, self.rows(value, loc))
+        return self.rows(value, loc)
 
-    def rows(self, value: Sequence[Sequence[str]], loc: Loc) -> Array:
+    def rows(self, value: Sequence[Sequence[str]], loc: Loc) -> Entries:
         """Rows of the same length; what is missing in a row is zero."""
         lengths = [len(row) for row in value]
-        usual = max(lengths, key=lengths.count)
+        self.limit(max(lengths), "entries in a row", loc)
+        ((usual, _),) = Counter(lengths).most_common(1)
         matrix = np.full((len(value), usual), ZERO, dtype=object)
         for i, row in enumerate(value):
             if len(row) != usual:
                 self.wrong((*loc, i), f"expected a row of {usual} like the others, found a row of {len(row)}")
             for j, entry in enumerate(row[:usual]):
                 matrix[i, j] = self.number(entry, (*loc, i, j))
-        return matrix
+        return Entries(loc, matrix, ragged=min(lengths) < max(lengths))
 
     def matrix(self, entries: Entries, rows: Axis, columns: Axis) -> Array:
         """Matrix of the size that there must be."""
         size = rows.size or 0, columns.size or 0
         if not entries.fits(rows, columns):
             self.wrong(entries.loc, entries.mismatch(rows, columns))
-        elif not entries.zero and None not in (rows.size, columns.size):
+        elif not entries.zero and not entries.ragged and None not in (rows.size, columns.size):
             return entries.values.reshape(size)
         return np.full(size, ZERO, dtype=object)
 
@@ -241,6 +234,7 @@ class Reader:
         texts = [value] if isinstance(value, str) else value
         if not axis.admits(len(texts)):
             self.wrong(loc, f"expected {counted(axis.size, 'expression')} ({axis}), found {len(texts)}")
+            return ()
         if names is None:
             return ()
         places = [loc] if isinstance(value, str) else [(*loc, i) for i in range(len(texts))]

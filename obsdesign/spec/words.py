@@ -13,7 +13,7 @@ def unavailable(words: Sequence[str], available: Sequence[str]) -> dict[str, str
 
 
 def nearest(word: str, words: Sequence[str]) -> str | None:
-    """The word that was probably meant."""
+    """Return the word that was probably meant."""
     folded = {w.lower(): w for w in words}
     close = get_close_matches(word.lower(), folded, n=1)
     return folded[close[0]] if close else None

@@ -1,45 +1,36 @@
 """From a spec to certified gains: limit, smallest gain, rounding, proof.
 
 The limit is the infimum of the objective over all gains. It is not attained as a rule (P becomes singular and the gain
-unbounded), so the gains are those of the smallest norm within the slack of it, rounded to few digits, and
-the guarantee is proved for the rounded ones.
+unbounded), so the gains are those of the smallest norm within the slack of it, rounded to few digits, and the
+guarantee is proved for the rounded ones.
 """
 
-import decimal
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
 from flint import fmpq
 
-from obsdesign.certificate import Certificate, certify, theorem
+from obsdesign.certificate import Certificate
+from obsdesign.design.claim import best_claim, claim
+from obsdesign.design.decimals import round_down, round_up
+from obsdesign.design.engine import Engine, Report
+from obsdesign.design.gain import searchable, small_gains, within
 from obsdesign.diagnosis import why_not
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.lmi.formula import Array, Problem, Values, in_floats, rational, rational_number
-from obsdesign.lmi.probe import probe
-from obsdesign.lmi.proof import complete, rounded
-from obsdesign.lmi.reduce import reduce
-from obsdesign.lmi.solve import MARGIN, Answer, Status, minimise, widest
+from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
+from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.structure import undetectable
-from obsdesign.observers.l2 import L2, unshifted
+from obsdesign.observers.l2 import L2
 from obsdesign.observers.request import Bounds, Range
 from obsdesign.spec.model import Spec
 
-DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer cannot be proved
-BACKOFFS = (1e-4, 1e-3, 1e-2, 1e-1)  # of the least gamma that given gains achieve
-KAPPAS = 8  # bounds on |L1| that are tried for the smallest gain
-NEAR = 1.15  # ratio of two of them between which the smallest is
-SLACK = 0.05  # above a bounded limit, where gamma is not the objective
-ROOM = 2e-3  # of gamma, left to the rounding of the gain
-WIDENINGS = 3  # attempts at a convex bound on |L1| whose gain comes nearer to the bound asked for
 TABLE = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # gains of the table that a limit of zero is answered with
 SUSPECT = 1e-3  # a gamma below this may be a limit of zero: the table decides
+SLACK = 0.05  # above a limit, where gamma is not the objective
 BISECTIONS = 24
-
-Report = Callable[[float, str], None]  # fraction done, what is being done
 
 
 @dataclass(frozen=True)
@@ -56,28 +47,6 @@ class Design:
     notes: tuple[str, ...] = ()
     solves: int = 0
     time_s: float = 0.0
-
-
-class Engine:
-    """Solves with one solver, and how many."""
-
-    def __init__(self, solver: str = "clarabel", report: Report = lambda *_: None) -> None:
-        self.solver = solver
-        self.report = report
-        self.solves = 0
-
-    def minimise(self, problem: Problem, start: Values | None = None) -> Answer:
-        """Optimum of a problem."""
-        return self.counted(minimise(problem, self.solver, start))
-
-    def widest(self, problem: Problem, start: Values | None = None) -> Answer:
-        """Point of largest margin."""
-        return self.counted(widest(problem, self.solver, start))
-
-    def counted(self, answer: Answer) -> Answer:
-        """Add to the number of solves."""
-        self.solves += answer.solves
-        return answer
 
 
 def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
@@ -114,7 +83,9 @@ class Designer:
         """Gates that need no solver, then the objective."""
         if self.family.plant.B.shape[1] == 0 and self.request.objective in {"min-gamma", "pareto", "gamma"}:
             raise UsageError("observer.objective: no disturbance acts on this plant; choose feasibility or max-alpha")
-        hidden = undetectable(in_floats(self.family.plant), in_floats(self.family.multiplier.member), float(self.lowest))
+        hidden = undetectable(
+            in_floats(self.family.plant), in_floats(self.family.multiplier.member), float(self.lowest)
+        )
         if hidden:
             return self.infeasible(self.lowest)
         if self.request.gains:
@@ -161,27 +132,13 @@ class Designer:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise self.unbounded(alpha, table)
             return limits, gamma
-        bounded = self.within(search, self.bounds)
+        bounded = within(self.engine, search, self.bounds)
         if bounded.status is Status.INFEASIBLE:
             return {"bounds": "no gain within the bounds satisfies the inequality", **limits}, None
         if bounded.status is not Status.OPTIMAL:
             raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.raw}")
         gamma = math.sqrt(bounded.objective)
         return {**limits, "limit_bounded": {"gamma": gamma, "attained": True}}, gamma
-
-    def within(self, search: L2, bounds: Bounds) -> Answer:
-        """Least gamma within bounds; the convex bound on |L1| is widened while the gain it gives stays inside."""
-        best = self.engine.minimise(search.least_gamma(bounds))
-        if bounds.L1 is None or best.status is not Status.OPTIMAL:
-            return best
-        size = allowed = float(bounds.L1)
-        for _ in range(WIDENINGS):
-            size *= allowed / norm(best.values, bounds.norm)
-            wider = self.engine.minimise(search.least_gamma(bounded(bounds, size)), best.values)
-            if wider.status is not Status.OPTIMAL or norm(wider.values, bounds.norm) > allowed:
-                break
-            best = wider
-        return best
 
     def target(self, search: L2, gamma: float) -> float:
         """Gamma to be certified, rounded down to 6 digits so that it stays within the slack of the limit.
@@ -202,94 +159,15 @@ class Designer:
 
     def gains(self, family: L2, gamma: float) -> Design:
         """Gains of small norm that reach gamma, rounded and proved."""
-        size = None
-        if family.L2 is None:
-            values = self.smallest(searchable(family), gamma)
-            family, size = replace(family, L2=self.rounded_L2(family, values)), 2 * norm(values)
-        values = self.smallest(in_floats(family), gamma, size)
-        for digits in DIGITS:
-            decimals = significant(gain(values), digits)
-            design = self.proved(replace(family, L1=exact(decimals)), gamma, values)
-            if design.status == "certified":
-                break
-        return design
-
-    def smallest(self, search: L2, gamma: float, size: float | None = None) -> Values:
-        """P, Y, .. of a gain of small norm that reaches gamma with some room, with mu1 = 1.
-
-        The least gamma under the convex bound |L1| <= kappa falls with kappa: the smallest kappa is found to `NEAR` by
-        interpolation in logarithms, from the gain of the widest margin (or a given size) down.
-        """
-        wide = self.engine.widest(search.witness(gamma))
-        if wide.status is not Status.OPTIMAL:
-            raise UndecidedError(f"no gain was found for gamma = {gamma:g}: {wide.raw}")
-        bounds, goal, values = self.request.bounds, gamma * (1 - ROOM), wide.values
-        high = size or norm(values, bounds.norm)
-        low = 0.0
-        level: float | None = None  # least gamma at high
-        start: Values | None = None
-        kappa = high
-        for _ in range(KAPPAS):
-            answer = self.engine.minimise(search.least_gamma(bounded(bounds, kappa)), start)
-            found = answer.status is Status.OPTIMAL
-            reached = math.sqrt(max(answer.objective, 0.0)) if found else math.inf
-            if found and reached <= goal:
-                values, high, level, start = answer.values, kappa, reached, answer.values
-            else:
-                low = kappa
-            if low and level is not None and high <= NEAR * low:
-                break
-            kappa = 2 * kappa if level is None else below(low, high, reached if low == kappa else level, goal)
-        return values
-
-    def rounded_L2(self, family: L2, values: Values) -> Array:
-        """L2 = R / lambda, back from the loop shift, to 6 digits."""
-        plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
-        sizes = [len(b.M11) for b in family.multiplier.blocks]
-        scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], sizes)
-        L2_ = unshifted(values["R"] / scales[:, None], plant, K)
-        small = np.abs(L2_) < 1e-6 * np.abs(L2_).max(initial=0)
-        return exact(significant(np.where(small, 0.0, L2_), 6))
-
-    # Proof
-
-    def proved(self, family: L2, gamma: float | None, start: Values | None = None) -> Design:
-        """Certificate of given gains, for gamma or else for the least that they achieve."""
-        gains = {"L1": family.L1.astype(float), "L2": family.L2.astype(float)}
-        fixed = in_floats(family)
-        claims: Sequence[float | None] = [gamma]
-        if gamma is None:
-            least = self.engine.minimise(fixed.least_gamma())
-            if least.status is not Status.OPTIMAL:
-                return Design("uncertified" if least.status is Status.UNDECIDED else "infeasible", gains)
-            root = math.sqrt(max(least.objective, 1e-30))
-            claims = [round_up(root * (1 + backoff), 6) for backoff in BACKOFFS]
-        for claim in claims:
-            certificate = self.certificate(family, claim, start)
+        made = Design("uncertified")
+        for candidate, values in small_gains(self.engine, family, gamma, self.request.bounds):
+            certificate = claim(self.engine, candidate, gamma, values)
+            made = Design("uncertified", doubles(candidate), certificate)
             if certificate and certificate.holds:
-                return Design("certified", gains, certificate)
-        return Design("uncertified", gains)
-
-    def certificate(self, family: L2, gamma: float, start: Values | None) -> Certificate | None:
-        """Find P and scales by the solver, make them exact, and prove the theorem for them."""
-        fixed = in_floats(family)
-        problem = fixed.witness(gamma)
-        wide = self.engine.widest(problem, start)
-        if wide.objective <= MARGIN and start is not None:
-            wide = self.engine.widest(problem)
-        if wide.objective <= 0:
-            return None
-        level = rational_number(repr(gamma))
-        mu1, mu2 = fmpq(1), level * level
-        reduced = reduce(probe(problem))
-        formula = theorem(family, mu1, mu2)
-        for digits in (12, 17):
-            values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
-            values = complete(formula, problem.unknowns, values, reduced.rows, reduced.pivots)
-            certificate = certify(family, level, mu1, mu2, values)
-            if certificate.holds:
-                return certificate
-        return certificate
+                return replace(made, status="certified")
+        if not made.gains:
+            raise UndecidedError(f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}")
+        return made
 
     # Many alphas
 
@@ -301,7 +179,9 @@ class Designer:
             self.engine.report(0.7 * i / len(grid), f"alpha = {float(alpha):.4g}")
             point: dict[str, Any] = {"alpha": float(alpha)}
             if not lost:
-                answer = self.engine.minimise(searchable(replace(self.family, alpha=alpha)).least_gamma(self.bounds), start)
+                answer = self.engine.minimise(
+                    searchable(replace(self.family, alpha=alpha)).least_gamma(self.bounds), start
+                )
                 lost = answer.status is Status.INFEASIBLE
                 if answer.status is Status.OPTIMAL:
                     start = answer.values
@@ -383,9 +263,11 @@ class Designer:
     def analysis(self, L1: Array) -> Design:
         """Certify given gains, for the least gamma that they achieve."""
         family = replace(self.family, L1=L1)
-        made = self.proved(family, None)
-        if made.status == "infeasible":
-            return replace(self.infeasible(self.lowest, {"gains": "no storage function of Theorem 1 proves these gains"}))
+        status, certificate = best_claim(self.engine, family)
+        if status is Status.INFEASIBLE:
+            return self.infeasible(self.lowest, {"gains": "no storage function of Theorem 1 proves these gains"})
+        proved = certificate is not None and certificate.holds
+        made = Design("certified" if proved else "uncertified", doubles(family), certificate)
         limit = self.engine.minimise(searchable(self.family).least_gamma())
         known = limit.status is Status.OPTIMAL
         gamma = math.sqrt(max(limit.objective, 0.0)) if known else made.certificate and float(made.certificate.gamma)
@@ -434,52 +316,7 @@ class Designer:
         return UsageError(first, *(f"  |L1| <= {size:<8g} gamma = {gamma:.4g}" for size, gamma in rows))
 
 
-def round_up(x: float, digits: int) -> float:
-    """Smallest decimal of so many significant digits that is not below x."""
-    return -round_down(-x, digits)
-
-
-def bounded(bounds: Bounds, size: float) -> Bounds:
-    """Bounds with another size of L1."""
-    return replace(bounds, L1=rational_number(repr(size)))
-
-
-def below(low: float, high: float, gamma: float, goal: float) -> float:
-    """Next bound between one that is too small (0: none known) and one that will do."""
-    if low:
-        return math.sqrt(low * high)
-    step = math.sqrt(gamma / goal)
-    return high * min(max(step, 0.1), 0.8)
-
-
-def searchable(family: L2) -> L2:
-    """Same problem in doubles; where L2 is found, for f - K q."""
-    return in_floats(family) if family.L2 is not None else in_floats(family).shifted()
-
-
-def gain(values: Values) -> Array:
-    """L1 = P^-1 Y."""
-    return np.linalg.solve(values["P"], values["Y"])
-
-
-def norm(values: Values, kind: str = "spectral") -> float:
-    """Norm of L1, spectral or frobenius."""
-    return float(np.linalg.norm(gain(values), 2 if kind == "spectral" else "fro"))
-
-
-def significant(matrix: Array, digits: int) -> Array:
-    """Doubles of so many significant decimal digits."""
-    return np.vectorize(lambda x: float(f"{x:.{digits}g}") + 0.0, otypes=[float])(matrix)
-
-
-def exact(decimals: Array) -> Array:
-    """Rationals of doubles read as the shortest decimals that print them."""
-    return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(decimals))
-
-
-def round_down(x: float, digits: int) -> float:
-    """Largest decimal of so many significant digits that is not above x."""
-    if x == 0:
-        return 0.0
-    with decimal.localcontext(prec=digits, rounding=decimal.ROUND_FLOOR):
-        return float(+decimal.Decimal(x))
+def doubles(family: L2) -> dict[str, Array]:
+    """Both gains as doubles, which print as the decimals that were proved."""
+    fixed = in_floats(family)
+    return {"L1": fixed.L1, "L2": fixed.L2}

@@ -1,0 +1,30 @@
+"""One solver, the bounds of one request, and how many solves they took."""
+
+from collections.abc import Callable
+
+from obsdesign.lmi.formula import Problem, Values
+from obsdesign.lmi.solve import Answer, minimise, widest
+
+Report = Callable[[float, str], None]  # fraction done, what is being done
+
+
+class Engine:
+    """Solves with one solver, counted."""
+
+    def __init__(self, solver: str = "clarabel", report: Report = lambda *_: None) -> None:
+        self.solver = solver
+        self.report = report
+        self.solves = 0
+
+    def minimise(self, problem: Problem, start: Values | None = None) -> Answer:
+        """Optimum of a problem."""
+        return self.counted(minimise(problem, self.solver, start))
+
+    def widest(self, problem: Problem, start: Values | None = None) -> Answer:
+        """Point of largest margin."""
+        return self.counted(widest(problem, self.solver, start))
+
+    def counted(self, answer: Answer) -> Answer:
+        """Add to the number of solves."""
+        self.solves += answer.solves
+        return answer

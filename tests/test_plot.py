@@ -1,0 +1,177 @@
+"""The structure of the figures: axes, labels, legends, data; and that they are pictures."""
+
+import struct
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from obsdesign import plot
+from obsdesign.observers.guarantee import Guarantee
+from obsdesign.simulate import simulate
+from obsdesign.spec import loads
+
+HEAD = "obsdesign: 1\nname: Cost $5\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
+MASS = """
+system:
+  states: [p, s]
+  outputs: [y]
+  units: {p: m, s: m/s, y: m}
+  A: [[0, 1], [-1, -1]]
+  B: [[0], [1]]
+  C: [[1, 0]]
+disturbance: integrator
+simulation: {horizon: 5, x0: [1, 0], w: [sin(t)], points: 101}
+"""
+
+
+@pytest.fixture(scope="module")
+def mass():
+    """A run of a mass with an unknown force, and what is claimed of it."""
+    spec = loads(HEAD + MASS)
+    guarantee = Guarantee(gamma=2, alpha=0.05, mu1=1, mu2=4, P=np.eye(3))
+    run = simulate(spec, {"L1": np.array([[-5.0], [-8], [-6]]), "L2": np.zeros((0, 1))}, guarantee)
+    return spec, run, guarantee
+
+
+def size(png: bytes) -> tuple[int, int]:
+    """Width and height of a PNG whose image data can be decompressed."""
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    assert b"IEND" in png[-12:]
+    data, at = b"", 8
+    while at < len(png):
+        (length,) = struct.unpack(">I", png[at : at + 4])
+        data += png[at + 8 : at + 8 + length] if png[at + 4 : at + 8] == b"IDAT" else b""
+        at += 12 + length
+    width, height = struct.unpack(">II", png[16:24])
+    assert len(zlib.decompress(data)) > width * height
+    return width, height
+
+
+def test_a_run_is_a_png_that_is_the_same_every_time(mass):
+    first = plot.run_figure(*mass)
+    assert size(first) == (1575, round(150 * (0.75 + 3 * 2.35)))
+    assert plot.run_figure(*mass) == first
+    assert b"Software" not in first
+
+
+def test_every_panel_says_what_it_shows(mass):
+    figure = plot.run_sheet(*mass)
+    panels = figure.axes
+    labels = ["p [m]", "s [m/s]", "w1", "state errors", "unknown-input errors", "V(e)"]
+    assert [axes.get_ylabel() for axes in panels] == labels
+    assert all(axes.get_xlabel() == "t [s]" for axes in panels)
+    assert all(axes.get_legend() is not None for axes in panels)
+    assert [axes.get_yscale() for axes in panels] == ["linear"] * 3 + ["symlog"] * 2 + ["log"]
+    title = figure.get_suptitle()
+    assert title.startswith(r"Cost \$5")
+    assert r"$\gamma$ = 2" in title
+
+
+def test_the_truth_is_solid_and_the_estimate_dashed(mass):
+    _, run, _ = mass
+    true, estimate = plot.run_sheet(*mass).axes[0].get_lines()
+    assert true.get_linestyle() == "-"
+    assert estimate.get_linestyle() == "--"
+    assert true.get_color() != estimate.get_color()
+    assert (true.get_ydata() == run.xi[:, 0]).all()
+    assert (estimate.get_ydata() == run.xihat[:, 0]).all()
+
+
+def test_errors_are_drawn_at_the_steps_and_the_bound_lies_above_v(mass):
+    _, run, _ = mass
+    panels = plot.run_sheet(*mass).axes
+    assert (panels[3].get_lines()[1].get_ydata() == run.steps.e[:, 1]).all()
+    assert (panels[4].get_lines()[0].get_ydata() == run.steps.w_error[:, 0]).all()
+    bound, V = (line.get_ydata() for line in panels[5].get_lines())
+    assert (bound * (1 + 1e-6) >= V).all()
+
+
+def test_without_a_guarantee_there_is_no_bound_and_the_title_says_so(mass):
+    spec, run, _ = mass
+    steps = replace(run.steps, V=None, V_bound=None)
+    figure = plot.run_sheet(spec, replace(run, V=None, V_bound=None, steps=steps), None)
+    assert [axes.get_ylabel() for axes in figure.axes][-1] == "unknown-input errors"
+    assert "no guarantee" in figure.get_suptitle()
+
+
+@pytest.mark.parametrize(("status", "word"), [("escape", "ESCAPE"), ("stall", "STALLED")])
+def test_a_run_that_ended_early_says_so(mass, status, word):
+    spec, run, guarantee = mass
+    title = plot.run_sheet(spec, replace(run, status=status, time=1.25), guarantee).get_suptitle()
+    assert f"{word} at t = 1.25 s" in title
+
+
+def test_many_states_share_panels_of_at_most_eight_curves():
+    n = 20
+    A = (-np.eye(n)).tolist()
+    C = [[1] + [0] * (n - 1)]
+    text = f"system: {{A: {A}, C: {C}}}\nsimulation: {{horizon: 1, x0: {list(range(n))}}}"
+    spec = loads(HEAD + text)
+    run = simulate(spec, {"L1": np.zeros((n, 1)), "L2": np.zeros((0, 1))}, None)
+    figure = plot.run_sheet(spec, run, None)
+    assert len(figure.axes) == 5 + 3
+    assert max(len(axes.get_legend().get_texts()) for axes in figure.axes) <= 7
+    shown = [text.get_text() for axes in figure.axes[:5] for text in axes.get_legend().get_texts()]
+    assert shown == list(run.states)
+
+
+def test_an_initial_transient_does_not_hide_the_signal():
+    t = np.linspace(0, 1, 1001)
+    estimate = np.where(t < 0.01, 1e7, np.sin(t))
+    low, high, note = plot.limits([plot.Curve("w", np.sin(t), estimate)])
+    assert -0.2 < low < 0
+    assert 0.84 < high < 1.1
+    assert "1e+07" in note
+    assert plot.limits([plot.Curve("w", np.ones(3), None)])[:2] == pytest.approx((0.9, 1.1))
+
+
+def test_a_symmetric_log_axis_reads_a_peak_of_1e7_and_an_error_of_1e_minus_6():
+    t = np.linspace(0, 1, 500)
+    error = 1e7 * np.exp(-30 * t) + 1e-6
+    threshold = plot.linear_threshold([error])
+    assert 1e-7 <= threshold <= 1e-6
+    ticks = plot.symlog_ticks(threshold, 1e7)
+    assert 1e7 in ticks
+    assert -1e7 in ticks
+    assert 0 in ticks
+    assert len(ticks) <= 11
+    assert plot.linear_threshold([np.zeros(5)]) > 0
+
+
+POINTS = [
+    {"alpha": 0.1, "gamma": 0.2, "status": "optimal"},
+    {"alpha": 1.0, "gamma": 0.3, "status": "optimal"},
+    {"alpha": 10.0, "gamma": None, "status": "infeasible"},
+    {"alpha": 5.0, "status": "undecided"},
+]
+
+
+def test_a_tradeoff_shows_what_was_solved_what_was_refused_and_what_is_shipped():
+    figure = plot.tradeoff_sheet(POINTS, {"alpha": 1.0, "gamma": 0.31}, "Bearing", "alpha", "gamma")
+    (axes,) = figure.axes
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    assert list(lines) == [r"best $\gamma$", "undecided", "infeasible", "shipped"]
+    assert list(lines[r"best $\gamma$"].get_xdata()) == [0.1, 1.0]
+    assert list(lines["infeasible"].get_xdata()) == [10.0]
+    assert axes.get_xscale() == "log"
+    assert axes.get_yscale() == "linear"
+    assert axes.get_title() == "Bearing"
+    assert r"\alpha" in axes.get_xlabel()
+    assert axes.get_ylabel() == r"$\gamma$"
+
+
+@pytest.mark.parametrize("points", [POINTS, POINTS[2:], POINTS[:1]])
+def test_a_tradeoff_is_a_png(points):
+    assert size(plot.tradeoff_figure(points, None, "Bearing")) == (960, 630)
+
+
+def test_the_settings_of_the_user_are_left_alone():
+    from matplotlib import rcParams
+
+    rcParams["font.size"] = 17.0
+    before = plot.tradeoff_figure(POINTS, None, "Bearing")
+    assert rcParams["font.size"] == 17.0
+    rcParams["font.size"] = 10.0
+    assert plot.tradeoff_figure(POINTS, None, "Bearing") == before

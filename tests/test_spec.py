@@ -1,0 +1,377 @@
+"""What a right spec is read as: exact matrices, derived sizes, names, disturbance models, requests."""
+
+import json
+import time
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flint import fmpq
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from obsdesign.errors import UsageError
+from obsdesign.expressions import parse
+from obsdesign.observers.request import Range
+from obsdesign.spec import json_schema, load, loads
+
+ROOT = Path(__file__).parent.parent
+SHIPPED = str(ROOT / "specs" / "corless2019-magnetic-bearing.yaml")
+
+
+def spec(system="{A: [[0, 1], [-1, 0]], C: [1, 0]}", observer="{type: l2, alpha: 1}", **sections):
+    """Spec of sections in YAML."""
+    sections = {"obsdesign": 1, "system": system, "observer": observer} | sections
+    return loads("".join(f"{key}: {value}\n" for key, value in sections.items()), "spec.yaml")
+
+
+def values(matrix):
+    return matrix.astype(float).tolist()
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    return load(SHIPPED)
+
+
+def test_the_magnetic_bearing_is_read_whole(bearing):
+    plant = bearing.plant
+    assert (plant.states, plant.exogenous, plant.outputs) == (("x1", "x2", "x3"), ("w1", "w2"), ("y1", "y2"))
+    assert values(plant.Bf) == [[0], [1], [0]]
+    assert values(plant.Cq) == [[0, 0, 1]]
+    assert plant.D[0, 0] == fmpq(1, 10)
+    assert bearing.model_states == ("w1", "w2")
+    assert bearing.drives == ("v1", "v2")
+    assert (values(bearing.H), bearing.H_names) == ([[0, 0, 0, 1, 0], [0, 0, 0, 0, 1]], ("w1", "w2"))
+    assert bearing.observer.alpha == fmpq(71, 100)
+    assert values(bearing.observer.L2) == [[0, -110]]
+    assert bearing.expect["limit.gamma"]["rtol"] == 1e-3
+    assert bearing.text == Path(SHIPPED).read_text()
+    assert bearing.notes == ()
+
+
+def test_the_augmented_magnetic_bearing_is_equation_60(bearing):
+    augmented = bearing.augmented
+    assert values(augmented.A)[0] == [0, 1, 0, 1, 0]
+    assert values(augmented.C)[0] == [1, 0, 0, 0.1, 0]
+    assert values(augmented.B) == [[0, 0], [0, 0], [0, 0], [1, 0], [0, 1]]
+
+
+def test_reading_the_magnetic_bearing_takes_less_than_30_ms():
+    load(SHIPPED)
+    started = time.process_time()
+    for _ in range(5):
+        load(SHIPPED)
+    assert (time.process_time() - started) / 5 < 0.03
+
+
+DECIMALS = st.decimals(min_value=-1000, max_value=1000, allow_nan=False, allow_infinity=False, places=6).map(str)
+
+
+@settings(max_examples=50, deadline=1000)
+@given(
+    st.integers(1, 4).flatmap(lambda n: st.lists(st.lists(DECIMALS, min_size=n, max_size=n), min_size=n, max_size=n))
+)
+def test_a_matrix_of_decimals_is_read_exactly(rows):
+    text = ", ".join(f"[{', '.join(row)}]" for row in rows)
+    A = spec(system=f"{{A: [{text}], C: [[{', '.join('1' * len(rows))}]]}}").plant.A
+    for row, exact in zip(rows, A, strict=True):
+        for decimal, entry in zip(row, exact, strict=True):
+            numerator, denominator = Decimal(decimal).as_integer_ratio()
+            assert entry == fmpq(numerator, denominator)
+
+
+def test_an_irrational_entry_is_its_double_and_the_spec_says_so():
+    read = spec(system="{A: [[0, 1], [sqrt(2), 0]], C: [1, 0]}")
+    assert read.plant.A[1, 0] == fmpq(*(2**0.5).as_integer_ratio())
+    assert read.notes == ("system.A[1][0] = sqrt(2) is read as the double 1.4142135623730951",)
+
+
+def test_parameters_are_arithmetic_over_earlier_ones_and_stay_exact():
+    read = spec(parameters="{m: 0.3, k: 2/m}", system="{A: [[0, 1], [-k/m, 0]], C: [1, 0]}")
+    assert read.plant.A[1, 0] == fmpq(-200, 9)
+
+
+@pytest.mark.parametrize(
+    ("system", "shapes"),
+    [
+        ("{A: 2, C: 1}", {"A": (1, 1), "B": (1, 0), "C": (1, 1), "D": (1, 0)}),
+        ("{A: 2, B: [1, 2], C: [1, 2]}", {"B": (1, 2), "C": (2, 1), "D": (2, 2)}),
+        ("{A: [[0, 1], [0, 0]], B: [0, 1], C: [1, 0]}", {"B": (2, 1), "C": (1, 2), "D": (1, 1)}),
+        ("{A: [[0, 1], [0, 0]], C: [1, 0], D: [1, 2, 3]}", {"B": (2, 3), "D": (1, 3)}),
+        ("{A: 0, C: [1, 0, 0], states: [a, b, c]}", {"A": (3, 3), "C": (1, 3)}),
+        ("{A: [[0, 1], [0, 0]], B: 0, C: [1, 0], D: 0}", {"B": (2, 0), "D": (1, 0)}),
+        ("{A: [[0, 1], [0, 0]], B: [[], []], C: [[1, 0], [0, 1]]}", {"B": (2, 0), "D": (2, 0)}),
+        ("{A: [[0, 1], [0, 0]], B: [0, 1], C: [1, 0], D: [[0]]}", {"D": (1, 1)}),
+    ],
+)
+def test_sizes_are_derived_and_what_is_missing_is_zero(system, shapes):
+    plant = spec(system=system).plant
+    assert {name: getattr(plant, name).shape for name in shapes} == shapes
+
+
+def test_the_number_of_exogenous_inputs_may_come_from_the_argument_of_a_nonlinearity():
+    plant = spec(nonlinearities="[{type: monotone, Bf: [0, 1], Cq: [1, 0], Dq: [1, 2]}]").plant
+    assert values(plant.Dq) == [[1, 2]]
+    assert plant.B.shape == (2, 2)
+
+
+def test_blocks_are_stacked_in_order():
+    blocks = """
+  - {type: {lipschitz: 2}, f: [sin(q1), q2], Bf: [[1, 2], [3, 4]], Cq: [[1, 0], [0, 1]], Dqf: [[0, 0, 5], [0, 0, 6]]}
+  - {type: tanh, Bf: [7, 8], Cq: [9, 10], Df: 11}"""
+    read = spec(nonlinearities=blocks)
+    assert values(read.plant.Bf) == [[1, 2, 7], [3, 4, 8]]
+    assert values(read.plant.Cq) == [[1, 0], [0, 1], [9, 10]]
+    assert values(read.plant.Dqf) == [[0, 0, 5], [0, 0, 6], [0, 0, 0]]
+    assert values(read.plant.Df) == [[0, 0, 11]]
+    assert [block.nq for block in read.nonlinearities] == [2, 1]
+    assert read.nonlinearities[1].f == (parse("tanh(q)", ["q"]),)
+    assert read.multiplier.matrix({"lambda1": np.array([[1]]), "lambda2": np.array([[1]])})[0].shape == (3, 3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "columns", "scales"),
+    [
+        ("monotone", 2, 1),
+        ("cubic", 2, 1),
+        ("{lipschitz: 1/3}", 1, 1),
+        ("{slope: [0, 2.5]}", 2, 2),
+        ("{slope: [0, .inf]}", 1, 1),
+        ("{slope: [[0, -1], [1, .inf]]}", 2, 2),
+        ("{slope: [0, [1, 2]]}", 2, 2),
+        ("{multiplier: [[4, 0, 0], [0, -1, 0], [0, 0, -1]]}", 2, 1),
+        ("sat", 2, 2),
+    ],
+)
+def test_every_type_gives_a_multiplier_of_its_size(kind, columns, scales):
+    Bf = "[0, 1]" if columns == 1 else "[[1, 0], [0, 1]]"
+    Cq = "[1, 0]" if columns == 1 or "mult" in kind else "[[1, 0], [0, 1]]"
+    (block,) = spec(nonlinearities=f"[{{type: {kind}, Bf: {Bf}, Cq: {Cq}}}]").nonlinearities
+    assert len(block.multiplier.blocks) == scales
+    assert sum(part.M22.shape[0] for part in block.multiplier.blocks) == columns
+
+
+def test_a_library_function_acts_on_each_component():
+    (block,) = spec(nonlinearities="[{type: q|q|, Bf: [[1, 0], [0, 1]], Cq: [[1, 0], [0, 1]]}]").nonlinearities
+    assert [f.text for f in block.f] == ["q1*abs(q1)", "q2*abs(q2)"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "f"),
+    [
+        ("q|q|", "sign(q)*q**2"),
+        ("cubic", "q*q*q"),
+        ("tanh", "(exp(q) - exp(-q))/(exp(q) + exp(-q))"),
+        ("relu", "(q + abs(q))/2"),
+        ("deadzone", "q1 - sat(q1)"),
+    ],
+)
+def test_a_function_that_is_its_type_in_other_words_is_accepted(kind, f):
+    (block,) = spec(nonlinearities=f'[{{type: {kind}, f: "{f}", Bf: [0, 1], Cq: [1, 0]}}]').nonlinearities
+    assert block.f == (parse(f, ["q", "q1"]),)
+
+
+@pytest.mark.parametrize(
+    ("kind", "f"), [("cubic", "q**3 + 1e-6*q"), ("relu", "q"), ("sin", "sin(q + t)"), ("sat", "sqrt(q)")]
+)
+def test_a_function_that_its_type_refutes_is_named_with_a_point(kind, f):
+    with pytest.raises(UsageError, match=r"differs from its type \w+: .* at q = \S+, where f is "):
+        spec(nonlinearities=f'[{{type: {kind}, f: "{f}", Bf: [0, 1], Cq: [1, 0]}}]')
+
+
+def test_expressions_know_the_outputs_the_inputs_and_the_parameters():
+    read = spec(
+        parameters="{k: 3}",
+        system="{A: [[0, 1], [0, 0]], B: [0, 1], C: [1, 0], inputs: [u], gx: [0, k*u + y1], gy: u*t}",
+        nonlinearities="[{type: monotone, f: q + u*t, Bf: [0, 1], Cq: [1, 0], gq: y1}]",
+        simulation="{horizon: 1, x0: [1, 2], u: -x1, w: 1}",
+    )
+    assert [g.text for g in read.gx] == ["0", "3*u + y1"]
+    assert read.gy[0].names == {"u", "t"}
+    assert read.gq[0].names == {"y1"}
+    assert read.inputs == ("u",)
+    assert read.simulation.u[0].names == {"x1"}
+
+
+TWO_INPUTS = "{A: [[0, 1], [0, 0]], B: [[1, 0], [0, 1]], C: [1, 0]}"
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "states", "drives"),
+    [
+        ("unknown", (), 2),
+        ("integrator", ("w1", "w2"), 2),
+        ("{type: integrator}", ("w1", "w2"), 2),
+        ("double-integrator", ("w1", "dw1", "w2", "dw2"), 2),
+        ("{sinusoid: {omega: 2}}", ("w1", "dw1", "w2", "dw2"), 2),
+        ("{type: {sinusoid: {omega: 2}}}", ("w1", "dw1", "w2", "dw2"), 2),
+        ("[integrator, unknown]", ("w1",), 2),
+        ("{type: [unknown, {sinusoid: {omega: 2*pi}}]}", ("w2", "dw2"), 2),
+        ("[{bias+sinusoid: {omega: 1}}, integrator]", ("w1.bias", "w1.sine", "dw1.sine", "w2"), 3),
+        ("{model: {Am: 0, Bm: 1, Cm: [1, 2]}}", ("xm1",), 1),
+        ("[integrator, {model: {Am: [[0, 1], [-1, 0]], Bm: [0, 1], Cm: [1, 0]}}]", ("w1", "xm2", "xm3"), 2),
+    ],
+)
+def test_disturbance_models_stack_and_name_their_states(disturbance, states, drives):
+    read = spec(system=TWO_INPUTS, disturbance=disturbance)
+    assert read.model_states == states
+    assert read.drives == tuple(f"v{i + 1}" for i in range(drives))
+    assert read.generator.Cm.shape == (2, len(states))
+    assert read.augmented.A.shape == (2 + len(states),) * 2
+
+
+def test_the_frequency_of_a_sinusoid_is_exact():
+    generator = spec(system=TWO_INPUTS, disturbance="{sinusoid: {omega: 0.1}}").generator
+    assert generator.Am[1, 0] == fmpq(-1, 100)
+    assert generator.inverse[0] == (fmpq(1, 100), fmpq(0), fmpq(1))
+
+
+def test_a_model_of_the_disturbance_has_nonlinearities_of_its_own():
+    model = "{Am: [[0, 1], [0, 0]], Bm: [0, 1], Bmf: [[0, 0], [1, 1]], Cq2: [[1, 0], [0, 1]], Cm: [[1, 0], [0, 1]], \
+        nonlinearities: [{type: cubic}, {type: {slope: [0, 1]}, f: tanh(q)}]}"
+    read = spec(system=TWO_INPUTS, disturbance=f"{{model: {model}}}")
+    assert [block.type for block in read.nonlinearities] == ["cubic", "slope [0, 1]"]
+    assert read.generator.inverse == (None, None)
+    assert read.augmented.Cq.shape == (2, 4)
+    assert values(read.augmented.Bf) == [[0, 0], [0, 0], [0, 0], [1, 1]]
+
+
+def test_a_single_nonlinearity_of_a_model_takes_all_of_q2():
+    model = "{Am: 0, Bm: 1, Bmf: 1, Cq2: [1, 2], Cm: [1, 0], nonlinearities: [{type: {lipschitz: 1}, f: q1 + q2}]}"
+    (block,) = spec(system=TWO_INPUTS, disturbance=f"{{model: {model}}}").nonlinearities
+    assert block.nq == 2
+
+
+@pytest.mark.parametrize(
+    ("performance", "H", "names"),
+    [
+        ("x", [[1, 0, 0, 0], [0, 1, 0, 0]], ("x1", "x2")),
+        ("w", [[0, 0, 1, 0], [0, 0, 0, 1]], ("w1", "w2")),
+        ("all", np.eye(4).tolist(), ("x1", "x2", "w1", "w2")),
+        ("[x2, w1]", [[0, 1, 0, 0], [0, 0, 1, 0]], ("x2", "w1")),
+        ("{H: [1, 2, 3, 0.5]}", [[1, 2, 3, 0.5]], ("z1",)),
+    ],
+)
+def test_performance_chooses_rows_of_the_augmented_state(performance, H, names):
+    read = spec(system=TWO_INPUTS, disturbance="integrator", performance=performance)
+    assert (values(read.H), read.H_names) == (H, names)
+
+
+def test_a_disturbance_that_is_a_sum_of_model_states_can_be_estimated():
+    read = spec(system="{A: 0, B: 1, C: 1}", disturbance="{bias+sinusoid: {omega: 1}}", performance="[w1, w1.bias]")
+    assert values(read.H) == [[0, 1, 1, 0], [0, 1, 0, 0]]
+
+
+def test_a_request_is_read_with_its_defaults():
+    request = spec().observer
+    assert request.L2.shape == (0, 1)
+    assert (request.objective, request.slack, request.gains) == ("min-gamma", fmpq(1, 20), None)
+    assert (request.bounds.L1, request.bounds.norm, request.bounds.P) == (None, "spectral", None)
+
+
+def test_without_alpha_it_is_searched_and_the_spec_says_so():
+    read = spec(observer="{type: l2}")
+    assert isinstance(read.observer.alpha, Range)
+    assert "observer.alpha" in read.notes[0]
+
+
+def test_a_request_is_read_in_full():
+    request = spec(
+        nonlinearities="[{type: monotone, Bf: [0, 1], Cq: [0, 1]}]",
+        observer="""
+  type: l2
+  L2: free
+  alpha: {min: 1e-2, max: 2, points: 7, log: true}
+  objective: {gamma: 0.01}
+  slack: 0.1
+  bounds: {L1: {frobenius: 10}, P: 1e6, gamma: 2}
+  gains: {L1: [1, 2]}""",
+    ).observer
+    assert request.L2 is None
+    assert request.alpha == Range(fmpq(1, 100), fmpq(2), 7, log=True)
+    assert (request.objective, request.gamma, request.slack) == ("gamma", fmpq(1, 100), fmpq(1, 10))
+    assert (request.bounds.L1, request.bounds.norm, request.bounds.P, request.bounds.gamma) == (
+        10,
+        "frobenius",
+        10**6,
+        2,
+    )
+    assert values(request.gains["L1"]) == [[1], [2]]
+    assert values(request.gains["L2"]) == [[0]]
+
+
+def test_the_rows_of_l2_follow_the_plant_first_and_then_the_model():
+    model = "{Am: 0, Bm: 1, Bmf: 1, Cq2: 1, Cm: [1, 0], nonlinearities: [{type: cubic}]}"
+    read = spec(
+        system=TWO_INPUTS,
+        nonlinearities="[{type: monotone, Bf: [0, 1], Cq: [0, 1]}]",
+        disturbance=f"{{model: {model}}}",
+        observer="{type: l2, alpha: 1, L2: [3, 4]}",
+    )
+    assert values(read.observer.L2) == [[3], [4]]
+
+
+@pytest.mark.parametrize(
+    ("x0", "xhat0", "sizes"),
+    [("[1, 2]", "0", (2, 4)), ("[1, 2, 3, 4]", "[1, 2]", (4, 4)), ("0", "[1, 2, 3, 4]", (2, 4))],
+)
+def test_a_simulation_begins_in_the_plant_or_in_the_augmented_plant(x0, xhat0, sizes):
+    trial = spec(
+        system=TWO_INPUTS, disturbance="integrator", simulation=f"{{horizon: 1, x0: {x0}, xhat0: {xhat0}}}"
+    ).simulation
+    assert (len(trial.x0), len(trial.xhat0)) == sizes
+    assert (trial.w, [v.text for v in trial.v]) == (None, ["0", "0"])
+
+
+def test_a_simulation_is_read_in_full():
+    trial = spec(
+        system=TWO_INPUTS,
+        simulation="""
+  horizon: 2*pi
+  v: [sin(t), 0]
+  noise: {type: gaussian, amplitude: 0.1, period: 1e-3}
+  seed: 7
+  points: 100""",
+    ).simulation
+    assert trial.horizon == 2 * np.pi
+    assert [v.text for v in trial.v] == ["sin(t)", "0"]
+    assert (trial.noise.type, trial.noise.amplitude.tolist(), trial.noise.period) == ("gaussian", [0.1], 1e-3)
+    assert (trial.seed, trial.points) == (7, 100)
+
+
+def test_the_name_of_a_spec_is_that_of_its_file_by_default():
+    assert spec().name == "spec"
+
+
+def known_keys(schema, tree, definitions):
+    """Whether every key of a tree is in a schema."""
+    if "$ref" in schema:
+        return known_keys(definitions[schema["$ref"].rpartition("/")[2]], tree, definitions)
+    for union in ("anyOf", "oneOf"):
+        if union in schema:
+            return any(known_keys(option, tree, definitions) for option in schema[union])
+    if isinstance(tree, dict):
+        inner = schema.get("properties", {})
+        rest = schema.get("additionalProperties", schema.get("type") == "object")
+        return all(
+            known_keys(inner[key], value, definitions) if key in inner else rest is not False
+            for key, value in tree.items()
+        )
+    return True
+
+
+def test_the_json_schema_is_json_and_knows_every_key_of_the_shipped_spec():
+    import yaml
+
+    schema = json.loads(json.dumps(json_schema()))
+    tree = yaml.safe_load(Path(SHIPPED).read_text())
+    assert known_keys(schema, tree, schema["$defs"])
+    assert not known_keys(schema, tree | {"observer": {"type": "l2", "aplha": 1}}, schema["$defs"])
+    assert schema["required"] == ["obsdesign", "system", "observer"]
+
+
+def test_the_json_schema_lets_nothing_be_null():
+    assert '"null"' not in json.dumps(json_schema())
+    assert json_schema()["$defs"]["Observer"]["properties"]["type"]["enum"] == ["l2"]
