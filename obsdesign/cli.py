@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import ObsdesignError, UndecidedError, UsageError
+from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError
 
 if TYPE_CHECKING:
     from obsdesign.observers.guarantee import Guarantee
@@ -76,7 +76,7 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.artifacts import result, to_json, write_whole
+    from obsdesign.artifacts import to_json, write_whole
     from obsdesign.spec import load
 
     with limited(timeout):
@@ -211,10 +211,11 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
     if quiet or not sys.stderr.isatty():
         yield lambda *_: None
         return
-    with typer.progressbar(length=1000, file=sys.stderr, show_eta=False, item_show_func=str) as bar:
+    with typer.progressbar(length=1000, file=sys.stderr, show_eta=False) as bar:
 
         def report(fraction: float, what: str) -> None:
-            bar.update(max(0, int(1000 * fraction) - bar.pos), what)
+            bar.label = what
+            bar.update(max(0, int(1000 * fraction) - bar.pos))
 
         yield report
 
@@ -239,7 +240,7 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Ma
         if not gains:
             made, _ = solved(problem, solver, quiet)
             if not made.gains:
-                raise UndecidedError(f"{source}: no gains to simulate: {made.diagnosis.get('reason', made.status)}")
+                raise InfeasibleError(f"{source}: no gains to simulate: {made.diagnosis.get('reason', made.status)}")
             certified = made.certificate is not None and made.certificate.holds
             return problem, made.gains, made.certificate.guarantee if certified else None
         return recorded(gains, problem)

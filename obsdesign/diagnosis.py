@@ -54,13 +54,13 @@ def why_not(spec: Spec, family: L2, largest_alpha: float | None, known: dict[str
     if feasible:
         return {
             "condition": "decay",
-            "reason": f"alpha = {alpha:g} is too fast: the inequality has a solution only up to alpha = {largest_alpha:.5g}",
+            "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}",
             "feasible": feasible,
             "suggestion": f"ask for alpha at most {largest_alpha:.4g}{other(family)}",
         }
     return {
         "condition": "inequality",
-        "reason": f"the inequality of Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried",
+        "reason": f"Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried",
         "feasible": feasible,
         "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
@@ -85,6 +85,7 @@ def failing_passivity(spec: Spec, family: L2) -> dict[str, Any] | None:
     This needs Bf of full column rank, Df = 0, and a loop without Dqf; it says nothing otherwise.
     """
     p = family.plant
+    assert family.L2 is not None
     if p.Df.any() or (p.Dqf + family.L2 @ p.Df).any():
         return None
     q = f = 0
@@ -100,8 +101,8 @@ def failing_passivity(spec: Spec, family: L2) -> dict[str, Any] | None:
             return {
                 "condition": "passivity",
                 "reason": (
-                    f"{block_name(spec, i)} has no upper slope bound, so P Bf + lambda (Cq + L2 C)' = 0 must hold with P > 0 and "
-                    f"lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here it is {shown}"
+                    f"{block_name(spec, i)} has no upper slope bound, so P Bf + lambda (Cq + L2 C)' = 0 must hold "
+                    f"with P > 0 and lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here it is {shown}"
                 ),
                 "value": largest,
                 "feasible": {},

@@ -2,9 +2,10 @@
 
 ObsdesignError            anything a person can act on; never a traceback
     UsageError      2     a wrong command, file, or spec: one line for each problem
+    InfeasibleError 3     gains are needed, and the design has none
     UndecidedError  4     numerical failure, a timeout, a certificate that could not be established
 
-An infeasible design (exit code 3) is an answer, not an error: it is data in the result.
+An infeasible design is an answer, not an error: `solve` writes it with its diagnosis and exits with 3.
 """
 
 from dataclasses import dataclass
@@ -45,6 +46,12 @@ class UsageError(ObsdesignError):
     """A wrong command, an unreadable file, or a spec that is not valid (exit code 2)."""
 
     exit_code = 2
+
+
+class InfeasibleError(ObsdesignError):
+    """Gains are needed, but the design that should give them is infeasible (exit code 3)."""
+
+    exit_code = 3
 
 
 class UndecidedError(ObsdesignError):

@@ -36,8 +36,10 @@ def examine(spec: Spec) -> dict[str, Any]:
             finding("decay", limit > lowest, f"detectability limits alpha to {limit:g}", decides=True, limit=limit)
         )
     nf = plant.Bf.shape[1]
-    for test in condition1(plant, in_floats(spec.generator.Am)):
-        findings.append(finding("condition 1", test.holds, test.sentence, eigenvalue=complex_pair(test.eigenvalue)))
+    findings += [
+        finding("condition 1", test.holds, test.sentence, eigenvalue=complex_pair(test.eigenvalue))
+        for test in condition1(plant, in_floats(spec.generator.Am))
+    ]
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
         zeros = invariant_zeros(system)
         findings.append(

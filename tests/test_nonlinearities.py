@@ -10,9 +10,9 @@ from hypothesis.extra.numpy import arrays
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
 from obsdesign.lmi.formula import in_floats, rational, rational_number
+from obsdesign.model.loop import well_posed
 from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES, Multiplier, combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
-from obsdesign.model.loop import well_posed
 from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.nonlinearities.slope import slope
 from obsdesign.nonlinearities.user import user

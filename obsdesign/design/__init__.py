@@ -109,7 +109,7 @@ class Designer:
         if gamma is None:
             return self.infeasible(alpha, limits)
         target = self.target(search, gamma)
-        if target < gamma or (self.request.bounds.gamma is not None and gamma > self.request.bounds.gamma):
+        if target < gamma or (self.request.bounds.gamma is not None and gamma > float(self.request.bounds.gamma)):
             return self.infeasible(alpha, {"gamma": {"asked": target, "least": gamma}, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
@@ -209,8 +209,8 @@ class Designer:
         limit = gammas[0] * (1 + float(self.request.slack))
         best = max(i for i, g in enumerate(gammas) if g is not None and g <= limit)
         self.notes[-1] = (
-            f"the least gamma never decreases with alpha; alpha = {float(grid[best]):g} is the fastest decay of the curve "
-            f"whose least gamma is within the slack of that at alpha = {float(grid[0]):g}"
+            f"the least gamma never decreases with alpha; alpha = {float(grid[best]):g} is the fastest decay of the "
+            f"curve whose least gamma is within the slack of that at alpha = {float(grid[0]):g}"
         )
         return grid[best]
 
@@ -310,8 +310,8 @@ class Designer:
     def unbounded(self, alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
         """Refusal of min-gamma where the infimum is zero."""
         first = (
-            f"observer.objective: the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without bound; "
-            "choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
+            f"observer.objective: the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
+            "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
         )
         return UsageError(first, *(f"  |L1| <= {size:<8g} gamma = {gamma:.4g}" for size, gamma in rows))
 
@@ -319,4 +319,6 @@ class Designer:
 def doubles(family: L2) -> dict[str, Array]:
     """Both gains as doubles, which print as the decimals that were proved."""
     fixed = in_floats(family)
+    assert fixed.L1 is not None
+    assert fixed.L2 is not None
     return {"L1": fixed.L1, "L2": fixed.L2}

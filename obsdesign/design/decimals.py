@@ -9,7 +9,7 @@ from obsdesign.lmi.formula import Array, rational
 
 def significant(matrix: Array, digits: int) -> Array:
     """Doubles of so many significant decimal digits."""
-    return np.vectorize(lambda x: float(f"{x:.{digits}g}") + 0.0, otypes=[float])(matrix)
+    return np.asarray(np.vectorize(lambda x: float(f"{x:.{digits}g}") + 0.0, otypes=[float])(matrix))
 
 
 def exact(decimals: Array) -> Array:

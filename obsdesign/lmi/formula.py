@@ -9,7 +9,7 @@ affine map), on float64 matrices (margins) and on rationals (the proof). Rationa
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from flint import fmpq
 
 Array = npt.NDArray[Any]
 Values = Mapping[str, Array]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -146,14 +147,14 @@ def rational(matrix: npt.ArrayLike) -> Array:
     return exact
 
 
-def in_floats(value: Any) -> Any:
+def in_floats(value: T) -> T:
     """Same object with every rational number and matrix in it (dataclass fields, tuples) read as doubles."""
     if isinstance(value, fmpq):
-        return float(value)
+        return cast(T, float(value))
     if isinstance(value, np.ndarray) and value.dtype == object:
-        return value.astype(float)
+        return cast(T, value.astype(float))
     if isinstance(value, tuple):
-        return tuple(in_floats(v) for v in value)
+        return cast(T, tuple(in_floats(v) for v in value))
     if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{f.name: in_floats(getattr(value, f.name)) for f in fields(value) if f.init})
+        return cast(T, replace(value, **{f.name: in_floats(getattr(value, f.name)) for f in fields(value) if f.init}))
     return value

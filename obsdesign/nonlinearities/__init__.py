@@ -6,10 +6,10 @@ To add one: a file with a function (data, nq, nf) -> Multiplier, a line in TEMPL
 from collections.abc import Callable
 from typing import Any
 
+from obsdesign.model.multiplier import Multiplier, combine
 from obsdesign.nonlinearities.library import FUNCTIONS
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
-from obsdesign.model.multiplier import Multiplier, combine
 from obsdesign.nonlinearities.slope import slope
 from obsdesign.nonlinearities.user import user
 

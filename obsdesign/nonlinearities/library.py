@@ -6,8 +6,8 @@ from functools import partial
 
 from flint import fmpq
 
-from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.nonlinearities.slope import slope
 
 

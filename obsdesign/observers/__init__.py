@@ -1,0 +1,1 @@
+"""Observer families, one file each, and what a spec asks of them."""

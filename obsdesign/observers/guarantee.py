@@ -7,7 +7,7 @@ from obsdesign.lmi.formula import Array
 
 @dataclass(frozen=True)
 class Guarantee:
-    """Along the error equations V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 with V = e' P e, gamma = sqrt(mu2 / mu1)."""
+    """V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 along the error equations, with V = e' P e, gamma^2 = mu2 / mu1."""
 
     gamma: float
     alpha: float

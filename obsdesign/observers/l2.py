@@ -20,10 +20,11 @@ gamma never decreases with alpha.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
+from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import (
     Array,
     Inequality,
@@ -36,9 +37,8 @@ from obsdesign.lmi.formula import (
     identity,
     symmetric,
 )
-from obsdesign.errors import UsageError
-from obsdesign.model.plant import Plant
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.plant import Plant
 from obsdesign.observers.request import Bounds
 
 ONE = np.ones((1, 1))
@@ -89,7 +89,7 @@ class L2:
         )
 
     def dissipation_with_free_L2(self, v: Values) -> Array:
-        """(13) in (e, f, v, u): Remark 3, with lambda q = Ge e + Gf f + Gv v and M11 = lambda U U' by a Schur complement."""
+        """(13) in (e, f, v, u), Remark 3: lambda q = Ge e + Gf f + Gv v, M11 = lambda U U' by a Schur complement."""
         p, P, Y, H = self.plant, v["P"], v["Y"], self.H
         blocks = self.multiplier.blocks
         scale = [v[u.name] for u in self.multiplier.unknowns()]
@@ -182,7 +182,7 @@ class L2:
         ]
 
     def gain(self, v: Values, floor: Array, square: Array) -> list[Inequality]:
-        """floor I <= P and [P, Y; Y', W] >= 0: L1'L1 floor <= L1'P L1 <= W, with W <= square I or tr W <= square."""
+        """Floor I <= P and [P, Y; Y', W] >= 0: L1'L1 floor <= L1'P L1 <= W, with W <= square I or tr W <= square."""
         rows = [Inequality("P >= t I", floor * self.eye - v["P"])]
         if "W" not in v:
             W = square * np.eye(self.plant.C.shape[0])
@@ -215,7 +215,7 @@ class L2:
         right = np.hstack([p.C, p.Df, -p.D, np.zeros((p.C.shape[0], extra))])
         return Injection("Y", np.eye(right.shape[1], p.n), right)
 
-    def shifted(self) -> "L2":
+    def shifted(self) -> Self:
         """Same problem for f - K q, K the member of the class: then M11 >= 0.
 
         With W = (I - K Dqf)^-1, f = (I - K Dqf)^-1 (K Cq x + f~ + K Dq w).
@@ -229,7 +229,7 @@ class L2:
 def unshifted(L2: Array, plant: Plant, K: Array) -> Array:
     """L2 for f of the L2 found for f - K q: L2n = X (I - Df K X)^-1 with X = (I - Dqf K)^-1 L2."""
     X = np.linalg.solve(np.eye(len(L2)) + L2 @ plant.Df @ K, L2)
-    return (np.eye(len(L2)) - plant.Dqf @ K) @ X
+    return np.asarray((np.eye(len(L2)) - plant.Dqf @ K) @ X)
 
 
 def free_factor(multiplier: Multiplier) -> Array:
@@ -276,7 +276,9 @@ def shifted_plant(plant: Plant, K: Array) -> Plant:
 def statement(gamma: float, alpha: float) -> str:
     """Guarantee in words, with the observer written out."""
     return (
-        f"norm2(z) <= sqrt(e0' P e0 / mu1) + {gamma!r} norm2(v); where v = 0, |e(t)| <= sqrt(cond(P)) exp(-{alpha!r} t) |e0|; "
-        "for xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y), qhat = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y), "
+        f"norm2(z) <= sqrt(e0' P e0 / mu1) + {gamma!r} norm2(v), "
+        f"and |e(t)| <= sqrt(cond(P)) exp(-{alpha!r} t) |e0| where v = 0; "
+        "for xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y), "
+        "qhat = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y), "
         "yhat = C xihat + Df f(t, y, qhat) + gy, e = xihat - xi, z = H e"
     )

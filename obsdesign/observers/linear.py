@@ -19,7 +19,7 @@ def figures(plant: Plant, L1: Array, P: Array | None) -> dict[str, Any]:
     dict
         `poles` as [real, imaginary] in 1/s, the slowest first; `fastest` in 1/s; `largest_step` in s, of the classical
         Runge-Kutta method on these poles; `noise_gain` from measurement noise to each estimate (largest singular value
-        over frequency); `condition_P`.
+        over frequency; empty where a pole lies on the imaginary axis); `condition_P`.
     """
     A = plant.A + L1 @ plant.C
     poles = sorted(np.linalg.eigvals(A), key=lambda p: (-p.real, p.imag))
@@ -27,7 +27,7 @@ def figures(plant: Plant, L1: Array, P: Array | None) -> dict[str, Any]:
     found: dict[str, Any] = {"poles": [[float(p.real), float(p.imag)] for p in poles], "fastest": float(fastest)}
     if fastest > 0:
         found["largest_step"] = RUNGE_KUTTA / float(fastest)
-    found["noise_gain"] = dict(zip(plant.states, noise_gain(A, L1, poles), strict=True))
+    found["noise_gain"] = dict(zip(plant.states, noise_gain(A, L1, poles), strict=False))
     if P is not None:
         found["condition_P"] = float(np.linalg.cond(P))
     return found

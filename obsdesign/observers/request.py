@@ -9,6 +9,8 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import Array
 
+SLACK = fmpq(1, 20)
+
 
 @dataclass(frozen=True)
 class Range:
@@ -45,6 +47,6 @@ class Request:
     alpha: fmpq | Range
     objective: Literal["min-gamma", "max-alpha", "feasibility", "pareto", "gamma"] = "min-gamma"
     gamma: fmpq | None = None  # the level to reach, for objective "gamma"
-    slack: fmpq = fmpq(1, 20)
+    slack: fmpq = SLACK
     bounds: Bounds = field(default_factory=Bounds)
     gains: Mapping[str, Array] | None = None  # analysis of these instead of a design
