@@ -60,6 +60,7 @@ def certify(family: L2, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values) -> Ce
         *proved,
         Check("alpha > 0", family.alpha > 0, float(family.alpha)),
         Check("mu1 > 0", mu1 > 0, float(mu1)),
+        Check("gamma >= 0", gamma >= 0, float(gamma)),
         Check("mu2 <= gamma^2 mu1", 0 <= mu2 <= gamma * gamma * mu1, float(gamma * gamma * mu1 - mu2)),
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )

@@ -53,7 +53,7 @@ SpecPath = Annotated[str, typer.Argument(metavar="SPEC", help="Spec file (YAML).
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Solver = Annotated[str, typer.Option(help="clarabel, or any solver that cvxpy has installed.")]
-Timeout = Annotated[float, typer.Option(min=1e-3, help="Seconds after which the command gives up.")]
+Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
 
 
 def main() -> None:

@@ -21,7 +21,8 @@ from obsdesign.design.gain import searchable, small_gains, within
 from obsdesign.diagnosis import why_not
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
-from obsdesign.lmi.solve import Answer, Status
+from obsdesign.lmi.reduce import between
+from obsdesign.lmi.solve import Answer, Status, reduction
 from obsdesign.model.structure import undetectable
 from obsdesign.observers.l2 import L2
 from obsdesign.observers.request import Bounds, Range
@@ -172,23 +173,25 @@ class Designer:
     # Many alphas
 
     def curve(self, grid: Sequence[fmpq]) -> Iterator[dict[str, Any]]:
-        """Least gamma for each alpha; nothing is solved above an infeasible one."""
+        """Least gamma for each alpha; nothing is solved above an infeasible one.
+
+        The inequality is affine in alpha, so the reductions at both ends give those between.
+        """
+        search, low, high = searchable(self.family), float(grid[0]), float(grid[-1])
+        first, last = (reduction(replace(search, alpha=a).least_gamma(self.bounds)) for a in (low, high))
         start: Values | None = None
         lost = False
-        for i, alpha in enumerate(grid):
-            self.engine.report(0.7 * i / len(grid), f"alpha = {float(alpha):.4g}")
-            point: dict[str, Any] = {"alpha": float(alpha)}
+        for i, alpha in enumerate(map(float, grid)):
+            self.engine.report(0.7 * i / len(grid), f"alpha = {alpha:.4g}")
+            point: dict[str, Any] = {"alpha": alpha, "status": str(Status.INFEASIBLE)}
             if not lost:
-                answer = self.engine.minimise(
-                    searchable(replace(self.family, alpha=alpha)).least_gamma(self.bounds), start
-                )
+                problem = replace(search, alpha=alpha).least_gamma(self.bounds)
+                answer = self.engine.minimise(problem, start, between(first, last, (alpha - low) / (high - low)))
                 lost = answer.status is Status.INFEASIBLE
+                point["status"] = str(answer.status)
                 if answer.status is Status.OPTIMAL:
                     start = answer.values
                     point["gamma"] = math.sqrt(max(answer.objective, 0.0))
-                point["status"] = str(answer.status)
-            else:
-                point["status"] = str(Status.INFEASIBLE)
             yield point
 
     @property

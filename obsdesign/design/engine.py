@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from obsdesign.lmi.formula import Problem, Values
+from obsdesign.lmi.reduce import Reduced
 from obsdesign.lmi.solve import Answer, minimise, widest
 
 Report = Callable[[float, str], None]  # fraction done, what is being done
@@ -16,9 +17,9 @@ class Engine:
         self.report = report
         self.solves = 0
 
-    def minimise(self, problem: Problem, start: Values | None = None) -> Answer:
+    def minimise(self, problem: Problem, start: Values | None = None, reduced: Reduced | None = None) -> Answer:
         """Optimum of a problem."""
-        return self.counted(minimise(problem, self.solver, start))
+        return self.counted(minimise(problem, self.solver, start, reduced))
 
     def widest(self, problem: Problem, start: Values | None = None) -> Answer:
         """Point of largest margin."""

@@ -18,7 +18,8 @@ from obsdesign.observers.l2 import L2, unshifted
 from obsdesign.observers.request import Bounds
 
 DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
-KAPPAS = 8  # bounds that are tried for the smallest gain
+KAPPAS = 12  # bounds that are tried for the smallest gain
+STRIDE = 4  # down from a bound that will do, until one will not
 NEAR = 1.15  # ratio of two of them between which the smallest is
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
 ROUNDING = 1e-5  # of a bound on L1, likewise
@@ -85,7 +86,7 @@ def with_L2(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Iterato
 def smallest(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Values | None:
     """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found.
 
-    The smallest kappa is found to `NEAR` by interpolation in logarithms, from the gain of the widest margin down.
+    The smallest kappa is found to `NEAR` by bisection of its logarithm, from the gain of the widest margin down.
     """
     wide = engine.widest(family.witness(gamma))
     if wide.status is not Status.OPTIMAL:
@@ -124,7 +125,7 @@ class Ladder:
             return self.high if not self.low else 2 * self.low
         if self.low:
             return math.sqrt(self.low * self.high)
-        return self.high * min(max(math.sqrt(self.level / self.goal), 0.1), 0.8)
+        return self.high / STRIDE
 
     def tell(self, kappa: float, gamma: float, *, fits: bool) -> bool:
         """Take the gamma of a kappa into account, and say whether it will do."""

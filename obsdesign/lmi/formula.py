@@ -9,6 +9,7 @@ affine map), on float64 matrices (margins) and on rationals (the proof). Rationa
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -28,12 +29,12 @@ class Unknown:
     shape: tuple[int, int]
     symmetric: bool = False
 
+    @cached_property
     def positions(self) -> tuple[Array, Array]:
         """Row and column index of each coordinate."""
         if self.symmetric:
             return np.triu_indices(self.shape[0])
-        rows, columns = np.indices(self.shape)
-        return rows.ravel(), columns.ravel()
+        return np.divmod(np.arange(self.shape[0] * self.shape[1]), self.shape[1])
 
     @property
     def size(self) -> int:
@@ -43,7 +44,7 @@ class Unknown:
 
     def unpack(self, coordinates: Array) -> Array:
         """Matrix (..., n, m) of the coordinates (..., size)."""
-        rows, columns = self.positions()
+        rows, columns = self.positions
         matrix = np.zeros((*coordinates.shape[:-1], *self.shape), dtype=coordinates.dtype)
         if coordinates.dtype == object:
             matrix[...] = fmpq(0)
@@ -54,7 +55,7 @@ class Unknown:
 
     def pack(self, matrix: Array) -> Array:
         """Coordinates of a matrix: the inverse of `unpack`."""
-        return matrix[..., *self.positions()]
+        return matrix[..., *self.positions]
 
 
 @dataclass(frozen=True)

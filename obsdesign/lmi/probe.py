@@ -1,7 +1,7 @@
 """First reading of a formula: one batched evaluation gives the affine map that the solver sees."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,35 +10,43 @@ from obsdesign.lmi.formula import Array, Problem, Unknown, Values
 
 @dataclass(frozen=True)
 class Block:
-    """The constraint constant + sum_i x_i coefficients[i] <= 0 (or < 0 if strict) on symmetric k x k matrices."""
+    """The constraint terms[0] + sum_i x_i terms[i + 1] <= 0 (or < 0 if strict) on symmetric k x k matrices."""
 
     name: str
-    constant: Array  # (k, k)
-    coefficients: Array  # (N, k, k)
+    terms: Array  # (1 + N, k, k)
     strict: bool
+
+    @property
+    def order(self) -> int:
+        """Number of rows k."""
+        return int(self.terms.shape[-1])
 
     def at(self, x: Array) -> Array:
         """Value at a point x (N,)."""
-        value: Array = self.constant + np.tensordot(x, self.coefficients, axes=1)
+        value: Array = np.tensordot(np.append(1.0, x), self.terms, axes=1)
         return value
+
+    def over(self, S: Array) -> "Block":
+        """Same block over z, where (1, x) = S (1, z)."""
+        terms = (S.T @ self.terms.reshape(len(self.terms), -1)).reshape(-1, self.order, self.order)
+        return Block(self.name, terms, self.strict)
 
     def rows(self, keep: Array) -> "Block":
         """Same block with only the rows and columns that `keep` (a mask) selects."""
-        constant, coefficients = self.constant[keep][:, keep], self.coefficients[:, keep][:, :, keep]
-        return Block(self.name, constant, coefficients, self.strict)
+        return Block(self.name, self.terms[:, keep][:, :, keep], self.strict)
 
     def scaled(self, d: Array) -> "Block":
         """diag(d) F diag(d)."""
-        weights = np.outer(d, d)
-        return Block(self.name, self.constant * weights, self.coefficients * weights, self.strict)
+        return Block(self.name, self.terms * (d[:, None] * d), self.strict)
 
     def congruent(self, N: Array) -> "Block":
         """N' F N."""
-        return replace(self, constant=N.T @ self.constant @ N, coefficients=N.T @ self.coefficients @ N)
+        return Block(self.name, N.T @ self.terms @ N, self.strict)
 
-    def substituted(self, offset: Array, basis: Array) -> "Block":
-        """Same block over z, where x = offset + basis z."""
-        return replace(self, constant=self.at(offset), coefficients=np.tensordot(basis.T, self.coefficients, axes=1))
+    def sizes(self) -> tuple[Array, Array]:
+        """Largest diagonal entry, and largest entry, of each row over all terms."""
+        absolute = np.abs(self.terms)
+        return absolute.diagonal(axis1=1, axis2=2).max(axis=0), absolute.max(axis=(0, 2))
 
 
 @dataclass(frozen=True)
@@ -75,7 +83,9 @@ def probe(problem: Problem) -> Program:
     blocks = []
     for inequality in problem.inequalities(points):
         value = np.broadcast_to(inequality.matrix, (size + 2, *inequality.matrix.shape[-2:]))
-        block = Block(inequality.name, value[0], value[1:-1] - value[0], inequality.strict)
+        terms = value[:-1] - value[0]
+        terms[0] = value[0]
+        block = Block(inequality.name, terms, inequality.strict)
         require_affine(inequality.name, block.at(witness), value[-1])
         blocks.append(block)
     cost, constant = np.zeros(size), 0.0

@@ -16,6 +16,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array, Injection, Unknown
 from obsdesign.lmi.probe import Block, Program
 
+SLACK = 1e-3
 ZERO = 1e-13  # relative size below which an entry is a rounded zero
 
 
@@ -50,17 +51,34 @@ def reduce(program: Program, unknowns: Sequence[Unknown] = (), injection: Inject
     return reduced
 
 
+def between(a: Reduced, b: Reduced, weight: float) -> Reduced | None:
+    """Reduction (1 - weight) a + weight b of a formula that is affine in a parameter; None if they differ in structure."""
+    same = a.rows == b.rows and a.pivots == b.pivots and np.array_equal(a.free, b.free)
+    if not same or a.contradiction or b.contradiction or (a.basis != b.basis).any() or (a.offset != b.offset).any():
+        return None
+
+    def mixed(x: Array, y: Array) -> Array:
+        return (1 - weight) * x + weight * y
+
+    blocks = tuple(
+        replace(x, terms=mixed(x.terms, y.terms)) for x, y in zip(a.program.blocks, b.program.blocks, strict=True)
+    )
+    return replace(a, program=replace(a.program, cost=mixed(a.program.cost, b.program.cost), blocks=blocks))
+
+
 def eliminate(reduced: Reduced) -> Reduced:
     """Turn structurally zero rows into equalities and solve these, until no such row is left."""
-    labels = {b.name: np.arange(len(b.constant)) for b in reduced.program.blocks}
+    labels = {b.name: np.arange(b.order) for b in reduced.program.blocks}
     while True:
         equalities, kept, rows = [], [], []
         for block in reduced.program.blocks:
             zero = zero_diagonal(block)
-            if block.strict and zero.any():
+            if not zero.any():
+                kept.append(block)
+                continue
+            if block.strict:
                 return replace(reduced, contradiction=f"{block.name} cannot hold: a diagonal entry must vanish")
-            entries = np.concatenate([block.constant[None], block.coefficients])
-            equalities.append(entries[:, zero, :].reshape(len(entries), -1).T)
+            equalities.append(block.terms[:, zero].reshape(len(block.terms), -1).T)
             rows += [(block.name, int(i)) for i in labels[block.name][zero]]
             labels[block.name] = labels[block.name][~zero]
             if not zero.all():
@@ -77,9 +95,8 @@ def eliminate(reduced: Reduced) -> Reduced:
 
 def zero_diagonal(block: Block) -> Array:
     """Mask of the rows whose diagonal entry vanishes for every value of the unknowns, relative to its row."""
-    diagonal = np.abs(np.diagonal(block.coefficients, axis1=1, axis2=2)).max(axis=0, initial=0)
-    diagonal = np.maximum(diagonal, np.abs(np.diag(block.constant)))
-    return np.asarray(diagonal <= ZERO * largest_by_row(block))
+    diagonal, row = block.sizes()
+    return np.asarray(diagonal <= ZERO * row)
 
 
 def solve_equalities(reduced: Reduced, equalities: Array) -> Reduced:
@@ -89,35 +106,40 @@ def solve_equalities(reduced: Reduced, equalities: Array) -> Reduced:
     pivots: list[int] = []
     for row in range(len(E)):
         rest = np.abs(E[row:, 1:])
-        i, j = np.unravel_index(np.argmax(rest), rest.shape) if rest.size else (0, 0)
-        if not rest.size or rest[i, j] < 10 * ZERO:
+        i, j = divmod(int(rest.argmax()), rest.shape[1])
+        if rest[i, j] < 10 * ZERO:
             break
         E[[row, row + i]] = E[[row + i, row]]
         E[row] /= E[row, j + 1]
-        E[:row] -= E[:row, j + 1, None] * E[row]
-        E[row + 1 :] -= E[row + 1 :, j + 1, None] * E[row]
+        column = E[:, j + 1].copy()
+        column[row] = 0
+        E -= column[:, None] * E[row]
         E[np.abs(E) < ZERO] = 0
-        pivots.append(int(j))
+        pivots.append(j)
     if np.abs(E[len(pivots) :, 0]).max(initial=0) > 100 * ZERO:
         return replace(reduced, contradiction="the rows that must vanish contradict each other")
     size = E.shape[1] - 1
-    free = np.setdiff1d(np.arange(size), pivots)
-    offset, basis = np.zeros(size), np.zeros((size, len(free)))
-    basis[free, np.arange(len(free))] = 1
-    offset[pivots] = -E[: len(pivots), 0]
-    basis[pivots] = -E[: len(pivots), 1:][:, free]
+    is_free = np.ones(size, dtype=bool)
+    is_free[pivots] = False
+    free = np.flatnonzero(is_free)
+    S = np.zeros((size + 1, len(free) + 1))  # (1, z) = S (1, free z)
+    S[0, 0] = 1
+    S[free + 1, np.arange(len(free)) + 1] = 1
+    S[np.array(pivots, dtype=int) + 1] = -E[: len(pivots)][:, np.append(0, free + 1)]
     return replace(
         reduced,
-        program=Program(
-            reduced.program.cost @ basis,
-            reduced.program.constant + float(reduced.program.cost @ offset),
-            tuple(block.substituted(offset, basis) for block in reduced.program.blocks),
-        ),
+        program=over(reduced.program, S),
         free=reduced.free[free],
-        offset=reduced.offset + reduced.basis @ offset,
-        basis=reduced.basis @ basis,
+        offset=reduced.offset + reduced.basis @ S[1:, 0],
+        basis=reduced.basis @ S[1:, 1:],
         pivots=reduced.pivots + tuple(int(i) for i in reduced.free[pivots]),
     )
+
+
+def over(program: Program, S: Array) -> Program:
+    """Same program over z, where (1, x) = S (1, z)."""
+    cost = np.append(program.constant, program.cost) @ S
+    return Program(cost[1:], float(cost[0]), tuple(block.over(S) for block in program.blocks))
 
 
 def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection) -> Reduced:
@@ -126,23 +148,20 @@ def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection)
     place = [u.name for u in unknowns].index(injection.unknown)
     inside = (reduced.free >= edges[place]) & (reduced.free < edges[place + 1])
     first, *others = reduced.program.blocks
-    deleted = [row for name, row in reduced.rows if name == first.name]
-    keep = np.setdiff1d(np.arange(len(injection.left)), deleted)
-    untouched = inside.sum() == unknowns[place].size and not any(b.coefficients[inside].any() for b in others)
-    if not untouched or len(keep) != len(first.constant):
+    keep = np.ones(len(injection.left), dtype=bool)
+    keep[[row for name, row in reduced.rows if name == first.name]] = False
+    terms = np.append(False, inside)
+    untouched = inside.sum() == unknowns[place].size and not any(b.terms[terms].any() for b in others)
+    if not untouched or keep.sum() != first.order:
         return reduced
-    blocks = [
+    parts = (
         replace(first.congruent(null_space(factor)), name=f"{first.name} {where}")
         for factor, where in ((injection.right[:, keep], "without injection"), (injection.left[keep].T, "beyond it"))
-    ]
-    program = replace(reduced.program, blocks=(*(b for b in blocks if b.constant.size), *others))
+    )
+    blocks = [replace(b, terms=b.terms[~terms]) for b in (*parts, *others) if b.order]
     return replace(
         reduced,
-        program=Program(
-            program.cost[~inside],
-            program.constant,
-            tuple(replace(b, coefficients=b.coefficients[~inside]) for b in program.blocks),
-        ),
+        program=Program(reduced.program.cost[~inside], reduced.program.constant, tuple(blocks)),
         free=reduced.free[~inside],
         basis=reduced.basis[:, ~inside],
     )
@@ -160,35 +179,27 @@ def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
     factors = np.ones(len(program.cost))
     scaled = program
     for _ in range(sweeps):
-        blocks = [scaled_rows(b, np.sqrt(largest_by_row(b))) for b in scaled.blocks]
-        largest = np.max([np.abs(b.coefficients).max(axis=(1, 2)) for b in blocks], axis=0)
+        blocks = tuple(b.scaled(1 / power_of_two(np.sqrt(b.sizes()[1]))) for b in scaled.blocks)
+        largest = np.max([np.abs(b.terms[1:]).max(axis=(1, 2)) for b in blocks], axis=0)
         step = 1 / power_of_two(largest)
         factors = factors * step
-        scaled = scaled_coordinates(replace(scaled, blocks=tuple(blocks)), step)
+        scaled = scaled_coordinates(replace(scaled, blocks=blocks), step)
     return scaled, factors
 
 
 def scale_to(program: Program, z: Array) -> tuple[Program, Array]:
-    """Scale coordinates and rows so that the point z and the terms of the diagonals at z come near 1.
+    """Scale coordinates and rows so that the point z and the diagonals of -F(z) come near 1; by powers of two.
 
-    The terms before they cancel, not their sum: an active constraint has no slack at an optimum.
+    A diagonal entry counts as no smaller than `SLACK` times its terms: an active constraint has none left.
     """
     factors = power_of_two(np.maximum(np.abs(z), 1e-8 * np.abs(z).max()))
+    point = np.append(1.0, z)
     blocks = []
     for block in program.blocks:
-        diagonals = np.abs(np.diagonal(block.coefficients, axis1=1, axis2=2))
-        size = np.maximum(
-            np.abs(np.diag(block.at(z))), 1e-3 * (np.abs(z) @ diagonals + np.abs(np.diag(block.constant)))
-        )
-        blocks.append(scaled_rows(block, np.sqrt(np.maximum(size, 1e-12 * size.max()))))
+        diagonals = block.terms.diagonal(axis1=1, axis2=2)
+        size = np.maximum(np.abs(point @ diagonals), SLACK * (np.abs(point) @ np.abs(diagonals)))
+        blocks.append(block.scaled(1 / power_of_two(np.sqrt(np.maximum(size, 1e-12 * size.max())))))
     return scaled_coordinates(replace(program, blocks=tuple(blocks)), factors), factors
-
-
-def largest_by_row(block: Block) -> Array:
-    """Largest entry of each row over all coefficients."""
-    return np.asarray(
-        np.maximum(np.abs(block.coefficients).max(axis=(0, 2), initial=0), np.abs(block.constant).max(axis=1))
-    )
 
 
 def power_of_two(x: Array) -> Array:
@@ -196,12 +207,8 @@ def power_of_two(x: Array) -> Array:
     return np.asarray(np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0)))))
 
 
-def scaled_rows(block: Block, size: Array) -> Block:
-    """D^-1 F D^-1 with the powers of two nearest to the sizes in D."""
-    return block.scaled(1 / power_of_two(size))
-
-
 def scaled_coordinates(program: Program, factors: Array) -> Program:
     """Write z = factors * scaled z."""
-    blocks = [replace(b, coefficients=b.coefficients * factors[:, None, None]) for b in program.blocks]
-    return replace(program, cost=program.cost * factors, blocks=tuple(blocks))
+    weights = np.append(1.0, factors)[:, None, None]
+    blocks = tuple(replace(b, terms=b.terms * weights) for b in program.blocks)
+    return replace(program, cost=program.cost * factors, blocks=blocks)

@@ -6,6 +6,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,15 +44,25 @@ class Answer:
 Solver = Callable[[Program], tuple[str, Array]]  # raw status and z
 
 
-def minimise(problem: Problem, solver: str = "clarabel", start: Values | None = None) -> Answer:
-    """Solve a problem, scaled at first to the start if there is one; what was projected out is zero in the answer.
+def reduction(problem: Problem) -> Reduced:
+    """Probe and reduce a problem."""
+    return reduce(probe(problem), problem.unknowns, problem.injection)
+
+
+def minimise(
+    problem: Problem, solver: str = "clarabel", start: Values | None = None, reduced: Reduced | None = None
+) -> Answer:
+    """Solve a problem; what was projected out is zero in the answer.
+
+    A start is the solution of a problem nearby. In its scaling one solve is believed, where otherwise two in
+    different scalings must agree. A reduction that is known already is not made again.
 
     Raises
     ------
     UsageError
         If the solver is not installed.
     """
-    reduced = reduce(probe(problem), problem.unknowns, problem.injection)
+    reduced = reduced or reduction(problem)
     if reduced.contradiction:
         return Answer(Status.INFEASIBLE, raw=reduced.contradiction)
     search = Search(call(solver))
@@ -66,14 +77,13 @@ def widest(problem: Problem, solver: str = "clarabel", start: Values | None = No
     The inequalities are homogenised (their constant part gets a factor s >= t) and normalised by the trace of
     -F, so that t is at most 1 and is compared with `MARGIN`.
     """
-    reduced = reduce(probe(problem), problem.unknowns, problem.injection)
+    reduced = reduction(problem)
     if reduced.contradiction:
         return Answer(Status.INFEASIBLE, raw=reduced.contradiction)
     search = Search(call(solver))
     z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
     t, z = search.margin(reduced.program, z)
-    found = answer(problem, reduced, Status.OPTIMAL if t > MARGIN else Status.INFEASIBLE, z, search)
-    return replace(found, objective=t)
+    return replace(answer(problem, reduced, verdict(t), z, search), objective=t)
 
 
 def answer(problem: Problem, reduced: Reduced, status: Status, z: Array, search: "Search") -> Answer:
@@ -111,12 +121,13 @@ class Search:
             z = factors * z
             if raw == SOLVED:
                 found.append((float(program.cost @ z) + program.constant, z))
-                if len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE):
+                believed = len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE)
+                if believed or (start is not None and self.solves == 1):
                     return Status.OPTIMAL, z
             elif not found and not doubted:
                 doubted = True
                 t, z = self.margin(program)
-                if t <= MARGIN:
+                if verdict(t) is Status.INFEASIBLE:
                     return Status.INFEASIBLE, z
             if not np.isfinite(z).all() or not z.any():
                 break
@@ -127,7 +138,7 @@ class Search:
         return Status.UNDECIDED, z
 
     def margin(self, program: Program, start: Array | None = None) -> tuple[float, Array]:
-        """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised; and z / s."""
+        """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised, and z / s; t is -inf if nothing was solved."""
         lifted = homogeneous(program)
         scaled, factors = balance(lifted) if start is None else scale_to(lifted, np.append(start, 1.0))
         best, point = -np.inf, np.zeros(len(lifted.cost))
@@ -144,6 +155,13 @@ class Search:
         return best, point[:-1] / point[-1] if point[-1] > 0 else point[:-1]
 
 
+def verdict(t: float) -> Status:
+    """What a largest margin says; minus infinity is that of a phase I that was not solved."""
+    if t > MARGIN:
+        return Status.OPTIMAL
+    return Status.INFEASIBLE if t > -np.inf else Status.UNDECIDED
+
+
 def agree(a: float, b: float, tolerance: float) -> bool:
     """Relative agreement."""
     return abs(a - b) <= tolerance * max(abs(a), abs(b))
@@ -151,27 +169,20 @@ def agree(a: float, b: float, tolerance: float) -> bool:
 
 def homogeneous(program: Program) -> Program:
     """Give the constant part a factor s of its own, the last coordinate, with s >= 0."""
-    size = len(program.cost)
-    s = np.zeros((size + 1, 1, 1))
+    blocks = [replace(b, terms=np.concatenate([0 * b.terms[:1], b.terms[1:], b.terms[:1]])) for b in program.blocks]
+    s = np.zeros((len(program.cost) + 2, 1, 1))
     s[-1] = -1.0
-    blocks = [
-        replace(b, constant=0 * b.constant, coefficients=np.concatenate([b.coefficients, b.constant[None]]))
-        for b in program.blocks
-    ]
-    return Program(np.zeros(size + 1), 0.0, (*blocks, Block("s >= 0", np.zeros((1, 1)), s, strict=True)))
+    return Program(np.zeros(len(program.cost) + 1), 0.0, (*blocks, Block("s >= 0", s, strict=True)))
 
 
 def with_margin(program: Program) -> Program:
     """Maximise t (the last coordinate) with F + t I <= 0, sum of traces of -F at most the number of rows."""
-    size = len(program.cost)
-    blocks = [
-        replace(b, coefficients=np.concatenate([b.coefficients, np.eye(len(b.constant))[None]])) for b in program.blocks
-    ]
-    traces = sum(np.trace(-b.coefficients, axis1=1, axis2=2) for b in program.blocks)
+    blocks = [replace(b, terms=np.concatenate([b.terms, np.eye(b.order)[None]])) for b in program.blocks]
+    traces = -sum(np.trace(b.terms, axis1=1, axis2=2) for b in program.blocks)
     total = np.append(traces, 0.0)[:, None, None]
-    rows = sum(len(b.constant) for b in program.blocks)
-    cost = np.append(np.zeros(size), -1.0)
-    return Program(cost, 0.0, (*blocks, Block("normalised", np.array([[-float(rows)]]), total, strict=False)))
+    total[0] = -float(sum(b.order for b in program.blocks))
+    cost = np.append(np.zeros(len(program.cost)), -1.0)
+    return Program(cost, 0.0, (*blocks, Block("normalised", total, strict=False)))
 
 
 # Clarabel, called with the probed matrices
@@ -197,11 +208,17 @@ def columns(dense: Array) -> Columns:
     return Columns(dense.shape, dense[down, across], down, np.concatenate([[0], np.cumsum(counts)]))
 
 
-def triangle(block: Block) -> tuple[Array, Array]:
-    """Return b and A with b - A z in the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
-    column, row = np.tril_indices(len(block.constant))
-    weight = np.where(row == column, 1.0, np.sqrt(2.0))
-    return -weight * block.constant[row, column], (weight * block.coefficients[:, row, column]).T
+@cache
+def triangle_of(order: int) -> tuple[Array, Array, Array]:
+    """Columns, rows and weights of the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
+    column, row = np.tril_indices(order)
+    return column, row, np.where(row == column, 1.0, np.sqrt(2.0))
+
+
+def triangle(block: Block) -> Array:
+    """Return [-b, A] with b - A z in the triangle cone."""
+    column, row, weight = triangle_of(block.order)
+    return weight[:, None] * block.terms[:, row, column].T
 
 
 def with_clarabel(program: Program) -> tuple[str, Array]:
@@ -217,11 +234,11 @@ def clarabel_once(program: Program, *, chordal: bool) -> tuple[str, Array]:
     """One call."""
     import clarabel
 
-    blocks = sorted(program.blocks, key=lambda b: len(b.constant) > 1)
-    scalars = sum(len(b.constant) == 1 for b in blocks)
+    blocks = sorted(program.blocks, key=lambda b: b.order > 1)
+    scalars = sum(b.order == 1 for b in blocks)
     cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
-    cones += [clarabel.PSDTriangleConeT(len(b.constant)) for b in blocks[scalars:]]
-    b, A = (np.concatenate(part) for part in zip(*map(triangle, blocks), strict=True))
+    cones += [clarabel.PSDTriangleConeT(b.order) for b in blocks[scalars:]]
+    rows = np.concatenate([triangle(b) for b in blocks])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
@@ -230,7 +247,7 @@ def clarabel_once(program: Program, *, chordal: bool) -> tuple[str, Array]:
     size = len(program.cost)
     settings.max_iter = 100
     P = columns(np.zeros((size, size)))
-    solution = clarabel.DefaultSolver(P, program.cost, columns(A), b, cones, settings).solve()
+    solution = clarabel.DefaultSolver(P, program.cost, columns(rows[:, 1:]), -rows[:, 0], cones, settings).solve()
     return str(solution.status), np.array(solution.x)
 
 
@@ -252,9 +269,9 @@ def through_cvxpy(name: str) -> Solver:
         z = cp.Variable(len(program.cost))
         constraints = []
         for block in program.blocks:
-            k = len(block.constant)
-            flat = block.coefficients.reshape(len(block.coefficients), k * k).T
-            F = cp.reshape(flat @ z + block.constant.ravel(), (k, k), order="C")
+            k = block.order
+            flat = block.terms.reshape(-1, k * k).T
+            F = cp.reshape(flat[:, 1:] @ z + flat[:, 0], (k, k), order="C")
             constraints.append((F + F.T) / 2 << 0)
         model = cp.Problem(cp.Minimize(program.cost @ z), constraints)
         try:

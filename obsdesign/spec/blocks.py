@@ -11,7 +11,7 @@ from flint import fmpq
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES
-from obsdesign.spec.document import Loc
+from obsdesign.spec.document import Loc, described
 from obsdesign.spec.model import Nonlinearity
 from obsdesign.spec.names import arguments
 from obsdesign.spec.schema import Function, TypeData
@@ -81,11 +81,11 @@ def read_type(reader: Reader, written: str | TypeData, loc: Loc) -> Kind:
         return Kind("lipschitz", "lipschitz auto", fmpq(1))
     if written.lipschitz is not None:
         k = reader.number(written.lipschitz, (*loc, "lipschitz"), ">= 0")
-        return Kind("lipschitz", f"lipschitz {written.lipschitz}", k)
+        return Kind("lipschitz", f"lipschitz {described(written.lipschitz)}", k)
     if written.slope is not None:
         low = read_bounds(reader, written.slope[0], (*loc, "slope", 0))
         high = read_bounds(reader, written.slope[1], (*loc, "slope", 1), infinite=True)
-        return Kind("slope", f"slope {written.slope}".replace("'", ""), (low, high))
+        return Kind("slope", described(f"slope {written.slope}".replace("'", "")), (low, high))
     return Kind("multiplier", "multiplier", reader.entries(written.multiplier, (*loc, "multiplier")))
 
 
@@ -124,7 +124,7 @@ def template_data(block: Block) -> Any:
     """Return the data of the type as its template takes them."""
     data = block.kind.data
     if isinstance(data, Entries):
-        return data.values
+        return np.atleast_2d(data.values)
     if not isinstance(data, tuple):
         return data
     low, high = (bounds * block.nq if len(bounds) == 1 else bounds for bounds in data)

@@ -18,7 +18,7 @@ MAX_BYTES = 4 * 2**20
 TOO_LARGE = "is larger than 4 MiB; a spec may not be"
 TOO_DEEP = "nested deeper than 32 levels; a spec needs no more"
 MAX_DEPTH = 32  # lists and mappings inside each other
-MAX_NODES = 200_000  # a dense A with 400 states has 160,000
+MAX_NODES = 180_000  # a dense A with 400 states has 160,000
 MAX_PROBLEMS = 100
 MAX_SHOWN = 4  # parts of a key in a message about YAML
 MAX_QUOTED = 60  # characters of a value in a message
@@ -104,7 +104,8 @@ class Document:
 
 def dotted(loc: Loc) -> str:
     """`loc` as a user reads it, such as system.A[0][1]."""
-    return "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in loc).removeprefix(".")
+    parts = (f"[{name}]" if isinstance(name, int) else f".{described(name)}" for name in loc)
+    return "".join(parts).removeprefix(".")
 
 
 def read(path: str) -> str:
@@ -143,10 +144,8 @@ def compose(text: str, path: str) -> Document:
         raise UsageError(Problem(TOO_LARGE, path))
     text = text.removeprefix("\ufeff")
     if found := NOT_TEXT.search(text):
-        line, column = (
-            text.count("\n", 0, found.start()) + 1,
-            found.start() - text.rfind("\n", 0, found.start()),
-        )
+        line = text.count("\n", 0, found.start()) + 1
+        column = found.start() - text.rfind("\n", 0, found.start())
         message = f"the character U+{ord(found[0]):04X} does not belong in a text file; a spec is a YAML file"
         raise UsageError(Problem(message, path, line, column))
     composer = Composer(path)
@@ -236,7 +235,7 @@ class Composer:
         if self.nodes > MAX_NODES:
             self.stop(event.start_mark, f"more than {MAX_NODES:,} values; a spec may not have so many")
         if event.tag is not None:
-            message = f"the tag {event.tag} is not read; write plain numbers, text, lists and mappings"
+            message = f"the tag {described(event.tag)} is not read; write plain numbers, text, lists and mappings"
             self.problems.append(self.problem(event.start_mark, message))
 
     def begin(self, event: yaml.CollectionStartEvent) -> None:
@@ -254,10 +253,10 @@ class Composer:
         """Node that an alias stands for."""
         name, mark = event.anchor, event.start_mark
         if name not in self.anchors:
-            self.stop(mark, f"the alias *{name} has no anchor; put an expression that begins with * in quotes")
+            self.stop(mark, f"the alias *{described(name)} has no anchor; quote an expression that begins with *")
         found = self.anchors[name]
         if found is None:
-            self.stop(mark, f"the alias *{name} stands inside what it stands for")
+            self.stop(mark, f"the alias *{described(name)} stands inside what it stands for")
         self.aliased += found.size
         if self.aliased > MAX_ALIASED:
             self.stop(mark, f"aliases expand to more than {MAX_ALIASED:,} values")
@@ -300,7 +299,7 @@ class Composer:
         elif name == "<<":
             message = "merge keys (<<) are not read; write the keys out"
         elif name in others:
-            message = f"duplicate key {name}; it is given in line {others[name][0].line} already"
+            message = f"duplicate key {described(name)}; it is given in line {others[name][0].line} already"
         else:
             return node
         loc = self.here() if name is None else (*self.here(), str(name))
@@ -317,6 +316,8 @@ def scalar(text: str) -> bool | str | None:
     """Value of a plain scalar in the core schema of YAML 1.2."""
     if text in CONSTANTS:
         return CONSTANTS[text]
+    if text[0] not in "+-.0123456789":
+        return text
     if decimal := DECIMAL.fullmatch(text):
         return Number(decimal[1] + decimal[3])
     if OTHER_BASE.fullmatch(text):
@@ -334,4 +335,5 @@ def described(value: Any) -> str:
         return "a list"
     if isinstance(value, dict):
         return "a mapping"
-    return value if len(value) <= MAX_QUOTED else f"{value[:MAX_QUOTED]}.."
+    line = " ".join(value.split())
+    return f"{line[:MAX_QUOTED]}.." if len(line) > MAX_QUOTED else line or "an empty text"

@@ -96,7 +96,7 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
     taken = set(layout.names.states + layout.names.outputs + layout.names.inputs) if layout.names else set()
     for name in states:
         if name in taken:
-            reader.wrong(loc, f"{name} names a state of the disturbance model; rename that of system")
+            reader.wrong(loc, f"{name} names a state of the disturbance model; rename what is called so in system")
     return Exogenous(
         XM.of(nm),
         V.of(generator.Bm.shape[1]),

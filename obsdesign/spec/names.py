@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from obsdesign.expressions.functions import FUNCTIONS
+from obsdesign.spec.document import described
 from obsdesign.spec.schema import System
 from obsdesign.spec.values import Axis, Reader, counted
 from obsdesign.spec.words import unknown
@@ -52,7 +53,7 @@ def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
     """Values of the parameters, each from those before it."""
     for name, text in parameters.items():
         if reason := meaning(name):
-            reader.wrong(("parameters", name), f"{name} {reason}", at_key=True)
+            reader.wrong(("parameters", name), f"{described(name)} {reason}", at_key=True)
         value = reader.number(text, ("parameters", name))
         if reason is None:
             reader.parameters[name] = value
@@ -72,7 +73,7 @@ def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: A
         given = getattr(system, key)
         for i, name in enumerate(getattr(names, key)):
             if reason := meaning(name) or (name in taken and f"is {taken[name]} already; choose another name"):
-                reader.wrong(("system", key, i) if given else ("system", key), f"{name} {reason}")
+                reader.wrong(("system", key, i) if given else ("system", key), f"{described(name)} {reason}")
             taken[name] = each
     for name in reader.parameters:
         if name in taken:

@@ -7,7 +7,7 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array
 from obsdesign.observers.request import Bounds, Range, Request
 from obsdesign.spec import schema
-from obsdesign.spec.document import Loc
+from obsdesign.spec.document import Loc, described
 from obsdesign.spec.schema import Frobenius, Gains, Level, Observer
 from obsdesign.spec.values import Axis, Reader
 
@@ -72,7 +72,9 @@ def read_range(reader: Reader, section: schema.Range, loc: Loc) -> Range:
     high = reader.number(section.max, (*loc, "max"), "> 0")
     points = reader.integer(section.points, (*loc, "points"), 25, 2, MAX_POINTS)
     if len(reader.problems) == before and low >= high:
-        reader.wrong(loc, f"min {section.min} is not below max {section.max}; a range needs min < max")
+        reader.wrong(
+            loc, f"min {described(section.min)} is not below max {described(section.max)}; a range needs min < max"
+        )
     return Range(low, high, points, section.log)
 
 

@@ -40,7 +40,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read of a plant; there is no plant after an error."""
+    """What was read of a plant, with stand-ins after an error."""
 
     layout: Layout
     plant: Plant | None = None

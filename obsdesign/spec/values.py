@@ -160,11 +160,11 @@ class Reader:
             if NOT_FINITE.fullmatch(text):
                 raise ExpressionError(f"{text} is not a finite number")
             if DATE.fullmatch(text):
-                raise ExpressionError(f"expected a number, found {text}, which reads as a date or a time")
+                raise ExpressionError(f"expected a number, found {described(text)}, which reads as a date or a time")
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
                 double = float(self.exact[text])
-                self.notes.append(f"{dotted(loc)} = {text} is read as the double {double!r}")
+                self.notes.append(f"{dotted(loc)} = {described(text)} is read as the double {double!r}")
         return self.exact[text]
 
     def integer(self, text: str | None, loc: Loc, default: int, low: int, high: int) -> int:
@@ -244,7 +244,7 @@ class Reader:
         """Expression of the given names."""
         try:
             if NOT_FINITE.fullmatch(text) or DATE.fullmatch(text):
-                raise ExpressionError(f"expected an expression, found {text}")
+                raise ExpressionError(f"expected an expression, found {described(text)}")
             return parse(text, names, self.parameters)
         except ExpressionError as error:
             self.wrong(loc, error.message, column=error.column)

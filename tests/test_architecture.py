@@ -1,0 +1,185 @@
+"""The tree keeps its promises: imports go down, vendors stay behind their walls, what is public is described."""
+
+import ast
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent / "obsdesign"
+FILES = sorted(ROOT.rglob("*.py"))
+MODULES = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__"): p for p in FILES}
+
+# A module may import from lower rows only, and from its own package; __version__ is everyone's.
+LAYERS = (
+    ("__main__",),
+    ("cli",),
+    ("verification",),
+    ("artifacts", "plot", "examine"),
+    ("design", "simulate"),
+    ("certificate", "diagnosis"),
+    ("spec",),
+    ("nonlinearities", "observers"),
+    ("model",),
+    ("lmi", "expressions"),
+    ("errors",),
+)
+LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
+APART = {
+    frozenset({"nonlinearities", "observers"}),
+    frozenset({"lmi", "expressions"}),
+    frozenset({"design", "simulate"}),
+}
+
+WALLS = {  # vendor: the only files that may import it
+    "clarabel": {"lmi/solve.py"},
+    "cvxpy": {"lmi/solve.py"},
+    "yaml": {"spec/document.py"},
+    "matplotlib": {"plot.py"},
+    "typer": {"cli.py"},
+    "pydantic": {"spec/schema.py", "spec/structure.py", "spec/forms.py"},
+}
+LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel"}  # imported only inside the functions that use them
+SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}
+FORBIDDEN = {"eval", "exec", "compile", "__import__", "sympify"}
+
+
+def imported(tree):
+    """(module, line, at the top of the file) of every import; what only a type checker sees is left out."""
+    checked = {
+        id(n)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and names(node.test) & {"TYPE_CHECKING"}
+        for n in ast.walk(node)
+    }
+    inner = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
+    for node in ast.walk(tree):
+        if id(node) in checked:
+            continue
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno, id(node) not in inner) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or ""), node.lineno, id(node) not in inner
+
+
+def names(tree):
+    """Every name that occurs in a tree."""
+    return {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
+
+
+def problems(source, path):
+    """What is wrong with the source of the module at a path within the package."""
+    tree = ast.parse(source)
+    part = Path(path).parts[0].removesuffix(".py")
+    for module, line, top in imported(tree):
+        head, _, rest = module.partition(".")
+        if head == "obsdesign" and rest and part != "__init__":
+            other = rest.split(".")[0]
+            sideways = other != part and LEVEL[other] == LEVEL[part] and frozenset({part, other}) in APART
+            if LEVEL[other] < LEVEL[part] or sideways:
+                yield f"{path}:{line}: {part} imports {other}"
+        if head == "":
+            yield f"{path}:{line}: relative import"
+        if path not in WALLS.get(head, {path}):
+            yield f"{path}:{line}: only {', '.join(sorted(WALLS[head]))} may import {head}"
+        if top and head in LAZY:
+            yield f"{path}:{line}: {head} is imported for everyone"
+        if head in {"pickle", "marshal", "shelve", "sympy"}:
+            yield f"{path}:{line}: {head} is not allowed"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id in FORBIDDEN:
+                yield f"{path}:{node.lineno}: {node.func.id}()"
+            if path != "cli.py" and node.func.id in {"print", "exit", "quit", "input"}:
+                yield f"{path}:{node.lineno}: only cli.py calls {node.func.id}()"
+        if isinstance(node, ast.Attribute) and path != "cli.py" and ast.unparse(node) in SPEECH:
+            yield f"{path}:{node.lineno}: only cli.py uses {ast.unparse(node)}"
+        if isinstance(node, ast.Name) and node.id == "SystemExit" and path != "cli.py":
+            yield f"{path}:{node.lineno}: only cli.py exits"
+        if isinstance(node, ast.ExceptHandler):
+            caught = names(node.type) if node.type else {"everything"}
+            reraised = any(isinstance(n, ast.Raise) and n.exc is None for n in ast.walk(node))
+            if caught & {"everything", "Exception", "BaseException"} and not reraised:
+                yield f"{path}:{node.lineno}: catches {' '.join(caught)}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_a_module_imports_only_what_is_below_it(path):
+    assert list(problems(path.read_text(), path.relative_to(ROOT).as_posix())) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("errors.py", "from obsdesign.lmi.formula import rational"),
+        ("lmi/formula.py", "import obsdesign.model.plant"),
+        ("lmi/proof.py", "from obsdesign.expressions import Expression"),
+        ("observers/l2.py", "from obsdesign.nonlinearities.slope import slope"),
+        ("nonlinearities/slope.py", "def f():\n    from obsdesign.observers import l2"),
+        ("spec/model.py", "from obsdesign.design import design"),
+        ("design/gain.py", "from obsdesign.cli import app"),
+        ("simulate/run.py", "from obsdesign.design.gain import within"),
+        ("model/plant.py", "from ..spec import model"),
+        ("design/engine.py", "import clarabel"),
+        ("lmi/solve.py", "import clarabel"),
+        ("design/gain.py", "def f():\n    from cvxpy import Variable"),
+        ("spec/values.py", "from yaml import load"),
+        ("cli.py", "def f():\n    from matplotlib import pyplot"),
+        ("simulate/integrate.py", "from scipy.integrate import LSODA"),
+        ("simulate/integrate.py", "import scipy.linalg as sl"),
+        ("artifacts.py", "print('x')"),
+        ("artifacts.py", "import sys\nsys.exit(1)"),
+        ("artifacts.py", "raise SystemExit(1)"),
+        ("expressions/parse.py", "eval('1')"),
+        ("expressions/parse.py", "def f():\n    return exec('1')"),
+        ("expressions/parse.py", "import pickle"),
+        ("expressions/parse.py", "from sympy import sympify"),
+        ("cli.py", "try:\n    pass\nexcept Exception:\n    pass"),
+        ("cli.py", "try:\n    pass\nexcept:\n    pass"),
+    ],
+)
+def test_a_module_that_breaks_a_rule_is_found(path, source):
+    assert list(problems(source, path))
+
+
+def test_a_module_that_keeps_the_rules_is_not_found():
+    source = (
+        "from typing import TYPE_CHECKING\nimport numpy\nfrom obsdesign.errors import UsageError\n"
+        "if TYPE_CHECKING:\n    from scipy.integrate import LSODA\n"
+        "def f():\n    from scipy.integrate import LSODA\n"
+        "    try:\n        f()\n    except BaseException:\n        raise\n"
+    )
+    assert list(problems(source, "simulate/integrate.py")) == []
+
+
+def test_every_part_of_the_package_has_its_layer():
+    parts = {p.relative_to(ROOT).parts[0].removesuffix(".py") for p in FILES}
+    assert parts == set(LEVEL) | {"__init__"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_no_source_contains_what_could_run_a_text(path):
+    assert re.findall(r"(?<![\w.])(?:eval|exec)\(|pickle|sympify", path.read_text()) == []
+
+
+@pytest.mark.parametrize("name", sorted(set(MODULES) - {"obsdesign.__main__"}))
+def test_everything_public_is_described_and_exists(name):
+    module = importlib.import_module(name)
+    assert module.__doc__ or MODULES[name].read_text() == ""
+    for public in getattr(module, "__all__", ()):
+        assert hasattr(module, public), f"{name}.__all__ holds {public}"
+    missing = [
+        f"{name}.{node.name}"
+        for node in ast.walk(ast.parse(MODULES[name].read_text()))
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and not node.name.startswith("_")
+        if not ast.get_docstring(node) and node.name not in local(MODULES[name])
+    ]
+    assert missing == []
+
+
+def local(path):
+    """Names of the functions inside functions: these are nobody else's."""
+    tree = ast.parse(path.read_text())
+    outer = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    return {n.name for f in outer for n in ast.walk(f) if isinstance(n, ast.FunctionDef) and n is not f}

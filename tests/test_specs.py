@@ -1,0 +1,112 @@
+"""Every spec that is shipped: it solves, meets what it expects of itself, and the solvers agree on it."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+from flint import fmpq
+
+from obsdesign.artifacts import result
+from obsdesign.design import design
+from obsdesign.design.gain import searchable
+from obsdesign.lmi.solve import Status, minimise
+from obsdesign.observers.l2 import L2
+from obsdesign.observers.request import Bounds, Range
+from obsdesign.simulate import simulate
+from obsdesign.spec import load
+
+ROOT = Path(__file__).parent.parent / "specs"
+NAMES = [str(p.relative_to(ROOT).with_suffix("")) for p in sorted(ROOT.glob("**/*.yaml"))]
+FEASIBLE = [name for name in NAMES if not name.startswith("infeasible/")]
+
+
+@cache
+def solved(name):
+    spec = load(str(ROOT / f"{name}.yaml"))
+    return spec, design(spec)
+
+
+def content_of(name):
+    """The result of a spec; what is expected of a simulation is simulated."""
+    spec, made = solved(name)
+    content = result(spec, made, "clarabel")
+    if any(key.startswith("simulation.") for key in spec.expect):
+        content["simulation"] = simulate(spec, made.gains, made.certificate.guarantee).summary
+    return content
+
+
+def at(content, path):
+    """Value at a dotted path; the limits stand in the guarantee."""
+    value = content if path.partition(".")[0] in content else content["guarantee"]
+    for key in path.split("."):
+        value = value[key]
+    return value
+
+
+def test_there_are_specs():
+    assert len(FEASIBLE) >= 8
+    assert len(NAMES) > len(FEASIBLE)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_spec_says_how_it_ends_and_ends_so(name):
+    spec, made = solved(name)
+    assert spec.expect["status"] == made.status
+    assert made.status == ("certified" if name in FEASIBLE else "infeasible")
+    assert bool(made.diagnosis) == (made.status == "infeasible")
+    if made.status == "certified":
+        assert made.certificate.holds
+        assert all(check.holds for check in made.certificate.checks)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if len(load(str(ROOT / f"{name}.yaml")).expect) > 1])
+def test_a_spec_gives_what_it_expects(name):
+    spec, _ = solved(name)
+    content = content_of(name)
+    for path, expected in spec.expect.items():
+        if isinstance(expected, dict):
+            tolerance = {"rel": expected.get("rtol", 1e-3), "abs": expected.get("atol", 0.0)}
+            assert at(content, path) == pytest.approx(expected["verified"], **tolerance), path
+        else:
+            assert at(content, path) == expected, path
+
+
+@pytest.mark.parametrize("name", FEASIBLE)
+def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
+    spec, made = solved(name)
+    request, limit = spec.observer, made.limit_bounded or made.limit
+    if request.objective in {"min-gamma", "pareto"} and not request.gains:
+        assert limit["gamma"] <= made.certificate.guarantee.gamma <= limit["gamma"] * (1 + float(request.slack))
+    if request.gamma is not None:
+        assert made.certificate.gamma <= request.gamma
+    if request.bounds.L1 is not None:
+        largest = {"spectral": 2, "frobenius": "fro"}[request.bounds.norm]
+        import numpy as np
+
+        assert np.linalg.norm(made.gains["L1"], largest) <= float(request.bounds.L1)
+
+
+def bounded_problem(spec):
+    """Least gamma of a spec within its bound on L1, or within 2000."""
+    request = spec.observer
+    alpha = request.alpha.low if isinstance(request.alpha, Range) else request.alpha
+    gain = request.gains["L2"] if request.gains else request.L2
+    family = searchable(L2(spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
+    bounds = request.bounds if request.bounds.L1 is not None else Bounds(L1=fmpq(2000))
+    return family.least_gamma(bounds)
+
+
+@pytest.mark.parametrize("through", ["cvxpy", "cvxopt"])
+@pytest.mark.parametrize("name", [name for name in FEASIBLE if "gains" not in name])
+def test_the_solvers_agree(name, through, monkeypatch):
+    """Clarabel called directly, Clarabel through cvxpy (another reading of the same matrices), and CVXOPT."""
+    pytest.importorskip(through)
+    problem = bounded_problem(solved(name)[0])
+    direct = minimise(problem)
+    if through == "cvxpy":
+        from obsdesign.lmi import solve
+
+        monkeypatch.setattr(solve, "call", lambda _: solve.through_cvxpy("clarabel"))
+    other = minimise(problem, through)
+    assert (direct.status, other.status) == (Status.OPTIMAL, Status.OPTIMAL)
+    assert other.objective == pytest.approx(direct.objective, rel=1e-3)
