@@ -211,6 +211,34 @@ def test_two_solves_give_the_same_bytes_but_for_the_clock():
     assert texts[0] == texts[1]
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("C: [[1, 0]]", "C: [[0, 0]]"),
+        ("bounds: {L1: 40}", "objective: {gamma: 1.0e+200}"),
+        ("bounds: {L1: 40}", "objective: {gamma: 1.0e-200}"),
+        ("bounds: {L1: 40}", "slack: 1.0e+300, bounds: {L1: 40}"),
+        ("L1: 40", "L1: 1.0e-12"),
+        ("L1: 40", "L1: 1.0e+200"),
+        ("alpha: 0.1", "alpha: 1.0e+300"),
+        ("alpha: 0.1", "alpha: 1.0e-300"),
+    ],
+)
+def test_an_extreme_spec_is_answered_without_a_traceback(old, new):
+    text = Path(CART).read_text().replace("disturbance: integrator\n", "")
+    assert text.count(old) == 1
+    Path("extreme.yaml").write_text(text.replace(old, new))
+    outcome = run("solve", "extreme.yaml", "-q")
+    assert outcome.exit_code in {0, 2, 3, 4}, outcome.exception
+    assert (outcome.stderr == "") == (outcome.exit_code in {0, 3})
+    assert ("extreme.gains.json" in files()) == (outcome.exit_code in {0, 3})
+
+
+def test_no_slack_at_a_limit_that_is_attained_is_not_infeasible():
+    Path("tight.yaml").write_text(Path(CART).read_text().replace("bounds:", "slack: 0, bounds:"))
+    assert run("solve", "tight.yaml", "-q").exit_code in {0, 4}
+
+
 # The contract of the result file
 
 

@@ -153,7 +153,7 @@ def test_a_zero_on_the_diagonal_becomes_equalities():
     reduced = reduce(probe(passive([0.5, 1])))
     assert reduced.rows == (("passive", 2),)
     assert len(reduced.pivots) == 2
-    assert [len(b.constant) for b in reduced.program.blocks] == [2, 2]
+    assert [b.order for b in reduced.program.blocks] == [2, 2]
     point = matrices((Unknown("P", (2, 2), symmetric=True),), reduced.point(np.array([7.0])))
     assert point["P"] == pytest.approx(np.array([[7, 0.5], [0.5, 1]]))
 
@@ -193,12 +193,8 @@ def test_the_positive_real_lemma_decides_passivity(output, feasible):
 
 def spread(kappa):
     """A block whose entries span kappa^2, as the bound |L1| <= kappa gives."""
-    return Block(
-        "gain",
-        np.zeros((2, 2)),
-        np.array([[[-1.0, 0], [0, 0]], [[0, -1], [-1, 0]], [[0, 0], [0, -(kappa**2)]]]),
-        strict=False,
-    )
+    terms = [np.zeros((2, 2)), [[-1, 0], [0, 0]], [[0, -1], [-1, 0]], [[0, 0], [0, -(kappa**2)]]]
+    return Block("gain", np.array(terms, dtype=float), strict=False)
 
 
 @pytest.mark.parametrize("kappa", [1.0, 1e3, 1e7])
@@ -208,7 +204,7 @@ def test_entries_spread_over_many_decades_are_not_mistaken_for_zeros(kappa):
 
 def test_a_rounded_zero_on_the_diagonal_counts_as_zero():
     block = spread(1.0)
-    noisy = replace(block, coefficients=block.coefficients * np.array([[1e-15, 1], [1, 1]]))
+    noisy = replace(block, terms=block.terms * np.array([[1e-15, 1], [1, 1]]))
     assert zero_diagonal(noisy).tolist() == [True, False]
 
 

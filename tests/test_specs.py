@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from flint import fmpq
 
@@ -81,8 +82,6 @@ def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
         assert made.certificate.gamma <= request.gamma
     if request.bounds.L1 is not None:
         largest = {"spectral": 2, "frobenius": "fro"}[request.bounds.norm]
-        import numpy as np
-
         assert np.linalg.norm(made.gains["L1"], largest) <= float(request.bounds.L1)
 
 
