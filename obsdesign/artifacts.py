@@ -9,6 +9,7 @@ import json
 import os
 import platform
 import tempfile
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -25,30 +26,62 @@ from obsdesign.observers.linear import figures
 from obsdesign.spec.model import Spec
 
 FORMAT = 1
-LARGEST = 64 * 2**20  # bytes of a result file that is read
 
 
 def write_whole(path: str | Path, content: bytes) -> None:
-    """Write a file under a temporary name beside it, then rename it.
+    """Write one file, whole or not at all.
 
     Raises
     ------
     UsageError
         If the folder does not exist or may not be written.
     """
-    target = Path(path)
+    write_all({str(path): content})
+
+
+def write_all(files: Mapping[str, bytes]) -> None:
+    """Write files under temporary names beside them, and rename these when all are complete.
+
+    Raises
+    ------
+    UsageError
+        If a folder does not exist or may not be written; then none of the files is.
+    """
+    staged: dict[str, Path] = {}
+    path = ""
     try:
-        with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as file:
-            try:
+        for path, content in files.items():
+            if Path(path).is_dir():
+                raise IsADirectoryError(0, "it is a folder")
+            with tempfile.NamedTemporaryFile(dir=Path(path).parent, prefix=".obsdesign.", delete=False) as file:
+                staged[path] = Path(file.name)
                 file.write(content)
-                file.flush()
-                os.chmod(file.name, 0o666 & ~umask())
-                os.replace(file.name, target)
-            except BaseException:
-                os.unlink(file.name)
-                raise
+            staged[path].chmod(0o666 & ~umask())
+        for path, temporary in staged.items():
+            temporary.replace(path)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        for temporary in staged.values():
+            temporary.unlink(missing_ok=True)
+
+
+def require_writable(*paths: str) -> None:
+    """Refuse paths that could not be written, before anything is computed.
+
+    Raises
+    ------
+    UsageError
+        If a folder does not exist or may not be written, or a path is a folder.
+    """
+    for path in paths:
+        folder = Path(path).parent
+        if Path(path).is_dir():
+            raise UsageError(f"{path}: cannot be written: it is a folder")
+        if not folder.is_dir():
+            raise UsageError(f"{path}: cannot be written: there is no folder {folder}")
+        if not os.access(folder, os.W_OK):
+            raise UsageError(f"{path}: cannot be written: the folder {folder} may not be written")
 
 
 def umask() -> int:
@@ -63,7 +96,7 @@ def result(spec: Spec, design: Design, solver: str) -> dict[str, Any]:
     made: dict[str, Any] = {
         "obsdesign": FORMAT,
         "name": spec.name,
-        "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+        "spec": {"path": spec.path.encode(errors="replace").decode(), "sha256": digest(spec.text), "text": spec.text},
         "status": design.status,
     }
     if design.gains:

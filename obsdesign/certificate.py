@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array, Inequality, Values, rational
+from obsdesign.lmi.formula import Array, Inequality, Values, approximate, rational
 from obsdesign.lmi.proof import Check, prove
 from obsdesign.model import loop
 from obsdesign.observers.guarantee import Guarantee
@@ -58,10 +58,10 @@ def certify(family: L2, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values) -> Ce
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     checks = (
         *proved,
-        Check("alpha > 0", family.alpha > 0, float(family.alpha)),
-        Check("mu1 > 0", mu1 > 0, float(mu1)),
-        Check("gamma >= 0", gamma >= 0, float(gamma)),
-        Check("mu2 <= gamma^2 mu1", 0 <= mu2 <= gamma * gamma * mu1, float(gamma * gamma * mu1 - mu2)),
+        Check("alpha > 0", family.alpha > 0, approximate(family.alpha)),
+        Check("mu1 > 0", mu1 > 0, approximate(mu1)),
+        Check("gamma >= 0", gamma >= 0, approximate(gamma)),
+        Check("mu2 <= gamma^2 mu1", 0 <= mu2 <= gamma * gamma * mu1, approximate(gamma * gamma * mu1 - mu2)),
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     scales = {name: value for name, value in values.items() if name != "P"}

@@ -1,6 +1,7 @@
 """The command line: the only code that prints or exits. Heavy modules are imported by the command that needs them."""
 
 import json
+import math
 import os
 import signal
 import sys
@@ -60,7 +61,10 @@ def main() -> None:
     """Entry point. Matrices are small: one thread makes runs repeatable, and halves the start-up time."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    app()
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
 
 
 @app.command()
@@ -77,13 +81,15 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.artifacts import to_json, write_whole
+    from obsdesign.artifacts import require_writable, to_json, write_whole
     from obsdesign.spec import load
 
     with limited(timeout):
         problem = load(spec)
         name = stem(spec)
         target = output or f"{name}.gains.json"
+        if target != "-":
+            require_writable(target)
         made, content = solved(problem, solver, quiet)
         text = to_json(content)
         if target == "-":
@@ -110,7 +116,7 @@ def simulate(
         str, typer.Argument(metavar="[SPEC|GAINS.json]", help="Default: the newest certified gains.")
     ] = "",
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
-    output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV).")] = "",
+    output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV); - is standard output.")] = "",
     plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
@@ -118,12 +124,17 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
+    from obsdesign.artifacts import require_writable
+
     with limited(timeout):
         source = source or newest(quiet)
         name = stem(source)
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
+        require_writable(*(file for file in files if file != "-"))
         problem, matrices, guarantee = tried(source, gains, solver, quiet)
         summary = simulated(problem, matrices, guarantee, files, quiet)
+    if files[0] == "-":
+        return
     if as_json:
         typer.echo(json.dumps(summary, indent=2, allow_nan=False))
     elif not quiet:
@@ -162,7 +173,10 @@ def verify(
 
     with limited(timeout):
         _, certificate = prove(gains, load(spec) if spec else None)
-    rows = [{"name": c.name, "holds": c.holds, "margin": c.margin} for c in certificate.checks]
+    rows = [
+        {"name": c.name, "holds": c.holds, "margin": c.margin if math.isfinite(c.margin) else None}
+        for c in certificate.checks
+    ]
     if as_json:
         typer.echo(json.dumps({"proved": certificate.holds, "checks": rows}, indent=2, allow_nan=False))
     elif not quiet:
@@ -254,14 +268,18 @@ def simulated(
     problem: "Spec", gains: Mapping[str, Any], guarantee: "Guarantee | None", files: tuple[str, str], quiet: bool
 ) -> Mapping[str, Any]:
     """Run, write samples and figure, return the summary."""
-    from obsdesign.artifacts import csv, write_whole
+    from obsdesign.artifacts import csv, write_all
     from obsdesign.plot import run_figure
     from obsdesign.simulate import simulate as run_of
 
     with progress(quiet) as report:
         run: Run = run_of(problem, gains, guarantee, lambda done: report(done, "simulation"))
-    write_whole(files[0], csv(*run.table()))
-    write_whole(files[1], run_figure(problem, run, guarantee))
+    samples, figure = csv(*run.table()), run_figure(problem, run, guarantee)
+    if files[0] == "-":
+        typer.echo(samples.decode(), nl=False)
+        write_all({files[1]: figure})
+    else:
+        write_all({files[0]: samples, files[1]: figure})
     if run.status != "done" and not quiet:
         typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
     return run.summary

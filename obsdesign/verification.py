@@ -2,17 +2,18 @@
 
 import json
 import math
+import re
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from flint import fmpq
+from flint import fmpq, fmpz
 
 from obsdesign.certificate import Certificate, certify
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array, rational, rational_number
+from obsdesign.lmi.formula import Array, approximate, rational, rational_number
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.observers.l2 import L2, statement
 from obsdesign.observers.request import Range
@@ -21,6 +22,8 @@ from obsdesign.spec.model import Spec
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
+LARGEST_EXPONENT = 400
+NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
 
 class ResultFile:
@@ -77,7 +80,11 @@ class ResultFile:
         from obsdesign.artifacts import digest
 
         text, found = self.at("spec", "text"), self.at("spec", "sha256")
-        if not isinstance(text, str) or digest(text) != found:
+        try:
+            right = isinstance(text, str) and digest(text) == found
+        except UnicodeEncodeError:
+            raise self.wrong("spec.text", "not valid Unicode") from None
+        if not right:
             raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
         return loads(text, f"{self.path} (spec.text)")
 
@@ -97,12 +104,12 @@ class ResultFile:
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
         try:
-            if not isinstance(text, str) or len(text) > LONGEST:
+            if not isinstance(text, str) or len(text) > LONGEST or not NUMBER.fullmatch(text):
                 raise ValueError
             if "/" in text:
-                return rational_number(Fraction(text))
+                return fmpq(*(fmpz(part) for part in text.split("/")))
             decimal = Decimal(text)
-            if not decimal.is_finite() or abs(decimal.adjusted()) > 400:
+            if abs(decimal.adjusted()) > LARGEST_EXPONENT:
                 raise ValueError
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
@@ -144,21 +151,21 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
 
 def require_request(file: ResultFile, L1: Array, L2_: Array) -> None:
     """Hold the claim against what the spec asks: the family, alpha, given gains, the statement."""
-    request = file.spec.observer
+    request = file.spec.observer.printed()
     if file.at("observer", "type") != request.type:
         raise file.wrong("observer.type", f"the spec asks for {request.type}")
     alpha, gamma = file.number("guarantee", "alpha"), file.number("guarantee", "gamma")
     low, high = (request.alpha.low, request.alpha.high) if isinstance(request.alpha, Range) else (request.alpha,) * 2
     if not low <= alpha <= high:
-        raise file.wrong("guarantee.alpha", f"{float(alpha):g} is not what the spec asks for")
+        raise file.wrong("guarantee.alpha", f"{approximate(alpha):g} is not what the spec asks for")
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in (("L1", L1), ("L2", L2_)):
         if name in given and (given[name] != found).any():
             raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
+    if not math.isfinite(approximate(gamma)):
+        raise file.wrong("guarantee.gamma", "beyond the range of doubles")
     if file.at("guarantee", "statement") != statement(float(gamma), float(alpha)):
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
-    if not math.isfinite(float(gamma)):
-        raise file.wrong("guarantee.gamma", "not finite")
 
 
 def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | None]:
@@ -172,6 +179,8 @@ def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guar
     file = ResultFile(path)
     if spec is not None and spec.text != file.spec.text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    if file.at("status") == "infeasible":
+        raise file.wrong("status", "infeasible: this result has no gains")
     plant = file.spec.augmented
     n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
     gains = {"L1": file.matrix((n, ny), "observer", "L1"), "L2": file.matrix((nq, ny), "observer", "L2")}
@@ -179,4 +188,8 @@ def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guar
     if file.at("status") == "certified":
         _, proof = verify(path, spec)
         guarantee = proof.guarantee if proof.holds else None
-    return file.spec, {name: gain.astype(float) for name, gain in gains.items()}, guarantee
+    doubles = {name: np.vectorize(approximate, otypes=[float])(gain) for name, gain in gains.items()}
+    for name, gain in doubles.items():
+        if not np.isfinite(gain).all():
+            raise file.wrong(f"observer.{name}", "beyond the range of doubles")
+    return file.spec, doubles, guarantee

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.certificate import Certificate
@@ -62,7 +63,10 @@ def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: Non
     """
     started = time.perf_counter()
     engine = Engine(solver, report)
-    made = Designer(spec, engine).outcome()
+    try:
+        made = Designer(spec, engine).outcome()
+    except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
+        raise UndecidedError(f"the numbers of {spec.path} are beyond what doubles can compute: {error}") from None
     return replace(made, solves=engine.solves, time_s=time.perf_counter() - started)
 
 
@@ -71,7 +75,7 @@ class Designer:
 
     def __init__(self, spec: Spec, engine: Engine) -> None:
         self.spec, self.engine = spec, engine
-        self.request = spec.observer
+        self.request = spec.observer.printed()
         alpha = self.request.alpha
         self.range = alpha if isinstance(alpha, Range) else None
         self.lowest: fmpq = alpha.low if isinstance(alpha, Range) else alpha
@@ -156,7 +160,7 @@ class Designer:
             if wide.status is not Status.OPTIMAL:
                 raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.raw}")
             return max(round_down(math.sqrt(wide.values["mu2"].item()), 6), round_up(gamma * (1 + SLACK), 6))
-        return round_down(gamma * (1 + float(self.request.slack)), 6)
+        return max(round_down(gamma * (1 + float(self.request.slack)), 6), round_up(gamma, 6))
 
     def gains(self, family: L2, gamma: float) -> Design:
         """Gains of small norm that reach gamma, rounded and proved."""
@@ -272,9 +276,8 @@ class Designer:
         proved = certificate is not None and certificate.holds
         made = Design("certified" if proved else "uncertified", doubles(family), certificate)
         limit = self.engine.minimise(searchable(self.family).least_gamma())
-        known = limit.status is Status.OPTIMAL
-        gamma = math.sqrt(max(limit.objective, 0.0)) if known else made.certificate and float(made.certificate.gamma)
-        return replace(made, limit={"gamma": gamma, "attained": False}, notes=tuple(self.notes))
+        known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
+        return replace(made, limit={**known, "attained": False}, notes=tuple(self.notes))
 
     # Answers without gains
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from flint import fmpq
 
 from obsdesign.certificate import Certificate, certify, theorem
-from obsdesign.design.decimals import round_up
+from obsdesign.design.decimals import round_up, square_below
 from obsdesign.design.engine import Engine
-from obsdesign.lmi.formula import Values, in_floats, rational_number
+from obsdesign.lmi.formula import Values, in_floats, printed
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
@@ -27,14 +27,15 @@ def claim(engine: Engine, family: L2, gamma: float, start: Values | None = None)
         wide = engine.widest(problem)
     if wide.objective <= 0:
         return None
-    level, mu1 = rational_number(repr(gamma)), fmpq(1)
+    level, mu1 = printed(gamma), fmpq(1)
+    mu2 = square_below(level)
     reduced = reduce(probe(problem))
-    formula = theorem(family, mu1, level * level)
+    formula = theorem(family, mu1, mu2)
     certificate = None
     for digits in DIGITS:
         values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
         values = complete(formula, problem.unknowns, values, reduced.rows, reduced.pivots)
-        certificate = certify(family, level, mu1, level * level, values)
+        certificate = certify(family, level, mu1, mu2, values)
         if certificate.holds:
             break
     return certificate

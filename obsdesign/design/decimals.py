@@ -1,10 +1,12 @@
 """Numbers as a result file holds them: doubles that print as short decimals."""
 
 import decimal
+import math
 
 import numpy as np
+from flint import fmpq
 
-from obsdesign.lmi.formula import Array, rational
+from obsdesign.lmi.formula import Array, printed
 
 
 def significant(matrix: Array, digits: int) -> Array:
@@ -12,9 +14,12 @@ def significant(matrix: Array, digits: int) -> Array:
     return np.asarray(np.vectorize(lambda x: float(f"{x:.{digits}g}") + 0.0, otypes=[float])(matrix))
 
 
-def exact(decimals: Array) -> Array:
-    """Rationals of doubles, each read as the shortest decimal that prints it."""
-    return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(decimals))
+def square_below(x: fmpq) -> fmpq:
+    """Largest double, as the decimal that prints it, that is not above x squared."""
+    double = float(x * x)
+    while printed(double) > x * x:
+        double = math.nextafter(double, 0.0)
+    return printed(double)
 
 
 def round_down(x: float, digits: int) -> float:

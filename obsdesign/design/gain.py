@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from obsdesign.design.decimals import exact, significant
+from obsdesign.design.decimals import significant
 from obsdesign.design.engine import Engine
-from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
+from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.observers.l2 import L2, unshifted
 from obsdesign.observers.request import Bounds
@@ -39,7 +39,10 @@ def within(engine: Engine, family: L2, bounds: Bounds) -> Answer:
     size = allowed = limit_of(bounds)
     best = engine.minimise(family.least_gamma(sized(bounds, size)))
     for _ in range(WIDENINGS if best.status is Status.OPTIMAL else 0):
-        size *= allowed / norm(best.values, bounds)
+        found = norm(best.values, bounds)
+        if not found:
+            break
+        size *= allowed / found
         wider = engine.minimise(family.least_gamma(sized(bounds, size)), best.values)
         if wider.status is not Status.OPTIMAL or norm(wider.values, bounds) > allowed:
             break
@@ -64,7 +67,7 @@ def small_gains(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Ite
         for digits in DIGITS:
             L1 = significant(gain(values), digits)
             if bounds.L1 is None or size_of(L1, bounds) <= float(bounds.L1):
-                yield replace(fixed, L1=exact(L1)), values
+                yield replace(fixed, L1=printed(L1)), values
 
 
 def with_L2(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Iterator[L2]:
@@ -80,7 +83,7 @@ def with_L2(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Iterato
     scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], sizes)
     found = unshifted(values["R"] / scales[:, None], plant, K)
     for digits in DIGITS:
-        yield replace(family, L2=exact(significant(found, digits)))
+        yield replace(family, L2=printed(significant(found, digits)))
 
 
 def smallest(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Values | None:

@@ -148,6 +148,21 @@ def rational(matrix: npt.ArrayLike) -> Array:
     return exact
 
 
+def printed(value: Any) -> Any:
+    """Rational, or matrix of rationals, of the decimals that print the nearest doubles: what a file can hold."""
+    if isinstance(value, np.ndarray):
+        return rational(np.vectorize(lambda x: repr(float(x)), otypes=[object])(value))
+    return rational_number(repr(float(value)))
+
+
+def approximate(value: fmpq) -> float:
+    """Double of a rational; infinite beyond the range of doubles."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
+
+
 def in_floats(value: T) -> T:
     """Same object with every rational number and matrix in it (dataclass fields, tuples) read as doubles."""
     if isinstance(value, fmpq):

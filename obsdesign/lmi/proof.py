@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, rational
+from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, rational
 from obsdesign.lmi.probe import coordinates, matrices
 
 Formula = Callable[[Values], Sequence[Inequality]]
@@ -17,7 +17,8 @@ class Check:
     """One condition of a certificate.
 
     `margin` is the distance from the edge, in doubles and only for the reader: for a matrix the smallest eigenvalue of
-    -F with its rows scaled to a unit diagonal (rows that must vanish left out), for a number the number itself.
+    -F with its rows scaled to a unit diagonal (rows that must vanish left out), for a number the number itself; minus
+    infinity where doubles do not reach.
     """
 
     name: str
@@ -57,7 +58,9 @@ def pivots(matrix: Array) -> list[int] | None:
 
 def margin(matrix: Array) -> float:
     """Smallest eigenvalue of -F scaled to a unit diagonal, without rows that are zero."""
-    S = -matrix.astype(float)
+    S = -np.vectorize(approximate, otypes=[float])(matrix)
+    if not np.isfinite(S).all():
+        return -np.inf
     if len(S) == 1:
         return float(S[0, 0])
     S = S[:, S.any(axis=0)][S.any(axis=1)]

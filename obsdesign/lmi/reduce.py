@@ -52,7 +52,7 @@ def reduce(program: Program, unknowns: Sequence[Unknown] = (), injection: Inject
 
 
 def between(a: Reduced, b: Reduced, weight: float) -> Reduced | None:
-    """Reduction (1 - weight) a + weight b of a formula that is affine in a parameter; None if they differ in structure."""
+    """Reduction (1 - weight) a + weight b of a formula affine in a parameter; None if they differ in structure."""
     same = a.rows == b.rows and a.pivots == b.pivots and np.array_equal(a.free, b.free)
     if not same or a.contradiction or b.contradiction or (a.basis != b.basis).any() or (a.offset != b.offset).any():
         return None

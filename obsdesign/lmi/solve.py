@@ -138,7 +138,7 @@ class Search:
         return Status.UNDECIDED, z
 
     def margin(self, program: Program, start: Array | None = None) -> tuple[float, Array]:
-        """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised, and z / s; t is -inf if nothing was solved."""
+        """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised, and z / s; t is -inf if none was solved."""
         lifted = homogeneous(program)
         scaled, factors = balance(lifted) if start is None else scale_to(lifted, np.append(start, 1.0))
         best, point = -np.inf, np.zeros(len(lifted.cost))

@@ -99,7 +99,9 @@ def loops(D: Array, q: Sequence[Array], f: Sequence[Array]) -> list[tuple[int, .
     They are the strongly connected components, with an edge, of the graph in which block j acts on block i if
     D takes f_j into q_i.
     """
-    acts = np.array([[(D[np.ix_(rows, columns)] != 0).any() for columns in f] for rows in q], dtype=bool).reshape(len(q), len(f))
+    acts = np.zeros((len(q), len(f)), dtype=bool)
+    for i, rows in enumerate(q):
+        acts[i] = [(D[np.ix_(rows, columns)] != 0).any() for columns in f]
     reach = acts.copy()
     for _ in q:
         reach |= (reach.astype(int) @ acts.astype(int)) > 0

@@ -1,13 +1,13 @@
 """What a spec asks of an observer design, in the numbers of the spec."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, printed
 
 SLACK = fmpq(1, 20)
 
@@ -50,3 +50,18 @@ class Request:
     slack: fmpq = SLACK
     bounds: Bounds = field(default_factory=Bounds)
     gains: Mapping[str, Array] | None = None  # analysis of these instead of a design
+
+    def printed(self) -> "Request":
+        """Same request with every number that a result file repeats as the decimal that it will hold."""
+        alpha = self.alpha
+        if isinstance(alpha, Range):
+            alpha = replace(alpha, low=printed(alpha.low), high=printed(alpha.high))
+        else:
+            alpha = printed(alpha)
+        return replace(
+            self,
+            alpha=alpha,
+            L2=None if self.L2 is None else printed(self.L2),
+            gamma=None if self.gamma is None else printed(self.gamma),
+            gains=self.gains and {name: printed(matrix) for name, matrix in self.gains.items()},
+        )
