@@ -96,7 +96,7 @@ def result(spec: Spec, design: Design, solver: str) -> dict[str, Any]:
     made: dict[str, Any] = {
         "obsdesign": FORMAT,
         "name": spec.name,
-        "spec": {"path": spec.path.encode(errors="replace").decode(), "sha256": digest(spec.text), "text": spec.text},
+        "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
         "status": design.status,
     }
     if design.gains:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array, Inequality, Values, approximate, rational
@@ -32,7 +33,10 @@ class Certificate:
     @property
     def guarantee(self) -> Guarantee:
         """Guarantee in doubles."""
-        return Guarantee(float(self.gamma), float(self.alpha), float(self.mu1), float(self.mu2), self.P.astype(float))
+        P = np.vectorize(approximate, otypes=[float])(self.P)
+        return Guarantee(
+            approximate(self.gamma), approximate(self.alpha), approximate(self.mu1), approximate(self.mu2), P
+        )
 
 
 def theorem(family: L2, mu1: fmpq, mu2: fmpq) -> Callable[[Values], tuple[Inequality, ...]]:

@@ -83,7 +83,7 @@ class ResultFile:
         try:
             right = isinstance(text, str) and digest(text) == found
         except UnicodeEncodeError:
-            raise self.wrong("spec.text", "not valid Unicode") from None
+            raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
         if not right:
             raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
         return loads(text, f"{self.path} (spec.text)")

@@ -6,6 +6,7 @@ structure.py  a document against the models
 resolve.py    the models to the types of model.py: exact values, derived sizes, names
 """
 
+from obsdesign.errors import UsageError
 from obsdesign.spec.document import compose, read
 from obsdesign.spec.model import Noise, Nonlinearity, Simulation, Spec
 from obsdesign.spec.resolve import resolve
@@ -23,6 +24,11 @@ def load(path: str) -> Spec:
     UsageError
         One problem for everything that is wrong, with file, line, column and key.
     """
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        shown = path.encode(errors="backslashreplace").decode()
+        raise UsageError(f"{shown}: the name of the file is not valid UTF-8; rename it") from None
     return loads(read(path), path)
 
 
