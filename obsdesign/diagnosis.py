@@ -46,22 +46,21 @@ def why_not(spec: Spec, family: L2, largest_alpha: float | None, known: dict[str
             else "measure another state, or model w otherwise",
         }
     if known:
-        return {"condition": next(iter(known)), "reason": sentence(known), **known, "suggestion": "relax it"}
+        return {"condition": next(iter(known)), "reason": sentence(known), **known, "suggestion": relaxation(known)}
     passivity = failing_passivity(spec, in_floats(family)) if family.L2 is not None else None
     if passivity:
         return passivity
-    feasible = {} if largest_alpha is None else {"alpha": largest_alpha}
-    if feasible:
+    if largest_alpha is not None:
         return {
             "condition": "decay",
             "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}",
-            "feasible": feasible,
-            "suggestion": f"ask for alpha at most {largest_alpha:.4g}{other(family)}",
+            "feasible": {"alpha": largest_alpha},
+            "suggestion": f"ask for alpha at most {largest_alpha * (1 - 1e-4):.5g}{other(family)}",
         }
     return {
         "condition": "inequality",
         "reason": f"Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried",
-        "feasible": feasible,
+        "feasible": {},
         "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
 
@@ -77,6 +76,13 @@ def sentence(known: dict[str, Any]) -> str:
         asked, least = known["gamma"]["asked"], known["gamma"]["least"]
         return f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}"
     return str(next(iter(known.values())))
+
+
+def relaxation(known: dict[str, Any]) -> str:
+    """What to change in the request."""
+    if "gamma" in known:
+        return f"ask for gamma above {known['gamma']['least']:.6g}"
+    return "allow larger bounds" if "bounds" in known else "design new gains: leave `gains` out"
 
 
 def failing_passivity(spec: Spec, family: L2) -> dict[str, Any] | None:

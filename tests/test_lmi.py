@@ -24,7 +24,7 @@ from obsdesign.lmi.formula import (
 )
 from obsdesign.lmi.probe import Block, coordinates, matrices, probe
 from obsdesign.lmi.proof import complete, holds, margin, pivots, prove, rounded
-from obsdesign.lmi.reduce import balance, null_space, reduce, scale_to, zero_diagonal
+from obsdesign.lmi.reduce import balance, dense, diagonal, null_space, reduce, zero_diagonal
 from obsdesign.lmi.solve import MARGIN, Status, minimise, widest
 
 TINY = fmpq(1, 10**30)
@@ -225,11 +225,30 @@ def test_scaling_by_powers_of_two_is_undone_without_rounding(seed):
         )
     )
     z = rng.standard_normal(6)
-    for scaled, factors in (balance(program), scale_to(program, z)):
+    for scaled, T in (balance(program), diagonal(program, z)):
+        factors = np.diag(T)
+        assert (np.diag(factors) == T).all()
         assert (np.exp2(np.round(np.log2(factors))) == factors).all()
         assert scaled.cost @ (z / factors) == pytest.approx(program.cost @ z, rel=1e-12)
         rows = np.sqrt(np.diag(scaled.blocks[0].at(z / factors)) / np.diag(program.blocks[0].at(z)))
         assert scaled.blocks[0].at(z / factors) == pytest.approx(program.blocks[0].at(z) * np.outer(rows, rows))
+
+
+def test_a_dense_scaling_takes_a_point_to_the_identity_in_any_coordinates():
+    rng = np.random.default_rng(3)
+    terms = rng.standard_normal((7, 4, 4))
+    terms += terms.transpose(0, 2, 1)
+    z = rng.standard_normal(6)
+    terms[0] -= Block("F", terms, False).at(z) + np.diag([1e-3, 1.0, 1e2, 1e4])
+    change = rng.standard_normal((4, 4))
+    for N in (np.eye(4), change):
+        program = Program(np.ones(6), 0.0, (Block("F", terms, False).congruent(N),))
+        scaled, T = dense(program, z)
+        y = np.linalg.solve(T, z)
+        assert scaled.cost @ y == pytest.approx(program.cost @ z, rel=1e-9)
+        values = np.linalg.eigvalsh(-scaled.blocks[0].at(y))
+        assert values.max() == pytest.approx(1, rel=1e-6)
+        assert np.linalg.norm(y) < 10
 
 
 def test_the_null_space_is_orthonormal_and_complete():

@@ -18,7 +18,7 @@ from obsdesign.certificate import Certificate
 from obsdesign.design.claim import best_claim, claim
 from obsdesign.design.decimals import round_down, round_up
 from obsdesign.design.engine import Engine, Report
-from obsdesign.design.gain import searchable, small_gains, within
+from obsdesign.design.gain import norm, searchable, sized, small_gains, within
 from obsdesign.diagnosis import why_not
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
@@ -31,7 +31,7 @@ from obsdesign.spec.model import Spec
 
 TABLE = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # gains of the table that a limit of zero is answered with
 SUSPECT = 1e-3  # a gamma below this may be a limit of zero: the table decides
-SLACK = 0.05  # above a limit, where gamma is not the objective
+STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 BISECTIONS = 24
 
 
@@ -148,7 +148,7 @@ class Designer:
     def target(self, search: L2, gamma: float) -> float:
         """Gamma to be certified, rounded down to 6 digits so that it stays within the slack of the limit.
 
-        Where the objective is not gamma, it is that of the solution of widest margin.
+        Where the objective is not gamma, it is `moderate`.
         """
         bounds = self.request.bounds
         if self.request.gamma is not None:
@@ -156,11 +156,18 @@ class Designer:
         if self.request.objective in {"feasibility", "max-alpha"}:
             if bounds.gamma is not None:
                 return float(bounds.gamma)
-            wide = self.engine.widest(search.witness(None))
-            if wide.status is not Status.OPTIMAL:
-                raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.raw}")
-            return max(round_down(math.sqrt(wide.values["mu2"].item()), 6), round_up(gamma * (1 + SLACK), 6))
+            gamma = max(gamma, self.moderate(search))
         return max(round_down(gamma * (1 + float(self.request.slack)), 6), round_up(gamma, 6))
+
+    def moderate(self, search: L2) -> float:
+        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
+        wide = self.engine.widest(search.witness(None))
+        if wide.status is not Status.OPTIMAL:
+            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.raw}")
+        size = 2 * norm(wide.values, self.request.bounds)
+        answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
+        level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu2"].item()
+        return math.sqrt(max(level, 0.0))
 
     def gains(self, family: L2, gamma: float) -> Design:
         """Gains of small norm that reach gamma, rounded and proved."""
@@ -310,8 +317,9 @@ class Designer:
             answer = self.engine.minimise(family.least_gamma(Bounds(L1=rational_number(str(size)))))
             if answer.status is Status.OPTIMAL:
                 rows.append((size, math.sqrt(max(answer.objective, 0.0))))
-        falling = len(rows) > 2 and all(b < 0.8 * a for (_, a), (_, b) in zip(rows[-3:], rows[-2:], strict=False))
-        return tuple(rows) if falling else ()
+        fall = np.diff(np.log([gamma for _, gamma in rows[-4:]]))
+        steady = len(fall) == STEADY and fall.max() < math.log(0.8) and fall[-1] < 0.9 * fall[0]
+        return tuple(rows) if steady else ()
 
     def unbounded(self, alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
         """Refusal of min-gamma where the infimum is zero."""

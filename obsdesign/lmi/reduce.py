@@ -16,7 +16,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array, Injection, Unknown
 from obsdesign.lmi.probe import Block, Program
 
-SLACK = 1e-3
+SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
 ZERO = 1e-13  # relative size below which an entry is a rounded zero
 
 
@@ -175,7 +175,7 @@ def null_space(matrix: Array) -> Array:
 
 
 def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
-    """Scale rows of each block (by congruence) and coordinates z by powers of two; z = factors * scaled z."""
+    """Scale rows of each block (by congruence) and coordinates z by powers of two; z = T scaled z."""
     factors = np.ones(len(program.cost))
     scaled = program
     for _ in range(sweeps):
@@ -184,22 +184,45 @@ def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
         step = 1 / power_of_two(largest)
         factors = factors * step
         scaled = scaled_coordinates(replace(scaled, blocks=blocks), step)
-    return scaled, factors
+    return scaled, np.diag(factors)
 
 
-def scale_to(program: Program, z: Array) -> tuple[Program, Array]:
-    """Scale coordinates and rows so that the point z and the diagonals of -F(z) come near 1; by powers of two.
+def diagonal(program: Program, z: Array) -> tuple[Program, Array]:
+    """Scale rows and coordinates by powers of two so that z and the diagonals of -F(z) come near 1; z = T scaled z.
 
     A diagonal entry counts as no smaller than `SLACK` times its terms: an active constraint has none left.
     """
     factors = power_of_two(np.maximum(np.abs(z), 1e-8 * np.abs(z).max()))
-    point = np.append(1.0, z)
-    blocks = []
-    for block in program.blocks:
-        diagonals = block.terms.diagonal(axis1=1, axis2=2)
-        size = np.maximum(np.abs(point @ diagonals), SLACK * (np.abs(point) @ np.abs(diagonals)))
-        blocks.append(block.scaled(1 / power_of_two(np.sqrt(np.maximum(size, 1e-12 * size.max())))))
-    return scaled_coordinates(replace(program, blocks=tuple(blocks)), factors), factors
+    blocks = tuple(block.scaled(1 / power_of_two(np.sqrt(slack(block, z)))) for block in program.blocks)
+    return scaled_coordinates(replace(program, blocks=blocks), factors), np.diag(factors)
+
+
+def dense(program: Program, z: Array) -> tuple[Program, Array]:
+    """Congruences that take -F(z) near the identity, and orthonormal coordinates; z = T scaled z.
+
+    A change of state coordinates or of units makes no difference. Eigenvalues below `SLACK` count as that.
+    """
+    blocks = tuple(block.congruent(whitening(block, z)) for block in program.blocks)
+    triangle = np.linalg.qr(np.concatenate([b.terms[1:].reshape(len(z), -1) for b in blocks], axis=1).T, mode="r")
+    if np.abs(np.diag(triangle)).min(initial=1) <= ZERO * np.abs(triangle).max(initial=0):
+        return diagonal(program, z)  # coordinates that have no effect cannot be made orthonormal
+    S = np.zeros((len(z) + 1, len(z) + 1))
+    S[0, 0], S[1:, 1:] = 1, np.linalg.inv(triangle) * max(float(np.linalg.norm(triangle @ z)), np.finfo(float).tiny)
+    return over(replace(program, blocks=blocks), S), S[1:, 1:]
+
+
+def slack(block: Block, z: Array) -> Array:
+    """Sizes of the diagonal of -F(z), at least `SLACK` times those of its terms."""
+    terms = np.abs(np.append(1.0, z)) @ np.abs(block.terms.diagonal(axis1=1, axis2=2))
+    size = np.maximum(np.abs(np.diag(block.at(z))), SLACK * terms)
+    return np.asarray(np.maximum(size, 1e-12 * size.max(initial=0) + np.finfo(float).tiny))
+
+
+def whitening(block: Block, z: Array) -> Array:
+    """N with N'(-F(z))N = I, but for eigenvalues below `SLACK`, relative to the diagonal and to the largest."""
+    d = 1 / np.sqrt(slack(block, z))
+    values, vectors = np.linalg.eigh(-block.at(z) * np.outer(d, d))
+    return np.asarray(d[:, None] * vectors / np.sqrt(np.maximum(values, SLACK * max(values[-1], SLACK))))
 
 
 def power_of_two(x: Array) -> Array:

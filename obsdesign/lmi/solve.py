@@ -14,12 +14,15 @@ import numpy as np
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
-from obsdesign.lmi.reduce import Reduced, balance, reduce, scale_to
+from obsdesign.lmi.reduce import Reduced, balance, dense, diagonal, reduce
 
 MARGIN = 1e-8  # phase I: a largest normalised margin above this is feasible (solver noise is about 5e-11)
 AGREE = 1e-5  # two solves in different scalings agree to this, relative, before an optimum is believed
 CLOSE = 1e-3  # .. or, where more solves do not bring that, the two best of them to this
 SWEEPS = 5  # solves, each in the scaling of the last solution
+WIDE = 1e-4  # a margin above this needs no other scaling
+PATIENCE = 2  # scalings that are tried before phase I says that there is no margin
+VIOLATION = 1e-6  # of a constraint, where its slack is scaled to 1
 
 
 class Status(StrEnum):
@@ -42,6 +45,7 @@ class Answer:
 
 
 Solver = Callable[[Program], tuple[str, Array]]  # raw status and z
+Scaling = Callable[[Program, Array], tuple[Program, Array]]  # about a point; z = T scaled z
 
 
 def reduction(problem: Problem) -> Reduced:
@@ -109,50 +113,66 @@ class Search:
         return self.raw, z
 
     def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:
-        """Solve, then solve again in the scaling of the solution until two objectives agree.
+        """Optimum in diagonal scalings or else in dense ones; infeasible only if phase I finds no margin in either."""
+        status, z = self.sweep(program, start, diagonal)
+        if status is Status.OPTIMAL:
+            return status, z
+        t, point = self.margin(program)
+        if verdict(t) is Status.INFEASIBLE:
+            return Status.INFEASIBLE, z
+        for center in (z, point):
+            if np.isfinite(center).all() and center.any():
+                status, found = self.sweep(program, center, dense)
+                if status is Status.OPTIMAL:
+                    return status, found
+        return Status.UNDECIDED, z
 
-        A solve that ends otherwise is believed only if phase I finds no margin; else the sweeps go on from there.
-        """
-        scaled, factors = balance(program) if start is None else scale_to(program, start)
+    def sweep(self, program: Program, start: Array | None, scale: Scaling) -> tuple[Status, Array]:
+        """Solve, then solve again in the scaling of the solution until two objectives agree."""
+        scaled, T = balance(program) if start is None else scale(program, start)
         found: list[tuple[float, Array]] = []
-        doubted = False
+        z = np.zeros(len(program.cost))
         for _ in range(SWEEPS):
-            raw, z = self.solve(scaled)
-            z = factors * z
-            if raw == SOLVED:
+            raw, y = self.solve(scaled)
+            z = T @ y
+            if raw == SOLVED and violation(scaled, y) <= VIOLATION:
                 found.append((float(program.cost @ z) + program.constant, z))
                 believed = len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE)
                 if believed or (start is not None and self.solves == 1):
                     return Status.OPTIMAL, z
-            elif not found and not doubted:
-                doubted = True
-                t, z = self.margin(program)
-                if verdict(t) is Status.INFEASIBLE:
-                    return Status.INFEASIBLE, z
+            elif not found and raw != SOLVED and self.solves == 1 and start is None:
+                break
             if not np.isfinite(z).all() or not z.any():
                 break
-            scaled, factors = scale_to(program, z)
-        found.sort(key=lambda pair: pair[0])
-        if len(found) > 1 and agree(found[0][0], found[1][0], CLOSE):
-            return Status.OPTIMAL, found[0][1]
-        return Status.UNDECIDED, z
+            scaled, T = scale(program, z)
+        close = len(found) > 1 and agree(found[-1][0], found[-2][0], CLOSE)
+        return (Status.OPTIMAL if close else Status.UNDECIDED), (found[-1][1] if close else z)
 
     def margin(self, program: Program, start: Array | None = None) -> tuple[float, Array]:
         """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised, and z / s; t is -inf if none was solved."""
         lifted = homogeneous(program)
-        scaled, factors = balance(lifted) if start is None else scale_to(lifted, np.append(start, 1.0))
         best, point = -np.inf, np.zeros(len(lifted.cost))
-        for _ in range(SWEEPS):
-            raw, x = self.solve(with_margin(scaled))
-            if raw not in {SOLVED, ALMOST} or not np.isfinite(x).all() or not x[:-1].any():
+        for scale in (diagonal, dense):
+            scaled, T = balance(lifted) if start is None else scale(lifted, np.append(start, 1.0))
+            for sweep in range(SWEEPS):
+                raw, x = self.solve(with_margin(scaled))
+                if not np.isfinite(x).all() or not x[:-1].any():
+                    break
+                t, center = float(x[-1]), T @ x[:-1]
+                improved = t > 1.5 * max(best, 0.0)
+                if t > best and (raw == SOLVED or (raw == ALMOST and t > MARGIN)):
+                    best, point = t, center
+                if not improved and (best > MARGIN or sweep >= PATIENCE):
+                    break
+                scaled, T = scale(lifted, center)
+            if best > WIDE:
                 break
-            improved = x[-1] > 1.5 * best if best > 0 else x[-1] > best
-            if x[-1] > best:
-                best, point = float(x[-1]), factors * x[:-1]
-            if not improved:
-                break
-            scaled, factors = scale_to(lifted, factors * x[:-1])
         return best, point[:-1] / point[-1] if point[-1] > 0 else point[:-1]
+
+
+def violation(program: Program, z: Array) -> float:
+    """Largest eigenvalue of F(z) over all blocks."""
+    return max(float(np.linalg.eigvalsh(block.at(z))[-1]) for block in program.blocks)
 
 
 def verdict(t: float) -> Status:
