@@ -22,7 +22,7 @@ from obsdesign.lmi.formula import (
     rational_number,
     symmetric,
 )
-from obsdesign.lmi.probe import Block, coordinates, matrices, probe
+from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
 from obsdesign.lmi.proof import complete, holds, margin, pivots, prove, rounded
 from obsdesign.lmi.reduce import balance, dense, diagonal, null_space, reduce, zero_diagonal
 from obsdesign.lmi.solve import MARGIN, Status, minimise, widest

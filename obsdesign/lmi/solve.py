@@ -16,7 +16,8 @@ from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
 from obsdesign.lmi.reduce import Reduced, balance, dense, diagonal, reduce
 
-MARGIN = 1e-8  # phase I: a largest normalised margin above this is feasible (solver noise is about 5e-11)
+MARGIN = 1e-8  # phase I: a largest normalised margin above this is feasible
+NOISE = 1e-9  # .. and one below this is none (solver noise is about 5e-11)
 AGREE = 1e-5  # two solves in different scalings agree to this, relative, before an optimum is believed
 CLOSE = 1e-3  # .. or, where more solves do not bring that, the two best of them to this
 SWEEPS = 5  # solves, each in the scaling of the last solution
@@ -152,8 +153,10 @@ class Search:
         """Largest t with F(z / s) s + t I <= 0, s >= t, trace normalised, and z / s; t is -inf if none was solved."""
         lifted = homogeneous(program)
         best, point = -np.inf, np.zeros(len(lifted.cost))
-        for scale in (diagonal, dense):
-            scaled, T = balance(lifted) if start is None else scale(lifted, np.append(start, 1.0))
+        begin = point if start is None else np.append(start, 1.0)
+        for scale, again in ((diagonal, False), (dense, False), (dense, True)):
+            center = point if again else begin
+            scaled, T = scale(lifted, center) if center.any() else balance(lifted)
             for sweep in range(SWEEPS):
                 raw, x = self.solve(with_margin(scaled))
                 if not np.isfinite(x).all() or not x[:-1].any():
@@ -167,6 +170,8 @@ class Search:
                 scaled, T = scale(lifted, center)
             if best > WIDE:
                 break
+        if best <= MARGIN and raw == BROKEN:
+            best = -np.inf
         return best, point[:-1] / point[-1] if point[-1] > 0 else point[:-1]
 
 
@@ -179,7 +184,7 @@ def verdict(t: float) -> Status:
     """What a largest margin says; minus infinity is that of a phase I that was not solved."""
     if t > MARGIN:
         return Status.OPTIMAL
-    return Status.INFEASIBLE if t > -np.inf else Status.UNDECIDED
+    return Status.INFEASIBLE if -np.inf < t <= NOISE else Status.UNDECIDED
 
 
 def agree(a: float, b: float, tolerance: float) -> bool:
@@ -207,7 +212,7 @@ def with_margin(program: Program) -> Program:
 
 # Clarabel, called with the probed matrices
 
-SOLVED, ALMOST, INFEASIBLE = "Solved", "AlmostSolved", "PrimalInfeasible"
+SOLVED, ALMOST, BROKEN = "Solved", "AlmostSolved", "NumericalError"
 
 
 class Columns(NamedTuple):
@@ -296,11 +301,9 @@ def through_cvxpy(name: str) -> Solver:
         model = cp.Problem(cp.Minimize(program.cost @ z), constraints)
         try:
             model.solve(solver=name.upper())
-        except cp.SolverError as error:
-            return str(error), np.zeros(len(program.cost))
-        raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "infeasible": INFEASIBLE}.get(
-            model.status, model.status
-        )
+        except cp.SolverError:
+            return BROKEN, np.zeros(len(program.cost))
+        raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "solver_error": BROKEN}.get(model.status, model.status)
         return raw, z.value if z.value is not None else np.zeros(len(program.cost))
 
     return solve

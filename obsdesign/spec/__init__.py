@@ -6,6 +6,8 @@ structure.py  a document against the models
 resolve.py    the models to the types of model.py: exact values, derived sizes, names
 """
 
+import os
+
 from obsdesign.errors import UsageError
 from obsdesign.spec.document import compose, read
 from obsdesign.spec.model import Noise, Nonlinearity, Simulation, Spec
@@ -16,7 +18,7 @@ from obsdesign.spec.structure import validate
 __all__ = ["Noise", "Nonlinearity", "Simulation", "Spec", "json_schema", "load", "loads"]
 
 
-def load(path: str) -> Spec:
+def load(path: str | os.PathLike[str]) -> Spec:
     """Read a spec from a file.
 
     Raises
@@ -24,6 +26,7 @@ def load(path: str) -> Spec:
     UsageError
         One problem for everything that is wrong, with file, line, column and key.
     """
+    path = os.fspath(path)
     try:
         path.encode()
     except UnicodeEncodeError:

@@ -19,6 +19,8 @@ TOO_LARGE = "is larger than 4 MiB; a spec may not be"
 TOO_DEEP = "nested deeper than 32 levels; a spec needs no more"
 MAX_DEPTH = 32  # lists and mappings inside each other
 MAX_NODES = 180_000  # a dense A with 400 states has 160,000
+MAX_SEPARATORS = 250_000  # commas and lines: many more values than that are not worth parsing
+TOO_MANY = f"more than {MAX_SEPARATORS:,} commas and lines; a spec may not have so many values"
 MAX_PROBLEMS = 100
 MAX_SHOWN = 4  # parts of a key in a message about YAML
 MAX_QUOTED = 60  # characters of a value in a message
@@ -142,6 +144,8 @@ def compose(text: str, path: str) -> Document:
     """
     if len(text) > MAX_BYTES:
         raise UsageError(Problem(TOO_LARGE, path))
+    if text.count(",") + text.count("\n") > MAX_SEPARATORS:
+        raise UsageError(Problem(TOO_MANY, path, 1, 1))
     text = text.removeprefix("\ufeff")
     if found := NOT_TEXT.search(text):
         line = text.count("\n", 0, found.start()) + 1
