@@ -83,6 +83,7 @@ def solve(
     """Design the observer of a spec and write its certified gains."""
     from obsdesign.artifacts import require_writable, to_json, write_whole
     from obsdesign.spec import load
+    from obsdesign.tables import design_table, run_table
 
     with limited(timeout):
         problem = load(spec)
@@ -125,6 +126,7 @@ def simulate(
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.artifacts import require_writable
+    from obsdesign.tables import run_table
 
     with limited(timeout):
         source = source or newest(quiet)
@@ -323,88 +325,3 @@ def newest(quiet: bool) -> str:
                 typer.echo(f"simulating {path}", err=True)
             return str(path)
     raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")
-
-
-# Tables
-
-
-def design_table(content: Mapping[str, Any], target: str) -> str:
-    """What an engineer wants to know of a result, one line each."""
-    rows = [("problem", content["name"]), ("status", content["status"])]
-    claimed, made = content.get("guarantee", {}), content.get("observer", {})
-    if "gamma" in claimed:
-        rows += [("gamma", f"{claimed['gamma']:g}   norm2(z) <= gamma norm2(v) from zero error")]
-        rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
-    for key in ("limit", "limit_bounded"):
-        numbers = ", ".join(f"{k} {v:.6g}" for k, v in claimed.get(key, {}).items() if k != "attained")
-        rows += [(key.replace("_", " "), numbers)] if numbers else []
-    if made:
-        rows += [("gain", f"|L1| = {spectral_norm(made['L1']):.4g}"), ("L2", matrix_text(made["L2"]))]
-        rows += [("poles", ", ".join(pole_text(p) for p in made["poles"]))]
-        rows += [("largest step", f"{made['largest_step']:.3g} s (Runge-Kutta 4)")] if "largest_step" in made else []
-        noise = ", ".join(f"{name} {value:.3g}" for name, value in made["noise_gain"].items())
-        rows += [("noise gain", noise)] if noise else []
-        rows += [("cond(P)", f"{made['condition_P']:.3g}")] if "condition_P" in made else []
-    for check_ in content.get("certificate", {}).get("checks", []):
-        rows.append(("proved" if check_["holds"] else "NOT PROVED", check_["name"]))
-    if "diagnosis" in content:
-        rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
-    points = content.get("search", {}).get("points", [])
-    rows += [("curve", f"alpha {p['alpha']:<10.4g} {shown(p)}") for p in points]
-    rows += [("note", note) for note in content.get("notes", [])]
-    return aligned([*rows, ("file", target)])
-
-
-def shown(point: Mapping[str, Any]) -> str:
-    """One point of a curve."""
-    return f"gamma {point['gamma']:.6g}" if "gamma" in point else str(point["status"])
-
-
-def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, str]) -> str:
-    """Summary of a run."""
-    rows = [] if guaranteed else [("guarantee", "no guarantee: these gains are not certified")]
-    for key, value in summary.items():
-        if key == "bounds":
-            rows += [("bound", bound_text(bound)) for bound in value]
-        elif isinstance(value, Mapping):
-            rows.append((key.replace("_", " "), ", ".join(f"{k} {plain(v)}" for k, v in value.items())))
-        elif value is not None:
-            rows.append((key.replace("_", " "), plain(value)))
-    return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
-
-
-def bound_text(bound: Mapping[str, Any]) -> str:
-    """One bound of a guarantee against the run."""
-    verdict = "holds" if bound["holds"] else "VIOLATED"
-    return f"{verdict}: {bound['value']:.6g} <= {bound['bound']:.6g}   {bound['name']}"
-
-
-def plain(value: Any) -> str:
-    """Value in a table."""
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return ", ".join(map(plain, value)) if isinstance(value, list | tuple) else str(value)
-
-
-def aligned(rows: list[tuple[str, str]]) -> str:
-    """Two columns."""
-    width = max(len(key) for key, _ in rows)
-    return "\n".join(f"{key:<{width}}  {value}" for key, value in rows)
-
-
-def matrix_text(rows: list[list[float]]) -> str:
-    """Small matrix in one line."""
-    return "[" + ", ".join("[" + ", ".join(f"{x:g}" for x in row) + "]" for row in rows) + "]"
-
-
-def pole_text(pole: list[float]) -> str:
-    """Pole in 1/s."""
-    real, imaginary = pole
-    return f"{real:.4g}" if imaginary == 0 else f"{real:.4g}{imaginary:+.4g}j"
-
-
-def spectral_norm(rows: list[list[float]]) -> float:
-    """Spectral norm of a matrix."""
-    import numpy as np
-
-    return float(np.linalg.norm(np.array(rows), 2))

@@ -33,7 +33,9 @@ def examine(spec: Spec) -> dict[str, Any]:
     ] or [finding("detectability", True, f"no hidden mode is slower than alpha = {lowest:g}", decides=True)]
     if isfinite(limit):
         findings.append(
-            finding("decay", limit > lowest, f"detectability limits alpha to {limit:g}", decides=True, limit=limit)
+            finding(
+                "decay", limit > lowest, f"detectability limits alpha to {limit + 0.0:g}", decides=True, limit=limit
+            )
         )
     nf = plant.Bf.shape[1]
     findings += [

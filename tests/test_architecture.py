@@ -16,7 +16,7 @@ LAYERS = (
     ("__main__",),
     ("cli",),
     ("verification",),
-    ("artifacts", "plot", "examine"),
+    ("artifacts", "plot", "examine", "tables"),
     ("design", "simulate"),
     ("certificate", "diagnosis"),
     ("spec",),

@@ -481,3 +481,10 @@ def test_two_designs_are_identical(name):
     assert (first.certificate.P == second.certificate.P).all()
     assert first.certificate.scales == second.certificate.scales
     assert first.certificate.gamma == second.certificate.gamma
+
+
+def test_given_gains_that_leave_an_error_too_slow_are_infeasible():
+    text = (SPECS / "corless2019-magnetic-bearing-gains-a.yaml").read_text()
+    made = design(loads(text.replace("-1.1254407468933028", "1e6")))
+    assert made.status == "infeasible"
+    assert "decays at the rate -1e+06" in made.diagnosis["reason"]

@@ -277,6 +277,10 @@ class Designer:
     def analysis(self, L1: Array) -> Design:
         """Certify given gains, for the least gamma that they achieve."""
         family = replace(self.family, L1=L1)
+        slowest = in_floats(family).slowest_pole()
+        if slowest.real > -float(self.lowest):
+            reason = f"for an f that the types allow, an error decays at the rate {-slowest.real:.6g} only"
+            return self.infeasible(self.lowest, {"gains": reason})
         status, certificate = best_claim(self.engine, family)
         if status is Status.INFEASIBLE:
             return self.infeasible(self.lowest, {"gains": "no storage function of Theorem 1 proves these gains"})

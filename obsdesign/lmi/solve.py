@@ -3,6 +3,7 @@
 "Optimal" is never a proof here: what a solver returns is a proposal, and `proof` decides.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -300,7 +301,9 @@ def through_cvxpy(name: str) -> Solver:
             constraints.append((F + F.T) / 2 << 0)
         model = cp.Problem(cp.Minimize(program.cost @ z), constraints)
         try:
-            model.solve(solver=name.upper())
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what cvxpy warns of is in the status
+                model.solve(solver=name.upper())
         except cp.SolverError:
             return BROKEN, np.zeros(len(program.cost))
         raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "solver_error": BROKEN}.get(model.status, model.status)

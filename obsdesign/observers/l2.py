@@ -116,6 +116,18 @@ class L2:
             ]
         )
 
+    def slowest_pole(self) -> complex:
+        """Slowest pole of the error for given gains and f = K q, K the member of the class; in doubles.
+
+        e' = (A + L1 C) e + (Bf + L1 Df) f~ with f~ = (I - K D)^-1 K (Cq + L2 C) e, D = Dqf + L2 Df.
+        """
+        p, K = self.plant, self.multiplier.member
+        assert self.L1 is not None
+        assert self.L2 is not None
+        F = np.linalg.solve(np.eye(len(K)) - K @ (p.Dqf + self.L2 @ p.Df), K @ (p.Cq + self.L2 @ p.C))
+        poles = np.linalg.eigvals(p.A + self.L1 @ p.C + (p.Bf + self.L1 @ p.Df) @ F)
+        return complex(max(poles, key=lambda pole: pole.real))
+
     # Problems for the solver, in doubles
 
     def least_gamma(self, bounds: Bounds | None = None) -> Problem:
