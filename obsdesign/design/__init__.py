@@ -279,7 +279,10 @@ class Designer:
         family = replace(self.family, L1=L1)
         slowest = in_floats(family).slowest_pole()
         if slowest.real > -float(self.lowest):
-            reason = f"for an f that the types allow, an error decays at the rate {-slowest.real:.6g} only"
+            change = f"grows at the rate {slowest.real:.6g}"
+            if slowest.real <= 0:
+                change = f"decays at the rate {-slowest.real:.6g} only"
+            reason = f"for an f that the types allow, an error {change}"
             return self.infeasible(self.lowest, {"gains": reason})
         status, certificate = best_claim(self.engine, family)
         if status is Status.INFEASIBLE:
