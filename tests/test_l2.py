@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from obsdesign.certificate import certify
 from obsdesign.design import design
 from obsdesign.design.gain import searchable
-from obsdesign.errors import UsageError
+from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.lmi.formula import identity, in_floats, rational, rational_number
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.reduce import balance, reduce
-from obsdesign.lmi.solve import Status, minimise, widest, with_clarabel
+from obsdesign.lmi.solve import Answer, Status, minimise, widest, with_clarabel
 from obsdesign.observers.l2 import L2, shifted_plant, unshifted
 from obsdesign.observers.request import Bounds
 from obsdesign.spec import load, loads
@@ -488,3 +488,20 @@ def test_given_gains_that_leave_an_error_too_slow_are_infeasible():
     made = design(loads(text.replace("-1.1254407468933028", "1e6")))
     assert made.status == "infeasible"
     assert "grows at the rate 999981" in made.diagnosis["reason"]
+
+
+def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():
+    capped = design(bearing(bounds="{gamma: 0.0157}"))
+    assert capped.status == "certified"
+    assert capped.certificate.gamma <= fmpq(157, 10000)
+    refused = design(bearing(bounds="{gamma: 0.015}"))
+    assert refused.status == "infeasible"
+    assert refused.diagnosis["gamma"]["asked"] == 0.015
+
+
+def test_max_alpha_leaves_open_what_no_solve_decided(monkeypatch):
+    undecided = Answer(Status.UNDECIDED)
+    monkeypatch.setattr("obsdesign.design.engine.minimise", lambda *_: undecided)
+    monkeypatch.setattr("obsdesign.design.engine.widest", lambda *_: undecided)
+    with pytest.raises(UndecidedError):
+        design(bearing("{min: 0.1, max: 200}", objective="max-alpha"))

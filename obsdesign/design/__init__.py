@@ -114,7 +114,9 @@ class Designer:
         if gamma is None:
             return self.infeasible(alpha, limits)
         target = self.target(search, gamma)
-        if target < gamma or (self.request.bounds.gamma is not None and gamma > float(self.request.bounds.gamma)):
+        if self.request.bounds.gamma is not None:
+            target = min(target, float(self.request.bounds.gamma))
+        if target < gamma:
             return self.infeasible(alpha, {"gamma": {"asked": target, "least": gamma}, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
@@ -269,7 +271,7 @@ class Designer:
             return level is None or answer.objective <= float(level) ** 2, False
         if level is None and self.bounds is None:
             wide = self.engine.widest(family.feasible())
-            return wide.status is Status.OPTIMAL, False
+            return wide.status is Status.OPTIMAL, wide.status is Status.UNDECIDED
         return False, answer.status is Status.UNDECIDED
 
     # Analysis
