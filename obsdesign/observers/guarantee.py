@@ -6,11 +6,26 @@ from obsdesign.lmi.formula import Array
 
 
 @dataclass(frozen=True)
+class Reconstruction:
+    """limsup |what - w| <= w |w|_inf + w_rate |w'|_inf + x_rate |x'|_inf, for what = pinv(B) L1 (yhat - y)."""
+
+    w: float
+    w_rate: float  # s
+    x_rate: float
+
+
+@dataclass(frozen=True)
 class Guarantee:
-    """V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 along the error equations, with V = e' P e, gamma^2 = mu2 / mu1."""
+    """What holds along the error equations, with V = e' P e.
+
+    Family l2: V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0, and gamma^2 = mu2 / mu1. Family linf:
+    V' <= -2 alpha (V - mu1 |v|^2) and |z|^2 <= mu2 V, and gamma^2 = mu1 mu2.
+    """
 
     gamma: float
     alpha: float
     mu1: float
     mu2: float
     P: Array  # (n, n), positive definite
+    family: str = "l2"
+    reconstruction: Reconstruction | None = None

@@ -50,6 +50,7 @@ class Request:
     slack: fmpq = SLACK
     bounds: Bounds = field(default_factory=Bounds)
     gains: Mapping[str, Array] | None = None  # analysis of these instead of a design
+    reconstruct: bool = False  # w by pinv(B) L1 (yhat - y)
 
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""

@@ -26,6 +26,7 @@ class Nonlinearity:
     nq: int
     multiplier: Multiplier
     f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
+    region: tuple[tuple[float, float], ...] | None = None  # of each component of q_i, where the type holds; None: all
 
 
 @dataclass(frozen=True)
