@@ -10,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
 from obsdesign.lmi.formula import in_floats, rational, rational_number
-from obsdesign.model.loop import well_posed
 from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES, Multiplier, combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
@@ -251,82 +250,3 @@ def test_a_library_function_satisfies_its_template_which_is_as_narrow_as_can_be(
 
 def test_a_library_function_applies_to_each_component_with_a_scale_for_each():
     assert len(TEMPLATES["sat"](None, 3, 3).blocks) == 3
-
-
-# the loop q = c + D f(q)
-
-
-@pytest.mark.parametrize(
-    ("multiplier", "D", "unique"),
-    [
-        (lipschitz(fmpq(2), 1, 1), [["0.49"]], True),
-        (lipschitz(fmpq(2), 1, 1), [["-0.49"]], True),
-        (lipschitz(fmpq(2), 1, 1), [["0.5"]], False),
-        (lipschitz(fmpq(1), 2, 2), [["0.6", "0.6"], ["-0.6", "0.6"]], True),
-        (lipschitz(fmpq(1), 2, 2), [["0.8", "0.8"], ["-0.8", "0.8"]], False),
-        (monotone(None, 2, 2), [[-1, 5], [-5, -1]], True),
-        (monotone(None, 2, 2), [[-1, 5], [5, -1]], False),
-        (monotone(None, 1, 1), [[0]], True),
-        (slope(bounds((0, 1)), 1, 1), [[-1000]], True),
-        (slope(bounds((0, 1)), 1, 1), [["0.99"]], True),
-        (slope(bounds((0, 1)), 1, 1), [["1.01"]], False),
-        (slope(bounds((2, 3)), 1, 1), [["0.49"]], False),
-        (slope(bounds((2, 3)), 1, 1), [["0.51"]], True),
-    ],
-)
-def test_one_block_is_well_posed_exactly_where_its_closed_form_says_so(multiplier, D, unique):
-    assert well_posed(rational(D), multiplier).unique is unique
-
-
-@pytest.mark.parametrize(("gain", "unique"), [("0.99", True), ("1.01", False)])
-def test_two_lipschitz_blocks_in_a_ring_are_well_posed_up_to_a_loop_gain_of_one(gain, unique):
-    # equal scales fail by far: the cutting planes must find a ratio between 1e2 and 1e4
-    ring = combine([lipschitz(fmpq(1), 1, 1), lipschitz(fmpq(1), 1, 1)])
-    D = rational([[0, 100], [0, 0]])
-    D[1, 0] = rational([gain]).item() / 100
-    verdict = well_posed(D, ring)
-    assert verdict.unique is unique
-    assert "f1, f2" in verdict.sentence
-
-
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 10**6), k=st.integers(2, 5))
-def test_scales_are_found_for_rings_of_lipschitz_blocks_exactly_when_the_spectral_radius_is_below_one(seed, k):
-    rng = np.random.default_rng(seed)
-    D = np.where(rng.random((k, k)) < 0.7, rng.uniform(0, 1, (k, k)), 0.0)
-    D *= rng.choice([0.9, 1.1]) / max(abs(np.linalg.eigvals(D)).max(), 1e-3)
-    radius = abs(np.linalg.eigvals(D)).max()
-    if 0.5 < radius < 1.5:  # a nonnegative D: diagonal scaling reaches the spectral radius
-        blocks = combine([lipschitz(fmpq(1), 1, 1)] * k)
-        assert well_posed(rational(D), blocks).unique is bool(radius < 1)
-
-
-def test_a_loop_without_feedback_is_solved_block_by_block_however_large_its_gains():
-    blocks = combine([monotone(None, 1, 1), lipschitz(fmpq(1), 2, 1), monotone(None, 1, 1)])
-    D = rational(np.zeros((4, 3)))
-    D[0, 1], D[1, 2], D[2, 2] = fmpq(100), fmpq(-7), fmpq(30)  # f3 -> q2 -> f2 -> q1
-    verdict = well_posed(D, blocks)
-    assert verdict.unique
-    assert "block by block" in verdict.sentence
-
-
-def test_a_feedback_in_one_block_decides_although_the_others_are_only_fed_forward():
-    blocks = combine([monotone(None, 1, 1), lipschitz(fmpq(1), 1, 1)])
-    assert well_posed(rational([[0, 100], [0, "0.9"]]), blocks).unique
-    refused = well_posed(rational([[0, 100], [0, "1.1"]]), blocks)
-    assert not refused.unique
-    assert "f2 " in refused.sentence
-    assert "f1" not in refused.sentence
-
-
-def test_a_plant_without_nonlinearities_is_well_posed():
-    assert well_posed(rational(np.zeros((0, 0))), Multiplier(())).unique
-
-
-def test_the_solution_of_a_well_posed_loop_is_found_and_is_the_only_one():
-    D, c = -3.0, 1.7
-    assert well_posed(rational([[-3]]), slope(bounds((0, 1)), 1, 1)).unique
-    q = np.linspace(-10, 10, 200001)
-    assert (np.diff(np.sign(q - c - D * sat(q))) != 0).sum() == 1
-    assert not well_posed(rational([[3]]), slope(bounds((0, 1)), 1, 1)).unique
-    assert (np.diff(np.sign(q - 0.05 - 3 * sat(q))) != 0).sum() == 3

@@ -18,6 +18,7 @@ from obsdesign.lmi.probe import Block, Program
 
 SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
 ZERO = 1e-13  # relative size below which an entry is a rounded zero
+TINY = 1e-100  # slack that a block without any is given
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ def slack(block: Block, z: Array) -> Array:
     """Sizes of the diagonal of -F(z), at least `SLACK` times those of its terms."""
     terms = np.abs(np.append(1.0, z)) @ np.abs(block.terms.diagonal(axis1=1, axis2=2))
     size = np.maximum(np.abs(np.diag(block.at(z))), SLACK * terms)
-    return np.asarray(np.maximum(size, 1e-12 * size.max(initial=0) + np.finfo(float).tiny))
+    return np.asarray(np.maximum(size, 1e-12 * size.max(initial=0) + TINY))
 
 
 def whitening(block: Block, z: Array) -> Array:

@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array, Inequality, Values, he, in_floats
+from obsdesign.lmi.formula import Array, Inequality, Problem, Values, he, identity, in_floats
 from obsdesign.lmi.proof import holds
-from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.lmi.solve import Status, widest
+from obsdesign.model.multiplier import Matrix, Multiplier
 
 EXPLICIT = "no block of f acts on its own argument, so they are computed block by block"
-MARGIN = 1e-6  # an eigenvalue further below zero counts as negative; above the tolerance of linear programs
 
 
 @dataclass(frozen=True)
@@ -48,35 +47,55 @@ def well_posed(D: Array, multiplier: Multiplier) -> Verdict:
         The (nq, nf) matrix Dqf of a plant, or Dqf + L2 Df of an observer, and the multiplier of f.
     """
     D, blocks = in_floats(D), in_floats(multiplier.blocks)
-    q, f = indices([len(b.M11) for b in blocks]), indices([len(b.M22) for b in blocks])
+    q, f = parts(multiplier)
     groups = loops(D, q, f)
-    if not groups:
-        return Verdict(True, EXPLICIT)
     for group in groups:
-        inside = np.concatenate([f[i] for i in group])
-        forms = [form(D[np.ix_(q[i], inside)], blocks[i], np.isin(inside, f[i])) for i in group]
-        if smallest_peak(forms) >= -MARGIN:
-            return Verdict(False, f"no multiplier of {names(group)} makes [D; I]' M [D; I] negative definite")
-    return Verdict(True, f"[D; I]' M [D; I] < 0 for {' and for '.join(map(names, groups))}")
+        inner = D[np.ix_(inside(q, group), inside(f, group))]
+        if widest(contraction(inner, Multiplier(tuple(blocks[i] for i in group)))).status is not Status.OPTIMAL:
+            problem = f"no multiplier of {names(group)} was found that makes [D; I]' M [D; I] negative definite"
+            return Verdict(False, problem)
+    return accepted(groups)
 
 
-def proved(D: Array, multiplier: Multiplier, scales: Values) -> Verdict:
-    """Decide the same exactly, for the given scales: N < 0 for each group of blocks in a loop.
+def contraction(D: Array, multiplier: Multiplier) -> Problem:
+    """Find M of the set with N < 0, or N <= -I: the set is a cone, so M may have any size. In doubles."""
+
+    def conditions(v: Values) -> tuple[Inequality, ...]:
+        N = form(D, multiplier.matrix(v))
+        return Inequality("N <= -I", N + identity(D.shape[1], D)), *multiplier.inequalities(v)
+
+    return Problem(multiplier.unknowns(), conditions)
+
+
+def form(D: Array, M: Matrix) -> Array:
+    """N = [D; I]' M [D; I]."""
+    M11, M12, M22 = M
+    return np.asarray(D.mT @ M11 @ D + he(D.mT @ M12) + M22)
+
+
+def proved(D: Array, multiplier: Multiplier, values: Values) -> Verdict:
+    """Decide the same exactly, for one M of the set: N < 0 for each group of blocks in a loop.
 
     Parameters
     ----------
-    D, multiplier, scales
-        In rationals.
+    D, multiplier, values
+        In rationals. The values of the unknowns of M satisfy the inequalities of its set, which is not checked here.
     """
-    q, f = indices([len(b.M11) for b in multiplier.blocks]), indices([len(b.M22) for b in multiplier.blocks])
-    M11, M12, M22 = multiplier.matrix(scales)
+    q, f = parts(multiplier)
+    M11, M12, M22 = multiplier.matrix(values)
     groups = loops(D, q, f)
     for group in groups:
-        rows, columns = np.concatenate([q[i] for i in group]), np.concatenate([f[i] for i in group])
-        inner = D[np.ix_(rows, columns)]
-        N = inner.T @ M11[np.ix_(rows, rows)] @ inner + he(inner.T @ M12[np.ix_(rows, columns)])
-        if not holds(Inequality("N < 0", N + M22[np.ix_(columns, columns)], strict=True)):
-            return Verdict(False, f"the scales do not make [D; I]' M [D; I] of {names(group)} negative definite")
+        rows, columns = inside(q, group), inside(f, group)
+        across = np.ix_(rows, columns)
+        N = form(D[across], (M11[np.ix_(rows, rows)], M12[across], M22[np.ix_(columns, columns)]))
+        if not holds(Inequality("N < 0", N, strict=True)):
+            problem = f"the multiplier does not make [D; I]' M [D; I] of {names(group)} negative definite"
+            return Verdict(False, problem)
+    return accepted(groups)
+
+
+def accepted(groups: Sequence[Sequence[int]]) -> Verdict:
+    """Verdict where N < 0 for all groups."""
     if not groups:
         return Verdict(True, EXPLICIT)
     return Verdict(True, f"[D; I]' M [D; I] < 0 for {' and for '.join(map(names, groups))}")
@@ -87,10 +106,20 @@ def names(group: Sequence[int]) -> str:
     return ", ".join(f"f{i + 1}" for i in group)
 
 
+def parts(multiplier: Multiplier) -> tuple[list[Array], list[Array]]:
+    """Positions of each block in q, and in f."""
+    return indices([b.nq for b in multiplier.blocks]), indices([b.nf for b in multiplier.blocks])
+
+
 def indices(sizes: Sequence[int]) -> list[Array]:
     """Positions of consecutive parts of a vector."""
     ends = np.cumsum([0, *sizes])
     return [np.arange(ends[i], ends[i + 1]) for i in range(len(sizes))]
+
+
+def inside(positions: Sequence[Array], group: Sequence[int]) -> Array:
+    """Positions of all blocks of a group."""
+    return np.concatenate([positions[i] for i in group])
 
 
 def loops(D: Array, q: Sequence[Array], f: Sequence[Array]) -> list[tuple[int, ...]]:
@@ -107,46 +136,3 @@ def loops(D: Array, q: Sequence[Array], f: Sequence[Array]) -> list[tuple[int, .
         reach |= (reach.astype(int) @ acts.astype(int)) > 0
     mutual = reach & reach.T
     return sorted({tuple(np.flatnonzero(mutual[i]).tolist()) for i in range(len(q)) if mutual[i, i]})
-
-
-def form(D: Array, block: Scaled, own: Array) -> Array:
-    """[D; E]' M [D; E] for one block of a group: D gives its argument, and E takes its own value out of f."""
-    E = np.eye(D.shape[1])[own]
-    return np.asarray(D.T @ block.M11 @ D + he(D.T @ block.M12 @ E) + E.T @ block.M22 @ E)
-
-
-def smallest_peak(forms: Sequence[Array]) -> float:
-    """Smallest largest eigenvalue of sum_i s_i N_i, balanced, over s >= 0 with sum 1, or any negative one.
-
-    Cutting planes: the largest eigenvalue is the maximum of v' N(s) v over unit vectors v, which is linear in
-    s. Each s that is tried adds its eigenvectors to the v for which the next s is best.
-    """
-    N = balanced(forms)
-    scales, bound, cuts = np.full(len(N), 1 / len(N)), -np.inf, np.empty((0, len(N)))
-    for _ in range(100):
-        peaks, v = np.linalg.eigh(np.tensordot(scales, N, axes=1))
-        if peaks[-1] < -MARGIN or bound >= -MARGIN:
-            break
-        cuts = np.vstack([cuts, np.einsum("ai,kab,bi->ik", v, N, v)])
-        scales, bound = best_scales(cuts)
-    return float(peaks[-1])
-
-
-def balanced(forms: Sequence[Array]) -> Array:
-    """Forms of norm 1, in coordinates (by a diagonal congruence, which keeps signs) of equal weight."""
-    N = np.array([form / (np.linalg.norm(form) or 1.0) for form in forms])
-    weights = np.linalg.norm(N, axis=2).sum(axis=0)
-    units = np.sqrt(np.where(weights > 0, weights, 1.0))
-    return np.asarray(N / units / units[:, None])
-
-
-def best_scales(cuts: Array) -> tuple[Array, float]:
-    """Scales s >= 0 with sum 1 that minimise the largest entry of cuts @ s, and this entry."""
-    from scipy.optimize import linprog
-
-    rows, k = cuts.shape
-    objective = np.append(np.zeros(k), 1.0)
-    inequalities = np.hstack([cuts, -np.ones((rows, 1))])
-    total = [np.append(np.ones(k), 0.0)]
-    best: Any = linprog(objective, inequalities, np.zeros(rows), total, [1.0], [(0, 1)] * k + [(None, None)])
-    return best.x[:k], float(best.fun)

@@ -4,80 +4,175 @@ A matrix M is an incremental multiplier of f if, for every pair of arguments,
 
     [dq; df]' M [dq; df] >= 0,    dq = q1 - q2,  df = f(t, y, q1) - f(t, y, q2).
 
-A template is a convex set of such matrices. An observer family sees the blocks M11, M12, M22, never a type.
+A template is a convex cone of such matrices, with unknowns of its own. An observer family sees M11, M12, M22 and the
+inequalities of the cone, never a type.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
+from string import ascii_lowercase
 
+import numpy as np
+
+from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, block_diagonal, zeros
+
+Matrix = tuple[Array, Array, Array]  # M11 (nq, nq), M12 (nq, nf), M22 (nf, nf)
 
 
 @dataclass(frozen=True)
-class Scaled:
-    """The set {lambda M : lambda >= 0} for one block of q and f.
+class Block(ABC):
+    """A convex cone of multipliers for one part of q and f.
 
-    `member` is a linear map K in the class, df = K dq, that is [I; K]' M [I; K] >= 0. The loop shift
-    f -> f - K q takes M to a matrix with M11 >= 0.
+    `member` is a linear map K in the class: df = K dq satisfies the inequality of every M of the cone, that is
+    [I; K]' M [I; K] >= 0. The names of the unknowns end in a label, by which blocks of one multiplier differ.
     """
+
+    member: Array  # (nf, nq)
+
+    @property
+    def nq(self) -> int:
+        """Number of components of q."""
+        return int(self.member.shape[1])
+
+    @property
+    def nf(self) -> int:
+        """Number of components of f."""
+        return int(self.member.shape[0])
+
+    @abstractmethod
+    def unknowns(self, label: str) -> tuple[Unknown, ...]:
+        """What determines M."""
+
+    @abstractmethod
+    def matrix(self, v: Values, label: str) -> Matrix:
+        """M11, M12, M22 for the unknowns in v."""
+
+    @abstractmethod
+    def inequalities(self, v: Values, label: str) -> tuple[Inequality, ...]:
+        """Inequalities that say that M is in the cone."""
+
+
+@dataclass(frozen=True)
+class Scaled(Block):
+    """The ray {lambda M : lambda >= 0}. The loop shift f -> f - K q takes M to a matrix with M11 >= 0."""
 
     M11: Array  # (nq, nq)
     M12: Array  # (nq, nf)
     M22: Array  # (nf, nf)
-    member: Array  # (nf, nq)
 
     @classmethod
     def of(cls, M: Array, nq: int, member: Array | None = None) -> "Scaled":
-        """Set of a whole matrix M, (nq + nf) square; without a member K is zero."""
-        nf = len(M) - nq
-        K = zeros((nf, nq), [M]) if member is None else member
-        return cls(M[:nq, :nq], M[:nq, nq:], M[nq:, nq:], K)
+        """Ray of a whole matrix M, (nq + nf) square; without a member K is zero."""
+        K = zeros((len(M) - nq, nq), [M]) if member is None else member
+        return cls(K, M[:nq, :nq], M[:nq, nq:], M[nq:, nq:])
+
+    def unknowns(self, label: str) -> tuple[Unknown, ...]:
+        """The scale."""
+        return (Unknown(f"lambda{label}", (1, 1)),)
+
+    def matrix(self, v: Values, label: str) -> Matrix:
+        """Scaled matrix."""
+        scale = v[f"lambda{label}"]
+        return scale * self.M11, scale * self.M12, scale * self.M22
+
+    def inequalities(self, v: Values, label: str) -> tuple[Inequality, ...]:
+        """The scale is not negative."""
+        name = f"lambda{label}"
+        return (Inequality(f"{name} >= 0", -v[name]),)
 
     def shifted(self) -> "Scaled":
-        """Set of f - K q: [I 0; K I]' M [I 0; K I]."""
+        """Ray of f - K q: [I 0; K I]' M [I 0; K I]."""
         K = self.member
         M12 = self.M12 + K.mT @ self.M22
         M11 = self.M11 + self.M12 @ K + K.mT @ M12.mT
-        return Scaled(M11, M12, self.M22, 0 * K)
+        return Scaled(0 * K, M11, M12, self.M22)
+
+
+@dataclass(frozen=True)
+class Sum(Block):
+    """The cone {sum_j lambda_j M_j : lambda_j >= 0}: several inequalities hold for the same q and f."""
+
+    parts: tuple[Scaled, ...]
+
+    def named(self, label: str) -> list[tuple[str, Scaled]]:
+        """Parts with labels of their own: 3a, 3b, .."""
+        return [(f"{label}{letter}", part) for letter, part in zip(ascii_lowercase, self.parts, strict=False)]
+
+    def unknowns(self, label: str) -> tuple[Unknown, ...]:
+        """One scale for each part."""
+        return tuple(u for name, part in self.named(label) for u in part.unknowns(name))
+
+    def matrix(self, v: Values, label: str) -> Matrix:
+        """Sum of the scaled matrices."""
+        scaled = [part.matrix(v, name) for name, part in self.named(label)]
+        M11, M12, M22 = (np.sum(same, axis=0) for same in zip(*scaled, strict=True))
+        return M11, M12, M22
+
+    def inequalities(self, v: Values, label: str) -> tuple[Inequality, ...]:
+        """No scale is negative."""
+        return tuple(i for name, part in self.named(label) for i in part.inequalities(v, name))
 
 
 @dataclass(frozen=True)
 class Multiplier:
-    """Blocks side by side: q = (q_1, .., q_k), f = (f_1, .., f_k), each with a scale of its own.
+    """Blocks side by side: q = (q_1, .., q_k), f = (f_1, .., f_k), each with unknowns of its own.
 
     The combined matrix in the order (q, f) is block diagonal in each of M11, M12, M22. (A block-diagonal M
     itself, in the order (q_1, f_1, q_2, f_2), would tie the wrong components together.)
     """
 
-    blocks: tuple[Scaled, ...]
+    blocks: tuple[Block, ...]
 
     @property
     def member(self) -> Array:
         """A linear map (nf, nq) in the class: the class contains df = K dq."""
         return block_diagonal([b.member for b in self.blocks])
 
-    def unknowns(self) -> tuple[Unknown, ...]:
-        """One scale for each block."""
-        return tuple(Unknown(scale_name(i), (1, 1)) for i in range(len(self.blocks)))
+    def labelled(self) -> list[tuple[str, Block]]:
+        """Blocks with their labels, counted from 1 as a user reads them."""
+        return [(str(i), block) for i, block in enumerate(self.blocks, start=1)]
 
-    def matrix(self, v: Values) -> tuple[Array, Array, Array]:
-        """M11, M12, M22 for the scales in v."""
-        scaled = [(v[scale_name(i)], b) for i, b in enumerate(self.blocks)]
-        return (
-            block_diagonal([s * b.M11 for s, b in scaled]),
-            block_diagonal([s * b.M12 for s, b in scaled]),
-            block_diagonal([s * b.M22 for s, b in scaled]),
-        )
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Unknowns of all blocks."""
+        return tuple(u for label, block in self.labelled() for u in block.unknowns(label))
+
+    def matrix(self, v: Values) -> Matrix:
+        """M11, M12, M22 for the unknowns in v."""
+        matrices = [block.matrix(v, label) for label, block in self.labelled()]
+        M11, M12, M22 = (block_diagonal([M[k] for M in matrices]) for k in range(3))
+        return M11, M12, M22
 
     def inequalities(self, v: Values) -> tuple[Inequality, ...]:
-        """Inequalities that say that no scale is negative."""
-        names = [scale_name(i) for i in range(len(self.blocks))]
-        return tuple(Inequality(f"{name} >= 0", -v[name]) for name in names)
+        """Inequalities that say that every block is in its cone."""
+        return tuple(i for label, block in self.labelled() for i in block.inequalities(v, label))
 
+    def scaled_blocks(self) -> tuple[Scaled, ...]:
+        """Blocks of one scale each, which a free L2 needs: its unknown is lambda L2.
 
-def scale_name(i: int) -> str:
-    """Name of the scale of block i (counted from 1, as a user reads it)."""
-    return f"lambda{i + 1}"
+        Raises
+        ------
+        UsageError
+            A block has more unknowns than one scale.
+        """
+        scaled = tuple(block for block in self.blocks if isinstance(block, Scaled))
+        if len(scaled) < len(self.blocks):
+            label, block = next((i, b) for i, b in self.labelled() if not isinstance(b, Scaled))
+            found = ", ".join(u.name for u in block.unknowns(label))
+            needed = "observer.L2: a free L2 needs one scale for each nonlinearity"
+            raise UsageError(f"{needed}, and the type of f{label} has {found}; give L2 as a matrix")
+        return scaled
+
+    def shifted(self) -> "Multiplier":
+        """Multiplier of f - K q, K the member: then M11 >= 0.
+
+        Raises
+        ------
+        UsageError
+            A block has more unknowns than one scale.
+        """
+        return Multiplier(tuple(block.shifted() for block in self.scaled_blocks()))
 
 
 def combine(parts: Iterable[Multiplier]) -> Multiplier:

@@ -1,16 +1,27 @@
-"""What the structure of a problem decides before any matrix inequality: detectability and Condition 1.
+"""What the structure of a problem decides before any matrix inequality: hidden modes, ranks, zeros.
 
 Corless and Chakrabarty (2019), section 4. All functions read plants in doubles, `in_floats(plant)`.
 """
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array
-from obsdesign.model.pencil import TOLERANCE, System, output_nulling, scaled, spectrum, split, text
+from obsdesign.model.pencil import (
+    TOLERANCE,
+    System,
+    Zeros,
+    invariant_zeros,
+    output_nulling,
+    scaled,
+    spectrum,
+    split,
+    text,
+)
 from obsdesign.model.plant import Plant
 
 
@@ -46,13 +57,25 @@ def modes(A: Array, C: Array, states: tuple[str, ...], decay: float = inf) -> tu
     decay
         Modes that decay faster are left out.
     """
-    scaling = scaled(System(A, np.zeros((len(A), 0)), C, np.zeros((len(C), 0))))
-    V, hidden = output_nulling(scaling.system)
+    return nulled_modes(System(A, np.zeros((len(A), 0)), C, np.zeros((len(C), 0))), states, decay)
+
+
+def nulled_modes(system: System, states: tuple[str, ...], decay: float = inf) -> tuple[Mode, ...]:
+    """Modes of x while the one input that can do so keeps the output at zero, the least stable first.
+
+    These are the eigenvalues at which the pencil of the system has no full column rank. Where more than one input keeps
+    the output at zero there is no such list, and it is empty.
+    """
+    scaling = scaled(system)
+    V, inner = output_nulling(scaling.system)
+    if inner.D.shape[0] < inner.D.shape[1]:
+        return ()
+    dynamics = inner.A - inner.B @ np.linalg.solve(inner.D, inner.C)
     found = [
         mode(scaling.rate * value, scaling.states * vector, states)
-        for value, _ in spectrum(hidden.A, 1.0)
+        for value, _ in spectrum(dynamics, max(1.0, float(np.linalg.norm(dynamics))))
         if value.imag >= 0 and scaling.rate * (value.real + TOLERANCE) >= -decay
-        for vector in eigenvectors(V, hidden.A, value)
+        for vector in eigenvectors(V, dynamics, value)
     ]
     return tuple(sorted(found, key=lambda m: -m.eigenvalue.real))
 
@@ -166,3 +189,90 @@ def condition1(plant: Plant, Am: Array) -> tuple[RankTest, ...]:
         for value, _ in spectrum(Am, float(np.linalg.norm(Am)))
         if value.real >= 0 and value.imag >= 0
     )
+
+
+def stiff_modes(plant: Plant, q: Array, f: Array) -> tuple[Mode, ...]:
+    """Modes of the error that no gain moves if some components of f have no upper slope bound.
+
+    For df = K dq with K -> infinity in these components, dq = 0 there while df is whatever that takes. A mode with dy =
+    0 as well is not changed by L1 (yhat - y), nor by L2 (yhat - y): it solves e' = A e + Bf df with 0 = Cq e + Dqf df
+    and 0 = C e + Df df. The inequality demands V' + 2 alpha V <= 0 along it.
+
+    Parameters
+    ----------
+    plant, q, f
+        The plant, and the indices of the components of q and f.
+    """
+    zero = System(
+        plant.A,
+        plant.Bf[:, f],
+        np.vstack([plant.Cq[q], plant.C]),
+        np.vstack([plant.Dqf[np.ix_(q, f)], plant.Df[:, f]]),
+    )
+    return nulled_modes(zero, plant.states)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition of what a theorem needs, in words and numbers."""
+
+    name: str
+    holds: bool
+    sentence: str
+    numbers: dict[str, Any]
+
+
+def accuracy(plant: Plant, L2: Array | None) -> tuple[Condition, ...]:
+    """Conditions for any gamma > 0 to be possible: (25) of Theorem 2, Lemmas 4 and 5, of Corless and Chakrabarty.
+
+    P B + Y D = C'F' with F D = 0 and F Df = 0 needs rank T C B N = rank B N, where the rows of T span the combinations
+    of outputs without D and Df, and the columns of N those of v that y does not show at once (for D = 0: C B has the
+    rank of B). Lemma 4 needs a full column rank of [A - lambda I, B; C, D] for Re lambda >= 0. Without f and with D = 0
+    both are sufficient too; with f the inequality (20) has to hold beside them.
+
+    Parameters
+    ----------
+    plant
+        The augmented plant: B, D act from v.
+    L2
+        The given gain, or None where it is free; (25b) is Dq + L2 D = 0.
+    """
+    system = scaled(System(plant.A, plant.B, plant.C, plant.D)).system
+    silent, hidden = split(np.hstack([plant.D, plant.Df]).T)[0], split(system.D)[0]
+    seen = int(np.linalg.matrix_rank(silent.T @ system.C @ system.B @ hidden, tol=TOLERANCE))
+    inputs = int(np.linalg.matrix_rank(system.B @ hidden, tol=TOLERANCE))
+    verdict = "as it must" if seen == inputs else f"and B has rank {inputs}: y shows some of v too late"
+    direct = (
+        "C B" if not (plant.D.any() or plant.Df.any()) else "C B, of the outputs that show neither v nor f at once,"
+    )
+    zeros = invariant_zeros(System(plant.A, plant.B, plant.C, plant.D))
+    unstable = [z for z in zeros.values if z.real >= 0]
+    return (
+        Condition("rank C B", seen == inputs, f"{direct} has rank {seen} {verdict}", {"rank": seen, "needed": inputs}),
+        zeros_condition(zeros, unstable),
+        *argument_condition(plant, L2),
+    )
+
+
+def zeros_condition(zeros: Zeros, unstable: list[complex]) -> Condition:
+    """No zero in the closed right half plane."""
+    if not zeros.left_invertible:
+        sentence = f"y determines {zeros.normal_rank} of the {zeros.inputs} components of v at most"
+    elif unstable:
+        at = ", ".join(map(text, unstable))
+        sentence = f"v to y has a zero in the right half plane at lambda = {at}: y need not show v = exp(lambda t)"
+    else:
+        sentence = "v to y has no zero in the closed right half plane"
+    numbers = {"zeros": [[z.real, z.imag] for z in unstable], "normal_rank": zeros.normal_rank}
+    return Condition("zeros", zeros.left_invertible and not unstable, sentence, numbers)
+
+
+def argument_condition(plant: Plant, L2: Array | None) -> tuple[Condition, ...]:
+    """(25b), where v acts on q."""
+    if not plant.Dq.any():
+        return ()
+    hidden = split(plant.D)[0]
+    left = plant.Dq @ hidden if L2 is None else plant.Dq + L2 @ plant.D
+    holds = bool(np.abs(left).max(initial=0) <= TOLERANCE * max(1.0, float(np.abs(plant.Dq).max())))
+    said = "can be met by a choice of L2" if L2 is None else "holds"
+    return (Condition("Dq + L2 D = 0", holds, f"Dq + L2 D = 0 {said if holds else 'fails'}", {}),)

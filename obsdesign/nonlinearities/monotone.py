@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.nonlinearities.sizes import require_as_many
 
 
 def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
@@ -17,6 +17,5 @@ def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
     UsageError
         nf is not nq.
     """
-    if nf != nq:
-        raise UsageError(f"monotone: f has {nf} components and q has {nq}; it takes as many of both")
+    require_as_many("monotone", nq, nf)
     return Multiplier((Scaled.of(rational(np.kron([[0, 1], [1, 0]], np.eye(nq))), nq),))

@@ -1,11 +1,14 @@
 """A multiplier matrix that the user gives."""
 
+from dataclasses import replace
+
 import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, rational
 from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.nonlinearities.sizes import require_shape
 
 REGULARISATION = (fmpq(0), *(fmpq(1, 4**k) for k in range(20)))
 
@@ -25,9 +28,7 @@ def user(M: Array, nq: int, nf: int) -> Multiplier:
         differentiable anywhere, since its Jacobian would be one.
     """
     size = nq + nf
-    if M.shape != (size, size):
-        given = " x ".join(map(str, M.shape))
-        raise UsageError(f"multiplier: M is {given}, and q and f make it {size} x {size}")
+    require_shape("multiplier: M", M, size, size)
     if np.any(M.mT != M):
         raise UsageError("multiplier: M is not symmetric")
     return Multiplier((Scaled.of(M, nq, linear_member(Scaled.of(M, nq))),))
@@ -47,7 +48,7 @@ def linear_member(given: Scaled) -> Array:
         inner = fmpq_mat(nf, nf, list((r * unit - given.M22).ravel()))
         if inner.det():
             K = np.array(inner.inv().tolist(), dtype=object) @ given.M12.mT
-            if positive(Scaled(given.M11, given.M12, given.M22, K).shifted().M11):
+            if positive(replace(given, member=K).shifted().M11):
                 return K
     raise UsageError("multiplier: no f was found that satisfies it, not even a linear f = K q; is its sign right?")
 

@@ -1,0 +1,94 @@
+"""Nonlinearities whose Jacobian stays in a cone of matrices."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from flint import fmpq_mat
+
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, rational, symmetric, zeros
+from obsdesign.model.multiplier import Block, Matrix, Multiplier
+from obsdesign.nonlinearities.sizes import require_shape
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A direction Th of the cone, in coordinates T of dq that put the null space of Th last.
+
+    There T' He(M12 Th) T has a zero diagonal for every M12, so that the engine sees which entries must vanish. Both
+    ways (-Th is a direction too) all of them must.
+    """
+
+    image: Array  # Th T, (nf, nq)
+    coordinates: Array  # T, (nq, nq)
+    both_ways: bool
+
+    def form(self, M12: Array) -> Array:
+        """Matrix that must be negative semidefinite."""
+        rate = he(self.coordinates.mT @ M12 @ self.image)
+        return symmetric([[0 * rate, rate], [0 * rate]]) if self.both_ways else -rate
+
+
+@dataclass(frozen=True)
+class Cone(Block):
+    """All M with M22 = 0, M11 >= 0 and He(M12 Th) >= 0 for each ray Th."""
+
+    rays: tuple[Ray, ...]
+
+    def unknowns(self, label: str) -> tuple[Unknown, ...]:
+        """M11 and M12."""
+        return (
+            Unknown(f"M{label}_11", (self.nq, self.nq), symmetric=True),
+            Unknown(f"M{label}_12", (self.nq, self.nf)),
+        )
+
+    def matrix(self, v: Values, label: str) -> Matrix:
+        """M with M22 = 0: a form that is quadratic in the length of Th could not be positive on a whole ray."""
+        return v[f"M{label}_11"], v[f"M{label}_12"], zeros((self.nf, self.nf), [self.member])
+
+    def inequalities(self, v: Values, label: str) -> tuple[Inequality, ...]:
+        """M11 >= 0 and one inequality for each ray."""
+        return (
+            Inequality(f"M{label}_11 >= 0", -v[f"M{label}_11"]),
+            *(
+                Inequality(f"He(M{label}_12 Th{i}) {'= 0' if ray.both_ways else '>= 0'}", ray.form(v[f"M{label}_12"]))
+                for i, ray in enumerate(self.rays, start=1)
+            ),
+        )
+
+
+def cone(directions: Sequence[Array], nq: int, nf: int) -> Multiplier:
+    """Jacobian in a cone: df = Th dq, Th = sum_i s_i Th_i, s_i >= 0.
+
+    It is so where every Jacobian of f is such a sum. M is any matrix with M22 = 0, M11 >= 0 and He(M12 Th_i) >= 0
+    for each i. The member of the class is zero.
+
+    Parameters
+    ----------
+    directions
+        At least one matrix Th_i (nf, nq).
+
+    Raises
+    ------
+    UsageError
+        There is no matrix, or one has another size.
+    """
+    if not directions:
+        raise UsageError("cone: there is no matrix; list the directions of the cone")
+    for i, Th in enumerate(directions, start=1):
+        require_shape(f"cone: matrix {i}", Th, nf, nq)
+    rays = tuple(ray(Th, both_ways=any((Th == -other).all() for other in directions)) for Th in directions)
+    return Multiplier((Cone(zeros((nf, nq), [rational([[0]])]), rays),))
+
+
+def ray(Th: Array, *, both_ways: bool) -> Ray:
+    """Ray of a matrix: T is the identity, with a column of the null space in place of each dependent one of Th."""
+    nf, nq = Th.shape
+    reduced, rank = fmpq_mat(nf, nq, list(Th.ravel())).rref()
+    rows = np.array(reduced.tolist(), dtype=object).reshape(nf, nq)[:rank]
+    pivots = [int(np.flatnonzero(row)[0]) for row in rows]
+    T = rational(np.eye(nq))
+    dependent = [j for j in range(nq) if j not in pivots]
+    T[np.ix_(pivots, dependent)] = -rows[:, dependent]
+    return Ray(Th @ T, T, both_ways)

@@ -1,0 +1,68 @@
+"""Nonlinearities whose Jacobian stays in a polytope of matrices."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he
+from obsdesign.model.multiplier import Block, Matrix, Multiplier
+from obsdesign.nonlinearities.sizes import require_shape
+
+
+@dataclass(frozen=True)
+class Polytope(Block):
+    """All M with M22 <= 0 and [I; Th]' M [I; Th] >= 0 at each vertex Th.
+
+    The form is concave in Th where M22 <= 0, so what holds at the vertices holds between them; without M22 <= 0 it
+    need not: M = diag(-1, 1) does at Th = -1 and Th = 1, and not at 0.
+    """
+
+    vertices: tuple[Array, ...]  # (nf, nq) each
+
+    def unknowns(self, label: str) -> tuple[Unknown, ...]:
+        """All of M."""
+        return (
+            Unknown(f"M{label}_11", (self.nq, self.nq), symmetric=True),
+            Unknown(f"M{label}_12", (self.nq, self.nf)),
+            Unknown(f"M{label}_22", (self.nf, self.nf), symmetric=True),
+        )
+
+    def matrix(self, v: Values, label: str) -> Matrix:
+        """M as it is."""
+        return v[f"M{label}_11"], v[f"M{label}_12"], v[f"M{label}_22"]
+
+    def inequalities(self, v: Values, label: str) -> tuple[Inequality, ...]:
+        """M22 <= 0 and one inequality for each vertex."""
+        M11, M12, M22 = self.matrix(v, label)
+        return (
+            Inequality(f"M{label}_22 <= 0", M22),
+            *(
+                Inequality(f"[I; Th{i}]' M{label} [I; Th{i}] >= 0", -(M11 + he(M12 @ Th) + Th.mT @ M22 @ Th))
+                for i, Th in enumerate(self.vertices, start=1)
+            ),
+        )
+
+
+def jacobian(vertices: Sequence[Array], nq: int, nf: int) -> Multiplier:
+    """Jacobian in a polytope: df = Th dq with Th in the convex hull of the given matrices Th_i.
+
+    It is so where every Jacobian of f is in it. M is any matrix with M22 <= 0 and
+    [I; Th_i]' M [I; Th_i] >= 0 for each i.
+
+    Parameters
+    ----------
+    vertices
+        At least one matrix Th_i (nf, nq). Their mean is the member of the class.
+
+    Raises
+    ------
+    UsageError
+        There is no matrix, or one has another size.
+    """
+    if not vertices:
+        raise UsageError("jacobian: there is no matrix; list the vertices of the polytope")
+    for i, Th in enumerate(vertices, start=1):
+        require_shape(f"jacobian: matrix {i}", Th, nf, nq)
+    return Multiplier((Polytope(np.sum(vertices, axis=0) / len(vertices), tuple(vertices)),))

@@ -1,0 +1,28 @@
+"""Nonlinearities in the sector between two linear maps."""
+
+from obsdesign.lmi.formula import Array
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.nonlinearities.ball import ball
+from obsdesign.nonlinearities.sizes import require_shape
+
+
+def sector(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
+    """(df - K1 dq)' (K2 dq - df) >= 0:  M = lambda [[-K1'K2 - K2'K1, K1' + K2'], [K1 + K2, -2 I]].
+
+    This is the ball of center (K1 + K2) / 2 and radius W = (K2 - K1) / 2. A weight X, (df - K1 dq)' X (K2 dq - df),
+    would be no multiplier of this class in general, not even a positive definite one.
+
+    Parameters
+    ----------
+    data
+        K1 and K2 (nf, nq); they may be exchanged.
+
+    Raises
+    ------
+    UsageError
+        K1 or K2 has another size.
+    """
+    K1, K2 = data
+    require_shape("sector: K1", K1, nf, nq)
+    require_shape("sector: K2", K2, nf, nq)
+    return ball(((K1 + K2) / 2, (K2 - K1) / 2), nq, nf)
