@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obsdesign import plot
 from obsdesign.observers.guarantee import Guarantee
+from obsdesign.plot import run_figure, tradeoff_figure
+from obsdesign.plot.axis import linear_threshold, symlog_ticks
+from obsdesign.plot.panels import Curve, limits
+from obsdesign.plot.run import run_sheet
+from obsdesign.plot.tradeoff import tradeoff_sheet
 from obsdesign.simulate import simulate
 from obsdesign.spec import loads
 
@@ -50,14 +54,14 @@ def size(png: bytes) -> tuple[int, int]:
 
 
 def test_a_run_is_a_png_that_is_the_same_every_time(mass):
-    first = plot.run_figure(*mass)
+    first = run_figure(*mass)
     assert size(first) == (1575, round(150 * (0.75 + 3 * 2.35)))
-    assert plot.run_figure(*mass) == first
+    assert run_figure(*mass) == first
     assert b"Software" not in first
 
 
 def test_every_panel_says_what_it_shows(mass):
-    figure = plot.run_sheet(*mass)
+    figure = run_sheet(*mass)
     panels = figure.axes
     labels = ["p [m]", "s [m/s]", "w1", "state errors", "unknown-input errors", "V(e)"]
     assert [axes.get_ylabel() for axes in panels] == labels
@@ -71,7 +75,7 @@ def test_every_panel_says_what_it_shows(mass):
 
 def test_the_truth_is_solid_and_the_estimate_dashed(mass):
     _, run, _ = mass
-    true, estimate = plot.run_sheet(*mass).axes[0].get_lines()
+    true, estimate = run_sheet(*mass).axes[0].get_lines()
     assert true.get_linestyle() == "-"
     assert estimate.get_linestyle() == "--"
     assert true.get_color() != estimate.get_color()
@@ -81,17 +85,49 @@ def test_the_truth_is_solid_and_the_estimate_dashed(mass):
 
 def test_errors_are_drawn_at_the_steps_and_the_bound_lies_above_v(mass):
     _, run, _ = mass
-    panels = plot.run_sheet(*mass).axes
+    panels = run_sheet(*mass).axes
     assert (panels[3].get_lines()[1].get_ydata() == run.steps.e[:, 1]).all()
     assert (panels[4].get_lines()[0].get_ydata() == run.steps.w_error[:, 0]).all()
     bound, V = (line.get_ydata() for line in panels[5].get_lines())
     assert (bound * (1 + 1e-6) >= V).all()
 
 
+def test_a_local_guarantee_is_drawn_with_its_region_and_up_to_where_the_run_leaves_it():
+    text = (
+        HEAD
+        + """
+system: {A: [[-1]], B: [[1]], C: [[1]]}
+nonlinearities: [{f: q**3, type: monotone, Bf: [-0.01], Cq: [1]}]
+simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
+"""
+    )
+    spec = loads(text)
+    spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=((-1.0, 1.0),)),))
+    guarantee = Guarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1), family="linf")
+    run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
+    figure = run_sheet(spec, run, guarantee)
+    panels = {axes.get_ylabel(): axes for axes in figure.axes}
+    argument, storage = panels["q1 of nonlinearity 1"], panels["V(e)"]
+    assert {patch.get_y() + patch.get_height() for patch in argument.patches} >= {-1.0}
+    assert [text.get_text() for text in argument.get_legend().get_texts()] == ["q1", "estimate", "outside"]
+    assert storage.get_lines()[0].get_xdata()[-1] < run.left[0].time < storage.get_lines()[1].get_xdata()[-1]
+    title = figure.get_suptitle()
+    assert "outside [-1, 1]" in title
+    assert "local" in title
+    assert r"$\sup|z|$" in title
+
+
+def test_a_broken_bound_is_said_in_the_title(mass):
+    spec, _, guarantee = mass
+    gains = {"L1": np.array([[-5.0], [-8], [-6]]), "L2": np.zeros((0, 1))}
+    false = replace(guarantee, alpha=9.0, mu2=1e-4, gamma=1e-2)
+    assert "VIOLATED" in run_sheet(spec, simulate(spec, gains, false), false).get_suptitle()
+
+
 def test_without_a_guarantee_there_is_no_bound_and_the_title_says_so(mass):
     spec, run, _ = mass
     steps = replace(run.steps, V=None, V_bound=None)
-    figure = plot.run_sheet(spec, replace(run, V=None, V_bound=None, steps=steps), None)
+    figure = run_sheet(spec, replace(run, V=None, V_bound=None, steps=steps), None)
     assert [axes.get_ylabel() for axes in figure.axes][-1] == "unknown-input errors"
     assert "no guarantee" in figure.get_suptitle()
 
@@ -99,7 +135,7 @@ def test_without_a_guarantee_there_is_no_bound_and_the_title_says_so(mass):
 @pytest.mark.parametrize(("status", "word"), [("escape", "ESCAPE"), ("stall", "STALLED")])
 def test_a_run_that_ended_early_says_so(mass, status, word):
     spec, run, guarantee = mass
-    title = plot.run_sheet(spec, replace(run, status=status, time=1.25), guarantee).get_suptitle()
+    title = run_sheet(spec, replace(run, status=status, time=1.25), guarantee).get_suptitle()
     assert f"{word} at t = 1.25 s" in title
 
 
@@ -110,7 +146,7 @@ def test_many_states_share_panels_of_at_most_eight_curves():
     text = f"system: {{A: {A}, C: {C}}}\nsimulation: {{horizon: 1, x0: {list(range(n))}}}"
     spec = loads(HEAD + text)
     run = simulate(spec, {"L1": np.zeros((n, 1)), "L2": np.zeros((0, 1))}, None)
-    figure = plot.run_sheet(spec, run, None)
+    figure = run_sheet(spec, run, None)
     assert len(figure.axes) == 5 + 3
     assert max(len(axes.get_legend().get_texts()) for axes in figure.axes) <= 7
     shown = [text.get_text() for axes in figure.axes[:5] for text in axes.get_legend().get_texts()]
@@ -120,24 +156,24 @@ def test_many_states_share_panels_of_at_most_eight_curves():
 def test_an_initial_transient_does_not_hide_the_signal():
     t = np.linspace(0, 1, 1001)
     estimate = np.where(t < 0.01, 1e7, np.sin(t))
-    low, high, note = plot.limits([plot.Curve("w", np.sin(t), estimate)])
+    low, high, note = limits([Curve("w", np.sin(t), estimate)])
     assert -0.2 < low < 0
     assert 0.84 < high < 1.1
     assert "1e+07" in note
-    assert plot.limits([plot.Curve("w", np.ones(3), None)])[:2] == pytest.approx((0.9, 1.1))
+    assert limits([Curve("w", np.ones(3), None)])[:2] == pytest.approx((0.9, 1.1))
 
 
 def test_a_symmetric_log_axis_reads_a_peak_of_1e7_and_an_error_of_1e_minus_6():
     t = np.linspace(0, 1, 500)
     error = 1e7 * np.exp(-30 * t) + 1e-6
-    threshold = plot.linear_threshold([error])
-    assert 1e-7 <= threshold <= 1e-6
-    ticks = plot.symlog_ticks(threshold, 1e7)
+    threshold = linear_threshold([error])
+    assert 1e-6 <= threshold <= 1e-5
+    ticks = symlog_ticks(threshold, 1e7)
     assert 1e7 in ticks
     assert -1e7 in ticks
     assert 0 in ticks
     assert len(ticks) <= 11
-    assert plot.linear_threshold([np.zeros(5)]) > 0
+    assert linear_threshold([np.zeros(5)]) > 0
 
 
 POINTS = [
@@ -149,7 +185,7 @@ POINTS = [
 
 
 def test_a_tradeoff_shows_what_was_solved_what_was_refused_and_what_is_shipped():
-    figure = plot.tradeoff_sheet(POINTS, {"alpha": 1.0, "gamma": 0.31}, "Bearing", "alpha", "gamma")
+    figure = tradeoff_sheet(POINTS, {"alpha": 1.0, "gamma": 0.31}, "Bearing", "alpha", "gamma")
     (axes,) = figure.axes
     lines = {line.get_label(): line for line in axes.get_lines()}
     assert list(lines) == [r"best $\gamma$", "undecided", "infeasible", "shipped"]
@@ -164,14 +200,14 @@ def test_a_tradeoff_shows_what_was_solved_what_was_refused_and_what_is_shipped()
 
 @pytest.mark.parametrize("points", [POINTS, POINTS[2:], POINTS[:1]])
 def test_a_tradeoff_is_a_png(points):
-    assert size(plot.tradeoff_figure(points, None, "Bearing")) == (960, 630)
+    assert size(tradeoff_figure(points, None, "Bearing")) == (960, 630)
 
 
 def test_the_settings_of_the_user_are_left_alone():
     from matplotlib import rcParams
 
     rcParams["font.size"] = 17.0
-    before = plot.tradeoff_figure(POINTS, None, "Bearing")
+    before = tradeoff_figure(POINTS, None, "Bearing")
     assert rcParams["font.size"] == 17.0
     rcParams["font.size"] = 10.0
-    assert plot.tradeoff_figure(POINTS, None, "Bearing") == before
+    assert tradeoff_figure(POINTS, None, "Bearing") == before

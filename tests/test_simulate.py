@@ -307,7 +307,7 @@ simulation: {horizon: 2, x0: [2], w: [sin(t)], u: [cos(t) - 0.1*x1], points: 21}
 def test_a_loop_without_a_solution_is_a_stall(read):
     spec = read("""
 system: {A: [[0]], C: [[1]], gx: [1]}
-nonlinearities: [{f: q**2, type: {slope: [0, 10]}, Bf: [1], Cq: [1], Dqf: 1, gq: [-t]}]
+nonlinearities: [{f: "max(q, 0)**2", type: monotone, Bf: [1], Cq: [1], Dqf: 1, gq: [-t]}]
 simulation: {horizon: 9, x0: [0.1], xhat0: [0.1]}
 """)
     run = simulate(spec, gains(-1, L2=[0]), None)  # q = x - t + q^2 has a root while x - t <= 1/4

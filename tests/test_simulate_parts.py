@@ -25,7 +25,7 @@ simulation: {{horizon: 1, x0: [1, 2], w: [sin(t), t]}}
     "loops": f"""
 system: {{{TWO_STATES}, inputs: [u], gx: [y1*u, sin(y2)], gy: [u, 0]}}
 nonlinearities:
-  - {{f: [tanh(q1) + y1*q2, q1*q2/9], type: {{lipschitz: 9}}, Bf: [[1, 0], [0, 1]], Cq: [[1, 0], [1, 1]],
+  - {{f: [tanh(q1) + sin(y1)*q2, sin(q1)*cos(q2)/9], type: {{lipschitz: 9}}, Bf: [[1, 0], [0, 1]], Cq: [[1, 0], [1, 1]],
       Dqf: [[-0.3, 0.1, 0.2], [0, 0.1, 0.1]], Df: [[0.1, 0], [0, 0.2]], gq: [u*y2, 0]}}
   - {{f: atan(q), type: atan, Bf: [1, 1], Cq: [0, 1], Dqf: [0.1, 0, -0.4]}}
 disturbance: {{type: {{sinusoid: {{omega: 2}}}}}}

@@ -7,11 +7,17 @@ from obsdesign.lmi.formula import Array
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """limsup |what - w| <= w |w|_inf + w_rate |w'|_inf + x_rate |x'|_inf, for what = pinv(B) L1 (yhat - y)."""
+    """limsup |what - w| <= w |w|_inf + w_rate |w'|_inf + x_rate |x'|_inf, for what = pinv(B) L1 (yhat - y).
+
+    The storage functions e' P_i e of its levels are at most e' P e, and decay at the rate alpha at least: before the
+    limit, (w |e|_P + w_rate |de/dt|_P) exp(-alpha t) is added, with e and its derivative at t = 0.
+    """
 
     w: float
     w_rate: float  # s
     x_rate: float
+    alpha: float  # 1/s
+    P: Array  # (n, n)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, block_diagonal
+from obsdesign.lmi.formula import Array, block_diagonal, in_floats
 from obsdesign.model.plant import Plant
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.simulate.integrate import Flow, Vector
@@ -18,27 +18,16 @@ INTEGRALS = 3  # of |z|^2, of |v|^2, and the bound on V
 
 
 class Instant(NamedTuple):
-    """Everything at one time."""
+    """Everything at one time, or one row a time."""
 
-    u: list[float]
-    xi: Vector  # true augmented state
-    v: Vector  # drive
-    a: Vector  # true arguments (y, q)
-    phi: Vector  # true nonlinear blocks and known terms
-    ahat: Vector  # measured y, and the q of the observer
-    phihat: Vector
-    rates: Vector  # (xi', e')
-
-
-class Outputs(NamedTuple):
-    """Signals along a run, one row an instant."""
-
-    xi: Array
-    e: Array
+    u: Array
+    xi: Array  # true augmented state
     v: Array  # drive
-    y: Array  # with noise
-    f2: Array  # nonlinear blocks of the disturbance model
-    f2hat: Array
+    a: Array  # true arguments (y, q)
+    phi: Array  # true nonlinear blocks and known terms
+    ahat: Array  # measured y, and the q of the observer
+    phihat: Array
+    rates: Array  # (xi', e')
 
 
 class Coupled:
@@ -56,7 +45,8 @@ class Coupled:
     error itself is integrated, since the difference of two large states has lost its digits.
 
     The flow has the state s = (integrated true states, e, integral of |z|^2, integral of |v|^2, b), with
-    b' = -2 alpha b + mu2 |v|^2, so that V(e(t)) <= exp(-2 alpha t) V(e(0)) + b(t).
+    b' = -2 alpha b + c |v|^2, so that V(e(t)) <= exp(-2 alpha t) V(e(0)) + b(t); c is mu2 in the family l2
+    and 2 alpha mu1 in linf.
 
     Parameters
     ----------
@@ -72,8 +62,9 @@ class Coupled:
         plant = scenario.plant
         n, ny = plant.n, len(plant.outputs)
         self.scenario = scenario
+        self.reconstructor = reconstructor(spec, gains["L1"])
         self.H = spec.H.astype(float)
-        self.decay, self.mu2 = (2 * guarantee.alpha, guarantee.mu2) if guarantee else (0.0, 0.0)
+        self.decay, self.supply = (2 * guarantee.alpha, supply(guarantee)) if guarantee else (0.0, 0.0)
         self.ns, self.end = scenario.integrated, scenario.integrated + n
         self.signals = scenario.signals()
         terms = Terms.of(spec, scenario)
@@ -82,13 +73,14 @@ class Coupled:
         self.linear = linear(plant, gains["L1"], gains["L2"])
         self.E = block_diagonal([terms.E, terms.E + gains["L1"] @ Ky])
         self.model_blocks = slice(spec.plant.Bf.shape[1], plant.Bf.shape[1])
-        self.feedthrough = bool(Ky.any() or (spec.generator.Dwf != 0).any())
+        self.innovation = np.block([plant.C, -plant.D, -np.eye(ny), Ky])  # yhat - y on (e, v, noise, dphi)
+        self.explicit = not terms.K.any()
 
     def instant(self, t: float, s: Vector, noise: Vector) -> Instant:
         """Signals, states and rates at one time."""
         n, nu, ns = self.scenario.plant.n, len(self.scenario.u), self.ns
         signals = self.signals.values([t, *s[: self.scenario.n].tolist()])
-        known = [t, *signals[:nu].tolist()]
+        u, known = signals[:nu], [t, *signals[:nu].tolist()]
         driven = np.concatenate((s[:ns], signals[nu:], s[ns : self.end], noise))
         linear = self.linear @ driven
         right, difference = linear[2 * n :].reshape(2, -1)
@@ -99,14 +91,14 @@ class Coupled:
         ahat = self.observer.argument(right, phihat)
         rates = linear[: 2 * n] + self.E @ np.concatenate((phi, phihat - phi))
         v = driven[n : len(driven) - n - len(noise)]
-        return Instant(known[1:], driven[:n], v, a, phi, ahat, phihat, rates)
+        return Instant(u, driven[:n], v, a, phi, ahat, phihat, rates)
 
     def rhs(self, t: float, s: Vector, noise: Vector) -> Vector:
         """Rate of s."""
         now = self.instant(t, s, noise)
         z = self.H @ s[self.ns : self.end]
         v2 = now.v @ now.v
-        integrals = (z @ z, v2, self.mu2 * v2 - self.decay * s[-1])
+        integrals = (z @ z, v2, self.supply * v2 - self.decay * s[-1])
         return np.concatenate((now.rates[: self.ns], now.rates[self.scenario.plant.n :], integrals))
 
     def jacobian(self, t: float, s: Vector, noise: Vector) -> Array:
@@ -119,7 +111,7 @@ class Coupled:
         driven = np.vstack([np.eye(ns, end), signals[nu:], np.eye(n, end, ns), np.zeros((len(noise), end))])
         linear = self.linear @ driven
         right, difference = linear[2 * n :].reshape(2, -1, end)
-        known = [t, *now.u]
+        known = [t, *now.u.tolist()]
         phi = self.truth.sensitivity(known, now.a, u, right)
         a = self.truth.argument(right, phi)
         phihat = self.observer.sensitivity(known, now.ahat, u, self.observer.argument(a + difference, -phi))
@@ -129,26 +121,49 @@ class Coupled:
         J[ns:end, :end] = rates[n:]
         J[end, ns:end] = 2 * self.H.T @ (self.H @ s[ns:end])
         J[end + 1, :end] = 2 * now.v @ v
-        J[end + 2, :end] = 2 * self.mu2 * now.v @ v
+        J[end + 2, :end] = 2 * self.supply * now.v @ v
         J[end + 2, end + 2] = -self.decay
         return J
 
-    def outputs(self, t: Array, s: Array) -> "Outputs":
-        """Signals along states s (N, ns) of the flow."""
-        acting, n, ny = self.scenario, self.scenario.plant.n, len(self.scenario.plant.outputs)
-        noise = np.array([acting.held(instant) for instant in t]).reshape(-1, ny)
-        if self.feedthrough:
-            instants = [self.instant(*row) for row in zip(t, s, noise, strict=True)]
-            columns = ([getattr(i, name) for i in instants] for name in ("xi", "v", "a", "phi", "phihat"))
-            xi, v, a, phi, phihat = (np.array(c).reshape(len(t), -1) for c in columns)
-        else:
-            signals = self.signals.table(np.column_stack([t, s[:, : acting.n]]))
-            driven = np.hstack([s[:, : self.ns], signals[:, len(acting.u) :]])
-            xi, v = driven[:, :n], driven[:, n:]
-            a = driven @ self.linear[2 * n : 2 * n + ny, : driven.shape[1]].T
-            phi = phihat = np.zeros((len(t), self.E.shape[1] // 2))
-        e = s[:, self.ns : self.end]
-        return Outputs(xi, e, v, a[:, :ny] + noise, phi[:, self.model_blocks], phihat[:, self.model_blocks])
+    def instants(self, t: Array, s: Array) -> Instant:
+        """Signals, states and rates along states s (N, ns) of the flow at times t; NaN outside the model's domain."""
+        noise = self.noise(t)
+        if not self.explicit:
+            return self.one_by_one(t, s, noise)
+        n, nu = self.scenario.plant.n, len(self.scenario.u)
+        u, signals = np.split(self.signals.table(np.column_stack([t, s[:, : self.scenario.n]])), [nu], axis=1)
+        driven = np.hstack([s[:, : self.ns], signals, s[:, self.ns : self.end], noise])
+        linear = driven @ self.linear.T
+        a, difference = np.split(linear[:, 2 * n :], 2, axis=1)
+        phi = self.truth.stack.table(np.column_stack([t, u, a]))
+        phihat = self.observer.stack.table(np.column_stack([t, u, a + difference]))
+        rates = linear[:, : 2 * n] + np.hstack([phi, phihat - phi]) @ self.E.T
+        v = driven[:, n : driven.shape[1] - n - noise.shape[1]]
+        return Instant(u, driven[:, :n], v, a, phi, a + difference, phihat, rates)
+
+    def one_by_one(self, t: Array, s: Array, noise: Array) -> Instant:
+        """Return `instants` where each has an algebraic loop to solve."""
+        each: list[Instant] = []
+        for row in zip(t, s, noise, strict=True):
+            try:
+                each.append(self.instant(*row))
+            except ArithmeticError:
+                each.append(Instant(*(np.full_like(column, np.nan) for column in each[0])))
+        return Instant(*(np.array(column).reshape(len(t), -1) for column in zip(*each, strict=True)))
+
+    def reconstructed(self, t: Array, s: Array, now: Instant) -> Array:
+        """Return what, (N, nw), with yhat - y from the errors, so that nothing cancels."""
+        difference = np.hstack([s[:, self.ns : self.end], now.v, self.noise(t), now.phihat - now.phi])
+        return np.asarray(difference @ self.innovation.T @ self.reconstructor.T)
+
+    def amplification(self) -> float:
+        """How much larger than the error the reconstruction of w is; at least 1."""
+        of_e = self.reconstructor @ self.innovation[:, : self.scenario.plant.n]
+        return max(1.0, float(np.abs(of_e).max(initial=0.0)))
+
+    def noise(self, t: Array) -> Array:
+        """Noise at times t, (N, ny)."""
+        return np.array([self.scenario.held(instant) for instant in t])
 
     def flow(self) -> Flow:
         """Vector field of s."""
@@ -161,6 +176,18 @@ class Coupled:
         xi[: len(x0)] = x0
         xi[self.ns :] = known[: len(xi) - self.ns]
         return np.concatenate((xi[: self.ns], xhat0 - xi, np.zeros(INTEGRALS)))
+
+
+def reconstructor(spec: Spec, L1: Array) -> Array:
+    """pinv(B) L1, (nw, ny), which makes what of yhat - y; no rows if w is not to be reconstructed."""
+    if not spec.observer.reconstruct:
+        return np.zeros((0, L1.shape[1]))
+    return np.asarray(np.linalg.pinv(in_floats(spec.plant).B) @ L1)
+
+
+def supply(guarantee: Guarantee) -> float:
+    """Return c in V' <= -2 alpha V + c |v|^2."""
+    return guarantee.mu2 if guarantee.family == "l2" else 2 * guarantee.alpha * guarantee.mu1
 
 
 def linear(plant: Plant, L1: Array, L2: Array) -> Array:

@@ -62,6 +62,12 @@ class Trajectory:
     time: float  # where it ended
     reason: str  # of an escape or a stall
 
+    def merged(self) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
+        """Times and states of steps and samples together, in order, and which of them are steps."""
+        t = np.concatenate((self.path_t, self.t))
+        order = np.argsort(t, kind="stable")
+        return t[order], np.concatenate((self.path_s, self.s))[order], order < len(self.path_t)
+
 
 @dataclass
 class Recorder:

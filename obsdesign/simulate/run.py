@@ -8,6 +8,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.integrate import Status
+from obsdesign.simulate.validity import Leaving
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,18 @@ class Samples:
     w: Array  # (N, nw)
     what: Array  # (N, len(estimated))
     w_error: Array  # (N, len(estimated)): what - w, without cancellation where xm has a true value
+    q: Array  # (N, nq), arguments of f in the plant
+    qhat: Array  # (N, nq), in the observer
     y: Array  # (N, ny), as measured: with noise
     v: Array | None  # (N, nv)
     z: Array | None  # (N, nz)
     V: Array | None  # (N,)
     V_bound: Array | None  # (N,)
+
+    def rows(self, which: Array) -> "Samples":
+        """Return the same at some of the times."""
+        chosen: dict[str, Any] = {k: None if column is None else column[which] for k, column in vars(self).items()}
+        return Samples(**chosen)
 
 
 @dataclass(frozen=True)
@@ -44,10 +52,11 @@ class Run(Samples):
     states: tuple[str, ...]  # names of the columns of xihat; of xi and e as far as they go
     plant_states: int  # how many of these are the plant's
     exogenous: tuple[str, ...]
-    estimated: tuple[int, ...]  # channels of w that the observer estimates: those without a direct v
+    estimated: tuple[int, ...]  # channels of w that the observer estimates, by its model or by reconstruction
     outputs: tuple[str, ...]
     status: Status
     time: float  # s, where the run ended
+    left: tuple[Leaving, ...]  # first leavings of the regions on which the declared types hold
     summary: Mapping[str, Any]
 
     def table(self) -> tuple[list[str], Array]:

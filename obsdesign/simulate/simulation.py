@@ -1,18 +1,18 @@
 """Try an observer on the scenario of a spec."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.lmi.formula import Array
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.simulate.coupled import Coupled
-from obsdesign.simulate.integrate import Tolerance, Trajectory, Vector, finite, integrate
-from obsdesign.simulate.run import Run, Samples
-from obsdesign.simulate.scenario import Scenario, scenario
-from obsdesign.simulate.summary import Errors, bounds, convergence, norm_to_infinity, storage
+from obsdesign.simulate.integrate import Tolerance, Vector, finite, integrate
+from obsdesign.simulate.record import Record
+from obsdesign.simulate.run import Run
+from obsdesign.simulate.scenario import scenario
+from obsdesign.simulate.summary import summarise
 from obsdesign.spec.model import Simulation, Spec
 
 RTOL = 1e-8
@@ -31,6 +31,7 @@ def simulate(
     xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y)
     qhat   = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y)
     yhat   = C xihat + Df f(t, y, qhat) + gy
+    what   = pinv(B) L1 (yhat - y) where the spec asks for a reconstruction of w
 
     Parameters
     ----------
@@ -68,19 +69,19 @@ def simulate(
         tolerance(start, system),
         progress and (lambda t: progress(t / simulation.horizon)),
     )
-    uncovered = why_not_covered(acting, guarantee, breaks)
-    covering = None if uncovered else guarantee
+    record = Record(spec, system, guarantee, breaks, trajectory)
     return Run(
-        **vars(samples(spec, system, covering, trajectory.t, trajectory.s)),
-        steps=samples(spec, system, covering, trajectory.path_t, trajectory.path_s),
+        **vars(record.at_samples()),
+        steps=record.at_steps(),
         states=acting.plant.states,
         plant_states=acting.n,
         exogenous=spec.plant.exogenous,
-        estimated=estimated(spec),
+        estimated=record.estimated,
         outputs=acting.plant.outputs,
         status=trajectory.status,
         time=trajectory.time,
-        summary=summarise(spec, system, trajectory, guarantee, uncovered),
+        left=record.left,
+        summary=summarise(record),
     )
 
 
@@ -98,93 +99,15 @@ def initial(system: Coupled, simulation: Simulation) -> Vector:
 
 
 def tolerance(start: Vector, system: Coupled) -> Tolerance:
-    """Tolerance of a step; the absolute one goes by the size of each state and its estimate at the start."""
+    """Tolerance of a step; the absolute one goes by the size of each state and its estimate at the start.
+
+    It is as much smaller for the errors as a reconstruction of w magnifies them.
+    """
     n, ns = system.scenario.plant.n, system.ns
     size = np.abs(start[ns : ns + n])
     size[:ns] = np.maximum(size[:ns], np.abs(start[:ns]))
     nonzero = size[size > 0]
     size[size == 0] = nonzero.min() if len(nonzero) else 1.0
     integrals = np.full(len(start) - ns - n, size.max() ** 2)
-    absolute = ATOL * np.concatenate((size[:ns], size, integrals))
+    absolute = ATOL * np.concatenate((size[:ns], size / system.amplification(), integrals))
     return Tolerance(RTOL_NOISE if system.scenario.noise.any() else RTOL, absolute)
-
-
-def why_not_covered(acting: Scenario, guarantee: Guarantee | None, breaks: list[tuple[float, float]]) -> str:
-    """Why no bound can be stated, or nothing."""
-    if guarantee is None:
-        return "no guarantee: the gains are not certified"
-    if acting.unmodeled:
-        return acting.unmodeled
-    if acting.noise.any():
-        return "the guarantee does not cover simulation.noise, which no v generates"
-    impulse = next((after for before, after in breaks if acting.steps_of_xm(before, after).any()), None)
-    if impulse is not None:
-        return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not square integrable"
-    return ""
-
-
-def samples(spec: Spec, system: Coupled, guarantee: Guarantee | None, t: Array, s: Array) -> Samples:
-    """States of the flow in the terms of the spec; V only where a guarantee covers the run."""
-    acting, generator, seen = system.scenario, in_floats(spec.generator), system.outputs(t, s)
-    channels, errors = estimated(spec), errors_of(system, t, s)
-
-    def modeled(xi: Array, f2: Array) -> Any:
-        """Output of the disturbance model without the direct v."""
-        return xi[:, acting.n :] @ generator.Cm.T + f2 @ generator.Dwf.T
-
-    direct = seen.v if acting.unmodeled else seen.v @ generator.Dm.T
-    V, V_bound = storage(errors, guarantee) if guarantee else (None, None)
-    return Samples(
-        t=t,
-        xi=seen.xi[:, : errors.e.shape[1]],
-        xihat=seen.xi + seen.e,
-        e=errors.e,
-        w=direct if acting.unmodeled else modeled(seen.xi, seen.f2) + direct,
-        what=modeled(seen.xi + seen.e, seen.f2hat)[:, channels],
-        w_error=(modeled(seen.e, seen.f2hat - seen.f2) - direct)[:, channels],
-        y=seen.y,
-        v=None if acting.unmodeled else seen.v,
-        z=errors.e @ system.H[:, : errors.e.shape[1]].T if has_z(spec, acting) else None,
-        V=V,
-        V_bound=V_bound,
-    )
-
-
-def estimated(spec: Spec) -> tuple[int, ...]:
-    """Channels of w that the observer estimates: those without a direct v."""
-    return tuple(np.flatnonzero(~(spec.generator.Dm != 0).any(axis=1)).tolist())
-
-
-def has_z(spec: Spec, acting: Scenario) -> bool:
-    """Whether z = H e has a true value: not if it needs an xm that has none."""
-    return not (acting.unmodeled and (spec.H[:, acting.n :] != 0).any())
-
-
-def errors_of(system: Coupled, t: Array, s: Array) -> Errors:
-    """Error and integrals in states of the flow; without a true xm only the error of the plant's states."""
-    acting = system.scenario
-    width = acting.n if acting.unmodeled else acting.plant.n
-    return Errors(t, s[:, system.ns : system.ns + width], s[:, -3], s[:, -2], s[:, -1])
-
-
-def summarise(
-    spec: Spec, system: Coupled, trajectory: Trajectory, guarantee: Guarantee | None, uncovered: str
-) -> dict[str, Any]:
-    """Everything that is said about a run; None where a quantity does not apply."""
-    acting = system.scenario
-    errors = errors_of(system, trajectory.path_t, trajectory.path_s)
-    z = float(np.sqrt(errors.z2[-1])) if has_z(spec, acting) else None
-    v = None if acting.unmodeled else float(np.sqrt(errors.v2[-1]))
-    return {
-        "status": trajectory.status,
-        "time": trajectory.time,
-        "reason": trajectory.reason or None,
-        "z_norm2": z,
-        "v_norm2": v,
-        "v_norm2_infinite": norm_to_infinity(acting.v, trajectory.time, errors.v2[-1]) if v is not None else None,
-        "ratio": z / v if z is not None and v else None,
-        "gamma": guarantee.gamma if guarantee else None,
-        "bounds": bounds(errors, guarantee) if guarantee and not uncovered else [],
-        "bounds_omitted": uncovered or None,
-        **convergence(errors, acting.plant.states),
-    }

@@ -11,6 +11,7 @@ from obsdesign.lmi.formula import Array
 
 LOOP_ITERATIONS = 60
 LOOP_TOLERANCE = 1e-10  # of the last Newton step; the error left is its square
+ROUNDING = 1e-15  # of a residual that is nothing else, where the step is large: at a double root
 
 Entry = Callable[[Sequence[float]], float]
 
@@ -158,6 +159,8 @@ class Loop:
             rounding = 1e-5 * np.linalg.norm(slope) * np.linalg.norm(a)
             if np.linalg.norm(step) <= LOOP_TOLERANCE * (np.linalg.norm(phi) + rounding):
                 return phi - step
+            if np.linalg.norm(residual) <= ROUNDING * np.linalg.norm(phi):
+                return phi
             phi, residual = self._descend(known, a, phi, residual, step)
             if not residual.any():
                 return phi

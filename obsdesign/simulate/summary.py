@@ -1,26 +1,106 @@
-"""Norms of a run against what the guarantee promises."""
+"""What is said about a run: its norms, its errors, and whether they keep the bounds that are proved."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.simulate.bounds import ROUNDING, Errors, bounds
+from obsdesign.simulate.reconstruction import accuracy, entry, jump_of, largest_rate, proved
+from obsdesign.simulate.record import Record
+from obsdesign.simulate.validity import is_local, validity
 
 SETTLED = 0.01  # of the peak of |e|
-ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality
 
 
-class Errors(NamedTuple):
-    """The error along a run, with the integrals up to each time."""
+def summarise(record: Record) -> dict[str, Any]:
+    """Everything that is said about a run; None where a quantity does not apply."""
+    trajectory, errors, guarantee = record.trajectory, record.errors, record.guarantee
+    return {
+        "status": trajectory.status,
+        "time": trajectory.time,
+        "reason": trajectory.reason or None,
+        **norms(record),
+        "gamma": guarantee.gamma if guarantee else None,
+        **checks(record),
+        **convergence(errors, record.acting.plant.states),
+    }
 
-    t: Array  # (M,)
-    e: Array  # (M, n + nm)
-    z2: Array  # (M,): integral of |z|^2
-    v2: Array  # (M,): integral of |v|^2
-    b: Array  # (M,): integral of mu2 exp(-2 alpha (t - s)) |v(s)|^2
+
+def norms(record: Record) -> dict[str, Any]:
+    """Sizes of z and v, and the ratio of those that gamma relates."""
+    errors, acting, guarantee = record.errors, record.acting, record.guarantee
+    sup = guarantee is not None and guarantee.family == "linf"
+    z2, z_sup = (float(np.sqrt(errors.z2[-1])), float(errors.z.max())) if record.has_z else (None, None)
+    v2, v_sup = (None, None) if acting.unmodeled else (float(np.sqrt(errors.v2[-1])), float(errors.v_sup[-1]))
+    z, v = (z_sup, v_sup) if sup else (z2, v2)
+    endless = None if sup or v2 is None else norm_to_infinity(acting.v, record.trajectory.time, errors.v2[-1])
+    return {
+        "z_norm2": z2,
+        "v_norm2": v2,
+        "v_norm2_infinite": endless,
+        "z_sup": z_sup,
+        "v_sup": v_sup,
+        "ratio": z / v if z is not None and v else None,
+        "ratio_of": "sup|z| / sup|v|" if sup else "norm2(z) / norm2(v)",
+    }
+
+
+def checks(record: Record) -> dict[str, Any]:
+    """Bounds, the accuracy of a reconstruction, and where the run leaves the region of a local guarantee."""
+    found: dict[str, Any] = {"bounds": [], "bounds_omitted": record.uncovered or None}
+    if record.guarantee and not record.uncovered:
+        until = record.left[0].time if record.left else np.inf
+        covered = record.errors.before(until)
+        if len(covered.t) > 1:
+            found["bounds"] = bounds(covered, record.guarantee)
+        if record.left:
+            found["bounds_omitted"] = f"the guarantee is local, and the run left its region at t = {until:.4g}"
+    if record.spec.observer.reconstruct:
+        found["reconstruction"] = accurate = reconstruction(record)
+        if "bound" in accurate and "note" not in accurate:
+            found["bounds"] += [entry(accurate["limsup"], accurate["bound"] + accurate["transient_left"])]
+    if is_local(record.spec.nonlinearities):
+        found["validity"] = validity(record.left, record.guarantee is not None)
+    return found
+
+
+def reconstruction(record: Record) -> dict[str, Any]:
+    """Accuracy of what, and the bound on it, or a note why there is none or nothing is proved by it."""
+    found = accuracy(record.errors, record.signals.w_error)
+    guarantee, w = record.guarantee, record.acting.v
+    if guarantee is None or guarantee.reconstruction is None:
+        return found | {"note": "no bound on what - w is proved for these gains"}
+    if why := no_reconstruction_bound(record):
+        return found | {"note": why}
+    n = record.acting.plant.n
+    rates = record.now.rates[:, :n], record.now.rates[:, n:]
+    known = not any(signal.names - {"t"} for signal in w)
+    rate = largest_rate(w, record.breaks, record.t) if known else sampled_rate(record)
+    if not np.isfinite(rate):
+        return found | {"note": "w' is not bounded: no bound on what - w holds"}
+    found |= proved(record.errors, guarantee, found["limsup"], rates, rate)
+    return found if known else found | {"note": "w depends on the states, w' is a difference: nothing is proved"}
+
+
+def no_reconstruction_bound(record: Record) -> str:
+    """Why the bound on what - w does not apply to this run, or nothing."""
+    if record.uncovered:
+        return record.uncovered
+    if record.left:
+        return f"the guarantee is local, and the run left its region at t = {record.left[0].time:.4g}"
+    w = record.acting.v
+    if not any(signal.names - {"t"} for signal in w) and (jump := jump_of(w, record.breaks)) is not None:
+        return f"w jumps at t = {jump:.6g}, so that w' is not bounded: no bound on what - w holds"
+    return ""
+
+
+def sampled_rate(record: Record) -> float:
+    """Largest |w'| by differences of the samples."""
+    samples = record.at_samples()
+    return float((np.linalg.norm(np.diff(samples.w, axis=0), axis=1) / np.diff(samples.t)).max(initial=0.0))
 
 
 def convergence(errors: Errors, names: Sequence[str]) -> dict[str, Any]:
@@ -50,71 +130,6 @@ def settling_time(t: Array, size: Array) -> float | None:
         return None
     low, high = np.log(np.maximum(size[[after, last]], 1e-300))
     return float(t[after] - (t[after] - t[last]) * (np.log(level) - low) / (high - low))
-
-
-def storage(errors: Errors, guarantee: Guarantee) -> tuple[Array, Array]:
-    """V(e(t)) = e' P e, and its bound exp(-2 alpha t) V(e(0)) + b(t)."""
-    V = np.einsum("ti,ij,tj->t", errors.e, guarantee.P, errors.e)
-    return V, np.exp(-2 * guarantee.alpha * errors.t) * V[0] + errors.b
-
-
-def bounds(errors: Errors, guarantee: Guarantee) -> list[dict[str, Any]]:
-    """Check the bounds that V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 implies.
-
-    norm2(z)     <= sqrt(lmax(P) / mu1) |e(0)| + gamma norm2(v)
-    norm2(z)     <= sqrt(e(0)' P e(0) / mu1) + gamma norm2(v)
-    |e(t)|       <= exp(-alpha t) sqrt(lmax(P) / lmin(P)) |e(0)| + sqrt(mu2 / lmin(P)) norm2(v)   for all t
-    V(e(t))      <= exp(-2 alpha t) V(e(0)) + b(t)                                                for all t
-
-    The first and the third are (16) and (17) of Corless and Chakrabarty (2019), (17) with its two ratios the
-    right way up. A bound for all t is reported at the instant where it is tightest.
-    """
-    size = np.linalg.norm(errors.e, axis=1)
-    spectrum = np.linalg.eigvalsh(guarantee.P)
-    low, high = spectrum[0], spectrum[-1]
-    z, v = np.sqrt(errors.z2[-1]), np.sqrt(errors.v2)
-    gain = guarantee.gamma * v[-1]
-    V, V_bound = storage(errors, guarantee)
-    decay = np.exp(-guarantee.alpha * errors.t) * np.sqrt(high / low) * size[0]
-    ultimate = np.sqrt(guarantee.mu2 / low) * v
-    return [
-        bound(
-            "norm2(z) <= sqrt(lmax(P)/mu1) |e(0)| + gamma norm2(v)",
-            z,
-            np.sqrt(high / guarantee.mu1) * size[0] + gain,
-        ),
-        bound("norm2(z) <= sqrt(e(0)' P e(0)/mu1) + gamma norm2(v)", z, np.sqrt(V[0] / guarantee.mu1) + gain),
-        tightest(
-            "|e(t)| <= exp(-alpha t) sqrt(lmax(P)/lmin(P)) |e(0)| + sqrt(mu2/lmin(P)) norm2(v)",
-            errors.t,
-            size,
-            decay + ultimate,
-        ),
-        tightest(
-            "V(e(t)) <= exp(-2 alpha t) V(e(0)) + mu2 integral exp(-2 alpha (t-s)) |v(s)|^2 ds",
-            errors.t,
-            V,
-            V_bound,
-        ),
-    ]
-
-
-def bound(name: str, value: float, limit: float) -> dict[str, Any]:
-    """One bound."""
-    return {
-        "name": name,
-        "value": float(value),
-        "bound": float(limit),
-        "holds": bool(value <= limit * (1 + ROUNDING)),
-    }
-
-
-def tightest(name: str, t: Array, value: Array, limit: Array) -> dict[str, Any]:
-    """Return a bound for all t > 0, at the instant where the value is the largest part of it."""
-    after = slice(1, None) if len(t) > 1 else slice(None)
-    t, value, limit = t[after], value[after], limit[after]
-    i = int(np.argmax(value / np.maximum(limit, np.finfo(float).tiny)))
-    return bound(name, value[i], limit[i]) | {"time": float(t[i])}
 
 
 def norm_to_infinity(v: Sequence[Expression], horizon: float, so_far: float) -> float | None:

@@ -1,0 +1,166 @@
+"""The figure of a run."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+from obsdesign.observers.guarantee import Guarantee
+from obsdesign.plot.axis import plain, with_unit
+from obsdesign.plot.canvas import new_figure, png, style
+from obsdesign.plot.panels import Comparison, Curve, Errors, Level, Panel, Storage
+from obsdesign.simulate import Run
+from obsdesign.simulate.bounds import LAST
+from obsdesign.simulate.validity import limited
+from obsdesign.spec.model import Spec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROW = 4  # panels beside each other
+CURVES = 7  # in one panel: as many as there are colors
+SINGLE = 8  # so many signals get a panel each; more share panels
+LINE = 130  # characters of the title
+NORMS = (("z_norm2", r"$\|z\|_2$"), ("v_norm2", r"$\|v\|_2$"))
+SUP_NORMS = (("z_sup", r"$\sup|z|$"), ("v_sup", r"$\sup|v|$"))
+FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
+
+
+def run_figure(spec: Spec, run: Run, guarantee: Guarantee | None) -> bytes:
+    """Draw states and unknown inputs with their estimates, errors, and V(e) against its bound.
+
+    Errors are drawn at the steps of the integrator, so that a peak between two samples is seen, and on a
+    symmetric logarithmic axis; where they settle early, over the logarithm of time.
+
+    Returns
+    -------
+    bytes
+        A PNG, the same for the same run.
+    """
+    with style():
+        return png(run_sheet(spec, run, guarantee))
+
+
+def run_sheet(spec: Spec, run: Run, guarantee: Guarantee | None) -> "Figure":
+    """Compose a figure of a run: a row (or more) each of states, unknown inputs, arguments in regions, and errors."""
+    log_time = settles_early(run)
+    sections = (
+        state_panels(spec, run),
+        [*input_panels(spec, run, log_time), *region_panels(spec, run)],
+        error_panels(run, guarantee, log_time),
+    )
+    rows = [row for section in sections for row in shared(list(section), ROW)]
+    title = heading(spec, run, guarantee)
+    figure = new_figure(10.5, 0.75 + 0.2 * max(0, title.count("\n") - 1) + 2.35 * len(rows))
+    figure.suptitle(title, fontsize=11)
+    grid = figure.add_gridspec(len(rows), 1)
+    for i, row in enumerate(rows):
+        columns = grid[i].subgridspec(1, len(row))
+        for j, panel in enumerate(row):
+            panel.draw(figure.add_subplot(columns[j]))
+    return figure
+
+
+def settles_early(run: Run) -> bool:
+    """Whether the error settles so soon that time is better drawn on a logarithmic axis."""
+    settled = run.summary["settling_time"]
+    return settled is not None and settled < FAST * run.time
+
+
+def state_panels(spec: Spec, run: Run) -> Iterator[Panel]:
+    """Panels of the plant's states."""
+    n = run.plant_states
+    curves = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states[:n])]
+    return comparisons(spec, run.t, curves, "states (dashed: estimates)")
+
+
+def input_panels(spec: Spec, run: Run, log_time: bool) -> Iterator[Panel]:
+    """Panels of the unknown inputs, and beside a reconstruction its error."""
+    column = {channel: i for i, channel in enumerate(run.estimated)}
+    curves = [
+        Curve(name, run.w[:, i], run.what[:, column[i]] if i in column else None)
+        for i, name in enumerate(run.exogenous)
+    ]
+    yield from comparisons(spec, run.t, curves, "unknown inputs (dashed: estimates)")
+    if "reconstruction" in run.summary:
+        yield reconstruction_error(run, run.summary["reconstruction"], log_time)
+
+
+def reconstruction_error(run: Run, accuracy: Mapping[str, Any], log_time: bool) -> Errors:
+    """Panel of |what - w|, with its proved limit if there is one, else with the one that the run shows."""
+    size = np.linalg.norm(run.steps.w_error, axis=1)
+    late = LAST * run.time
+    if "bound" in accuracy:
+        level = Level(accuracy["bound"], late, f"proved limit {accuracy['bound']:.3g}")
+    else:
+        level = Level(accuracy["limsup"], late, f"at the end {accuracy['limsup']:.3g}")
+    return Errors(run.steps.t, [(f"peak {accuracy['peak']:.3g}", size)], r"$\|\hat{w} - w\|$", log_time, level)
+
+
+def region_panels(spec: Spec, run: Run) -> Iterator[Panel]:
+    """Panels of the arguments of f that have to stay in a region."""
+    for i, k, column, region in list(limited(spec.nonlinearities))[:SINGLE]:
+        curve = Curve(f"q{k + 1}", run.q[:, column], run.qhat[:, column], region)
+        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}")
+
+
+def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str) -> Iterator[Panel]:
+    """One panel a signal, or one for several where there are many."""
+    if len(curves) <= SINGLE:
+        for curve in curves:
+            yield Comparison(t, [curve], with_unit(spec, curve.name))
+    else:
+        for group in shared(curves, CURVES // 2 + 1):
+            yield Comparison(t, group, what)
+
+
+def error_panels(run: Run, guarantee: Guarantee | None, log_time: bool) -> Iterator[Panel]:
+    """Errors of the states, errors of the modeled unknown inputs, and V(e)."""
+    n = run.plant_states
+    states = [(f"e_{name}", run.steps.e[:, i]) for i, name in enumerate(run.states[:n])]
+    for group in shared(states, CURVES):
+        yield Errors(run.steps.t, group, "state errors", log_time)
+    inputs = [(f"e_{run.exogenous[i]}", run.steps.w_error[:, k]) for k, i in enumerate(run.estimated)]
+    for group in shared([] if "reconstruction" in run.summary else inputs, CURVES):
+        yield Errors(run.steps.t, group, "unknown-input errors", log_time)
+    if guarantee is not None and run.steps.V is not None and run.steps.V_bound is not None:
+        until = run.left[0].time if run.left else np.inf
+        yield Storage(run.steps.t, run.steps.V, run.steps.V_bound, log_time, until)
+
+
+def shared(items: Sequence[Any], most: int) -> Iterator[Sequence[Any]]:
+    """Items in groups of nearly equal size."""
+    count = -(-len(items) // most)
+    for i in range(count):
+        yield items[i * len(items) // count : (i + 1) * len(items) // count]
+
+
+def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
+    """Name of the spec; how the run ended, what it achieved and what is proved; whether it stayed in its region."""
+    facts = [{"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]]
+    if facts[0]:
+        facts[0] += f" at t = {run.time:.4g} s"
+    sup = guarantee is not None and guarantee.family == "linf"
+    for key, text in SUP_NORMS if sup else NORMS:
+        if run.summary[key] is not None:
+            facts.append(f"{text} = {run.summary[key]:.4g}")
+    if guarantee is None:
+        facts.append("no guarantee")
+    else:
+        facts += [rf"proved: $\gamma$ = {guarantee.gamma:.4g}, $\alpha$ = {guarantee.alpha:.4g}", verdict(run)]
+    lines = [plain(spec.name), ",  ".join(f for f in facts if f)]
+    if run.left:
+        lines += [line for part in run.summary["validity"]["note"].split("; ") for line in wrap(plain(part), LINE)]
+    return "\n".join(line for line in lines if line)
+
+
+def verdict(run: Run) -> str:
+    """Whether the run keeps what is proved."""
+    checks = run.summary["bounds"]
+    broken = sum(not check["holds"] for check in checks)
+    if broken:
+        return f"{broken} of {len(checks)} bounds VIOLATED"
+    held = f"all {len(checks)} bounds hold" if checks else "no bound applies"
+    return f"{held} until then" if checks and run.left else held

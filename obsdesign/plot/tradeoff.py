@@ -1,0 +1,72 @@
+"""The figure of a search."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from obsdesign.plot.axis import plain, spread_axis, symbol
+from obsdesign.plot.canvas import COLORS, new_figure, png, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TRUE = COLORS[0]
+
+
+def tradeoff_figure(
+    points: Sequence[Mapping[str, Any]],
+    shipped: Mapping[str, Any] | None,
+    title: str,
+    x: str = "alpha",
+    y: str = "gamma",
+) -> bytes:
+    """Draw the curve of a search.
+
+    Parameters
+    ----------
+    points
+        Mappings with the searched x, the result y (missing or None where there is none) and "status".
+    shipped
+        The point of the design that is shipped, or None.
+    title, x, y
+        Title, and the keys on the axes.
+
+    Returns
+    -------
+    bytes
+        A PNG, the same for the same points.
+    """
+    with style():
+        return png(tradeoff_sheet(points, shipped, title, x, y))
+
+
+def tradeoff_sheet(
+    points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str, x: str, y: str
+) -> "Figure":
+    """Compose a figure of a search; a point without a result stands at the foot, under its status."""
+    figure = new_figure(6.4, 4.2)
+    axes = figure.add_subplot()
+    axes.set_title(plain(title), fontsize=11)
+    solved = sorted((p[x], p[y]) for p in points if p.get(y) is not None)
+    if solved:
+        axes.plot(*zip(*solved, strict=True), color=TRUE, marker="o", markersize=3.5, label=f"best {symbol(y)}")
+    refused = sorted((p[x], str(p["status"])) for p in points if p.get(y) is None)
+    for i, status in enumerate(dict.fromkeys(status for _, status in refused)):
+        at, foot = [p for p, s in refused if s == status], axes.get_xaxis_transform()
+        color = COLORS[1 + i % (len(COLORS) - 1)]
+        axes.plot(at, [0.03] * len(at), "x", color=color, transform=foot, clip_on=False, label=status)
+    if shipped is not None:
+        axes.plot(
+            shipped[x],
+            shipped[y],
+            "*",
+            color=COLORS[4],
+            markeredgecolor="black",
+            markersize=13,
+            label="shipped",
+        )
+    spread_axis(axes, "x", [p[x] for p in points])
+    spread_axis(axes, "y", [value for _, value in solved])
+    axes.set_xlabel(symbol(x))
+    axes.set_ylabel(symbol(y))
+    axes.legend()
+    return figure

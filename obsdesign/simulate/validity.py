@@ -1,0 +1,92 @@
+"""Whether a run stays where the guarantee was proved."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+from obsdesign.spec.model import Nonlinearity
+
+Side = Literal["plant", "estimate"]
+
+
+@dataclass(frozen=True)
+class Leaving:
+    """The first instant at which an argument of f is outside the region on which its type holds."""
+
+    nonlinearity: int  # from 1, as in the spec
+    argument: str  # q1, q2, .. of this nonlinearity, t, an output or an input
+    of: Side
+    time: float
+    value: float
+    region: tuple[float | None, float | None]  # None: unbounded
+
+    def __str__(self) -> str:
+        whose = {"plant": "of the plant", "estimate": "of the observer"}[self.of]
+        low, high = (sign + "inf" if end is None else f"{end:g}" for sign, end in zip("-+", self.region, strict=True))
+        where = f"{self.argument} of nonlinearity {self.nonlinearity} {whose}"
+        return f"{where} is {self.value:.4g}, outside [{low}, {high}], at t = {self.time:.4g}"
+
+
+def is_local(blocks: Sequence[Nonlinearity]) -> bool:
+    """Whether a type holds on a region only, and the guarantee with it."""
+    return any(block.region is not None or block.others for block in blocks)
+
+
+def leavings(
+    blocks: Sequence[Nonlinearity], t: Array, q: Array, qhat: Array, known: Mapping[str, Array]
+) -> tuple[Leaving, ...]:
+    """First leaving of each limited argument of f, in the order of time.
+
+    Parameters
+    ----------
+    blocks
+        With nq components of q in all.
+    t
+        Instants (M,) of the run.
+    q, qhat
+        Arguments of f in the plant and in the observer, (M, nq).
+    known
+        The arguments that both share, by name: t, outputs and inputs, (M,) each.
+    """
+    sides: tuple[tuple[Side, Array], ...] = (("plant", q), ("estimate", qhat))
+    watched = [
+        (i, f"q{k + 1}", of, values[:, column], limits)
+        for i, k, column, limits in limited(blocks)
+        for of, values in sides
+    ]
+    for i, block in enumerate(blocks, start=1):
+        watched += [(i, name, "plant", known[name], limits) for name, limits in block.others.items()]
+    found = [
+        Leaving(i, name, of, float(t[out[0]]), float(values[out[0]]), (finite(low), finite(high)))
+        for i, name, of, values, (low, high) in watched
+        if len(out := np.flatnonzero((values < low) | (values > high)))
+    ]
+    return tuple(sorted(found, key=lambda leaving: leaving.time))
+
+
+def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, tuple[float, float]]]:
+    """Number of the block, component in it, component of q, and limits, of each component that has a limit."""
+    first = 0
+    for i, block in enumerate(blocks, start=1):
+        for k, limits in enumerate(block.region or ()):
+            if np.isfinite(limits).any():
+                yield i, k, first + k, limits
+        first += block.nq
+
+
+def finite(limit: float) -> float | None:
+    """Return the limit, or None where there is none."""
+    return limit if np.isfinite(limit) else None
+
+
+def validity(left: Sequence[Leaving], guaranteed: bool) -> dict[str, Any]:
+    """Where the run left the regions, and what that means."""
+    if not left:
+        return {"holds": True, "left": [], "note": "the run stays in the region of the declared types"}
+    note = f"the run leaves the region of the declared types: {left[0]}"
+    if guaranteed:
+        note += "; the guarantee is local and says nothing of the run from then on"
+    return {"holds": False, "left": [asdict(leaving) for leaving in left], "note": note}
