@@ -9,7 +9,7 @@ import json
 import os
 import platform
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from obsdesign import __version__
-from obsdesign.certificate import Certificate
+from obsdesign.certificate import Certificate, Reconstructed, statement
 from obsdesign.design import Design
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array, in_floats
-from obsdesign.observers.l2 import statement
+from obsdesign.lmi.formula import Array, approximate, in_floats
+from obsdesign.lmi.proof import Check
 from obsdesign.observers.linear import figures
 from obsdesign.spec.model import Spec
 
@@ -102,7 +102,7 @@ def result(spec: Spec, design: Design, solver: str) -> dict[str, Any]:
     if design.gains:
         made["observer"] = observer(spec, design)
     if design.certificate:
-        made["guarantee"] = guarantee(design)
+        made["guarantee"] = guarantee(spec, design)
         made["certificate"] = certificate(design.certificate)
     elif design.limit:
         made["guarantee"] = limits(design)
@@ -137,17 +137,19 @@ def observer(spec: Spec, design: Design) -> dict[str, Any]:
     }
 
 
-def guarantee(design: Design) -> dict[str, Any]:
+def guarantee(spec: Spec, design: Design) -> dict[str, Any]:
     """What is proved, and the limit it is near to."""
     assert design.certificate
     g = design.certificate.guarantee
+    bound = g.reconstruction
     return {
         "gamma": g.gamma,
         "alpha": g.alpha,
         "mu1": g.mu1,
         "mu2": g.mu2,
         **limits(design),
-        "statement": statement(g.gamma, g.alpha),
+        **({"reconstruction": {"w": bound.w, "w_rate": bound.w_rate, "x_rate": bound.x_rate}} if bound else {}),
+        "statement": statement(spec, g),
     }
 
 
@@ -161,13 +163,42 @@ def certificate(proof: Certificate) -> dict[str, Any]:
     """Witness and checks."""
     return {
         "kind": "exact",
-        "P": [[str(entry) for entry in row] for row in proof.P],
-        "multipliers": {name: str(scale.item()) for name, scale in proof.scales.items()},
-        "checks": [
-            {"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None}
-            for c in proof.checks
-        ],
+        "P": rows(proof.P),
+        "multipliers": {name: written(value) for name, value in proof.multipliers.items()},
+        "checks": checks(proof.checks),
+        **({"reconstruction": reconstruction(proof.reconstruction)} if proof.reconstruction else {}),
     }
+
+
+def reconstruction(proof: Reconstructed) -> dict[str, Any]:
+    """Witness and checks of the bound on the reconstruction of w."""
+    levels = {
+        name: {"gamma": approximate(level.gamma), "alpha": approximate(level.alpha), "mu1": approximate(level.mu1)}
+        | {"mu2": approximate(level.mu2)}
+        | certificate(level)
+        for name, level in proof.levels.items()
+    }
+    slopes = {
+        name: {"bound": approximate(slope.bound), "values": {n: written(v) for n, v in slope.values.items()}}
+        | {"checks": checks(slope.checks)}
+        for name, slope in proof.slopes.items()
+    }
+    return {"levels": levels, "slopes": slopes, "checks": checks(proof.checks)}
+
+
+def checks(found: Iterable[Check]) -> list[dict[str, Any]]:
+    """Conditions and whether they hold."""
+    return [{"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None} for c in found]
+
+
+def rows(matrix: Array) -> list[list[str]]:
+    """Exact entries."""
+    return [[str(entry) for entry in row] for row in matrix]
+
+
+def written(value: Array) -> str | list[list[str]]:
+    """Exact value of an unknown: a number, or rows."""
+    return str(value.item()) if value.shape == (1, 1) else rows(value)
 
 
 def digest(text: str) -> str:
@@ -193,14 +224,14 @@ def render(value: Any, indent: str) -> str:
         return flat
     inner = indent + "  "
     if isinstance(value, dict):
-        rows = [f"{json.dumps(k)}: {render(v, inner)}" for k, v in value.items()]
+        lines = [f"{json.dumps(k)}: {render(v, inner)}" for k, v in value.items()]
     else:
-        rows = [render(v, inner) for v in value]
+        lines = [render(v, inner) for v in value]
     left, right = "{}" if isinstance(value, dict) else "[]"
-    return f"{left}\n{inner}" + f",\n{inner}".join(rows) + f"\n{indent}{right}"
+    return f"{left}\n{inner}" + f",\n{inner}".join(lines) + f"\n{indent}{right}"
 
 
-def csv(header: list[str], rows: Array) -> bytes:
+def csv(header: list[str], samples: Array) -> bytes:
     """Table of a run, one row a sample, 12 digits."""
-    lines = [",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in rows)]
+    lines = [",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in samples)]
     return ("\n".join(lines) + "\n").encode()

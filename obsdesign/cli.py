@@ -170,6 +170,7 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Prove the claim of a gains file anew, exactly and without a solver."""
+    from obsdesign.observers import FAMILIES
     from obsdesign.spec import load
     from obsdesign.verification import verify as prove
 
@@ -177,7 +178,7 @@ def verify(
         _, certificate = prove(gains, load(spec) if spec else None)
     rows = [
         {"name": c.name, "holds": c.holds, "margin": c.margin if math.isfinite(c.margin) else None}
-        for c in certificate.checks
+        for c in certificate.conditions()
     ]
     if as_json:
         typer.echo(json.dumps({"proved": certificate.holds, "checks": rows}, indent=2, allow_nan=False))
@@ -186,7 +187,7 @@ def verify(
             typer.echo(f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}")
         g = certificate.guarantee
         verdict = "proved" if certificate.holds else "NOT proved"
-        typer.echo(f"{verdict}: norm2(z) <= {g.gamma:g} norm2(v) from zero error, decay rate {g.alpha:g} 1/s")
+        typer.echo(f"{verdict}: gamma {g.gamma:g}, {FAMILIES[g.family].meaning}; decay rate {g.alpha:g} 1/s")
     if not certificate.holds:
         failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
         raise UndecidedError(f"{gains}: the claim is not proved: {failed}")

@@ -5,14 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.observers import FAMILIES
+
 
 def design_table(content: Mapping[str, Any], target: str) -> str:
     """What an engineer wants to know of a result, one line each."""
     rows = [("problem", content["name"]), ("status", content["status"])]
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
     if "gamma" in claimed:
-        rows += [("gamma", f"{claimed['gamma']:g}   norm2(z) <= gamma norm2(v) from zero error")]
+        rows += [("gamma", f"{claimed['gamma']:g}   {FAMILIES[made['type']].meaning}")]
         rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
+    if "reconstruction" in claimed:
+        rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
     for key in ("limit", "limit_bounded"):
         numbers = ", ".join(f"{k} {v:.6g}" for k, v in claimed.get(key, {}).items() if k != "attained")
         rows += [(key.replace("_", " "), numbers)] if numbers else []
@@ -33,6 +37,12 @@ def design_table(content: Mapping[str, Any], target: str) -> str:
     return aligned([*rows, ("file", target)])
 
 
+def reconstruction_text(bound: Mapping[str, float]) -> str:
+    """Bound on the reconstruction error."""
+    terms = zip(("w", "w_rate", "x_rate"), ("sup|w|", "sup|w'|", "sup|x'|"), strict=True)
+    return "limsup |what - w| <= " + " + ".join(f"{bound[key]:.4g} {norm}" for key, norm in terms if bound[key])
+
+
 def shown(point: Mapping[str, Any]) -> str:
     """One point of a curve."""
     return f"gamma {point['gamma']:.6g}" if "gamma" in point else str(point["status"])
@@ -44,11 +54,21 @@ def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, st
     for key, value in summary.items():
         if key == "bounds":
             rows += [("bound", bound_text(bound)) for bound in value]
+        elif key == "ratio":
+            rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}")]
+        elif key == "validity":
+            rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
-            rows.append((key.replace("_", " "), ", ".join(f"{k} {plain(v)}" for k, v in value.items())))
-        elif value is not None:
+            rows.append((key.replace("_", " "), entries(value)))
+        elif value is not None and key != "ratio_of":
             rows.append((key.replace("_", " "), plain(value)))
     return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
+
+
+def entries(values: Mapping[str, Any]) -> str:
+    """Keys and values in one line, and a note at its end."""
+    text = ", ".join(f"{key.replace('_', ' ')} {plain(value)}" for key, value in values.items() if key != "note")
+    return f"{text}; {values['note']}" if "note" in values else text
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:

@@ -3,6 +3,8 @@
 import json
 import math
 import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -11,11 +13,21 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.certificate import Certificate, certify
+from obsdesign.certificate import (
+    Certificate,
+    Reconstructed,
+    certify,
+    inapplicable,
+    prove_slope,
+    reconstructed,
+    statement,
+)
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array, approximate, rational, rational_number
+from obsdesign.lmi.formula import Array, Unknown, approximate, rational, rational_number
+from obsdesign.observers import FAMILIES, Incremental
 from obsdesign.observers.guarantee import Guarantee
-from obsdesign.observers.l2 import L2, statement
+from obsdesign.observers.linf import Linf
+from obsdesign.observers.reconstruction import SLOPE, levels, slopes
 from obsdesign.observers.request import Range
 from obsdesign.spec import loads
 from obsdesign.spec.model import Spec
@@ -101,6 +113,19 @@ class ResultFile:
         entries = [[self.exact(x, name) for x in row] for row in rows]
         return rational(np.array(entries, dtype=object).reshape(shape))
 
+    def unknowns(self, unknowns: Iterable[Unknown], *keys: str) -> dict[str, Array]:
+        """Exact values of unknowns: a number for a 1x1 one, else rows."""
+        values = {}
+        for unknown in unknowns:
+            path = (*keys, unknown.name)
+            if unknown.shape == (1, 1):
+                values[unknown.name] = rational([[self.number(*path)]])
+                continue
+            values[unknown.name] = matrix = self.matrix(unknown.shape, *path)
+            if unknown.symmetric and (matrix != matrix.T).any():
+                raise self.wrong(".".join(path), "not symmetric")
+        return values
+
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
         try:
@@ -141,12 +166,45 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
     n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
     L1, L2_ = file.matrix((n, ny), "observer", "L1"), file.matrix((nq, ny), "observer", "L2")
     require_request(file, L1, L2_)
-    family = L2(plant, multiplier, made.H, file.number("guarantee", "alpha"), L1, L2_)
-    values = {"P": file.matrix((n, n), "certificate", "P")}
-    for unknown in multiplier.unknowns():
-        values[unknown.name] = rational([[file.number("certificate", "multipliers", unknown.name)]])
-    gamma, mu1, mu2 = (file.number("guarantee", key) for key in ("gamma", "mu1", "mu2"))
-    return file, certify(family, gamma, mu1, mu2, values)
+    kind = FAMILIES[made.observer.type]
+    family = kind(plant, multiplier, made.H, file.number("guarantee", "alpha"), L1, L2_)
+    certificate = read_certificate(file, family, ("guarantee",), ("certificate",))
+    if "reconstruction" in file.at("guarantee"):
+        certificate = replace(certificate, reconstruction=read_reconstruction(file, family))
+    if file.at("guarantee", "statement") != statement(made, certificate.guarantee):
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+    return file, certificate
+
+
+def read_certificate(
+    file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str]
+) -> Certificate:
+    """Certificate of a claim (gamma, mu1, mu2) by a witness (P, multipliers), checked."""
+    n = family.plant.n
+    values = {"P": file.matrix((n, n), *witness, "P")}
+    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
+    return certify(family, gamma, mu1, mu2, values)
+
+
+def read_reconstruction(file: ResultFile, family: Incremental) -> Reconstructed:
+    """Bound on |what - w|, with its levels and slopes checked."""
+    root = ("certificate", "reconstruction")
+    if not file.spec.observer.reconstruct or not isinstance(family, Linf):
+        raise file.wrong("guarantee.reconstruction", "the spec does not ask for it")
+    proofs = {}
+    for name, slope in slopes(family.multiplier).items() if family.plant.Bf.shape[1] else ():
+        values = file.unknowns(slope.unknowns, *root, "slopes", name, "values")
+        proofs[name] = prove_slope(slope, file.number(*root, "slopes", name, "bound"), values)
+    reason = inapplicable(file.spec, proofs[SLOPE].bound if proofs else None)
+    if reason:
+        raise file.wrong("guarantee.reconstruction", reason)
+    certificates = {}
+    for name, level in levels(family).items():
+        path = (*root, "levels", name)
+        certificates[name] = read_certificate(file, replace(level, alpha=file.number(*path, "alpha")), path, path)
+    c_w, c_w_rate, c_x_rate = (file.number("guarantee", "reconstruction", key) for key in ("w", "w_rate", "x_rate"))
+    return reconstructed(family, certificates, proofs, (c_w, c_w_rate, c_x_rate))
 
 
 def require_request(file: ResultFile, L1: Array, L2_: Array) -> None:
@@ -164,8 +222,6 @@ def require_request(file: ResultFile, L1: Array, L2_: Array) -> None:
             raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
     if not math.isfinite(approximate(gamma)):
         raise file.wrong("guarantee.gamma", "beyond the range of doubles")
-    if file.at("guarantee", "statement") != statement(float(gamma), float(alpha)):
-        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
 
 
 def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | None]:

@@ -20,7 +20,8 @@ from obsdesign.lmi.formula import identity, in_floats, rational, rational_number
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.reduce import balance, reduce
 from obsdesign.lmi.solve import Answer, Status, minimise, widest, with_clarabel
-from obsdesign.observers.l2 import L2, shifted_plant, unshifted
+from obsdesign.observers.incremental import shifted_plant, unshifted
+from obsdesign.observers.l2 import L2
 from obsdesign.observers.request import Bounds
 from obsdesign.spec import load, loads
 
@@ -74,7 +75,7 @@ def least_mu2(family):
 
 def proof_of(family, certificate, **changed):
     """Certify the claim of a certificate with something in it changed."""
-    values = {"P": certificate.P, **certificate.scales, **changed}
+    values = {"P": certificate.P, **certificate.multipliers, **changed}
     return certify(family, certificate.gamma, certificate.mu1, certificate.mu2, values)
 
 
@@ -444,9 +445,9 @@ def test_a_certificate_does_not_survive_a_change(name, factor):
     assert not proof_of(replace(family, L1=rational_number(factor) * family.L1), proof).holds
     assert not proof_of(family, proof, P=-proof.P).holds
     assert not proof_of(replace(family, alpha=family.alpha * 100), proof).holds
-    assert not certify(family, proof.gamma / 2, proof.mu1, proof.mu2, {"P": proof.P, **proof.scales}).holds
-    for scale in proof.scales:
-        assert not proof_of(family, proof, **{scale: -proof.scales[scale]}).holds
+    assert not certify(family, proof.gamma / 2, proof.mu1, proof.mu2, {"P": proof.P, **proof.multipliers}).holds
+    for scale in proof.multipliers:
+        assert not proof_of(family, proof, **{scale: -proof.multipliers[scale]}).holds
 
 
 def test_an_equality_that_is_off_by_1e_20_is_rejected():
@@ -467,7 +468,7 @@ def test_the_rows_that_must_vanish_do_so_exactly():
     spec, made = designed("saturated-spring")
     family, proof = certified_family(spec, made), made.certificate
     level = {"mu1": rational([[proof.mu1]]), "mu2": rational([[proof.mu2]])}
-    dissipation = family.theorem({"P": proof.P, **proof.scales, **level})[0].matrix
+    dissipation = family.theorem({"P": proof.P, **proof.multipliers, **level})[0].matrix
     cubic = family.plant.n + 1
     assert not dissipation[cubic].any()
     assert dissipation[cubic - 1].any()
@@ -479,7 +480,7 @@ def test_two_designs_are_identical(name):
     second = design(load(spec.path))
     assert all((first.gains[g] == second.gains[g]).all() for g in ("L1", "L2"))
     assert (first.certificate.P == second.certificate.P).all()
-    assert first.certificate.scales == second.certificate.scales
+    assert first.certificate.multipliers == second.certificate.multipliers
     assert first.certificate.gamma == second.certificate.gamma
 
 

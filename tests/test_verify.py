@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from obsdesign.cli import app
 from obsdesign.errors import UsageError
-from obsdesign.observers.l2 import statement
+from obsdesign.observers.l2 import L2
 from obsdesign.spec import load
 from obsdesign.verification import ResultFile, verify
 
@@ -66,7 +66,7 @@ def restated(content, **claim):
     """A content whose claim is changed, and whose statement says so."""
     content["guarantee"] |= claim
     g = content["guarantee"]
-    g["statement"] = statement(float(g["gamma"]), float(g["alpha"]))
+    g["statement"] = L2.statement(float(g["gamma"]), float(g["alpha"]))
     return content
 
 

@@ -5,21 +5,21 @@ from collections.abc import Sequence
 
 from flint import fmpq
 
-from obsdesign.certificate import Certificate, certify, theorem
+from obsdesign.certificate import Certificate, certify
 from obsdesign.design.decimals import round_up, square_below
 from obsdesign.design.engine import Engine
-from obsdesign.lmi.formula import Values, in_floats, printed
+from obsdesign.lmi.formula import Values, in_floats, printed, rational
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
 from obsdesign.lmi.solve import MARGIN, Status
-from obsdesign.observers.l2 import L2
+from obsdesign.observers import Incremental
 
 BACKOFFS = (1e-4, 1e-3, 1e-2, 1e-1)  # of the least gamma that given gains achieve
 DIGITS = (12, 17)  # of the witness
 
 
-def claim(engine: Engine, family: L2, gamma: float, start: Values | None = None) -> Certificate | None:
+def claim(engine: Engine, family: Incremental, gamma: float, start: Values | None = None) -> Certificate | None:
     """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds."""
     problem = in_floats(family).witness(gamma)
     wide = engine.widest(problem, start)
@@ -27,21 +27,23 @@ def claim(engine: Engine, family: L2, gamma: float, start: Values | None = None)
         wide = engine.widest(problem)
     if wide.objective <= 0:
         return None
-    level, mu1 = printed(gamma), fmpq(1)
-    mu2 = square_below(level)
+    level = printed(gamma)
+    mu = square_below(level)
+    solved = {name: rational(value) for name, value in family.normal(rational([[mu]])).items()}
     reduced = reduce(probe(problem))
-    formula = theorem(family, mu1, mu2)
     certificate = None
     for digits in DIGITS:
         values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
-        values = complete(formula, problem.unknowns, values, reduced.rows, reduced.pivots)
-        certificate = certify(family, level, mu1, mu2, values)
+        values = complete(
+            lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
+        )
+        certificate = certify(family, level, fmpq(1), mu, family.stated(values, mu))
         if certificate.holds:
             break
     return certificate
 
 
-def best_claim(engine: Engine, family: L2) -> tuple[Status, Certificate | None]:
+def best_claim(engine: Engine, family: Incremental) -> tuple[Status, Certificate | None]:
     """Whether given gains achieve anything, and the certificate of nearly the least gamma that they achieve."""
     least = engine.minimise(in_floats(family).least_gamma())
     if least.status is not Status.OPTIMAL:

@@ -14,7 +14,7 @@ from obsdesign.design.decimals import significant
 from obsdesign.design.engine import Engine
 from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
-from obsdesign.observers.l2 import L2, unshifted
+from obsdesign.observers.incremental import Incremental, unshifted
 from obsdesign.observers.request import Bounds
 
 DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
@@ -27,12 +27,12 @@ WIDEST = 2  # convex bounds beyond the bound on |L1| that are tried
 WIDENINGS = 3  # attempts at a convex bound whose gain comes nearer to the bound that was asked for
 
 
-def searchable(family: L2) -> L2:
+def searchable(family: Incremental) -> Incremental:
     """Same problem in doubles; where L2 is found, for f - K q."""
     return in_floats(family) if family.L2 is not None else in_floats(family).shifted()
 
 
-def within(engine: Engine, family: L2, bounds: Bounds) -> Answer:
+def within(engine: Engine, family: Incremental, bounds: Bounds) -> Answer:
     """Least gamma within bounds; the convex bound on |L1| is widened while the gain it gives stays inside."""
     if bounds.L1 is None:
         return engine.minimise(family.least_gamma(bounds))
@@ -50,7 +50,9 @@ def within(engine: Engine, family: L2, bounds: Bounds) -> Answer:
     return best
 
 
-def small_gains(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Iterator[tuple[L2, Values]]:
+def small_gains(
+    engine: Engine, family: Incremental, gamma: float, bounds: Bounds
+) -> Iterator[tuple[Incremental, Values]]:
     """Families with both gains, of small norm and in more and more digits, and the P and scales they come from.
 
     Parameters
@@ -70,7 +72,7 @@ def small_gains(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Ite
                 yield replace(fixed, L1=printed(L1)), values
 
 
-def with_L2(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Iterator[L2]:
+def with_L2(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Iterator[Incremental]:
     """Families with L2 = R / lambda, back from the loop shift, in more and more digits; or the family itself."""
     if family.L2 is not None:
         yield family
@@ -78,15 +80,19 @@ def with_L2(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Iterato
     values = smallest(engine, searchable(family), gamma, bounds)
     if values is None:
         return
-    plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
-    sizes = [len(b.M11) for b in family.multiplier.blocks]
-    scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], sizes)
-    found = unshifted(values["R"] / scales[:, None], plant, K)
     for digits in DIGITS:
-        yield replace(family, L2=printed(significant(found, digits)))
+        yield replace(family, L2=printed(significant(feedback(family, values), digits)))
 
 
-def smallest(engine: Engine, family: L2, gamma: float, bounds: Bounds) -> Values | None:
+def feedback(family: Incremental, values: Values) -> Array:
+    """L2 = R / lambda, back from the loop shift."""
+    blocks = family.multiplier.scaled_blocks()
+    plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
+    scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], [len(b.M11) for b in blocks])
+    return unshifted(values["R"] / scales[:, None], plant, K)
+
+
+def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Values | None:
     """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found.
 
     The smallest kappa is found to `NEAR` by bisection of its logarithm, from the gain of the widest margin down.
@@ -162,3 +168,11 @@ def norm(values: Values, bounds: Bounds) -> float:
 def size_of(L1: Array, bounds: Bounds) -> float:
     """Spectral or Frobenius norm."""
     return float(np.linalg.norm(L1, 2 if bounds.norm == "spectral" else "fro"))
+
+
+def doubles(family: Incremental) -> dict[str, Array]:
+    """Both gains as doubles, which print as the decimals that were proved."""
+    fixed = in_floats(family)
+    assert fixed.L1 is not None
+    assert fixed.L2 is not None
+    return {"L1": fixed.L1, "L2": fixed.L2}

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array
+from obsdesign.model.disturbance import Generator
+from obsdesign.model.plant import Plant
 from obsdesign.observers.request import Bounds, Range, Request
 from obsdesign.spec import schema
 from obsdesign.spec.document import Loc, described
@@ -40,7 +42,24 @@ def read_observer(reader: Reader, section: Observer | None, states: Axis, output
         slack=SLACK if section.slack is None else reader.number(section.slack, ("observer", "slack"), ">= 0"),
         bounds=read_bounds(reader, section.bounds),
         gains=read_gains(reader, section.gains, states, outputs, q),
+        reconstruct=section.reconstruct is not None,
     )
+
+
+def require_reconstructible(reader: Reader, request: Request, plant: Plant | None, generator: Generator | None) -> None:
+    """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
+    loc: Loc = ("observer", "reconstruct")
+    if request.type != "linf":
+        reader.wrong(loc, f"not available for type {request.type}; it needs type linf")
+    if generator is not None and len(generator.Am):
+        reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two")
+    if plant is not None:
+        columns = plant.B.shape[1]
+        rank = fmpq_mat(plant.B.tolist()).rank() if plant.B.size else 0
+        if not columns or rank < columns:
+            reader.wrong(
+                loc, f"needs system.B of full column rank, for its left inverse; it has rank {rank} of {columns}"
+            )
 
 
 def read_L2(reader: Reader, section: Observer, q: Axis, outputs: Axis) -> Array | None:

@@ -10,7 +10,7 @@ from obsdesign.spec.document import Document, Loc, Number, described
 from obsdesign.spec.generator import read_disturbance
 from obsdesign.spec.model import Spec
 from obsdesign.spec.names import numbered, read_parameters
-from obsdesign.spec.observer import read_observer
+from obsdesign.spec.observer import read_observer, require_reconstructible
 from obsdesign.spec.performance import read_performance
 from obsdesign.spec.plant import read_plant
 from obsdesign.spec.schema import File
@@ -54,6 +54,8 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
     augmented = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
     observer = read_observer(reader, file.observer, augmented, layout.outputs, q)
+    if observer and observer.reconstruct:
+        require_reconstructible(reader, observer, plant.plant, exogenous.generator)
     simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v)
     expect = read_expectations(reader, file.expect or {})
     blocks = [block for block in (*plant.nonlinearities, *exogenous.nonlinearities) if block is not None]

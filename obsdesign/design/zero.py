@@ -1,0 +1,41 @@
+"""Limits of zero: the least gamma falls without end as the gain grows."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.design.engine import Engine
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import rational_number
+from obsdesign.lmi.solve import Answer, Status
+from obsdesign.observers import Incremental
+from obsdesign.observers.request import Bounds
+
+TABLE = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # gains of the table that a limit of zero is answered with
+SUSPECT = 1e-3  # a gamma below this may be a limit of zero: the table decides
+STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
+
+
+def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[float, float], ...]:
+    """Table (largest |L1|, gamma) if gamma falls towards zero as the gain grows; else nothing."""
+    if limit.status is Status.OPTIMAL and limit.objective > SUSPECT**2:
+        return ()
+    rows = []
+    for size in TABLE:
+        answer = engine.minimise(family.least_gamma(Bounds(L1=rational_number(str(size)))))
+        if answer.status is Status.OPTIMAL:
+            rows.append((size, math.sqrt(max(answer.objective, 0.0))))
+    fall = np.diff(np.log([gamma for _, gamma in rows[-4:]]))
+    steady = len(fall) == STEADY and fall.max() < math.log(0.8) and fall[-1] < 0.9 * fall[0]
+    return tuple(rows) if steady else ()
+
+
+def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
+    """Refusal of min-gamma where the infimum is zero."""
+    first = (
+        f"observer.objective: the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
+        "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
+    )
+    return UsageError(first, *(f"  |L1| <= {size:<8g} gamma = {gamma:.4g}" for size, gamma in rows))
