@@ -66,3 +66,21 @@ class Request:
             gamma=None if self.gamma is None else printed(self.gamma),
             gains=self.gains and {name: printed(matrix) for name, matrix in self.gains.items()},
         )
+
+
+@dataclass(frozen=True)
+class SporadicRequest:
+    """The `observer` section of a spec for the family whose measurements arrive sporadically."""
+
+    type: str
+    T1: fmpq  # s, shortest interval between measurements
+    T2: fmpq | Range  # s, longest
+    decay: fmpq | Range  # lambda_t, 1/s
+    delta: Range  # where the free exponent of the storage function is searched; a number is a range of itself
+    injections: tuple[str, ...]  # dynamic | predictor | hold, a curve each
+    relaxations: tuple[str, ...]  # proposition-2 .. proposition-5, a curve each; empty: the tightest of each injection
+    objective: Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"] = "min-gamma"
+    slack: fmpq = SLACK
+    largest_gain: fmpq | None = None  # bounds.L, spectral
+    largest_gamma: fmpq | None = None
+    gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny): analysis of these
