@@ -164,4 +164,4 @@ def statement(spec: Spec, guarantee: Guarantee) -> str:
         said += (
             f"; limsup |what - w| <= {bound.w!r} sup|w| + {bound.w_rate!r} sup|w'|{rest}, what = pinv(B) L1 (yhat - y)"
         )
-    return f"{said}; local: {spec.validity}" if getattr(spec, "validity", None) else said
+    return f"{said}; local: {spec.validity}" if spec.validity else said

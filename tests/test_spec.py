@@ -143,6 +143,13 @@ def test_blocks_are_stacked_in_order():
         ("{slope: [[0, -1], [1, .inf]]}", 2, 2),
         ("{slope: [0, [1, 2]]}", 2, 2),
         ("{multiplier: [[4, 0, 0], [0, -1, 0], [0, 0, -1]]}", 2, 1),
+        ("{sector: {K1: -1, K2: 1}}", 1, 1),
+        ("{sector: {K2: [[1, 0], [0, 1]]}}", 2, 1),
+        ("{cocoercive: 2}", 2, 1),
+        ("{ball: {K: [[1, 0], [0, 1]], W: [1, 1]}}", 2, 1),
+        ("{one-sided-lipschitz: {rho: 1, beta: 3, phi: 0}}", 2, 1),
+        ("{jacobian: [-1, 1]}", 1, 1),
+        ("{cone: [[[1, 0], [0, 0]], [[0, 0], [0, 1]]]}", 2, 1),
         ("sat", 2, 2),
     ],
 )
@@ -151,7 +158,7 @@ def test_every_type_gives_a_multiplier_of_its_size(kind, columns, scales):
     Cq = "[1, 0]" if columns == 1 or "mult" in kind else "[[1, 0], [0, 1]]"
     (block,) = spec(nonlinearities=f"[{{type: {kind}, Bf: {Bf}, Cq: {Cq}}}]").nonlinearities
     assert len(block.multiplier.blocks) == scales
-    assert sum(part.M22.shape[0] for part in block.multiplier.blocks) == columns
+    assert block.multiplier.member.shape[0] == columns
 
 
 def test_a_library_function_acts_on_each_component():
@@ -240,7 +247,7 @@ def test_a_model_of_the_disturbance_has_nonlinearities_of_its_own():
 
 
 def test_a_single_nonlinearity_of_a_model_takes_all_of_q2():
-    model = "{Am: 0, Bm: 1, Bmf: 1, Cq2: [1, 2], Cm: [1, 0], nonlinearities: [{type: {lipschitz: 1}, f: q1 + q2}]}"
+    model = "{Am: 0, Bm: 1, Bmf: 1, Cq2: [1, 2], Cm: [1, 0], nonlinearities: [{type: {lipschitz: 1.5}, f: q1 + q2}]}"
     (block,) = spec(system=TWO_INPUTS, disturbance=f"{{model: {model}}}").nonlinearities
     assert block.nq == 2
 
@@ -379,4 +386,106 @@ def test_the_json_schema_knows_no_other_keys():
 
 def test_the_json_schema_lets_nothing_be_null():
     assert '"null"' not in json.dumps(json_schema())
-    assert json_schema()["$defs"]["Observer"]["properties"]["type"]["enum"] == ["l2"]
+    assert json_schema()["$defs"]["Observer"]["properties"]["type"]["enum"] == ["l2", "linf"]
+
+
+PLANE = "Bf: [0, 1], Cq: [[1, 0], [0, 1]]"
+
+
+@pytest.mark.parametrize(
+    ("block", "region", "others", "validity"),
+    [
+        ("type: {lipschitz: 1}", None, {}, None),
+        ("type: {lipschitz: 1}, region: {q: [-.inf, .inf]}", None, {}, None),
+        ("type: {lipschitz: 1, region: {q: [-1, 2]}}", ((-1, 2),), {}, "as long as q and its estimate stay in [-1, 2]"),
+        (
+            "type: monotone, region: {q1: [0, .inf]}",
+            ((0, np.inf),),
+            {},
+            "as long as q and its estimate stay in [0, inf]",
+        ),
+        ("type: monotone, f: u*q, region: {u: [0, 2]}", None, {"u": (0, 2)}, "as long as u stays in [0, 2]"),
+        (
+            "type: {auto: {region: {q: [-1, 1], y1: [0, 2]}}}, f: y1*q**3",
+            ((-1, 1),),
+            {"y1": (0, 2)},
+            "as long as q and its estimate stay in [-1, 1] and y1 stays in [0, 2]",
+        ),
+    ],
+)
+def test_a_region_makes_the_guarantee_local_and_says_where(block, region, others, validity):
+    read = spec(
+        system="{A: [[0, 1], [-1, 0]], C: [1, 0], inputs: [u]}",
+        nonlinearities=f"[{{{block}, Bf: [0, 1], Cq: [1, 0]}}]",
+    )
+    assert (read.nonlinearities[0].region, read.nonlinearities[0].others, read.validity) == (region, others, validity)
+
+
+def test_the_validity_of_several_nonlinearities_names_each():
+    one = "{type: cubic, Bf: [0, 1], Cq: [1, 0]}"
+    two = f"{{type: {{lipschitz: 2, region: {{q2: [-3, 3]}}}}, {PLANE}}}"
+    read = spec(nonlinearities=f"[{one}, {two}]")
+    assert read.validity == "as long as q2 of nonlinearity 2 and its estimate stay in [-3, 3]"
+    assert [block.region for block in read.nonlinearities] == [None, ((-np.inf, np.inf), (-3, 3))]
+
+
+def test_a_decimal_limit_of_a_region_is_rounded_outward():
+    (block,) = spec(nonlinearities="[{type: cubic, region: {q: [-0.1, 0.3]}, Bf: [0, 1], Cq: [1, 0]}]").nonlinearities
+    ((low, high),) = block.region
+    assert fmpq(*low.as_integer_ratio()) <= fmpq(-1, 10)
+    assert fmpq(*high.as_integer_ratio()) >= fmpq(3, 10)
+    assert high - low < 0.4 + 1e-15
+
+
+@pytest.mark.parametrize(
+    ("kind", "nq", "nf"),
+    [
+        ("{sector: {K1: [[0, 0, 0]], K2: [[1, 1, 1]]}}", 3, 1),
+        ("{ball: {W: [[1, 0], [0, 1], [1, 1]]}}", 2, 1),
+        ("{jacobian: [[[1, 0], [0, 1], [0, 0]]]}", 2, 3),
+        ("{cone: [[[1, 2]]]}", 2, 1),
+    ],
+)
+def test_the_data_of_a_type_give_the_sizes_that_are_left_open(kind, nq, nf):
+    model = f"{{Am: 0, Bm: 1, Cm: [1, 0], nonlinearities: [{{type: {kind}}}]}}"
+    (block,) = spec(system=TWO_INPUTS, disturbance=f"{{model: {model}}}").nonlinearities
+    assert block.multiplier.member.shape == (nf, nq)
+
+
+@pytest.mark.parametrize(
+    ("block", "chosen"),
+    [
+        ("type: auto, f: sin(q)", "slope [-1, 1]"),
+        ("type: {slope: auto}, f: tanh(q) - q", "slope [-1, 0]"),
+        ("type: {auto: {region: {q: [-1, 1]}}}, f: q**3", "slope [0, 3]"),
+        ("type: {auto: {region: {u: [0, 2]}}}, f: u*tanh(q)", "slope [0, 2]"),
+        ("type: {lipschitz: auto, region: {q: [-1, 2]}}, f: q**3", "lipschitz 12"),
+        ("type: {cocoercive: auto}, f: 2*atan(q)", "cocoercive 2"),
+        ("type: {jacobian: auto}, f: sin(q)", "jacobian of 2 vertices"),
+    ],
+)
+def test_auto_becomes_a_type_that_the_spec_names_with_the_reason(block, chosen):
+    read = spec(
+        system="{A: [[0, 1], [-1, 0]], C: [1, 0], inputs: [u]}",
+        nonlinearities=f"[{{{block}, Bf: [0, 1], Cq: [1, 0]}}]",
+    )
+    assert read.nonlinearities[0].type == f"{chosen} (auto)"
+    (note,) = read.notes
+    assert note.startswith(f"nonlinearities[0].type: {chosen} is proved from f: ")
+
+
+def test_a_declared_type_that_is_proved_is_said_to_be():
+    read = spec(nonlinearities="[{type: {slope: [-1, 1]}, f: sin(q), Bf: [0, 1], Cq: [1, 0]}]")
+    assert read.notes == ("nonlinearities[0].type: slope [-1, 1] is proved from f",)
+
+
+def test_time_begins_at_zero():
+    read = spec(nonlinearities="[{type: {lipschitz: 1}, f: exp(-t)*sin(q), Bf: [0, 1], Cq: [1, 0]}]")
+    assert read.validity is None
+    assert len(read.notes) == 1
+
+
+def test_the_json_schema_describes_the_types_with_data():
+    properties = json_schema()["$defs"]["TypeData"]["properties"]
+    assert {"one-sided-lipschitz", "sector", "ball", "jacobian", "cone", "auto", "region"} <= set(properties)
+    assert {"const": "auto"} in properties["slope"]["oneOf"]

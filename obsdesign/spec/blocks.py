@@ -1,42 +1,30 @@
 """The nonlinear blocks f_i of a spec: their sizes, their types and their functions."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
-from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, parse
-from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES
-from obsdesign.spec.document import Loc, described
+from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES, Multiplier
+from obsdesign.nonlinearities.automatic import AUTOMATIC, proved
+from obsdesign.nonlinearities.refutation import counterexample
+from obsdesign.nonlinearities.restriction import EVERYWHERE, Range, Restriction
+from obsdesign.spec.document import Loc, dotted
+from obsdesign.spec.kinds import Kind, read_kind
 from obsdesign.spec.model import Nonlinearity
 from obsdesign.spec.names import arguments
-from obsdesign.spec.schema import Function, TypeData
-from obsdesign.spec.values import Axis, Entries, Reader, Size
+from obsdesign.spec.region import read_region
+from obsdesign.spec.schema import Function
+from obsdesign.spec.values import Axis, Reader, Size
 
-UNEQUAL = ("lipschitz", "multiplier")  # types for which q and f may have different sizes
 ARGUMENT = re.compile(r"\bq\b")
-INFINITE = (".inf", "+.inf", ".Inf", "+.Inf", ".INF", "+.INF")
 POINTS = np.concatenate([np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)])
 TOLERANCE = 1e-9  # relative, of two ways to write the same function
-Slopes = tuple[list[fmpq | None], list[fmpq | None]]
-
-
-@dataclass(frozen=True)
-class Kind:
-    """The type of a block, with its data as they are written."""
-
-    name: str
-    text: str
-    data: fmpq | Slopes | Entries | None
-
-    def components(self) -> Size:
-        """Components of q (and of f) that the data speak of; None if of any number."""
-        longest = max(map(len, self.data)) if isinstance(self.data, tuple) else 1
-        return longest if longest > 1 else None
 
 
 @dataclass(frozen=True)
@@ -58,43 +46,25 @@ def read_block(reader: Reader, section: Function, loc: Loc, nq: Size, nf: Size) 
     nq, nf
         Sizes of q_i and f_i as the matrices have them; None if they leave them open.
     """
-    kind = read_type(reader, section.type, (*loc, "type"))
+    kind = read_kind(reader, section.type, (*loc, "type"))
     if isinstance(section.f, list):
         nf = nf or len(section.f)
-    if kind.name not in UNEQUAL:
-        nf = nf or nq or kind.components()
-    if isinstance(kind.data, Entries) and kind.data.values.ndim == 2:
-        total = len(kind.data.values)
-        nf = nf or total - (nq or total // 2)
-        nq = nq or total - nf
-    nf = nf or 1
-    nq = nq or (1 if kind.name in UNEQUAL else nf)
-    return Block(loc, section, kind, max(nq, 1), max(nf, 1))
+    return Block(loc, section, kind, *kind.sizes(nq, nf))
 
 
-def read_type(reader: Reader, written: str | TypeData, loc: Loc) -> Kind:
-    """Type of a block with its data in exact numbers."""
-    if isinstance(written, str):
-        return Kind(written, written, None)
-    if written.lipschitz == "auto":
-        reader.wrong((*loc, "lipschitz"), "auto is not available in this version; give a number >= 0")
-        return Kind("lipschitz", "lipschitz auto", fmpq(1))
-    if written.lipschitz is not None:
-        k = reader.number(written.lipschitz, (*loc, "lipschitz"), ">= 0")
-        return Kind("lipschitz", f"lipschitz {described(written.lipschitz)}", k)
-    if written.slope is not None:
-        low = read_bounds(reader, written.slope[0], (*loc, "slope", 0))
-        high = read_bounds(reader, written.slope[1], (*loc, "slope", 1), infinite=True)
-        return Kind("slope", described(f"slope {written.slope}".replace("'", "")), (low, high))
-    return Kind("multiplier", "multiplier", reader.entries(written.multiplier, (*loc, "multiplier")))
+@dataclass(frozen=True)
+class Assumption:
+    """What the design may assume of f."""
 
+    name: str  # in TEMPLATES
+    text: str
+    data: Any
+    multiplier: Multiplier
 
-def read_bounds(reader: Reader, written: str | Sequence[str], loc: Loc, *, infinite: bool = False) -> list[fmpq | None]:
-    """Bounds of slopes; None is infinite."""
-    if isinstance(written, str):
-        return [None if infinite and written in INFINITE else reader.number(written, loc)]
-    reader.limit(len(written), "bounds", loc)
-    return [None if infinite and text in INFINITE else reader.number(text, (*loc, i)) for i, text in enumerate(written)]
+    @classmethod
+    def of(cls, block: Block, name: str, text: str, data: Any) -> "Assumption":
+        """Assumption with the multiplier that its template makes; raises `UsageError` if it makes none."""
+        return cls(name, text, data, TEMPLATES[name](data, block.nq, block.nf))
 
 
 def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None) -> Nonlinearity | None:
@@ -107,30 +77,76 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
     """
     if not reader.clean((*block.loc, "type")):
         return None
-    try:
-        multiplier = TEMPLATES[block.kind.name](template_data(block), block.nq, block.nf)
-    except UsageError as error:
-        reader.wrong((*block.loc, "type"), error.problems[0].message)
+    declared = None if block.kind.automatic else read_declared(reader, block)
+    if not reader.clean((*block.loc, "type")):
         return None
     f = read_function(reader, block, known)
-    if not reader.clean((*block.loc, "f")):
+    if known is None or not reader.clean((*block.loc, "f")):
         return None
-    if f is not None and block.kind.name in FUNCTIONS and known is not None:
+    region = read_region(reader, block.section, block.loc, block.nq, f, known)
+    if not all(reader.clean((*block.loc, key)) for key in ("type", "region")):
+        return None
+    if declared is None:
+        declared = derive(reader, block, f, region)
+    elif f is not None and block.kind.name in FUNCTIONS:
         compare(reader, block, f, known)
-    return Nonlinearity(block.kind.text, block.nq, multiplier, f)
+    elif f is not None:
+        examine(reader, block, declared, f, region)
+    if declared is None:
+        return None
+    own = {f"q{i + 1}": EVERYWHERE for i in range(block.nq)}
+    limits = tuple((own | region)[q] for q in own)
+    others = {name: limits for name, limits in region.items() if name not in own}
+    local = None if set(limits) == {EVERYWHERE} else limits
+    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others)
 
 
-def template_data(block: Block) -> Any:
-    """Return the data of the type as its template takes them."""
-    data = block.kind.data
-    if isinstance(data, Entries):
-        return np.atleast_2d(data.values)
-    if not isinstance(data, tuple):
-        return data
-    low, high = (bounds * block.nq if len(bounds) == 1 else bounds for bounds in data)
-    if len(low) != len(high):
-        raise UsageError(f"slope: {len(low)} lower and {len(high)} upper bounds; it takes as many of each")
-    return list(zip(low, high, strict=True))
+def read_declared(reader: Reader, block: Block) -> Assumption | None:
+    """Type as it is declared; None after an error."""
+    kind = block.kind
+    try:
+        data = kind.template_data(reader, block.nq, block.nf)
+        if reader.clean((*block.loc, "type")):
+            return Assumption.of(block, kind.name, kind.text, data)
+    except UsageError as error:
+        reader.wrong((*block.loc, "type"), error.problems[0].message)
+    return None
+
+
+def restricted(f: Sequence[Expression], nq: int, region: Mapping[str, Range]) -> Restriction:
+    """Return f on its region; a run begins at t = 0."""
+    return Restriction.of(f, nq, {"t": (0.0, inf), **region})
+
+
+def derive(
+    reader: Reader, block: Block, f: Sequence[Expression] | None, region: Mapping[str, Range]
+) -> Assumption | None:
+    """Type that f is proved to have on its region; None after an error."""
+    place = (*block.loc, "type")
+    if f is None:
+        reader.wrong(place, f"{block.kind.text} is derived from f; give f")
+        return None
+    try:
+        choice = AUTOMATIC[block.kind.name](restricted(f, block.nq, region))
+        derived = Assumption.of(block, choice.name, f"{choice.text} (auto)", choice.data)
+    except UsageError as error:
+        reader.wrong(place, error.problems[0].message)
+        return None
+    reader.notes.append(f"{dotted(place)}: {choice.text} is proved from f: {choice.reason}")
+    return derived
+
+
+def examine(
+    reader: Reader, block: Block, declared: Assumption, f: Sequence[Expression], region: Mapping[str, Range]
+) -> None:
+    """Prove a declared type, or refute it; what is neither is the assumption of the user."""
+    where, place = restricted(f, block.nq, region), (*block.loc, "type")
+    if proved(where, declared.name, declared.data):
+        reader.notes.append(f"{dotted(place)}: {declared.text} is proved from f")
+        return
+    found = counterexample(where, declared.name, declared.data, declared.multiplier)
+    if found is not None:
+        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}")
 
 
 def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> tuple[Expression, ...] | None:

@@ -3,7 +3,7 @@
 A number stays the text that it was written as (`Entry`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Self
 
@@ -25,9 +25,14 @@ def form(value: Any) -> str:
     return "<scalar>"
 
 
-def told_apart(expected: str) -> Discriminator:
+def outline(value: Any) -> str:
+    """Tag of the form of a value, whatever a list holds."""
+    return "<list>" if isinstance(value, list) else form(value)
+
+
+def told_apart(expected: str, by: Callable[[Any], str] = form) -> Discriminator:
     """Discriminator of a union by form; `expected` completes "expected .., found ..."."""
-    return Discriminator(form, custom_error_type="expected", custom_error_message=expected)
+    return Discriminator(by, custom_error_type="expected", custom_error_message=expected)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +54,25 @@ class OneOf:
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> JsonSchemaValue:
         return {"enum": list(self.words)}
+
+
+@dataclass(frozen=True, eq=False)
+class Automatic:
+    """Marks the word auto in place of data of another form."""
+
+    instead: str  # the other form
+
+    def check(self, value: Any) -> str:
+        """Return the word, or say what is allowed."""
+        if value == "auto":
+            return "auto"
+        raise PydanticCustomError("expected", "{message}", {"message": f"{self.instead}, or auto"})
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> JsonSchemaValue:
+        return {"const": "auto"}
 
 
 Text = str
@@ -74,10 +98,13 @@ class Section(BaseModel):
 
 
 class Choice(Section):
-    """A mapping with exactly one of its keys."""
+    """A mapping with exactly one of its keys, but for those that may stand beside it."""
+
+    beside: ClassVar[tuple[str, ...]] = ()
 
     @validator(mode="after")
     def _one_key(self) -> Self:
-        if len(self.model_fields_set) != 1:
-            raise PydanticCustomError("choice", "expected one of the keys {keys}", {"keys": ", ".join(self.names())})
+        if len(self.model_fields_set.difference(self.beside)) != 1:
+            keys = ", ".join(name for name in self.names() if name not in self.beside)
+            raise PydanticCustomError("choice", "expected one of the keys {keys}", {"keys": keys})
         return self

@@ -1,7 +1,7 @@
 """A spec, read: everything about one estimation problem in the types of the design and of the simulation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
+from obsdesign.nonlinearities.restriction import EVERYWHERE, Range
 from obsdesign.observers.request import Request
 
 Vector = npt.NDArray[np.float64]
@@ -26,7 +27,8 @@ class Nonlinearity:
     nq: int
     multiplier: Multiplier
     f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
-    region: tuple[tuple[float, float], ...] | None = None  # of each component of q_i, where the type holds; None: all
+    region: tuple[Range, ...] | None = None  # of each component of q_i, where the type holds; None: all
+    others: Mapping[str, Range] = field(default_factory=dict)  # of other variables of f (t, outputs, inputs), likewise
 
 
 @dataclass(frozen=True)
@@ -88,3 +90,19 @@ class Spec:
     def multiplier(self) -> Multiplier:
         """What the design may assume of f = (f_1, .., f_k)."""
         return combine(block.multiplier for block in self.nonlinearities)
+
+    @property
+    def validity(self) -> str | None:
+        """Where the types hold, and with them every guarantee: a clause for a sentence; None: everywhere."""
+        clauses = [clause for i in range(len(self.nonlinearities)) for clause in self.limits(i)]
+        return f"as long as {' and '.join(clauses)}" if clauses else None
+
+    def limits(self, i: int) -> list[str]:
+        """What must hold for the type of one nonlinearity."""
+        block = self.nonlinearities[i]
+        whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
+        own = ["q"] if block.nq == 1 else [f"q{k + 1}" for k in range(block.nq)]
+        known = zip(own, block.region or (), strict=False)
+        limited = [(f"{q}{whose} and its estimate stay", limits) for q, limits in known]
+        limited += [(f"{name} stays", limits) for name, limits in block.others.items()]
+        return [f"{what} in [{low:g}, {high:g}]" for what, (low, high) in limited if (low, high) != EVERYWHERE]

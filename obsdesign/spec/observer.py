@@ -51,6 +51,7 @@ def require_reconstructible(reader: Reader, request: Request, plant: Plant | Non
     loc: Loc = ("observer", "reconstruct")
     if request.type != "linf":
         reader.wrong(loc, f"not available for type {request.type}; it needs type linf")
+        return
     if generator is not None and len(generator.Am):
         reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two")
     if plant is not None:

@@ -11,9 +11,11 @@ from pydantic import ConfigDict, Field, Tag, ValidationError
 from pydantic import model_validator as validator
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
+from typing_extensions import TypeAliasType
 
 from obsdesign.nonlinearities import FUNCTIONS
 from obsdesign.spec.forms import (
+    Automatic,
     Choice,
     Entry,
     Matrix,
@@ -23,22 +25,25 @@ from obsdesign.spec.forms import (
     Signals,
     Text,
     Vector,
+    outline,
     told_apart,
 )
 from obsdesign.spec.words import unavailable
 
-FAMILIES = ("l2",)
+FAMILIES = ("l2", "linf")
 LATER_FAMILIES = (
-    "linf", "lipschitz", "sporadic", "kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain",
+    "lipschitz", "sporadic", "kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain",
 )  # fmt: skip
 LATER_OBSERVER_KEYS = (
-    "reconstruct", "relaxation", "decay", "weight", "T1", "T2", "delta", "injection",
+    "relaxation", "decay", "weight", "T1", "T2", "delta", "injection",
     "coordinates", "left_inverse", "estimator", "degree", "lambdas",
 )  # fmt: skip
 TYPES = ("monotone", *FUNCTIONS)
-FORMS = ("lipschitz", "slope", "multiplier")
-LATER_FORMS = ("sector", "cocoercive", "ball", "one-sided-lipschitz", "jacobian", "cone", "auto")
+FORMS = (
+    "lipschitz", "slope", "sector", "cocoercive", "ball", "one-sided-lipschitz", "jacobian", "cone", "multiplier",
+)  # fmt: skip
 MAX_BLOCKS = 400
+MAX_MATRICES = 1024
 CHANNELS = ("unknown", "integrator", "double-integrator")
 CHANNEL_FORMS = ("sinusoid", "bias+sinusoid", "model")
 
@@ -69,29 +74,76 @@ class System(Section):
         return data
 
 
+Matrices = TypeAliasType("Matrices", Annotated[list[Matrix], Field(min_length=1, max_length=MAX_MATRICES)])
+Region = TypeAliasType("Region", dict[str, Annotated[list[Entry], Field(min_length=2, max_length=2)]])
+
+
+class Auto(Section):
+    """A type that is derived from f."""
+
+    region: Region | None = Field(None, description="[lo, hi] of q (q1, q2, ..) and of what else f depends on")
+
+
+class Sector(Section):
+    """(df - K1 dq)' (K2 dq - df) >= 0."""
+
+    K1: Matrix | None = Field(None, description="nf x nq, default 0")
+    K2: Matrix = Field(description="nf x nq")
+
+
+class Ball(Section):
+    """norm(df - K dq) <= norm(W dq)."""
+
+    K: Matrix | None = Field(None, description="nf x nq, default 0")
+    W: Matrix = Field(description="with nq columns")
+
+
+class OneSidedLipschitz(Section):
+    """dq'df <= rho dq'dq and df'df <= beta dq'dq + phi dq'df."""
+
+    rho: Entry
+    beta: Entry
+    phi: Entry
+
+
 class TypeData(Choice):
-    """A type of nonlinearity that has data."""
+    """A type of nonlinearity that has data, and where it holds."""
 
-    hints = unavailable((*LATER_FORMS, "region"), FORMS) | {
-        name: f"takes no data; write type: {name}" for name in TYPES
-    }
+    hints: ClassVar[Mapping[str, str]] = {name: f"takes no data; write type: {name}" for name in TYPES}
+    beside = ("region",)
 
-    lipschitz: Entry | None = Field(None, description="norm(df) <= lipschitz norm(dq)")
-    slope: Annotated[list[Vector] | None, Field(min_length=2, max_length=2)] = Field(
-        None,
-        description="[lo, hi], each a number or one for each component; .inf allowed for hi",
+    lipschitz: Entry | None = Field(None, description="norm(df) <= lipschitz norm(dq); or auto")
+    slope: (
+        Annotated[
+            Annotated[str, Automatic("[lo, hi]"), Tag("<scalar>")]
+            | Annotated[list[Vector], Field(min_length=2, max_length=2), Tag("<list>")],
+            told_apart("[lo, hi], or auto", outline),
+        ]
+        | None
+    ) = Field(None, description="[lo, hi], each a number or one for each component; .inf allowed for hi; or auto")
+    sector: Sector | None = None
+    cocoercive: Entry | None = Field(None, description="dq'df >= df'df / cocoercive; or auto")
+    ball: Ball | None = None
+    one_sided_lipschitz: OneSidedLipschitz | None = Field(None, alias="one-sided-lipschitz")
+    jacobian: (
+        Annotated[
+            Annotated[str, Automatic("a list of matrices"), Tag("<scalar>")] | Annotated[Matrices, Tag("<list>")],
+            told_apart("a list of matrices, or auto", outline),
+        ]
+        | None
+    ) = Field(None, description="every Jacobian is in the convex hull of these nf x nq matrices; or auto")
+    cone: Matrices | None = Field(
+        None, description="every Jacobian is a nonnegative combination of these nf x nq matrices"
     )
     multiplier: Matrix | None = Field(None, description="M of [dq; df]' M [dq; df] >= 0, (nq + nf) square")
+    auto: Auto | None = Field(None, description="the tightest type that f is proved to have")
+    region: Region | None = Field(None, description="where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, ..")
 
 
 Type = Annotated[
     Annotated[
         str,
-        OneOf(
-            "type",
-            TYPES,
-            {name: f"needs data: {{{name}: ..}}" for name in FORMS} | unavailable(LATER_FORMS, TYPES + FORMS),
-        ),
+        OneOf("type", (*TYPES, "auto"), {name: f"needs data: {{{name}: ..}}" for name in FORMS}),
         Tag("<scalar>"),
     ]
     | Annotated[TypeData, Tag("<mapping>")],
@@ -104,6 +156,7 @@ class Function(Section):
 
     type: Type = Field(description="what the design may assume of f")
     f: Signals | None = Field(None, description="expressions of q (q1, q2, ..), t, the outputs and the inputs")
+    region: Region | None = Field(None, description="where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, ..")
 
 
 class Nonlinearity(Function):
@@ -220,7 +273,7 @@ class Gains(Section):
 class Observer(Section):
     """What is asked of the design."""
 
-    hints = unavailable(LATER_OBSERVER_KEYS, ("L2", "alpha", "objective", "slack", "bounds", "gains"))
+    hints = unavailable(LATER_OBSERVER_KEYS, ("L2", "alpha", "objective", "slack", "bounds", "gains", "reconstruct"))
 
     type: Annotated[str, OneOf("observer", FAMILIES, unavailable(LATER_FAMILIES, FAMILIES))]
     L2: Matrix | None = Field(None, description="nq x ny, rows follow q, the plant's blocks first; or `free`")
@@ -239,6 +292,9 @@ class Observer(Section):
     slack: Entry | None = Field(None, description="relative, default 0.05")
     bounds: Bounds | None = None
     gains: Gains | None = None
+    reconstruct: Annotated[str, OneOf("signal", ("w",))] | None = Field(
+        None, description="w, by pinv(B) L1 (yhat - y); for linf, without a disturbance model"
+    )
 
     @validator(mode="before")
     @classmethod

@@ -1,0 +1,260 @@
+"""The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from itertools import product
+from math import inf
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.errors import UsageError
+from obsdesign.expressions.tree import Number
+from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.nonlinearities.enclosure import (
+    Enclosure,
+    enclosure,
+    negative,
+    norm_bound,
+    require_continuous,
+    shown,
+    supremum_of,
+)
+from obsdesign.nonlinearities.restriction import Restriction
+
+DIGITS = 12  # of a bound, rounded outward
+MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices
+MAX_SIZE = 16  # of q and f together, for a proof that nobody asked for
+MAX_OPERATIONS = 400  # of f, likewise
+TIGHT = 1e-4  # relative: a looser bound is worth a word
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A type that f was proved to have."""
+
+    name: str  # in TEMPLATES
+    data: Any  # as its template takes them
+    text: str  # as a spec would have it
+    reason: str
+
+
+def choose(f: Restriction) -> Choice:
+    """Return the tightest type: slopes, else a polytope of Jacobians, else a Lipschitz constant.
+
+    Raises
+    ------
+    UsageError
+        The Jacobian cannot be bounded, or f may jump.
+    """
+    if f.decoupled:
+        return slopes(f)
+    found = bounded(f)
+    if len(varying(f, found)) <= MAX_VARYING:
+        return polytope(f, found)
+    return lipschitz(f)
+
+
+def slopes(f: Restriction) -> Choice:
+    """Slope of each component; an upper bound may be infinite.
+
+    Raises
+    ------
+    UsageError
+        A component of f depends on another component of q, or a slope has no lower bound.
+    """
+    if not f.decoupled:
+        raise UsageError("slope: auto needs an f with f_i a function of q_i only; use auto, lipschitz or jacobian")
+    found = enclosure(f)
+    for i, low in enumerate(np.diag(found.low)):
+        if low == -inf:
+            hint = "" if found.high[i, i] == inf else ", or write -f and -Bf, so that the slope is bounded below"
+            raise UsageError(unbounded(f, i, i, "below") + hint)
+    ends = [exact_ends(f, found, i, i) for i in range(f.nq)]
+    low, high = ([pair[k] for pair in ends] for k in (0, 1))
+    text = f"slope [{listed(low)}, {listed(high)}]"
+    return Choice("slope", ends, text, f"each f_i depends on q_i only{looseness(found.gap)}")
+
+
+def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
+    """Polytope of Jacobians: the vertices of the box of the entries that vary.
+
+    Entries that are the same expression vary together.
+
+    Raises
+    ------
+    UsageError
+        More entries vary than a polytope should have, or one cannot be bounded.
+    """
+    found = bounded(f) if found is None else found
+    free = varying(f, found)
+    if len(free) > MAX_VARYING:
+        raise UsageError(f"jacobian: {len(free)} entries vary, at most {MAX_VARYING} may; use lipschitz")
+    vertices = []
+    for chosen in product((0, 1), repeat=len(free)):
+        side = np.zeros((len(f.f), f.nq), dtype=int)
+        for places, end in zip(free, chosen, strict=True):
+            side[tuple(np.transpose(places))] = end
+        vertices.append(vertex(f, found, side))
+    reason = f"entries of the Jacobian that vary: {len(free)}{looseness(found.gap)}"
+    return Choice("jacobian", vertices, f"jacobian of {len(vertices)} vertices", reason)
+
+
+def lipschitz(f: Restriction) -> Choice:
+    """Bound of the spectral norm of the Jacobian.
+
+    Raises
+    ------
+    UsageError
+        It cannot be bounded.
+    """
+    if f.decoupled:
+        found = bounded(f)
+        bound, gap = float(np.maximum(-np.diag(found.low), np.diag(found.high)).max()), found.gap
+    else:
+        norm = norm_bound(f)
+        bound, gap = norm.bound, norm.gap
+        if bound == inf:
+            raise UsageError(f"the Jacobian of f cannot be bounded at {shown(f, norm.place)}; give a smaller region")
+    k = outward(bound, up=True)
+    return Choice("lipschitz", k, f"lipschitz {decimal(k)}", f"it bounds the norm of the Jacobian{looseness(gap)}")
+
+
+def cocoercive(f: Restriction) -> Choice:
+    """Largest slope of an f that is monotone in each component.
+
+    Raises
+    ------
+    UsageError
+        A component of f depends on another component of q, its slope may be negative, or it cannot be bounded.
+    """
+    if not f.decoupled:
+        raise UsageError("cocoercive: auto needs an f with f_i a function of q_i only; give a number > 0")
+    found = bounded(f)
+    if found.low.min() < 0:
+        raise UsageError(f"cocoercive: f is not proved monotone; its slope may be {found.low.min():.6g}")
+    k = outward(max(float(found.high.max()), 1e-12), up=True)
+    return Choice(
+        "cocoercive", k, f"cocoercive {decimal(k)}", f"it bounds the slopes, none is negative{looseness(found.gap)}"
+    )
+
+
+def bounded(f: Restriction) -> Enclosure:
+    """Enclosure of a Jacobian with finite bounds only."""
+    found = enclosure(f)
+    for i, j in np.argwhere(~(np.isfinite(found.low) & np.isfinite(found.high))):
+        raise UsageError(unbounded(f, int(i), int(j), "above" if np.isfinite(found.low[i, j]) else "below"))
+    return found
+
+
+def unbounded(f: Restriction, i: int, j: int, side: str) -> str:
+    """Say which entry of the Jacobian cannot be bounded, and where."""
+    entry = f.jacobian[i][j]
+    place = supremum_of(entry if side == "above" else negative(entry), f).place
+    name = "df/dq" if f.nq == len(f.f) == 1 else f"df{i + 1}/dq{j + 1}"
+    return f"{name} cannot be bounded {side} at {shown(f, place)}; give a smaller region"
+
+
+def varying(f: Restriction, found: Enclosure) -> list[list[tuple[int, int]]]:
+    """Places of the entries that vary, those of the same expression together."""
+    places: dict[Any, list[tuple[int, int]]] = {}
+    for i, j in np.ndindex(found.low.shape):
+        low, high = exact_ends(f, found, i, j)
+        if low != high:
+            places.setdefault(f.jacobian[i][j], []).append((i, j))
+    return list(places.values())
+
+
+def exact_ends(f: Restriction, found: Enclosure, i: int, j: int) -> tuple[fmpq, fmpq | None]:
+    """Bounds of an entry as decimals: its value if it is a number; None is infinite."""
+    root = f.jacobian[i][j].root
+    if isinstance(root, Number):
+        return root.value, root.value
+    low, high = found.low[i, j], found.high[i, j]
+    return outward(low, up=False), None if high == inf else outward(high, up=True)
+
+
+def vertex(f: Restriction, found: Enclosure, side: Array) -> Array:
+    """Matrix of the lower (0) or the upper (1) bound of each entry."""
+    exact = np.empty(side.shape, dtype=object)
+    for i, j in np.ndindex(side.shape):
+        exact[i, j] = exact_ends(f, found, i, j)[side[i, j]]
+    return exact
+
+
+def outward(value: float, *, up: bool) -> fmpq:
+    """Shortest decimal of at most DIGITS digits that is not below (up) or not above the value."""
+    context = Context(prec=DIGITS, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return rational_number(str(context.create_decimal(Decimal(float(value)))))
+
+
+def decimal(value: fmpq | None) -> str:
+    """Number as a spec has it."""
+    return ".inf" if value is None else f"{float(value):.{DIGITS}g}"
+
+
+def listed(values: Sequence[fmpq | None]) -> str:
+    """One number if all are the same, else a list."""
+    texts = [decimal(value) for value in values]
+    return texts[0] if len(set(texts)) == 1 else f"[{', '.join(texts)}]"
+
+
+def looseness(gap: float) -> str:
+    """What to say of a bound that is not tight."""
+    return f"; the bound may be loose by {gap:.1g} of it" if gap > TIGHT else ""
+
+
+AUTOMATIC: dict[str, Callable[[Restriction], Choice]] = {
+    "auto": choose,
+    "lipschitz": lipschitz,
+    "slope": slopes,
+    "cocoercive": cocoercive,
+    "jacobian": polytope,
+}
+
+
+def proved(f: Restriction, name: str, data: Any) -> bool:
+    """Whether a declared type surely holds; False says nothing.
+
+    Parameters
+    ----------
+    name, data
+        The type and its data, as its template takes them.
+    """
+    if sum(len(g.order) for g in f.f) > MAX_OPERATIONS:
+        return False
+    try:
+        require_continuous(f)
+        if f.decoupled:
+            return slopes_within(f, sectors(name, data, f.nq))
+        small = f.nq + len(f.f) <= MAX_SIZE
+        return name == "lipschitz" and small and at_most(norm_bound(f, float(data)).bound, data)
+    except UsageError:  # f may jump, or its derivative is too large
+        return False
+
+
+def sectors(name: str, data: Any, nq: int) -> list[tuple[fmpq, fmpq | None]]:
+    """Slopes that a type allows each component of a decoupled f; none if it is not about them."""
+    if name == "slope":
+        return list(data)
+    allowed = {"monotone": (fmpq(0), None)}
+    if name in ("lipschitz", "cocoercive"):
+        allowed = {"lipschitz": (-data, data), "cocoercive": (fmpq(0), data)}
+    return [allowed[name]] * nq if name in allowed else []
+
+
+def slopes_within(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:
+    """Whether each f_i surely has its slopes in the given bounds."""
+    slopes = [g.derivative(q) for g, q in zip(f.f, f.arguments, strict=True)]
+    return bool(allowed) and all(
+        at_most(supremum_of(negative(slope), f, 0.5, float(-low)).bound, -low)
+        and (high is None or at_most(supremum_of(slope, f, 0.5, float(high)).bound, high))
+        for slope, (low, high) in zip(slopes, allowed, strict=True)
+    )
+
+
+def at_most(bound: float, limit: fmpq) -> bool:
+    """Compare exactly."""
+    return bound < inf and rational_number(bound) <= limit

@@ -1,0 +1,180 @@
+"""Pairs of arguments that may violate a claim: far and close ones, and those that the Jacobian points to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.expressions import ExpressionError
+from obsdesign.lmi.formula import Array
+from obsdesign.nonlinearities.claims import Claim, Quadratic
+from obsdesign.nonlinearities.restriction import Range, Restriction
+
+COUNT = 1024  # points
+SLOWER = 6  # how many times fewer for a claim that takes longer to evaluate
+CHAINS = 8  # points that are improved
+ROUNDS = 12  # of improvement
+TRIALS = 24  # around each of these points in a round
+HALVINGS = 24  # of pairs
+STEPS = 10.0 ** -np.arange(6)  # distances of pairs, in relation to the scale
+NEAR = 10.0  # what an engineer tries first of an unbounded variable
+MAX_OPERATIONS = 5000  # in a Jacobian that is worth the time
+MAX_SIZE = 32  # of q and f together, likewise
+
+Ends = tuple[Array, Array]  # of pairs, (k, N) each
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of points (k, N): the components of q first, then the other variables, which both share."""
+
+    first: Array
+    second: Array
+    violation: Array  # (N,), as the claim rates it; never NaN
+
+    def plainness(self, nq: int) -> Array:
+        """Least (N,) for pairs around zero whose members are 1 apart, which are the easiest to follow."""
+        distance = np.linalg.norm(self.first[:nq] - self.second[:nq], axis=0)
+        size = np.maximum(abs(self.first[:nq]), abs(self.second[:nq])).max(axis=0)
+        with np.errstate(all="ignore"):
+            return np.asarray(size / distance + abs(np.log10(distance)))
+
+
+def pairs(f: Restriction, claim: Claim) -> Pairs:
+    """Pairs to try, rated."""
+    rng = np.random.default_rng(0)
+    quick = isinstance(claim, Quadratic)
+    points = spread(f, rng, COUNT if quick else COUNT // SLOWER)
+    found = [apart(f, points, rng), astray(f, points, rng)]
+    found += steepest(f, claim, points, TRIALS if quick else TRIALS // SLOWER, rng)
+    found += halved(f, claim, joined(found), HALVINGS if quick else HALVINGS // SLOWER)
+    return rated(f, claim, *joined(found))
+
+
+def joined(found: Sequence[Ends]) -> Ends:
+    """All pairs in one."""
+    first, second = (np.concatenate(ends, axis=1) for ends in zip(*found, strict=True))
+    return first, second
+
+
+def halved(f: Restriction, claim: Claim, ends: Ends, count: int) -> list[Ends]:
+    """Halves of the worst pairs, the worse one each time: they close in on a jump or a kink."""
+    worst = np.argsort(rated(f, claim, *ends).violation)[: 4 * CHAINS]
+    first, second = (points[:, worst] for points in ends)
+    found = []
+    for _ in range(count):
+        middle = first / 2 + second / 2
+        lower, upper = rated(f, claim, first, middle).violation, rated(f, claim, middle, second).violation
+        first, second = np.where(lower <= upper, first, middle), np.where(lower <= upper, middle, second)
+        found.append((first, second))
+    return found
+
+
+def rated(f: Restriction, claim: Claim, first: Array, second: Array) -> Pairs:
+    """Pairs with what the claim says of them."""
+    with np.errstate(all="ignore"):
+        dq, df = first[: f.nq] - second[: f.nq], values(f, first) - values(f, second)
+        violation = claim.violation(dq.T, df.T)
+    unknown = np.isnan(violation) | (dq == 0).all(axis=0) | ~np.isfinite(df).all(axis=0)
+    return Pairs(first, second, np.where(unknown, 1.0, violation))
+
+
+def values(f: Restriction, points: Array) -> Array:
+    """Values (nf, N) of f at points (k, N)."""
+    names = tuple(f.box)
+    return np.array([np.broadcast_to(g.function(names)(*points), points.shape[1]) for g in f.f])
+
+
+def spread(f: Restriction, rng: np.random.Generator, count: int) -> Array:
+    """Points (k, count) that cover the box in every variable evenly (a Latin hypercube)."""
+    places = [(rng.permutation(count) + 0.5) / count for _ in f.box]
+    return np.array([placed(u, limits) for u, limits in zip(places, f.box.values(), strict=True)])
+
+
+def placed(u: Array, limits: Range) -> Array:
+    """Numbers in a range from numbers in (0, 1); of an unbounded one, most are near 0 or near its end."""
+    low, high = limits
+    if np.isfinite(high - low):
+        return low + (high - low) * u
+    if np.isfinite(low):
+        return low + abs(far(u / 2 + 0.5))
+    if np.isfinite(high):
+        return high - abs(far(u / 2 + 0.5))
+    return far(u)
+
+
+def far(u: Array) -> Array:
+    """Numbers from numbers in (0, 1): three quarters in [-10, 10], the others up to 10^4."""
+    centered = 2 * u - 1
+    beyond = np.maximum(abs(centered) - 0.75, 0.0)
+    return np.where(beyond > 0, np.sign(centered) * NEAR ** (1 + 12 * beyond), NEAR * centered / 0.75)
+
+
+def scale(f: Restriction, points: Array) -> Array:
+    """Typical size (k, N) of a step at each point."""
+    limits = np.array([*f.box.values()])
+    width = (limits[:, 1] - limits[:, 0])[:, None]
+    return np.where(np.isfinite(width), width, 1 + abs(points))
+
+
+def clipped(f: Restriction, points: Array) -> Array:
+    """Points moved into the box."""
+    limits = np.array([*f.box.values()])
+    return np.clip(points, limits[:, :1], limits[:, 1:])
+
+
+def apart(f: Restriction, points: Array, rng: np.random.Generator) -> Ends:
+    """Pairs of any two points, the other variables taken from the first."""
+    second = points.copy()
+    second[: f.nq] = points[: f.nq, rng.permutation(points.shape[1])]
+    return points, second
+
+
+def astray(f: Restriction, points: Array, rng: np.random.Generator) -> Ends:
+    """Pairs of points at all distances, in all directions and along the axes."""
+    count = points.shape[1]
+    direction = rng.standard_normal((f.nq, count))
+    axis = np.arange(count) % (2 * f.nq)
+    direction = np.where(axis < f.nq, np.eye(f.nq)[:, axis % f.nq], direction)
+    second = points.copy()
+    second[: f.nq] += rng.choice(STEPS[:4], count) * scale(f, points)[: f.nq] * direction / 4
+    return points, clipped(f, second)
+
+
+def steepest(f: Restriction, claim: Claim, points: Array, trials: int, rng: np.random.Generator) -> list[Ends]:
+    """Close pairs around the points where the Jacobian violates the claim most, in its worst direction."""
+    if f.nq + len(f.f) > MAX_SIZE:
+        return []
+    try:
+        entries = [g for row in f.jacobian for g in row]
+    except ExpressionError:
+        return []
+    if sum(len(g.order) for g in entries) > MAX_OPERATIONS:
+        return []
+    names, shape = tuple(f.box), (len(f.f), f.nq)
+    functions = [g.function(names) for g in entries]
+
+    def rate(some: Array) -> tuple[Array, Array]:
+        count = some.shape[1]
+        J = np.array([np.broadcast_to(g(*some), count) for g in functions]).T.reshape(count, *shape)
+        known = np.asarray((abs(J) < 1e150).all(axis=(1, 2)))
+        violation, direction = claim.worst_direction(np.where(known[:, None, None], J, 0.0))
+        return np.where(known & ~np.isnan(violation), violation, 1.0), direction
+
+    best = points[:, np.argsort(rate(points)[0])[:CHAINS]]
+    for k in range(ROUNDS):
+        tried = np.repeat(best, trials, axis=1)
+        step = rng.standard_normal(tried.shape) * scale(f, tried) * 0.5**k / 10
+        step[:, ::trials] = 0  # the point itself is kept
+        tried = clipped(f, tried + step)
+        winner = np.argmin(rate(tried)[0].reshape(-1, trials), axis=1)
+        best = tried[:, winner + trials * np.arange(len(winner))]
+    direction = rate(best)[1].T
+    return [around(f, best, direction, h) for h in STEPS]
+
+
+def around(f: Restriction, points: Array, direction: Array, h: float) -> Ends:
+    """Pairs around points, at the same distance on both sides where the box allows it."""
+    step = np.zeros_like(points)
+    step[: f.nq] = h * scale(f, points)[: f.nq].max(axis=0) * direction / 2
+    return clipped(f, points + step), clipped(f, points - step)

@@ -1,0 +1,285 @@
+"""Enclosures hold every difference quotient and are tight; `auto` picks the tightest type that is proved."""
+
+import time
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from flint import fmpq
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from obsdesign.errors import UsageError
+from obsdesign.expressions import Interval, parse
+from obsdesign.nonlinearities import TEMPLATES
+from obsdesign.nonlinearities.automatic import AUTOMATIC, choose, outward, proved
+from obsdesign.nonlinearities.claims import claims
+from obsdesign.nonlinearities.continuity import continuous
+from obsdesign.nonlinearities.enclosure import enclosure, norm_bound, supremum
+from obsdesign.nonlinearities.restriction import Restriction
+
+INF = np.inf
+NAMES = ("q", "q1", "q2", "q3", "t", "y1")
+
+
+def on(*f, nq=1, **region):
+    """f, given as texts, on a region."""
+    return Restriction.of([parse(text, NAMES) for text in f], nq, region)
+
+
+def square(*names, size=1.0):
+    return dict.fromkeys(names, (-size, size))
+
+
+def binary(form):
+    return lambda parts: st.builds(form.format, parts, parts)
+
+
+LEAVES = st.sampled_from(["q1", "q2", "0.7", "-1.5", "2"])
+FORMS = [
+    "({} + {})", "({} - {})", "({} * {})", "max({}, {})", "min({}, {})", "({}/(1.5 + sin({})))",
+    "where({} < 0.3, {}, 1)",
+]  # fmt: skip
+UNARY = ["sin({})", "cos({})", "tanh({})", "atan({})", "abs({})", "sat({})", "({})**2", "sqrt(1 + ({})**2)", "sign({})"]
+TEXTS = st.recursive(
+    LEAVES,
+    lambda parts: st.one_of(
+        *(binary(form)(parts) for form in FORMS), *(st.builds(form.format, parts) for form in UNARY)
+    ),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=30, deadline=None)
+@given(TEXTS, st.floats(-3, 2), st.floats(0.1, 3), st.integers(0, 2**32 - 1))
+def test_an_enclosure_holds_every_difference_quotient(text, low, width, seed):
+    region = {"q1": (low, low + width), "q2": (-1.0, 1.0)}
+    try:
+        found = enclosure(on(text, nq=2, **region))
+    except UsageError:  # it may jump
+        return
+    rng = np.random.default_rng(seed)
+    ends = np.array([*region.values()])[:, :, None]
+    first, second = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * rng.random((2, 2, 400))
+    f = parse(text, NAMES).function(("q1", "q2"))
+    for j in range(2):
+        moved = first.copy()
+        moved[j] = second[j]
+        df, dq = f(*moved) - f(*first), moved[j] - first[j]
+        slack = 1e-12 * (1 + abs(f(*first)).max()) / abs(dq) + 1e-12 * abs(df / dq)
+        assert np.all(df / dq >= found.low[0, j] - slack)
+        assert np.all(df / dq <= found.high[0, j] + slack)
+
+
+@settings(max_examples=40, deadline=None)
+@given(TEXTS, st.floats(-3, 2), st.floats(0.1, 3))
+def test_a_supremum_is_between_what_is_attained_and_its_bound(text, low, width):
+    g = parse(text, NAMES)
+    box = dict.fromkeys(sorted(g.names), (low, low + width))
+    found = supremum(g.enclose, box, 2000)
+    points = np.random.default_rng(0).uniform(low, low + width, (len(box), 500))
+    assert g.function(tuple(box))(*points).max(initial=-INF) <= found.bound
+    assert found.attained <= found.bound
+
+
+TIGHT = [
+    ("sin(q)", {}, -1, 1),
+    ("cos(3*q)", {}, -3, 3),
+    ("tanh(q)", {}, 0, 1),
+    ("tanh(q)", {"q": (-1, 1)}, 1 - np.tanh(1) ** 2, 1),
+    ("atan(q)", {}, 0, 1),
+    ("2*q + sin(q)", {}, 1, 3),
+    ("-2*q - sin(q)", {}, -3, -1),
+    ("sat(q)", {}, 0, 1),
+    ("max(q, 0)", {}, 0, 1),
+    ("abs(q)", {}, -1, 1),
+    ("q*abs(q)", {"q": (-2, 3)}, 0, 6),
+    ("q*abs(q)", {}, 0, INF),
+    ("q**3", {}, 0, INF),
+    ("q**3", {"q": (-1, 2)}, 0, 12),
+    ("q - q**3", {"q": (-1, 1)}, -2, 1),
+    ("q*exp(-q**2)", {"q": (-3, 3)}, -2 * np.exp(-1.5), 1),
+    ("q/(1 + q**2)", {"q": (-100, 100)}, -1 / 8, 1),
+    ("log(q)", {"q": (0.5, INF)}, 0, 2),
+    ("y1*tanh(q) + t", {"y1": (0, 2)}, 0, 2),
+    ("0.1*q", {}, 0.1, 0.1),
+    ("where(q > 2, q**2, q)", {"q": (-1, 1)}, 1, 1),
+    ("where(t < 1, 1, 2)*sin(q)", {}, -2, 2),
+]
+
+
+@pytest.mark.parametrize(("text", "region", "low", "high"), TIGHT)
+def test_an_enclosure_is_tight_and_takes_little_time(text, region, low, high):
+    f = on(text, **region)
+    started = time.process_time()
+    found = enclosure(f)
+    assert time.process_time() - started < 0.8  # 0.3 s on a machine with nothing else to do
+    scale = max(abs(x) for x in (low, high) if np.isfinite(x))
+    assert low - 1e-4 * scale <= found.low[0, 0] <= low + 1e-15
+    assert high - 1e-15 <= found.high[0, 0] <= high + 1e-4 * scale
+    assert found.gap < 1e-4
+
+
+def test_an_enclosure_says_how_tight_it_is():
+    f = on("sin(q1*q2*q3)*cos(q1 - q2 + q3)/(1.1 + sin(q1*q3))", nq=3, **square("q1", "q2", "q3", size=3.0))
+    found = enclosure(f)
+    slopes = f.jacobian[0][0].function(("q1", "q2", "q3"))(*np.random.default_rng(0).uniform(-3, 3, (3, 100_000)))
+    assert slopes.max() <= found.high[0, 0]
+    assert found.gap > 1e-3
+    assert found.high[0, 0] * (1 - found.gap) <= slopes.max() * 1.2
+
+
+JUMPS = [
+    ("sign(q)", {}),
+    ("sign(q)*q**2", {}),
+    ("where(q > 0, q, 1)", {}),
+    ("(q > 0)*q", {}),
+    ("1/q", {"q": (-1, 1)}),
+    ("tan(q)", {"q": (0, 2)}),
+    ("sqrt(q)", {"q": (-1, 1)}),
+    ("log(q)", {}),
+    ("q**(1/3)", {"q": (-1, 1)}),
+    ("atan2(q, -1)", {"q": (-1, 1)}),
+    ("asin(q)", {"q": (0, 2)}),
+]
+
+
+@pytest.mark.parametrize(("text", "region"), JUMPS)
+def test_what_may_jump_or_be_undefined_has_no_enclosure(text, region):
+    with pytest.raises(UsageError, match=r"f may jump or be undefined at q in \["):
+        enclosure(on(text, **region))
+
+
+@pytest.mark.parametrize(
+    ("text", "region"),
+    [("sign(q)*q", {"q": (1, 2)}), ("1/q", {"q": (1, 2)}), ("sqrt(q)", {"q": (1, 4)}), ("atan2(q, 1)", {})],
+)
+def test_away_from_the_jump_there_is_an_enclosure(text, region):
+    assert np.isfinite(enclosure(on(text, **region)).high).all()
+
+
+def test_continuity_is_told_for_each_box():
+    boxes = {"q": Interval(np.array([-2.0, -1.0, 1.0]), np.array([-1.0, 1.0, 2.0]))}
+    assert continuous(parse("sign(q)", ("q",)), boxes, ("q",)).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("f", "region", "norm"),
+    [
+        (("sin(q1) + cos(q2)",), {}, np.sqrt(2)),
+        (("sin(q1)", "tanh(q1 + q2)"), {}, (1 + np.sqrt(5)) / 2),
+        (("q1*q2", "q1**2 - q2**2"), square("q1", "q2"), np.sqrt(8)),
+        (("q1 - (q1**2 + q2**2)*q1", "q2 - (q1**2 + q2**2)*q2"), square("q1", "q2"), 5),
+        (("3*q1 + 4*q2",), {}, 5),
+    ],
+)
+def test_the_norm_of_a_jacobian_is_bounded_tightly(f, region, norm):
+    found = norm_bound(on(*f, nq=2, **region))
+    assert found.attained <= norm + 1e-12
+    assert norm * (1 - 1e-12) <= found.bound <= norm * (1 + 1e-3)
+
+
+RADIAL = ("(q1**2 + q2**2)*q1", "(q1**2 + q2**2)*q2")
+CHOICES = [
+    (("sin(q)",), 1, {}, "slope [-1, 1]"),
+    (("2*tanh(q)",), 1, {}, "slope [0, 2]"),
+    (("q*abs(q)",), 1, {}, "slope [0, .inf]"),
+    (("q**3",), 1, {}, "slope [0, .inf]"),
+    (("-q**3",), 1, square("q"), "slope [-3, 0]"),
+    (("-2*q - sin(q)",), 1, {}, "slope [-3, -1]"),
+    (("tanh(q) - q",), 1, {}, "slope [-1, 0]"),
+    (("sat(q)",), 1, {}, "slope [0, 1]"),
+    (("2*q + sin(q)",), 1, {}, "slope [1, 3]"),
+    (("0.1*q",), 1, {}, "slope [0.1, 0.1]"),
+    (("tanh(q1)", "sat(q2)"), 2, {}, "slope [0, 1]"),
+    (("tanh(q1)", "sin(q2)"), 2, {}, "slope [[0, -1], 1]"),
+    (("sin(q1) + cos(q2)",), 2, {}, "jacobian of 4 vertices"),
+    (("sin(q1)", "tanh(q1 + q2)"), 2, {}, "jacobian of 4 vertices"),
+    (("tanh(q1 - q2)", "q2"), 2, {}, "jacobian of 4 vertices"),
+    (RADIAL, 2, square("q1", "q2"), "jacobian of 16 vertices"),
+    (("3*q1 + q2", "q1"), 2, {}, "jacobian of 1 vertices"),
+]
+
+
+@pytest.mark.parametrize(("f", "nq", "region", "text"), CHOICES)
+def test_auto_picks_the_tightest_type(f, nq, region, text):
+    assert choose(on(*f, nq=nq, **region)).text == text
+
+
+def test_many_entries_that_vary_give_a_lipschitz_constant():
+    f = [f"sin(q{i}) + 0.1*cos(q{i % 3 + 1}) + 0.01*sin(2*q{(i + 1) % 3 + 1})" for i in (1, 2, 3)]
+    choice = choose(on(*f, nq=3))
+    assert choice.name == "lipschitz"
+    assert 1 <= choice.data <= fmpq(125, 100)
+
+
+@pytest.mark.parametrize(
+    ("f", "nq", "region"),
+    [*((f, nq, region) for f, nq, region, _ in CHOICES), (("q*exp(-q**2)",), 1, square("q", size=3.0))],
+)
+def test_whatever_is_derived_holds_for_every_pair(f, nq, region):
+    where = on(*f, nq=nq, **region)
+    choices = [choose(where)]
+    for derive in AUTOMATIC.values():
+        with suppress(UsageError):
+            choices.append(derive(where))
+    assert len(choices) > 2
+    ends = np.array([[max(low, -20), min(high, 20)] for low, high in where.box.values()])[:, :, None]
+    first, second = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * np.random.default_rng(0).random((2, nq, 200))
+    second[:, ::2] = first[:, ::2] + 1e-3 * (second[:, ::2] - first[:, ::2])
+    at = [np.array([g.function(where.arguments)(*points) for g in where.f]) for points in (first, second)]
+    for choice in choices:
+        for claim in claims(choice.name, choice.data, TEMPLATES[choice.name](choice.data, nq, len(f))):
+            assert claim.violation((first - second).T, (at[0] - at[1]).T).min() > -1e-9
+
+
+def test_entries_that_are_the_same_expression_vary_together():
+    found = choose(on("sin(q1)", "tanh(q1 + q2)", nq=2))
+    assert {tuple(vertex[1]) for vertex in found.data} == {(0, 0), (1, 1)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "f", "nq", "words"),
+    [
+        ("auto", ("-q**3",), 1, "df/dq cannot be bounded below at q in [-inf, inf]; give a smaller region"),
+        ("lipschitz", ("q**3",), 1, "df/dq cannot be bounded above at q in [-inf, inf]"),
+        ("auto", ("q1**2", "q1*q2"), 2, "df1/dq1 cannot be bounded"),
+        ("lipschitz", ("q1", "q1*q2"), 2, "the Jacobian of f cannot be bounded at q1 in ["),
+        ("slope", ("q1 + q2", "q2"), 2, "f_i a function of q_i only"),
+        ("cocoercive", ("q1 + q2", "q2"), 2, "f_i a function of q_i only"),
+        ("cocoercive", ("sin(q)",), 1, "its slope may be -1"),
+        ("auto", ("y1*q",), 1, "df/dq cannot be bounded below at y1 in [-inf, inf]"),
+    ],
+)
+def test_what_cannot_be_derived_is_refused_in_one_line(kind, f, nq, words):
+    with pytest.raises(UsageError) as caught:
+        AUTOMATIC[kind](on(*f, nq=nq))
+    (problem,) = caught.value.problems
+    assert words in problem.message
+
+
+@given(st.floats(-1e6, 1e6))
+def test_rounding_goes_outward_and_prints_12_digits(value):
+    exact = fmpq(*value.as_integer_ratio())
+    low, high = outward(value, up=False), outward(value, up=True)
+    assert low <= exact <= high
+    assert high - low <= abs(exact) * fmpq(1, 10**11)
+    assert float(repr(float(high))) == float(high)
+
+
+@pytest.mark.parametrize(
+    ("f", "region", "name", "data", "holds"),
+    [
+        ("sin(q)", {}, "lipschitz", fmpq(1), True),
+        ("sin(q)", {}, "lipschitz", fmpq(99, 100), False),
+        ("q*abs(q)", {}, "monotone", None, True),
+        ("q - q**3", square("q", size=0.5), "monotone", None, True),
+        ("q - q**3", square("q"), "monotone", None, False),
+        ("tanh(q)", {}, "cocoercive", fmpq(1), True),
+        ("tanh(q)", {}, "slope", [(fmpq(0), None)], True),
+        ("tanh(q)", {}, "slope", [(fmpq(0), fmpq(9, 10))], False),
+        ("sign(q)", {}, "monotone", None, False),
+    ],
+)
+def test_only_what_holds_is_proved(f, region, name, data, holds):
+    assert proved(on(f, **region), name, data) is holds
