@@ -116,8 +116,10 @@ class Reconstructed:
 
     def conditions(self) -> Iterator[Check]:
         """Conditions of the levels, of the slopes and of the constants."""
-        for name, part in (*self.levels.items(), *self.slopes.items()):
-            yield from (replace(check, name=f"{name}: {check.name}") for check in part.checks)
+        parts = {name: level.checks for name, level in self.levels.items()}
+        parts |= {name: slope.checks for name, slope in self.slopes.items()}
+        for name, checks in parts.items():
+            yield from (replace(check, name=f"{name}: {check.name}") for check in checks)
         yield from self.checks
 
     @property

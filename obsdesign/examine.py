@@ -3,16 +3,21 @@
 from math import isfinite
 from typing import Any
 
+import numpy as np
+from flint import fmpq
+
+from obsdesign.diagnosis.stiffness import failing_passivity, too_stiff
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import invariant_zeros
-from obsdesign.model.structure import condition1, decay_limit, linear, undetectable
+from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, undetectable
+from obsdesign.observers import FAMILIES
 from obsdesign.observers.request import Range
 from obsdesign.spec.model import Spec
 
 
 def examine(spec: Spec) -> dict[str, Any]:
-    """Detectability, Condition 1, zeros and loops, each with a sentence.
+    """Detectability, Condition 1, zeros, arbitrary accuracy and loops, each with a sentence.
 
     Returns
     -------
@@ -53,6 +58,7 @@ def examine(spec: Spec) -> dict[str, Any]:
                 normal_rank=zeros.normal_rank,
             )
         )
+    findings += [*steep(spec, alpha.low if isinstance(alpha, Range) else alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
     if spec.observer.L2 is not None or spec.observer.gains:
         L2 = in_floats(spec.observer.gains["L2"] if spec.observer.gains else spec.observer.L2)
@@ -66,6 +72,33 @@ def examine(spec: Spec) -> dict[str, Any]:
         "findings": findings,
         "notes": list(spec.notes),
     }
+
+
+def steep(spec: Spec, alpha: fmpq) -> list[dict[str, Any]]:
+    """What nonlinearities without an upper slope bound rule out."""
+    request = spec.observer
+    gain = request.gains["L2"] if request.gains else request.L2
+    family = in_floats(FAMILIES[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
+    answer = too_stiff(family) or failing_passivity(spec, family)
+    return [finding(answer["condition"], False, answer["reason"], decides=True)] if answer else []
+
+
+def attainable(spec: Spec) -> list[dict[str, Any]]:
+    """What any gamma > 0 needs (Theorem 2, Lemma 5), slopes without a bound, and what the reconstruction of w needs."""
+    augmented, B = in_floats(spec.augmented), in_floats(spec.plant.B)
+    request, found = spec.observer, []
+    gain = request.gains["L2"] if request.gains else request.L2
+    if augmented.B.shape[1]:
+        tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)
+        found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers) for t in tests]
+        reached = all(test.holds for test in tests)
+        said = "the conditions for any gamma > 0 hold" if reached else "Theorem 2 does not give any gamma > 0 here"
+        found.append(finding("any accuracy", reached, said))
+    if B.shape[1]:
+        rank = int(np.linalg.matrix_rank(B))
+        said = f"B has rank {rank} of {B.shape[1]}, which `reconstruct: w` needs to be full"
+        found.append(finding("rank B", rank == B.shape[1], said, decides=request.reconstruct, rank=rank))
+    return found
 
 
 def finding(name: str, holds: bool, sentence: str, *, decides: bool = False, **numbers: Any) -> dict[str, Any]:

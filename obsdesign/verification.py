@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -22,8 +22,11 @@ from obsdesign.certificate import (
     reconstructed,
     statement,
 )
+from obsdesign.diagnosis.absence import refuted
 from obsdesign.errors import UsageError
+from obsdesign.lmi.farkas import Refutation
 from obsdesign.lmi.formula import Array, Unknown, approximate, rational, rational_number
+from obsdesign.lmi.proof import Check
 from obsdesign.observers import FAMILIES, Incremental
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.observers.linf import Linf
@@ -126,6 +129,21 @@ class ResultFile:
                 raise self.wrong(".".join(path), "not symmetric")
         return values
 
+    def matrices(self, *keys: str) -> dict[str, Array]:
+        """Exact square matrices by name, of whatever size they have."""
+        made = {}
+        for name, rows in self.table(*keys).items():
+            size = len(rows) if isinstance(rows, list) else 0
+            made[name] = self.matrix((size, size), *keys, name)
+        return made
+
+    def table(self, *keys: str) -> dict[str, Any]:
+        """Object at a path of keys."""
+        found = self.at(*keys)
+        if not isinstance(found, dict):
+            raise self.wrong(".".join(keys), "expected an object")
+        return found
+
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
         try:
@@ -139,6 +157,45 @@ class ResultFile:
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
+
+
+def opened(path: str, spec: Spec | None) -> ResultFile:
+    """Read a result file, which must belong to the spec if one is given."""
+    file = ResultFile(path)
+    if spec is not None and spec.text != file.spec.text:
+        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    return file
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What a file claims, in words, and the conditions that were checked of it."""
+
+    claim: str
+    checks: tuple[Check, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the claim is proved."""
+        return all(check.holds for check in self.checks)
+
+
+def prove(path: str, spec: Spec | None = None) -> Proof:
+    """Prove the claim of a result file anew: its guarantee, or that there is no solution.
+
+    Raises
+    ------
+    UsageError
+        If the file claims nothing that can be proved, is malformed, or belongs to another spec.
+    """
+    file = opened(path, spec)
+    if file.at("status") == "infeasible":
+        claim, refutation = verify_absence(file)
+        return Proof(claim, refutation.checks)
+    _, certificate = verify(path, spec)
+    g = certificate.guarantee
+    claim = f"gamma {g.gamma:g}, {FAMILIES[g.family].meaning}; decay rate {g.alpha:g} 1/s"
+    return Proof(claim, tuple(certificate.conditions()))
 
 
 def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate]:
@@ -156,9 +213,7 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
     UsageError
         If the file is no certified result, is malformed, or belongs to another spec.
     """
-    file = ResultFile(path)
-    if spec is not None and spec.text != file.spec.text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    file = opened(path, spec)
     if file.at("status") != "certified":
         raise file.wrong("status", f"{file.at('status')!r} claims nothing; only a certified result can be verified")
     made = file.spec
@@ -169,11 +224,33 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
     kind = FAMILIES[made.observer.type]
     family = kind(plant, multiplier, made.H, file.number("guarantee", "alpha"), L1, L2_)
     certificate = read_certificate(file, family, ("guarantee",), ("certificate",))
-    if "reconstruction" in file.at("guarantee"):
+    if "reconstruction" in file.table("guarantee"):
         certificate = replace(certificate, reconstruction=read_reconstruction(file, family))
     if file.at("guarantee", "statement") != statement(made, certificate.guarantee):
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     return file, certificate
+
+
+def verify_absence(file: ResultFile) -> tuple[str, Refutation]:
+    """Prove anew that an infeasible result has no solution, and say what is proved.
+
+    Raises
+    ------
+    UsageError
+        If the file holds no dual certificate: its verdict is numerical or structural; or if it is malformed.
+    """
+    made, root = file.spec, ("diagnosis", "certificate")
+    if "certificate" not in file.table("diagnosis"):
+        raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
+    request, alpha = made.observer.printed(), file.number(*root, "alpha")
+    given = {"L1": None, "L2": request.L2} | dict(request.gains or {})
+    family = FAMILIES[request.type](made.augmented, made.multiplier, made.H, alpha, given["L1"], given["L2"])
+    if family.L2 is None:
+        raise file.wrong("diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free")
+    gamma = file.number(*root, "gamma") if "gamma" in file.table(*root) else None
+    refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
+    level = "" if gamma is None else f" and gamma = {approximate(gamma):g}"
+    return f"Theorem 1 has no solution at alpha = {approximate(alpha):g}{level}, nor at a larger alpha", refutation
 
 
 def read_certificate(
@@ -232,9 +309,7 @@ def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guar
     UsageError
         If the file is malformed, has no gains, or belongs to another spec.
     """
-    file = ResultFile(path)
-    if spec is not None and spec.text != file.spec.text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    file = opened(path, spec)
     if file.at("status") == "infeasible":
         raise file.wrong("status", "infeasible: this result has no gains")
     plant = file.spec.augmented

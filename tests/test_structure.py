@@ -14,7 +14,7 @@ from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.model.disturbance import augment, double_integrator, integrator, sinusoid, stack, unknown
 from obsdesign.model.pencil import System, invariant_zeros
 from obsdesign.model.plant import Plant
-from obsdesign.model.structure import condition1, decay_limit, linear, modes, undetectable
+from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, modes, stiff_modes, undetectable
 from obsdesign.nonlinearities.slope import slope
 
 NO_NONLINEARITY = np.zeros((0, 0))
@@ -290,3 +290,65 @@ def test_the_bearing_has_its_zero_at_minus_ten_with_and_without_the_disturbance_
         assert zeros.values == pytest.approx((-10,))
         assert zeros.left_invertible
         assert zeros.sentence == "invariant zeros -10"
+
+
+# slopes without a bound
+
+
+def test_for_steep_slopes_the_zero_dynamics_from_f_to_q_and_y_remain():
+    # (47) of Chakrabarty et al. (2016): e1 = 0 and q = 0 leave x3' = -x3
+    p = in_floats(
+        plant([[0, -1, 0], [0, -1, -1], [0, 1, -1]], [[1], [0], [0]], [[1, 0, 0]], [[0]], [[0], [1], [0]], [[1, -1, 0]])
+    )
+    (mode,) = stiff_modes(p, np.array([0]), np.array([0]))
+    assert (mode.eigenvalue, mode.along) == (-1, (("x3", 1),))
+    assert stiff_modes(augmented(BEARING, TWO_INTEGRATORS), np.array([0]), np.array([0])) == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_no_gain_moves_a_mode_that_remains_for_steep_slopes(seed):
+    rng = np.random.default_rng(seed)
+    n, ny = 5, int(rng.integers(1, 3))
+    p = in_floats(
+        plant(
+            rng.normal(size=(n, n)),
+            np.zeros((n, 1)),
+            np.zeros((ny, n)),
+            np.zeros((ny, 1)),
+            rng.normal(size=(n, 1)),
+            np.zeros((1, n)),
+        )
+    )
+    # y and q miss an eigenvector z of A
+    z = np.linalg.qr(rng.normal(size=(n, 1)))[0][:, 0]
+    seen = np.linalg.svd(z[None])[2][1:]
+    value = rng.normal()
+    A = p.A + np.outer(value * z - p.A @ z, z)
+    p = replace(p, A=A, Cq=rng.normal(size=(1, n - 1)) @ seen, C=rng.normal(size=(ny, n - 1)) @ seen)
+    found = [m.eigenvalue for m in stiff_modes(p, np.array([0]), np.array([0]))]
+    assert min(abs(e - value) for e in found) < 1e-6
+    K, L1, L2 = 1e7 * np.sign((p.Cq @ p.Bf).item() or 1.0), rng.normal(size=(n, ny)), rng.normal(size=(1, ny))
+    poles = np.linalg.eigvals(A + L1 @ p.C - K * p.Bf @ (p.Cq + L2 @ p.C))
+    assert min(abs(poles - value)) < 1e-5
+
+
+# any accuracy
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_without_d_the_ranks_of_lemma_4_are_those_of_exact_arithmetic(seed):
+    rng = np.random.default_rng(seed)
+    n, nw, ny = (int(k) for k in rng.integers((2, 1, 1), (5, 3, 4)))
+    A, B, C = (rng.integers(-2, 3, shape) for shape in ((n, n), (n, nw), (ny, n)))
+    p = in_floats(plant(A, B, C, np.zeros((ny, nw))))
+    rank, zeros, *_ = accuracy(p, None, unknown())
+
+    def exact(M):
+        return fmpq_mat(*M.shape, [int(e) for e in M.ravel()]).rank()
+
+    assert (rank.numbers["rank"], rank.numbers["needed"]) == (exact(C @ B), exact(B))
+    for real, imag in zeros.numbers["zeros"]:
+        pencil = System(*(M.astype(float) for M in (A, B, C)), np.zeros((ny, nw))).pencil(complex(real, imag))
+        assert np.linalg.svd(pencil, compute_uv=False).min() < 1e-6

@@ -18,16 +18,17 @@ from obsdesign.design.gain import doubles, norm, searchable, sized, small_gains,
 from obsdesign.design.reconstruct import reconstruct
 from obsdesign.design.zero import falling, unbounded
 from obsdesign.diagnosis import why_not
+from obsdesign.diagnosis.extent import largest_class
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
 from obsdesign.lmi.solve import Status
+from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
 from obsdesign.observers import FAMILIES, Incremental
 from obsdesign.observers.linf import Linf
 from obsdesign.observers.reconstruction import left_inverse
 from obsdesign.observers.request import Range
 from obsdesign.spec.model import Spec
-
 
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
@@ -93,13 +94,14 @@ class Designer:
             return None
         best = min(found, key=lambda solution: float(np.linalg.norm(solution.L1(float(gamma), outputs), 2)))
         made = self.proved(((family, None) for family in best.gains(float(gamma), outputs)), float(gamma))
+        if made.status != "certified":
+            return None
         size = float(np.linalg.norm(made.gains["L1"], 2))
         self.notes.append(
-            f"any gamma can be reached, at |L1| of the order of 1 / gamma^2: in closed form |L1| = {size:.4g} for gamma = "
-            f"{float(gamma):g}; with `bounds: {{L1: ..}}` smaller gains are searched"
+            f"any gamma can be reached, at |L1| of the order of 1 / gamma^2: in closed form |L1| = {size:.4g} "
+            f"for gamma = {float(gamma):g}; with `bounds: {{L1: ..}}` smaller gains are searched"
         )
-        limit = {"gamma": 0.0, "attained": False}
-        return replace(made, limit=limit, notes=tuple(self.notes)) if made.status == "certified" else None
+        return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
 
     # One alpha
 
@@ -284,4 +286,29 @@ class Designer:
         found = {name: value for name, value in found.items() if name not in limits}
         largest = self.decay.largest_below(alpha) if not found else None
         diagnosis = why_not(self.spec, replace(self.family, alpha=alpha), largest, found)
+        if not found and diagnosis["condition"] != "detectability":
+            diagnosis = self.with_class(alpha, diagnosis)
         return Design("infeasible", diagnosis=diagnosis, points=tuple(self.points), notes=tuple(self.notes), **limits)
+
+    def with_class(self, alpha: fmpq, diagnosis: dict[str, Any]) -> dict[str, Any]:
+        """Diagnosis with the largest class of one nonlinearity that is feasible at alpha, if one is to blame."""
+
+        def feasible(multiplier: Multiplier) -> bool:
+            return replace(self.decay, family=replace(self.family, multiplier=multiplier)).feasible(alpha)[0]
+
+        found = largest_class(self.spec, feasible)
+        if not found:
+            return diagnosis
+        largest = ", ".join(f"{name} {shown(value)}" for name, value in found["feasible"].items())
+        hint = f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}"
+        return {
+            **diagnosis,
+            "nonlinearity": found["nonlinearity"],
+            "feasible": {**diagnosis["feasible"], **found["feasible"]},
+            "suggestion": f"{diagnosis['suggestion']}; {hint}",
+        }
+
+
+def shown(value: Any) -> str:
+    """Number, or list of numbers, in few digits."""
+    return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"

@@ -11,6 +11,7 @@ import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array
+from obsdesign.model.disturbance import Generator
 from obsdesign.model.pencil import (
     TOLERANCE,
     System,
@@ -222,7 +223,7 @@ class Condition:
     numbers: dict[str, Any]
 
 
-def accuracy(plant: Plant, L2: Array | None) -> tuple[Condition, ...]:
+def accuracy(plant: Plant, L2: Array | None, model: Generator) -> tuple[Condition, ...]:
     """Conditions for any gamma > 0 to be possible: (25) of Theorem 2, Lemmas 4 and 5, of Corless and Chakrabarty.
 
     P B + Y D = C'F' with F D = 0 and F Df = 0 needs rank T C B N = rank B N, where the rows of T span the combinations
@@ -236,19 +237,22 @@ def accuracy(plant: Plant, L2: Array | None) -> tuple[Condition, ...]:
         The augmented plant: B, D act from v.
     L2
         The given gain, or None where it is free; (25b) is Dq + L2 D = 0.
+    model
+        The disturbance model, for which C B is C B Dm + D Cm Bm in the terms of the plant.
     """
     system = scaled(System(plant.A, plant.B, plant.C, plant.D)).system
     silent, hidden = split(np.hstack([plant.D, plant.Df]).T)[0], split(system.D)[0]
     seen = int(np.linalg.matrix_rank(silent.T @ system.C @ system.B @ hidden, tol=TOLERANCE))
     inputs = int(np.linalg.matrix_rank(system.B @ hidden, tol=TOLERANCE))
-    verdict = "as it must" if seen == inputs else f"and B has rank {inputs}: y shows some of v too late"
-    direct = (
-        "C B" if not (plant.D.any() or plant.Df.any()) else "C B, of the outputs that show neither v nor f at once,"
-    )
+    verdict = "as it must" if seen == inputs else f"and must have {inputs}: y shows some of v too late"
+    terms = [term for term, there in (("C B Dm", model.Dm.any()), ("D Cm Bm", model.Cm.any())) if there]
+    product = " + ".join(terms) if len(model.Am) else "C B"
+    if plant.D.any() or plant.Df.any():
+        product += ", for the outputs that show neither v nor f at once,"
     zeros = invariant_zeros(System(plant.A, plant.B, plant.C, plant.D))
     unstable = [z for z in zeros.values if z.real >= 0]
     return (
-        Condition("rank C B", seen == inputs, f"{direct} has rank {seen} {verdict}", {"rank": seen, "needed": inputs}),
+        Condition("rank C B", seen == inputs, f"{product} has rank {seen} {verdict}", {"rank": seen, "needed": inputs}),
         zeros_condition(zeros, unstable),
         *argument_condition(plant, L2),
     )

@@ -26,8 +26,8 @@ def proved(
 
     |what - w| <= c_w |w| + c_w' |w'| + c_x' |x'| + (c_w sqrt(V(e(s))) + c_w' sqrt(V(e'(s)))) exp(-alpha (t - s))
 
-    with the sup norms over the run, and V and alpha of the guarantee's `Reconstruction`. The last term is what is left of the transient, and vanishes; any s < t will
-    do, and the best one is taken.
+    with the sup norms over the run, and V and alpha of the guarantee's `Reconstruction`. The last term is what is left
+    of the transient, and vanishes; any s < t will do, and the best one is taken.
 
     Parameters
     ----------
