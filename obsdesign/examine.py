@@ -28,7 +28,7 @@ def examine(spec: Spec) -> dict[str, Any]:
     plant, multiplier = in_floats(spec.plant), in_floats(spec.multiplier)
     augmented = in_floats(spec.augmented)
     K = multiplier.member
-    alpha = spec.observer.alpha
+    alpha = spec.incremental.alpha
     lowest = float(alpha.low if isinstance(alpha, Range) else alpha)
     hidden = undetectable(augmented, K, lowest)
     limit = decay_limit(augmented, K)
@@ -60,8 +60,8 @@ def examine(spec: Spec) -> dict[str, Any]:
         )
     findings += [*steep(spec, alpha.low if isinstance(alpha, Range) else alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
-    if spec.observer.L2 is not None or spec.observer.gains:
-        L2 = in_floats(spec.observer.gains["L2"] if spec.observer.gains else spec.observer.L2)
+    if spec.incremental.L2 is not None or spec.incremental.gains:
+        L2 = in_floats(spec.incremental.gains["L2"] if spec.incremental.gains else spec.incremental.L2)
         loops["observer"] = augmented.Dqf + L2 @ augmented.Df
     for name, D in loops.items():
         verdict = well_posed(D, multiplier)
@@ -76,7 +76,7 @@ def examine(spec: Spec) -> dict[str, Any]:
 
 def steep(spec: Spec, alpha: fmpq) -> list[dict[str, Any]]:
     """What nonlinearities without an upper slope bound rule out."""
-    request = spec.observer
+    request = spec.incremental
     gain = request.gains["L2"] if request.gains else request.L2
     family = in_floats(FAMILIES[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
     answer = too_stiff(family) or failing_passivity(spec, family)
@@ -86,7 +86,7 @@ def steep(spec: Spec, alpha: fmpq) -> list[dict[str, Any]]:
 def attainable(spec: Spec) -> list[dict[str, Any]]:
     """What any gamma > 0 needs (Theorem 2, Lemma 5), slopes without a bound, and what the reconstruction of w needs."""
     augmented, B = in_floats(spec.augmented), in_floats(spec.plant.B)
-    request, found = spec.observer, []
+    request, found = spec.incremental, []
     gain = request.gains["L2"] if request.gains else request.L2
     if augmented.B.shape[1]:
         tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)

@@ -31,7 +31,7 @@ from obsdesign.observers import FAMILIES, Incremental
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.observers.linf import Linf
 from obsdesign.observers.reconstruction import SLOPE, levels, slopes
-from obsdesign.observers.request import Range
+from obsdesign.observers.request import Range, Request
 from obsdesign.spec import loads
 from obsdesign.spec.model import Spec
 
@@ -242,7 +242,8 @@ def verify_absence(file: ResultFile) -> tuple[str, Refutation]:
     made, root = file.spec, ("diagnosis", "certificate")
     if "certificate" not in file.table("diagnosis"):
         raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
-    request, alpha = made.observer.printed(), file.number(*root, "alpha")
+    request, alpha = made.incremental.printed(), file.number(*root, "alpha")
+    require_alpha(file, request, alpha, "diagnosis.certificate.alpha")
     given = {"L1": None, "L2": request.L2} | dict(request.gains or {})
     family = FAMILIES[request.type](made.augmented, made.multiplier, made.H, alpha, given["L1"], given["L2"])
     if family.L2 is None:
@@ -267,7 +268,7 @@ def read_certificate(
 def read_reconstruction(file: ResultFile, family: Incremental) -> Reconstructed:
     """Bound on |what - w|, with its levels and slopes checked."""
     root = ("certificate", "reconstruction")
-    if not file.spec.observer.reconstruct or not isinstance(family, Linf):
+    if not file.spec.incremental.reconstruct or not isinstance(family, Linf):
         raise file.wrong("guarantee.reconstruction", "the spec does not ask for it")
     proofs = {}
     for name, slope in slopes(family.multiplier).items() if family.plant.Bf.shape[1] else ():
@@ -286,19 +287,24 @@ def read_reconstruction(file: ResultFile, family: Incremental) -> Reconstructed:
 
 def require_request(file: ResultFile, L1: Array, L2_: Array) -> None:
     """Hold the claim against what the spec asks: the family, alpha, given gains, the statement."""
-    request = file.spec.observer.printed()
+    request = file.spec.incremental.printed()
     if file.at("observer", "type") != request.type:
         raise file.wrong("observer.type", f"the spec asks for {request.type}")
     alpha, gamma = file.number("guarantee", "alpha"), file.number("guarantee", "gamma")
-    low, high = (request.alpha.low, request.alpha.high) if isinstance(request.alpha, Range) else (request.alpha,) * 2
-    if not low <= alpha <= high:
-        raise file.wrong("guarantee.alpha", f"{approximate(alpha):g} is not what the spec asks for")
+    require_alpha(file, request, alpha, "guarantee.alpha")
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in (("L1", L1), ("L2", L2_)):
         if name in given and (given[name] != found).any():
             raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
     if not math.isfinite(approximate(gamma)):
         raise file.wrong("guarantee.gamma", "beyond the range of doubles")
+
+
+def require_alpha(file: ResultFile, request: Request, alpha: fmpq, key: str) -> None:
+    """Hold a decay rate against the number or the range that the spec asks for."""
+    low, high = (request.alpha.low, request.alpha.high) if isinstance(request.alpha, Range) else (request.alpha,) * 2
+    if not low <= alpha <= high:
+        raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for")
 
 
 def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | None]:

@@ -72,10 +72,10 @@ def files(folder="."):
     return sorted(p.name for p in Path(folder).iterdir())
 
 
-def assert_refused(outcome, *words, code=2):
-    """Exit code, nothing on standard output, one line a problem on standard error, no traceback."""
+def assert_refused(outcome, *words, code=2, quiet=True):
+    """Exit code, nothing on standard output (if quiet), one line a problem on standard error, no traceback."""
     assert outcome.exit_code == code, outcome.output
-    assert outcome.stdout == ""
+    assert outcome.stdout == "" or not quiet
     assert outcome.stderr.strip()
     assert "Traceback" not in outcome.stderr
     for word in words:
@@ -172,9 +172,36 @@ def test_an_infeasible_spec_is_answered_with_a_diagnosis_and_exit_code_3(bearing
     assert "(Cq + L2 C) Bf" in content["diagnosis"]["reason"]
     assert "certificate" not in content
     assert content["diagnosis"]["reason"] in outcome.stdout
-    assert_refused(run("verify", "rigid.gains.json"), "status", "infeasible")
+    proved = run("verify", "rigid.gains.json")
+    assert proved.exit_code == 0
+    assert proved.stdout.splitlines()[-1].startswith("proved: Theorem 1 has no solution at alpha = 0.71")
     assert_refused(run("simulate", "rigid.gains.json"))
     assert files() == ["rigid.gains.json", "rigid.yaml"]
+
+
+def test_a_verdict_of_infeasibility_is_believed_only_where_its_certificate_proves_it(bearing):
+    Path("rigid.yaml").write_text(bearing.read_text().replace("[[0, -110]]", "0"))
+    run("solve", "rigid.yaml")
+    content = json.loads(Path("rigid.gains.json").read_text())
+    certificate = content["diagnosis"]["certificate"]
+
+    def verified(changed):
+        diagnosis = content["diagnosis"] | {"certificate": certificate | changed}
+        Path("changed.json").write_text(json.dumps(content | {"diagnosis": diagnosis}))
+        return run("verify", "changed.json")
+
+    assert verified({}).exit_code == 0
+    name, rows = next((n, z) for n, z in certificate["multipliers"].items() if len(z) > 1)
+    other = [[f"{x}" if (i, j) != (0, 0) else "12345/7" for j, x in enumerate(row)] for i, row in enumerate(rows)]
+    assert_refused(
+        verified({"multipliers": certificate["multipliers"] | {name: other}}), "not proved", code=4, quiet=False
+    )
+    assert_refused(verified({"multipliers": {}}), "not proved", code=4, quiet=False)
+    assert_refused(verified({"alpha": "60"}), "not what the spec asks for")
+    assert_refused(verified({"multipliers": [1]}), "expected an object")
+    assert_refused(verified({"multipliers": {name: "no rows"}}), name)
+    Path("bare.json").write_text(json.dumps(content | {"diagnosis": {"reason": "because"}}))
+    assert_refused(run("verify", "bare.json"), "no certificate")
 
 
 def test_an_undetectable_mode_is_named_by_solve_and_check_alike():

@@ -193,7 +193,7 @@ FORMS = [
     wrong(HORIZON, f"  {'k' * 900}: 10", f"simulation.{'k' * 60}..", "unknown key"),
     wrong(DISTURBANCE, "disturbance: ''", "disturbance", "unknown disturbance an empty text"),
     wrong(TYPE, "  - type: {multiplier: 1}", "nonlinearities[0].type", "M is 1 x 1"),
-    wrong(HORIZON, HORIZON + "\n  sampling: periodic", "simulation.sampling", "not available"),
+    wrong(HORIZON, HORIZON + "\n  sampling: periodic", "simulation.sampling", "belongs to observer.type sporadic"),
     wrong(
         HORIZON,
         HORIZON + "\n  noise: {type: white, amplitude: 1, period: 1}",

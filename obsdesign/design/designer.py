@@ -54,7 +54,7 @@ class Designer:
 
     def __init__(self, spec: Spec, engine: Engine) -> None:
         self.spec, self.engine = spec, engine
-        self.request = spec.observer.printed()
+        self.request = spec.incremental.printed()
         alpha = self.request.alpha
         self.range = alpha if isinstance(alpha, Range) else None
         self.lowest: fmpq = alpha.low if isinstance(alpha, Range) else alpha

@@ -108,7 +108,7 @@ class Record:
     def estimates(self, w: Array) -> tuple[Array, Array]:
         """Return what and what - w, each (M, len(estimated))."""
         now, e = self.now, self.s[:, self.system.ns : self.system.end]
-        if self.spec.observer.reconstruct:
+        if self.spec.incremental.reconstruct:
             what = self.system.reconstructed(self.t, self.s, now)
             return what, what - w
         channels = list(self.estimated)
@@ -118,7 +118,7 @@ class Record:
     @property
     def estimated(self) -> tuple[int, ...]:
         """Channels of w that the observer estimates: those without a direct v, or all by reconstruction."""
-        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.observer.reconstruct)
+        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.incremental.reconstruct)
         return tuple(np.flatnonzero(~direct).tolist())
 
     @property

@@ -58,7 +58,7 @@ def checks(record: Record) -> dict[str, Any]:
             found["bounds"] = bounds(covered, record.guarantee)
         if record.left:
             found["bounds_omitted"] = f"the guarantee is local, and the run left its region at t = {until:.4g}"
-    if record.spec.observer.reconstruct:
+    if record.spec.incremental.reconstruct:
         found["reconstruction"] = accurate = reconstruction(record)
         if "bound" in accurate and "note" not in accurate:
             found["bounds"] += [entry(accurate["limsup"], accurate["bound"] + accurate["transient_left"])]

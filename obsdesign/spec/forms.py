@@ -90,6 +90,7 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
     hints: ClassVar[Mapping[str, str]] = {}  # what to say of other keys that have a meaning
+    tag: ClassVar[str] = "<mapping>"  # in unions
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.restriction import EVERYWHERE, Range
-from obsdesign.observers.request import Request
+from obsdesign.observers.request import Request, SporadicRequest
 
 Vector = npt.NDArray[np.float64]
 
@@ -53,6 +53,10 @@ class Simulation:
     noise: Noise | None
     seed: int
     points: int
+    sampling: str | Expression = "periodic"  # of measurements that arrive sporadically; or random, or a law of t
+    period: float | None = None  # s, of the periodic law; None: T2
+    dropout: float = 0.0  # share of these measurements that are lost
+    theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
 
 
 @dataclass(frozen=True)
@@ -76,10 +80,22 @@ class Spec:
     gy: tuple[Expression, ...]  # (ny,) of t and the inputs
     H: Array  # (nz, n + nm): z = H e
     H_names: tuple[str, ...]
-    observer: Request
+    observer: Request | SporadicRequest
     simulation: Simulation | None
     expect: Mapping[str, Any]
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+
+    @property
+    def incremental(self) -> Request:
+        """Request for an observer with the gains L1 and L2."""
+        assert isinstance(self.observer, Request)
+        return self.observer
+
+    @property
+    def sporadic(self) -> SporadicRequest:
+        """Request for an observer whose measurements arrive sporadically."""
+        assert isinstance(self.observer, SporadicRequest)
+        return self.observer
 
     @cached_property
     def augmented(self) -> Plant:

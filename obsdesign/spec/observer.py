@@ -19,16 +19,14 @@ MAX_POINTS = 10_000
 SEARCHED = ("max-alpha", "pareto")  # objectives that need a range of alpha
 
 
-def read_observer(reader: Reader, section: Observer | None, states: Axis, outputs: Axis, q: Axis) -> Request | None:
-    """Return the request; None if the structure of the section is wrong.
+def read_incremental(reader: Reader, section: Observer, states: Axis, outputs: Axis, q: Axis) -> Request:
+    """Return the request for an observer with the gains L1 and L2.
 
     Parameters
     ----------
     states, outputs, q
         Augmented states, measured outputs, and components of q, those of the disturbance model included.
     """
-    if section is None:
-        return None
     objective = "gamma" if isinstance(section.objective, Level) else section.objective
     gamma = None
     if isinstance(section.objective, Level):

@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign.errors import Problem
+from obsdesign.observers.request import Request, SporadicRequest
 from obsdesign.spec.document import Document, Loc, Number, described
 from obsdesign.spec.generator import read_disturbance
 from obsdesign.spec.model import Spec
 from obsdesign.spec.names import numbered, read_parameters
-from obsdesign.spec.observer import read_observer, require_reconstructible
+from obsdesign.spec.observer import read_incremental, require_reconstructible
 from obsdesign.spec.performance import read_performance
 from obsdesign.spec.plant import read_plant
-from obsdesign.spec.schema import File
+from obsdesign.spec.schema import File, SporadicObserver
+from obsdesign.spec.sporadic import read_sporadic, require_sporadic
 from obsdesign.spec.trial import read_simulation
 from obsdesign.spec.values import Axis, Reader, Size
 from obsdesign.spec.words import unknown
@@ -53,10 +55,17 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
     augmented = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
-    observer = read_observer(reader, file.observer, augmented, layout.outputs, q)
-    if observer and observer.reconstruct:
-        require_reconstructible(reader, observer, plant.plant, exogenous.generator)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v)
+    observer: Request | SporadicRequest | None = None
+    if isinstance(file.observer, SporadicObserver):
+        observer = read_sporadic(reader, file.observer, augmented, layout.outputs)
+        require_sporadic(reader, plant.plant, exogenous.generator)
+    elif file.observer:
+        observer = read_incremental(reader, file.observer, augmented, layout.outputs, q)
+        if observer.reconstruct:
+            require_reconstructible(reader, observer, plant.plant, exogenous.generator)
+    simulation = read_simulation(
+        reader, file.simulation, layout, exogenous.xm, exogenous.v, sporadic=isinstance(file.observer, SporadicObserver)
+    )
     expect = read_expectations(reader, file.expect or {})
     blocks = [block for block in (*plant.nonlinearities, *exogenous.nonlinearities) if block is not None]
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:

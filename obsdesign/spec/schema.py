@@ -7,7 +7,7 @@ which is what is left of a section whose structure is wrong.
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import ConfigDict, Field, Tag, ValidationError
+from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic import model_validator as validator
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
@@ -30,13 +30,18 @@ from obsdesign.spec.forms import (
 )
 from obsdesign.spec.words import unavailable
 
-FAMILIES = ("l2", "linf")
+INCREMENTAL = ("l2", "linf")
+SPORADIC = "sporadic"
+FAMILIES = (*INCREMENTAL, SPORADIC)
+INJECTIONS = ("dynamic", "predictor", "hold")
+RELAXATIONS = ("proposition-2", "proposition-3", "proposition-4", "proposition-5")
 LATER_FAMILIES = (
-    "lipschitz", "sporadic", "kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain",
+    "lipschitz", "kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain",
 )  # fmt: skip
-LATER_OBSERVER_KEYS = (
-    "relaxation", "decay", "weight", "T1", "T2", "delta", "injection",
-    "coordinates", "left_inverse", "estimator", "degree", "lambdas",
+LATER_OBSERVER_KEYS = ("weight", "coordinates", "left_inverse", "estimator", "degree", "lambdas")
+INCREMENTAL_KEYS = ("L2", "alpha", "objective", "slack", "bounds", "gains", "reconstruct")
+SPORADIC_KEYS = (
+    "T1", "T2", "decay", "injection", "relaxation", "delta", "objective", "slack", "bounds", "gains",
 )  # fmt: skip
 TYPES = ("monotone", *FUNCTIONS)
 FORMS = (
@@ -270,20 +275,23 @@ class Gains(Section):
     L2: Matrix | None = None
 
 
+Searched = Annotated[
+    Scalar | Annotated[Range, Tag("<mapping>")],
+    told_apart("a number, or a range {min: .., max: .., points: .., log: ..}"),
+]
+FamilyName = Annotated[str, OneOf("observer", FAMILIES, unavailable(LATER_FAMILIES, FAMILIES))]
+
+
 class Observer(Section):
-    """What is asked of the design."""
+    """What is asked of the design of an observer with the gains L1 and L2."""
 
-    hints = unavailable(LATER_OBSERVER_KEYS, ("L2", "alpha", "objective", "slack", "bounds", "gains", "reconstruct"))
+    hints = unavailable(LATER_OBSERVER_KEYS, INCREMENTAL_KEYS) | dict.fromkeys(
+        SPORADIC_KEYS, f"belongs to type {SPORADIC}; allowed here: type, {', '.join(INCREMENTAL_KEYS)}"
+    )
 
-    type: Annotated[str, OneOf("observer", FAMILIES, unavailable(LATER_FAMILIES, FAMILIES))]
+    type: FamilyName
     L2: Matrix | None = Field(None, description="nq x ny, rows follow q, the plant's blocks first; or `free`")
-    alpha: (
-        Annotated[
-            Scalar | Annotated[Range, Tag("<mapping>")],
-            told_apart("a number, or a range {min: .., max: .., points: .., log: ..}"),
-        ]
-        | None
-    ) = Field(None, description="decay rate")
+    alpha: Searched | None = Field(None, description="decay rate")
     objective: Annotated[
         Annotated[ObjectiveName, OneOf("objective", get_args(ObjectiveName)), Tag("<scalar>")]
         | Annotated[Level, Tag("<mapping>")],
@@ -304,7 +312,79 @@ class Observer(Section):
         return {"type": data["type"]} if other else data
 
 
+class SporadicBounds(Section):
+    """What a design may use at most."""
+
+    L: Entry | None = Field(None, description="spectral norm of the gain")
+    gamma: Entry | None = None
+
+
+class SporadicGains(Section):
+    """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
+
+    L: Matrix
+    H: Matrix | None = Field(None, description="ny x ny; default 0")
+
+
+InjectionName = Annotated[str, OneOf("injection", INJECTIONS)]
+RelaxationName = Annotated[str, OneOf("relaxation", RELAXATIONS)]
+SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
+
+
+class SporadicObserver(Section):
+    """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
+
+    tag = "<sporadic>"
+    hints = unavailable(LATER_OBSERVER_KEYS, SPORADIC_KEYS) | dict.fromkeys(
+        INCREMENTAL_KEYS, f"does not belong to type {SPORADIC}; allowed here: type, {', '.join(SPORADIC_KEYS)}"
+    )
+
+    type: FamilyName
+    T1: Entry = Field(description="s, shortest interval between measurements")
+    T2: Searched = Field(description="s, longest interval between measurements")
+    decay: Searched | None = Field(None, description="lambda_t, 1/s; default 0")
+    injection: (
+        Annotated[
+            Annotated[InjectionName, Tag("<scalar>")] | Annotated[list[InjectionName], Tag("<list>")],
+            told_apart(f"one of {', '.join(INJECTIONS)}, or a list of them"),
+        ]
+        | None
+    ) = Field(None, description="dynamic (H free, default), predictor (H = -C L) or hold (H = 0)")
+    relaxation: (
+        Annotated[
+            Annotated[RelaxationName, Tag("<scalar>")] | Annotated[list[RelaxationName], Tag("<list>")],
+            told_apart(f"one of {', '.join(RELAXATIONS)}, or a list of them"),
+        ]
+        | None
+    ) = Field(None, description="default: the tightest for the injection")
+    delta: Searched | None = Field(None, description="1/s, free exponent of the storage function")
+    objective: Annotated[SporadicObjective, OneOf("objective", get_args(SporadicObjective))] = "min-gamma"
+    slack: Entry | None = Field(None, description="relative, default 0.05")
+    bounds: SporadicBounds | None = None
+    gains: SporadicGains | None = None
+
+
+def family_of(section: Any) -> str:
+    """Tag of the model that an observer section follows."""
+    sporadic = isinstance(section, dict) and section.get("type") == SPORADIC
+    return SporadicObserver.tag if sporadic else Observer.tag
+
+
+AnyObserver = Annotated[
+    Annotated[Observer, Tag(Observer.tag)] | Annotated[SporadicObserver, Tag(SporadicObserver.tag)],
+    Discriminator(family_of),
+]
+
 NoiseName = Literal["uniform", "gaussian"]
+
+
+class Law(Section):
+    """A law of the sampling instants."""
+
+    law: Entry = Field(description="expression of t for the next interval")
+
+
+SamplingName = Literal["periodic", "random"]
 
 
 class Noise(Section):
@@ -312,13 +392,13 @@ class Noise(Section):
 
     type: Annotated[NoiseName, OneOf("noise", get_args(NoiseName))] = "uniform"
     amplitude: Vector = Field(description="half width or standard deviation, one number or one for each output")
-    period: Entry = Field(description="s")
+    period: Entry | None = Field(None, description="s; for type sporadic noise is drawn at each measurement")
 
 
 class Simulation(Section):
     """How to try the observer."""
 
-    hints = unavailable(("sampling", "events"), ())
+    hints = unavailable(("events",), ())
 
     horizon: Entry = Field(description="s")
     x0: Vector | None = Field(None, description="over x, or over the augmented state; default 0")
@@ -327,6 +407,17 @@ class Simulation(Section):
     v: Signals | None = Field(None, description="expressions of t: what drives the disturbance model")
     u: Signals | None = Field(None, description="known inputs: expressions of t and the states")
     noise: Noise | None = None
+    sampling: (
+        Annotated[
+            Annotated[SamplingName, OneOf("sampling", get_args(SamplingName)), Tag("<scalar>")]
+            | Annotated[Law, Tag("<mapping>")],
+            told_apart("periodic, random, or {law: an expression of t}"),
+        ]
+        | None
+    ) = Field(None, description="of the family sporadic: periodic (default, T2), random in [T1, T2], or a law")
+    period: Entry | None = Field(None, description="s, of periodic sampling; default T2")
+    dropout: Entry | None = Field(None, description="share of the measurements that are lost, in [0, 1)")
+    theta0: Vector | None = Field(None, description="correction before the first measurement; default 0")
     seed: Entry | None = None
     points: Entry | None = Field(None, description="samples kept, default 2000")
 
@@ -359,7 +450,7 @@ class File(Section):
         ]
         | None
     ) = "x"
-    observer: Observer | None
+    observer: AnyObserver | None
     simulation: Simulation | None = None
     expect: dict[str, Any] | None = Field({}, description="what this spec must give")
 

@@ -71,7 +71,7 @@ def place(details: ErrorDetails) -> Loc:
 def explained(document: Document, errors: list[tuple[Loc, ErrorDetails]]) -> Iterator[Problem]:
     """Structural errors at their places in plain words; a misspelt key is not missing as well."""
     misspelt = {
-        (*loc[:-1], nearest(str(loc[-1]), model_at(loc[:-1]).names()))
+        (*loc[:-1], nearest(str(loc[-1]), model_at(details["loc"][:-1]).names()))
         for loc, details in errors[:MAX_PROBLEMS]
         if details["type"] == "extra_forbidden"
     }
@@ -86,23 +86,27 @@ def explanation(document: Document, loc: Loc, details: ErrorDetails) -> Problem:
     if kind == "missing":
         return document.problem(loc, "is required")
     if kind == "extra_forbidden":
-        owner = model_at(loc[:-1])
+        owner = model_at(details["loc"][:-1])
         return document.problem(loc, unknown("key", loc[-1], owner.names(), owner.hints), at_key=True)
     if kind in {"word", "choice", "later"}:
         return document.problem(loc, details["msg"], at_key=kind == "later")
     expected = EXPECTED[kind].format(**details.get("ctx", {})) if kind in EXPECTED else details["msg"]
     if kind == "model_type":
-        expected = f"a mapping with the keys {', '.join(model_at(loc).names())}"
+        keys = ", ".join(model_at(details["loc"]).names())
+        expected = f"a mapping with the keys {keys}"
     return document.problem(loc, f"expected {expected}; found {described(value)}")
 
 
 def model_at(loc: Loc) -> type[Section]:
-    """Model of the mapping at `loc`; no union of the format has more than one that is a mapping."""
+    """Model of the mapping at `loc`, with the tags of unions, which tell models of one place apart."""
     model: type[Section] = File
+    found: list[type[Section]] = []
     for name in loc:
+        model = next((option for option in found if option.tag == name), model)
         for key, field in model.model_fields.items():
             if name == (field.alias or key):
-                model = next(models(field.annotation), model)
+                found = list(models(field.annotation))
+                model = next(iter(found), model)
                 break
     return model
 

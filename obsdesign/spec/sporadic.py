@@ -1,0 +1,161 @@
+"""The observer section of a spec for measurements that arrive sporadically."""
+
+from collections.abc import Mapping
+
+from flint import fmpq
+
+from obsdesign.lmi.formula import Array
+from obsdesign.model.disturbance import Generator
+from obsdesign.model.plant import Plant
+from obsdesign.observers.request import SLACK, Range, SporadicRequest
+from obsdesign.spec import schema
+from obsdesign.spec.document import Loc
+from obsdesign.spec.observer import read_range
+from obsdesign.spec.schema import SporadicGains, SporadicObserver
+from obsdesign.spec.values import Axis, Reader, Sign
+
+DELTA = Range(fmpq(1, 100), fmpq(1000), points=40, log=True)  # where the search looks if the spec does not say
+ADMITTED = {  # by each injection; the first is the tightest
+    "dynamic": ("proposition-2", "proposition-3", "proposition-4"),
+    "predictor": ("proposition-2",),
+    "hold": ("proposition-5",),
+}
+STEEP = ("proposition-3", "proposition-5")  # need delta > 2 decay
+ABOVE = fmpq(1001, 1000)  # where a range of delta is cut, times 2 decay
+SEARCHED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
+ABSENT = ("D", "Dq", "Dqf", "Df")
+
+
+def read_sporadic(reader: Reader, section: SporadicObserver, states: Axis, outputs: Axis) -> SporadicRequest:
+    """Return the request."""
+    loc: Loc = ("observer",)
+    T1 = reader.number(section.T1, (*loc, "T1"), "> 0")
+    T2 = read_searched(reader, section.T2, (*loc, "T2"), "> 0")
+    decay = read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
+    require_ordered(reader, T1, T2)
+    injections = listed(section.injection)
+    relaxations = listed(section.relaxation)
+    injections, relaxations = paired(reader, injections, relaxations)
+    require_ranges(reader, section, T2, decay)
+    return SporadicRequest(
+        type=section.type,
+        T1=T1,
+        T2=T2,
+        decay=decay,
+        delta=read_delta(reader, section, decay, relaxations),
+        injections=injections,
+        relaxations=relaxations,
+        objective=section.objective,
+        slack=SLACK if section.slack is None else reader.number(section.slack, (*loc, "slack"), ">= 0"),
+        largest_gain=read_bound(reader, section.bounds.L if section.bounds else None, "L"),
+        largest_gamma=read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
+        gains=read_gains(reader, section.gains, states, outputs),
+    )
+
+
+def read_searched(reader: Reader, written: str | schema.Range, loc: Loc, sign: Sign) -> fmpq | Range:
+    """Read a number, or the range in which it is searched."""
+    return read_range(reader, written, loc) if isinstance(written, schema.Range) else reader.number(written, loc, sign)
+
+
+def listed(written: str | list[str] | None) -> tuple[str, ...]:
+    """One word or several as a tuple."""
+    return () if written is None else (written,) if isinstance(written, str) else tuple(written)
+
+
+def ends(value: fmpq | Range) -> tuple[fmpq, fmpq]:
+    """Ends of a range; a number is a range of itself."""
+    return (value.low, value.high) if isinstance(value, Range) else (value, value)
+
+
+def require_ordered(reader: Reader, T1: fmpq, T2: fmpq | Range) -> None:
+    """Refuse T2 below T1."""
+    if ends(T2)[1] < T1 and reader.clean(("observer", "T1")) and reader.clean(("observer", "T2")):
+        largest = f"{float(ends(T2)[1]):g}"
+        reader.wrong(("observer", "T2"), f"{largest} is below T1 = {float(T1):g}; a longest interval is at least T1")
+
+
+def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, decay: fmpq | Range) -> None:
+    """Refuse a search without a range to search."""
+    found = {"T2": T2, "decay": decay}
+    key = SEARCHED.get(section.objective)
+    if key and not isinstance(found[key], Range):
+        reader.wrong(("observer", key), f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
+    if section.objective == "pareto" and not any(isinstance(value, Range) for value in found.values()):
+        reader.wrong(("observer", "objective"), "pareto needs a range of T2 or of decay")
+
+
+def paired(
+    reader: Reader, injections: tuple[str, ...], relaxations: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Injections and relaxations of which each belongs to one of the other."""
+    if not injections:
+        injections = tuple(
+            name for name in ("dynamic", "hold") if any(r in ADMITTED[name] for r in relaxations or ADMITTED["dynamic"])
+        )
+    admitted = {name for injection in injections for name in ADMITTED[injection]}
+    for name in relaxations:
+        if name not in admitted:
+            chosen = ", ".join(injections)
+            reader.wrong(("observer", "relaxation"), f"{name} is for another injection than {chosen}; {pairs()}")
+    for injection in injections:
+        if relaxations and not set(ADMITTED[injection]) & set(relaxations):
+            reader.wrong(
+                ("observer", "injection"), f"{injection} has none of the relaxations that are listed; {pairs()}"
+            )
+    return injections, relaxations
+
+
+def pairs() -> str:
+    """Which relaxations each injection takes, in words."""
+    return "; ".join(f"{injection} takes {', '.join(names)}" for injection, names in ADMITTED.items())
+
+
+def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, relaxations: tuple[str, ...]) -> Range:
+    """Where delta is searched, cut at 2 decay where a relaxation needs more than that."""
+    loc: Loc = ("observer", "delta")
+    if section.delta is None:
+        return DELTA
+    delta = read_searched(reader, section.delta, loc, "> 0")
+    low, high = ends(delta)
+    least = 2 * ends(decay)[0]
+    steep = [name for name in relaxations if name in STEEP] or (
+        ["proposition-5"] if "hold" in listed(section.injection) else []
+    )
+    if not steep or low > least or not reader.clean(loc):
+        return delta if isinstance(delta, Range) else Range(low, high, points=1)
+    if high <= least:
+        reader.wrong(loc, f"{steep[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
+        return DELTA
+    reader.notes.append(f"observer.delta is searched above 2 decay = {float(least):g} only, which {steep[0]} needs")
+    assert isinstance(delta, Range)
+    return Range(least * ABOVE, high, delta.points, delta.log)
+
+
+def read_bound(reader: Reader, written: str | None, key: str) -> fmpq | None:
+    """Largest gain or level."""
+    return None if written is None else reader.number(written, ("observer", "bounds", key), "> 0")
+
+
+def read_gains(
+    reader: Reader, section: SporadicGains | None, states: Axis, outputs: Axis
+) -> Mapping[str, Array] | None:
+    """Gains to be analyzed."""
+    if section is None:
+        return None
+    loc: Loc = ("observer", "gains")
+    return {
+        "L": reader.matrix(reader.entries(section.L, (*loc, "L")), states, outputs),
+        "H": reader.matrix(reader.entries(section.H, (*loc, "H")), outputs, outputs),
+    }
+
+
+def require_sporadic(reader: Reader, plant: Plant | None, generator: Generator | None) -> None:
+    """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
+    if generator is not None and len(generator.Am):
+        reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out")
+    for name in ABSENT if plant is not None else ():
+        if getattr(plant, name).any():
+            place: Loc = ("system", "D") if name == "D" else ("nonlinearities",)
+            instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
+            reader.wrong(place, f"{name} must be zero for type sporadic{instead}")
