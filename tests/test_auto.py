@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Interval, parse
 from obsdesign.nonlinearities import TEMPLATES
-from obsdesign.nonlinearities.automatic import AUTOMATIC, choose, outward, proved
-from obsdesign.nonlinearities.claims import claims
-from obsdesign.nonlinearities.continuity import continuous
-from obsdesign.nonlinearities.enclosure import enclosure, norm_bound, supremum
-from obsdesign.nonlinearities.restriction import Restriction
+from obsdesign.nonlinearities.evidence.automatic import AUTOMATIC, choose, outward, proved
+from obsdesign.nonlinearities.evidence.claims import claims
+from obsdesign.nonlinearities.evidence.continuity import continuous
+from obsdesign.nonlinearities.evidence.enclosure import enclosure, norm_bound, supremum
+from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 INF = np.inf
 NAMES = ("q", "q1", "q2", "q3", "t", "y1")

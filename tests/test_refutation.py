@@ -13,9 +13,9 @@ from obsdesign.expressions import Interval, parse
 from obsdesign.expressions.interval import point
 from obsdesign.lmi.formula import rational
 from obsdesign.nonlinearities import TEMPLATES
-from obsdesign.nonlinearities.claims import Hull, Quadratic, claims
-from obsdesign.nonlinearities.refutation import counterexample
-from obsdesign.nonlinearities.restriction import Restriction
+from obsdesign.nonlinearities.evidence.claims import Hull, Quadratic, claims
+from obsdesign.nonlinearities.evidence.refutation import counterexample
+from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.spec import loads
 
 NAMES = ("q", "q1", "q2", "t", "y1")

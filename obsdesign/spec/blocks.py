@@ -11,9 +11,9 @@ import numpy as np
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES, Multiplier
-from obsdesign.nonlinearities.automatic import AUTOMATIC, proved
-from obsdesign.nonlinearities.refutation import counterexample
-from obsdesign.nonlinearities.restriction import EVERYWHERE, Range, Restriction
+from obsdesign.nonlinearities.evidence.automatic import AUTOMATIC, proved
+from obsdesign.nonlinearities.evidence.refutation import counterexample
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range, Restriction
 from obsdesign.spec.document import Loc, dotted
 from obsdesign.spec.kinds import Kind, read_kind
 from obsdesign.spec.model import Nonlinearity

@@ -13,7 +13,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
-from obsdesign.nonlinearities.restriction import EVERYWHERE, Range
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
 from obsdesign.observers.request import Request, SporadicRequest
 
 Vector = npt.NDArray[np.float64]

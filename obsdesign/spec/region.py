@@ -5,7 +5,7 @@ from math import inf
 
 from obsdesign.expressions import Expression
 from obsdesign.expressions.interval import point
-from obsdesign.nonlinearities.restriction import Range
+from obsdesign.nonlinearities.evidence.restriction import Range
 from obsdesign.spec.document import Loc
 from obsdesign.spec.kinds import INFINITE
 from obsdesign.spec.names import arguments

@@ -15,8 +15,8 @@ import numpy as np
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, Interval
 from obsdesign.lmi.formula import Array
-from obsdesign.nonlinearities.continuity import continuous
-from obsdesign.nonlinearities.restriction import Range, Restriction
+from obsdesign.nonlinearities.evidence.continuity import continuous
+from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
 
 Boxes = Mapping[str, Interval]
 TOLERANCE = 1e-5  # relative, at which a bound is tight enough

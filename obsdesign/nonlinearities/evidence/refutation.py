@@ -16,9 +16,9 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.constant import ball
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.model.multiplier import Multiplier
-from obsdesign.nonlinearities.claims import Claim, claims
-from obsdesign.nonlinearities.restriction import Restriction
-from obsdesign.nonlinearities.search import Pairs, pairs
+from obsdesign.nonlinearities.evidence.claims import Claim, claims
+from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.nonlinearities.evidence.search import Pairs, pairs
 
 BITS = 256  # of the balls
 VISIBLE = 1e-9  # relative violation, below which sampling sees rounding errors only

@@ -7,8 +7,8 @@ import numpy as np
 
 from obsdesign.expressions import ExpressionError
 from obsdesign.lmi.formula import Array
-from obsdesign.nonlinearities.claims import Claim, Quadratic
-from obsdesign.nonlinearities.restriction import Range, Restriction
+from obsdesign.nonlinearities.evidence.claims import Claim, Quadratic
+from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
 
 COUNT = 1024  # points
 SLOWER = 6  # how many times fewer for a claim that takes longer to evaluate

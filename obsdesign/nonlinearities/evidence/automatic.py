@@ -13,7 +13,7 @@ from flint import fmpq
 from obsdesign.errors import UsageError
 from obsdesign.expressions.tree import Number
 from obsdesign.lmi.formula import Array, rational_number
-from obsdesign.nonlinearities.enclosure import (
+from obsdesign.nonlinearities.evidence.enclosure import (
     Enclosure,
     enclosure,
     negative,
@@ -22,7 +22,7 @@ from obsdesign.nonlinearities.enclosure import (
     shown,
     supremum_of,
 )
-from obsdesign.nonlinearities.restriction import Restriction
+from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 DIGITS = 12  # of a bound, rounded outward
 MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices
