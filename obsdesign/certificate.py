@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array, Values, approximate, rational
+from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
 from obsdesign.lmi.proof import Check, prove
 from obsdesign.model import loop
 from obsdesign.observers import FAMILIES, Incremental
 from obsdesign.observers.guarantee import Guarantee, Reconstruction
+from obsdesign.observers.incremental import SMALL
 from obsdesign.observers.linf import Linf
 from obsdesign.observers.reconstruction import Slope, constants, obstacle
 from obsdesign.spec.model import Spec
@@ -51,7 +52,9 @@ class Certificate:
         return Guarantee(gamma, alpha, mu1, mu2, P, self.family, bound)
 
 
-def certify(family: Incremental, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values) -> Certificate:
+def certify(
+    family: Incremental, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values, largest: fmpq | None = None
+) -> Certificate:
     """Check every condition of the claim exactly.
 
     Parameters
@@ -62,8 +65,13 @@ def certify(family: Incremental, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Valu
         The claim, such as |z|_2 <= gamma |v|_2 from zero error, and the numbers that prove it.
     values
         P and the multipliers, in rationals.
+    largest
+        Bound on the eigenvalues of P, if the spec has one.
     """
-    proved = prove(family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}))
+    bounded = (
+        [] if largest is None else [Inequality(SMALL, values["P"] - largest * identity(len(values["P"]), values["P"]))]
+    )
+    proved = prove([*family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}), *bounded])
     plant = family.plant
     room = family.room(gamma, mu1, mu2)
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)

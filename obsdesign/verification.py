@@ -223,7 +223,9 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
     require_request(file, L1, L2_)
     kind = FAMILIES[made.observer.type]
     family = kind(plant, multiplier, made.H, file.number("guarantee", "alpha"), L1, L2_)
-    certificate = read_certificate(file, family, ("guarantee",), ("certificate",))
+    request = made.incremental
+    largest = None if request.gains else request.bounds.P
+    certificate = read_certificate(file, family, ("guarantee",), ("certificate",), largest)
     if "reconstruction" in file.table("guarantee"):
         certificate = replace(certificate, reconstruction=read_reconstruction(file, family))
     if file.at("guarantee", "statement") != statement(made, certificate.guarantee):
@@ -255,14 +257,14 @@ def verify_absence(file: ResultFile) -> tuple[str, Refutation]:
 
 
 def read_certificate(
-    file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str]
+    file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str], largest: fmpq | None = None
 ) -> Certificate:
     """Certificate of a claim (gamma, mu1, mu2) by a witness (P, multipliers), checked."""
     n = family.plant.n
     values = {"P": file.matrix((n, n), *witness, "P")}
     values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
     gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
-    return certify(family, gamma, mu1, mu2, values)
+    return certify(family, gamma, mu1, mu2, values, largest)
 
 
 def read_reconstruction(file: ResultFile, family: Incremental) -> Reconstructed:

@@ -19,9 +19,17 @@ BACKOFFS = (1e-4, 1e-3, 1e-2, 1e-1)  # of the least gamma that given gains achie
 DIGITS = (12, 17)  # of the witness
 
 
-def claim(engine: Engine, family: Incremental, gamma: float, start: Values | None = None) -> Certificate | None:
-    """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds."""
-    problem = in_floats(family).witness(gamma)
+def claim(
+    engine: Engine, family: Incremental, gamma: float, start: Values | None = None, largest: fmpq | None = None
+) -> Certificate | None:
+    """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds.
+
+    Parameters
+    ----------
+    largest
+        Bound on the eigenvalues of P, if there is one.
+    """
+    problem = in_floats(family).witness(gamma, largest)
     wide = engine.widest(problem, start)
     if wide.objective <= MARGIN and start is not None:
         wide = engine.widest(problem)
@@ -37,7 +45,7 @@ def claim(engine: Engine, family: Incremental, gamma: float, start: Values | Non
         values = complete(
             lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
         )
-        certificate = certify(family, level, fmpq(1), mu, family.stated(values, mu))
+        certificate = certify(family, level, fmpq(1), mu, family.stated(values, mu), largest)
         if certificate.holds:
             break
     return certificate

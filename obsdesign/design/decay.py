@@ -9,9 +9,9 @@ from flint import fmpq
 
 from obsdesign.design.engine import Engine
 from obsdesign.design.gain import searchable
-from obsdesign.lmi.formula import Values, rational_number
+from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.reduce import between
-from obsdesign.lmi.solve import Status, reduction
+from obsdesign.lmi.solve import Answer, Status, reduction
 from obsdesign.observers import Incremental
 from obsdesign.observers.request import Bounds
 
@@ -20,6 +20,7 @@ EDGE = 1e-5  # relative, of the largest alpha
 GOLDEN = (math.sqrt(5) - 1) / 2
 NARROW = 1.01  # ratio of the ends between which the minimum of a curve is left
 DIGITS = 6  # of a searched alpha
+JUMP = 2.0  # ratio of gamma^2 at two points beyond which the scaling of one is not believed at the other
 
 Point = dict[str, Any]  # alpha, status and, where it is optimal, gamma
 
@@ -39,18 +40,21 @@ class Decay:
         """
         search, low, high = searchable(self.family), float(grid[0]), float(grid[-1])
         first, last = (reduction(replace(search, alpha=a).least_gamma(self.restricting)) for a in (low, high))
-        start: Values | None = None
+        start: Answer | None = None
         lost = False
         for i, alpha in enumerate(map(float, grid)):
             self.engine.report(0.7 * i / len(grid), f"alpha = {alpha:.4g}")
             point: Point = {"alpha": alpha, "status": str(Status.INFEASIBLE)}
             if not lost:
                 problem = replace(search, alpha=alpha).least_gamma(self.restricting)
-                answer = self.engine.minimise(problem, start, between(first, last, (alpha - low) / (high - low)))
+                reduced = between(first, last, (alpha - low) / (high - low))
+                answer = self.engine.minimise(problem, start.values if start else None, reduced)
+                if start and not near(start.objective, answer.objective):
+                    answer = self.engine.minimise(problem, reduced=reduced)
                 lost = answer.status is Status.INFEASIBLE
                 point["status"] = str(answer.status)
                 if answer.status is Status.OPTIMAL:
-                    start = answer.values
+                    start = answer
                     point["gamma"] = math.sqrt(max(answer.objective, 0.0))
             yield point
 
@@ -122,3 +126,8 @@ class Decay:
                 return self.largest(low, high)
             high = low
         return None
+
+
+def near(one: float, other: float) -> bool:
+    """Whether gamma^2 hardly changes between two points of a curve."""
+    return 0 < one <= JUMP * other and other <= JUMP * one

@@ -16,7 +16,7 @@ from obsdesign.design.decimals import round_down, round_up
 from obsdesign.design.engine import Engine
 from obsdesign.design.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.design.reconstruct import reconstruct
-from obsdesign.design.zero import falling, unbounded
+from obsdesign.design.zero import SHARE, cancelled, falling, unbounded
 from obsdesign.diagnosis import why_not
 from obsdesign.diagnosis.extent import largest_class
 from obsdesign.errors import UndecidedError, UsageError
@@ -64,6 +64,7 @@ class Designer:
         self.decay = Decay(engine, self.family, self.request.bounds)
         self.notes: list[str] = []
         self.points: list[Point] = []
+        self.cancelled: float | None = None  # level to certify where the limit is zero at a finite gain
 
     def outcome(self) -> Design:
         """Gates that need no solver, then the objective."""
@@ -98,7 +99,7 @@ class Designer:
             return None
         size = float(np.linalg.norm(made.gains["L1"], 2))
         self.notes.append(
-            f"any gamma can be reached, at |L1| of the order of 1 / gamma^2: in closed form |L1| = {size:.4g} "
+            f"any gamma can be reached, at |L1| of the order of 1 / gamma^2 at most: in closed form |L1| = {size:.4g} "
             f"for gamma = {float(gamma):g}; with `bounds: {{L1: ..}}` smaller gains are searched"
         )
         return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
@@ -128,8 +129,10 @@ class Designer:
         if answer.status is Status.INFEASIBLE:
             return {}, None
         table = falling(self.engine, search, answer)
-        if answer.status is Status.OPTIMAL or table:
-            gamma = 0.0 if table else math.sqrt(max(answer.objective, 0.0))
+        if not table:
+            self.cancelled = cancelled(self.engine, search, answer)
+        if answer.status is Status.OPTIMAL or table or self.cancelled:
+            gamma = 0.0 if table else self.level(answer.objective)
             limits: dict[str, Any] = {"limit": {"gamma": gamma, "attained": False}}
         elif self.request.objective in {"feasibility", "max-alpha"} or self.decay.restricting:
             gamma, limits = 0.0, {"limit": {"attained": False}}
@@ -145,9 +148,16 @@ class Designer:
         if bounded.status is Status.INFEASIBLE:
             return {"bounds": "no gain within the bounds satisfies the inequality", **limits}, None
         if bounded.status is not Status.OPTIMAL:
+            if table and self.request.bounds.L1 is None:
+                raise unbounded(alpha, table)
             raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.raw}")
-        gamma = math.sqrt(bounded.objective)
+        gamma = self.level(bounded.objective)
         return {**limits, "limit_bounded": {"gamma": gamma, "attained": True}}, gamma
+
+    def level(self, square: float) -> float:
+        """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
+        gamma = math.sqrt(max(square, 0.0))
+        return 0.0 if self.cancelled and gamma < SHARE * self.cancelled else gamma
 
     def target(self, search: Incremental, gamma: float) -> float:
         """Gamma to be certified, rounded down to 6 digits so that it stays within the slack of the limit.
@@ -161,6 +171,9 @@ class Designer:
             if bounds.gamma is not None:
                 return float(bounds.gamma)
             gamma = max(gamma, self.moderate(search))
+        if gamma == 0 and self.cancelled:
+            self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
+            return round_up(self.cancelled, 6)
         return max(round_down(gamma * (1 + float(self.request.slack)), 6), round_up(gamma, 6))
 
     def moderate(self, search: Incremental) -> float:
@@ -184,7 +197,7 @@ class Designer:
         """Return the first of some candidates that is proved to reach gamma; or else the last of them, uncertified."""
         made = Design("uncertified")
         for candidate, values in candidates:
-            certificate = claim(self.engine, candidate, gamma, values)
+            certificate = claim(self.engine, candidate, gamma, values, self.request.bounds.P)
             made = Design("uncertified", doubles(candidate), certificate)
             if certificate and certificate.holds:
                 return self.completed(candidate, replace(made, status="certified"))
@@ -199,6 +212,8 @@ class Designer:
         if isinstance(bound, str):
             self.notes.append(f"nothing is proved of |what - w|: {bound}; gamma is certified all the same")
             return made
+        if any(block.f is None for block in self.spec.nonlinearities):
+            self.notes.append("the bound on |what - w| takes f to depend on q only, since it is not given")
         return replace(made, certificate=replace(made.certificate, reconstruction=bound))
 
     # Many alphas

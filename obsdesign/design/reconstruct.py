@@ -12,13 +12,14 @@ from obsdesign.design.decimals import round_up
 from obsdesign.design.engine import Engine
 from obsdesign.lmi.formula import Problem, Unknown, in_floats, printed, rational_number
 from obsdesign.lmi.proof import rounded
-from obsdesign.lmi.solve import MARGIN, Status
+from obsdesign.lmi.solve import Status
 from obsdesign.observers.linf import Linf
 from obsdesign.observers.reconstruction import SLOPE, Slope, constants, levels, slopes
 from obsdesign.observers.request import Range
 from obsdesign.spec.model import Spec
 
 ROOM = 1e-6  # relative, above the least slope bound
+FLOOR = 5e-5  # .. and the least one that is tried: a bound of zero leaves no room to prove it
 ALPHAS = 12  # of the curve on which the best alpha of a level is found
 ROUNDING = 1e-12
 DIGITS_OF_CONSTANTS = 9
@@ -67,11 +68,9 @@ def slope_proof(engine: Engine, slope: Slope) -> SlopeProof | None:
     least = engine.minimise(Problem((*slope.unknowns, Unknown("square", (1, 1))), theorem, lambda v: v["square"]))
     if least.status is not Status.OPTIMAL:
         return None
-    bound = round_up(math.sqrt(max(least.objective, 0.0)) * (1 + ROOM), 9)
+    bound = round_up(max(math.sqrt(max(least.objective, 0.0)) * (1 + ROOM), FLOOR), 9)
     square = np.full((1, 1), bound**2)
     wide = engine.widest(Problem(slope.unknowns, lambda v: theorem({**v, "square": square})))
-    if wide.objective <= MARGIN:
-        return None
     exact = rational_number(repr(bound))
     for digits in DIGITS:
         proof = prove_slope(slope, exact, rounded(wide.values, digits))

@@ -15,6 +15,8 @@ from obsdesign.observers.request import Bounds
 
 TABLE = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # gains of the table that a limit of zero is answered with
 SUSPECT = 1e-3  # a gamma below this may be a limit of zero: the table decides
+ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
+SHARE = 1e-3  # .. and that is certified in its place
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 
 
@@ -30,6 +32,21 @@ def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[f
     fall = np.diff(np.log([gamma for _, gamma in rows[-4:]]))
     steady = len(fall) == STEADY and fall.max() < math.log(0.8) and fall[-1] < 0.9 * fall[0]
     return tuple(rows) if steady else ()
+
+
+def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | None:
+    """Level to certify where a finite gain cancels the disturbance, so that the limit is zero but for rounding.
+
+    Then gamma can be as small as one likes, and the level is a small share of that of the solution of widest margin.
+    """
+    least = max(limit.objective, 0.0)
+    if least > SUSPECT**2:
+        return None
+    wide = engine.widest(family.witness(None))
+    if wide.status is not Status.OPTIMAL:
+        return None
+    reference = math.sqrt(wide.values["mu"].item())
+    return SHARE * reference if math.sqrt(least) <= ROUNDED * reference else None
 
 
 def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:

@@ -44,6 +44,7 @@ EQUATIONS = (
     "qhat = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y), "
     "yhat = C xihat + Df f(t, y, qhat) + gy, e = xihat - xi, z = H e"
 )
+SMALL = "P <= p I"
 LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to the mean eigenvalue of P
 LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
 
@@ -180,7 +181,7 @@ class Incremental(ABC):
         def bounded(v: Values) -> list[Inequality]:
             rows = []
             if bounds and bounds.P is not None:
-                rows.append(Inequality("P <= p I", self.limited(v["P"], v["mu"], float(bounds.P))))
+                rows.append(Inequality(SMALL, self.limited(v["P"], v["mu"], float(bounds.P))))
             if bounds and bounds.L1 is not None:
                 rows += self.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
             return rows
@@ -195,11 +196,16 @@ class Incremental(ABC):
         injection = None if self.L1 is not None else self.injection
         return self.problem([Unknown("mu", (1, 1))], self.leveled, injection=injection)
 
-    def witness(self, gamma: float | None) -> Problem:
-        """The theorem for a gamma, or for some gamma, with nothing projected out."""
+    def witness(self, gamma: float | None, largest: Any = None) -> Problem:
+        """The theorem for a gamma, or for some gamma, with nothing projected out; and P <= p I for the largest p."""
         if gamma is None:
             return replace(self.feasible(), injection=None)
-        return self.problem([], lambda v: {**v, **self.normal(gamma**2 * ONE)})
+        mu = gamma**2 * ONE
+
+        def bounded(v: Values) -> list[Inequality]:
+            return [] if largest is None else [Inequality(SMALL, self.limited(v["P"], mu, float(largest)))]
+
+        return self.problem([], lambda v: {**v, **self.normal(mu)}, bounded)
 
     def leveled(self, v: Values) -> Values:
         """Complete unknowns by mu1 and mu2."""

@@ -1,0 +1,350 @@
+"""The L-infinity family: closed forms, its theorem in another modeling language, frozen slopes, searches over alpha."""
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flint import fmpq
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from obsdesign.certificate import certify
+from obsdesign.design import design
+from obsdesign.design.gain import searchable
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import in_floats, rational, rational_number
+from obsdesign.lmi.solve import Status, minimise
+from obsdesign.observers.linf import Linf
+from obsdesign.spec import loads
+
+CUBIC = """
+obsdesign: 1
+system: {A: [[0, -1, 0], [0, -1, -1], [0, 1, -1]], B: [1, 0, 0], C: [1, 0, 0]}
+nonlinearities: [{type: cubic, Bf: [0, 1, 0], Cq: [1, -1, 0]}]
+observer: {type: linf, %s}
+"""
+SCALAR = """
+obsdesign: 1
+system: {A: [[-%s]], B: [[1]], C: [[0]]}
+nonlinearities: [{type: {lipschitz: %s}, Bf: [[1]], Cq: [[1]]}]
+observer: {type: linf, %s}
+"""
+ARM = """
+obsdesign: 1
+system:
+  A: [[0, 1, 0], [-2, -1, 0.5], [0.3, 0, -1.5]]
+  B: [[0], [1], [0.4]]
+  C: [[1, 0, 0.2]]
+  D: [[%s]]
+nonlinearities:
+  - {type: {slope: [-0.4, 1.1]}, Bf: [0, 0.6, 0], Cq: [1, 0.2, 0], Dqf: [[%s]], Dq: [[%s]], Df: [[%s]]}
+disturbance: %s
+performance: all
+observer: {type: linf, L2: %s, alpha: %s, %s}
+"""
+
+
+def arm(L2="[[0.2]]", alpha="0.2", D=0, Dqf=0, Dq=0, Df=0, disturbance="unknown", **further):
+    rest = ", ".join(f"{key}: {value}" for key, value in further.items())
+    return loads(ARM % (D, Dqf, Dq, Df, disturbance, L2, alpha, rest))
+
+
+def family_of(spec, alpha=None):
+    """The problem of a spec in rationals, with L1 to be found."""
+    alpha = spec.observer.alpha if alpha is None else rational_number(repr(float(alpha)))
+    return Linf(spec.augmented, spec.multiplier, spec.H, alpha, None, spec.observer.L2)
+
+
+def least_gamma(family):
+    answer = minimise(searchable(family).least_gamma())
+    assert answer.status is Status.OPTIMAL, answer.raw
+    return math.sqrt(answer.objective)
+
+
+# The cubic example (47)
+
+
+@pytest.mark.parametrize("p", [10, 100, 1000])
+def test_with_a_bounded_storage_function_the_limit_of_the_cubic_example_is_its_inverse_root(p):
+    made = design(loads(CUBIC % f"L2: -1, alpha: 0.5, bounds: {{P: {p}}}"))
+    assert made.status == "certified"
+    assert made.limit["gamma"] == 0
+    assert made.limit_bounded["gamma"] == pytest.approx(p**-0.5, rel=1e-3)
+    assert made.certificate.guarantee.gamma <= 1.05 * made.limit_bounded["gamma"]
+
+
+def test_the_cubic_example_is_feasible_up_to_a_decay_of_one():
+    made = design(loads(CUBIC % "L2: -1, alpha: 1.05"))
+    assert made.status == "infeasible"
+    assert made.diagnosis["feasible"]["alpha"] == pytest.approx(1, rel=1e-4)
+    fastest = design(loads(CUBIC % "L2: -1, alpha: {min: 0.1, max: 5}, objective: max-alpha"))
+    assert fastest.status == "certified"
+    assert fastest.limit["alpha"] == pytest.approx(1, rel=1e-4)
+
+
+@pytest.mark.parametrize(("alpha", "L2"), [("1e-6", "0"), ("0.3", "0.5"), ("1", "0")])
+def test_the_cubic_example_has_no_solution_as_it_is_printed(alpha, L2):
+    made = design(loads(CUBIC % f"L2: {L2}, alpha: {alpha}"))
+    assert (made.status, made.gains, made.certificate) == ("infeasible", {}, None)
+
+
+@pytest.mark.parametrize("L2", [-0.9, -1.0182, -1.1])
+@pytest.mark.parametrize("alpha", [0.1, 0.8])
+def test_another_injection_limits_the_scale_of_the_cubic(L2, alpha):
+    """lambda = P22 <= 4 alpha (-L2 - alpha) / (1 + L2)^2, and gamma^2 >= 1 / P22 for H = I, which is attained."""
+    largest = 4 * alpha * (-L2 - alpha) / (1 + L2) ** 2
+    found = least_gamma(family_of(loads(CUBIC % f"L2: {L2}, alpha: {alpha}")))
+    assert found == pytest.approx(largest**-0.5, rel=1e-5)
+
+
+def test_the_injection_of_the_cubic_must_exceed_the_decay():
+    assert design(loads(CUBIC % "L2: -0.5, alpha: 0.49")).status == "certified"
+    assert design(loads(CUBIC % "L2: -0.5, alpha: 0.51")).status == "infeasible"
+
+
+def test_the_limit_of_zero_of_the_cubic_example_is_refused_with_a_table():
+    with pytest.raises(UsageError) as caught:
+        design(loads(CUBIC % "L2: -1, alpha: 0.5"))
+    rows = [str(p).split() for p in caught.value.problems[1:]]
+    assert [float(row[-1]) for row in rows] == pytest.approx([(2 * float(row[2])) ** -0.5 for row in rows], rel=0.05)
+
+
+# Scalar closed forms
+
+sizes = st.floats(0.1, 10).map(lambda x: round(x, 3))
+
+
+@given(a=sizes, share=st.floats(0.05, 0.95))
+@settings(deadline=None, max_examples=12)
+def test_the_least_gamma_of_a_scalar_error(a, share):
+    """e' = -a e - w: P = 4 alpha (a - alpha) at most."""
+    alpha = round(a * share, 6)
+    found = least_gamma(family_of(loads(SCALAR % (a, 0, f"alpha: {alpha}"))))
+    assert found == pytest.approx(1 / math.sqrt(4 * alpha * (a - alpha)), rel=1e-4)
+
+
+@pytest.mark.parametrize(("a", "k"), [(2, 0), (3, 1), (1, 0.9), (0.05, 0.01)])
+def test_the_best_decay_of_a_scalar_error_is_half_its_slowest_pole(a, k):
+    """Over alpha the limit is the true gain 1 / (a - k) of f = k q."""
+    made = design(loads(SCALAR % (a, k, "alpha: {min: 0.001, max: 10, log: true}")))
+    assert made.status == "certified"
+    assert made.limit["gamma"] == pytest.approx(1 / (a - k), rel=1e-4)
+    assert float(made.certificate.alpha) == pytest.approx((a - k) / 2, rel=0.02)
+    assert made.certificate.guarantee.gamma <= 1.05 / (a - k) * (1 + 1e-4)
+
+
+def test_given_gains_are_certified_at_the_least_gamma_that_they_achieve():
+    made = design(loads(SCALAR % (3, 1, "alpha: 0.7, gains: {L1: [[0]], L2: [[0]]}")))
+    assert made.status == "certified"
+    assert made.certificate.guarantee.gamma == pytest.approx(1 / math.sqrt(4 * 0.7 * 1.3), rel=1e-3)
+
+
+# Invariances
+
+
+def changed_plant(family, **matrices):
+    return replace(family, plant=replace(family.plant, **matrices))
+
+
+@pytest.mark.parametrize("T", [[[2, 1, 0], [0, 1, 0], [1, 0, 1]], [[100, 0, 0], [0, 0, 1], [0, 0.01, 0]]])
+def test_a_change_of_coordinates_leaves_the_least_gamma(T):
+    family = family_of(arm(D=0.3, Dq=0.1))
+    S, T, p = rational(np.linalg.inv(T).round(12)), rational(T), family.plant
+    moved = changed_plant(family, A=T @ p.A @ S, B=T @ p.B, Bf=T @ p.Bf, Cq=p.Cq @ S, C=p.C @ S)
+    assert least_gamma(replace(moved, H=family.H @ S)) == pytest.approx(least_gamma(family), rel=1e-4)
+
+
+@pytest.mark.parametrize("factor", [fmpq(1, 7), fmpq(30)])
+def test_the_least_gamma_scales_with_the_disturbance_and_the_output(factor):
+    family = family_of(arm(D=0.3, Dq=0.1))
+    p, gamma = family.plant, least_gamma(family)
+    louder = changed_plant(family, B=factor * p.B, D=factor * p.D, Dq=factor * p.Dq)
+    expected = pytest.approx(float(factor) * gamma, rel=1e-4)
+    assert least_gamma(louder) == expected
+    assert least_gamma(replace(family, H=factor * family.H)) == expected
+
+
+@pytest.mark.parametrize("factor", [fmpq(1, 10), fmpq(10)])
+def test_in_another_unit_of_time_alpha_scales_and_the_gain_of_suprema_stays(factor):
+    family = family_of(arm(D=0.3, Dq=0.1))
+    p = family.plant
+    faster = changed_plant(family, A=factor * p.A, B=factor * p.B, Bf=factor * p.Bf)
+    scaled = replace(faster, alpha=factor * family.alpha)
+    assert least_gamma(scaled) == pytest.approx(least_gamma(family), rel=1e-4)
+
+
+# Frozen slopes: a linear error system of the class, whose peak gain is the integral of |h|
+
+
+def error_system(plant, L1, L2, slope):
+    loop = slope / (1 - (plant.Dqf + L2 @ plant.Df).item() * slope)
+    F, G = plant.Bf + L1 @ plant.Df, plant.B + L1 @ plant.D
+    A = plant.A + L1 @ plant.C + loop * F @ (plant.Cq + L2 @ plant.C)
+    return A, -G - loop * F @ (plant.Dq + L2 @ plant.D)
+
+
+def peak_gains(A, B, H):
+    """Integral of |H_i exp(A t) B| for one input; a lower bound of the gain from sup|w| to sup|z|."""
+    poles = np.linalg.eigvals(A)
+    assert poles.real.max() < 0
+    step = 0.05 / abs(poles).max()
+    advance, x, total = expm(A * step), expm(A * step / 2) @ B, 0.0
+    for _ in range(min(int(12 / -poles.real.max() / step), 200_000)):
+        total = total + step * abs(H @ x)
+        x = advance @ x
+    return total
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        arm(bounds="{L1: 20}"),
+        arm(D=0.4, Dqf=0.2, Dq=0.1, Df=0.1, bounds="{L1: 20}"),
+        arm(alpha="{min: 0.05, max: 2, points: 8}", L2="free", Dq=0.1, Df=0.1, bounds="{L1: 20}"),
+        arm(disturbance="integrator", alpha="0.1", D=0.2, bounds="{L1: 40}"),
+        arm(disturbance="{sinusoid: {omega: 2}}", alpha="0.05", D=0.2, bounds="{L1: 200}"),
+        arm(objective="max-alpha", alpha="{min: 0.1, max: 0.5}", D=0.3),
+        arm(objective="pareto", alpha="{min: 0.1, max: 2, points: 6}", D=0.3, bounds="{L1: 20}"),
+        arm(objective="feasibility", D=0.3),
+        arm(objective="{gamma: 1.5}", D=0.3, bounds="{L1: 50}"),
+    ],
+    ids=["plain", "all terms", "free", "integrator", "sinusoid", "max-alpha", "pareto", "feasibility", "gamma"],
+)
+def test_every_frozen_slope_keeps_the_guarantee(spec):
+    made = design(spec)
+    assert made.status == "certified"
+    plant, H, proof = in_floats(spec.augmented), in_floats(spec.H), made.certificate.guarantee
+    ratios = []
+    for slope in (-0.4, 0, 0.35, 1.1):
+        A, B = error_system(plant, made.gains["L1"], made.gains["L2"], slope)
+        assert np.linalg.eigvals(A).real.max() <= -proof.alpha * (1 - 1e-9)
+        ratios.append(peak_gains(A, B, H).max() / proof.gamma)
+        assert np.linalg.norm(H @ np.linalg.solve(A, B)) <= proof.gamma
+    assert 0.01 < max(ratios) <= 1
+
+
+# Certificates, by a few lines of fractions
+
+
+def fractions(M):
+    return [[Fraction(str(x)) for x in row] for row in np.atleast_2d(M)]
+
+
+def product(*factors):
+    first, *rest = factors
+    for M in rest:
+        first = [
+            [sum(a * b for a, b in zip(row, column, strict=True)) for column in zip(*M, strict=True)] for row in first
+        ]
+    return first
+
+
+def transposed(M):
+    return [list(column) for column in zip(*M, strict=True)]
+
+
+def plus(A, B, factor=1):
+    return [[a + factor * b for a, b in zip(r, s, strict=True)] for r, s in zip(A, B, strict=True)]
+
+
+def nonnegative(M):
+    """Whether a symmetric matrix is positive semidefinite, by elimination."""
+    M = [row[:] for row in M]
+    for k, row in enumerate(M):
+        if row[k] < 0 or (row[k] == 0 and any(row[k + 1 :])):
+            return False
+        for i in range(k + 1, len(M)):
+            for j in range(k + 1, len(M)):
+                M[i][j] -= row[i] * row[j] / row[k] if row[k] else 0
+    return True
+
+
+def proved_by_fractions(spec, certificate, gains, slope=("-2/5", "11/10")):
+    """(13a) and (13b) in the primitive form: V' + 2 alpha V - 2 alpha mu1 |v|^2 plus the multiplier, in (e, f, v)."""
+    p = spec.augmented
+    A, B, C, D, Bf, Df, Cq, Dqf, Dq, H = (
+        fractions(M) for M in (p.A, p.B, p.C, p.D, p.Bf, p.Df, p.Cq, p.Dqf, p.Dq, spec.H)
+    )
+    L1, L2 = ([[Fraction(repr(x)) for x in row] for row in gains[name].tolist()] for name in ("L1", "L2"))
+    P, lam = fractions(certificate.P), Fraction(str(certificate.multipliers["lambda1"].item()))
+    alpha, mu1, mu2 = (Fraction(str(x)) for x in (certificate.alpha, certificate.mu1, certificate.mu2))
+    n, low, high = len(A), *map(Fraction, slope)
+    rate = [
+        a + f + [-b for b in v]
+        for a, f, v in zip(plus(A, product(L1, C)), plus(Bf, product(L1, Df)), plus(B, product(L1, D)), strict=True)
+    ]
+    q = [plus(Cq, product(L2, C))[0] + plus(Dqf, product(L2, Df))[0] + [-x for x in plus(Dq, product(L2, D))[0]]]
+    size = len(rate[0])
+    e = [[Fraction(i == j) for j in range(size)] for i in range(n)]
+    f, v = [[Fraction(j == n) for j in range(size)]], [[Fraction(j == n + 1) for j in range(size)]]
+    below, above = plus(f, q, -low), plus([[high * x for x in q[0]]], f, -1)
+    form = product(transposed(e), P, plus(rate, e, alpha))
+    form = plus(form, product(transposed(v), v), -alpha * mu1)
+    form = plus(form, product(transposed(below), above), lam)
+    form = plus(form, transposed(form))
+    smaller = plus([[mu2 * x for x in row] for row in P], product(transposed(H), H), -1)
+    gamma = Fraction(str(certificate.gamma))
+    negative = [[-x for x in row] for row in form]
+    return lam >= 0 and mu1 * mu2 <= gamma * gamma and nonnegative(negative) and nonnegative(smaller)
+
+
+@pytest.fixture(scope="module")
+def arm_made():
+    """A design with every term of the plant, certified."""
+    spec = arm(D=0.4, Dqf=0.2, Dq=0.1, Df=0.1, bounds="{L1: 20}")
+    return spec, design(spec)
+
+
+def test_a_certificate_is_proved_again_by_fractions(arm_made):
+    spec, made = arm_made
+    assert proved_by_fractions(spec, made.certificate, made.gains)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gamma": fmpq(1, 2)},
+        {"mu1": fmpq(1, 2)},
+        {"mu2": fmpq(9, 10)},
+        {"mu1": fmpq(0)},
+        {"mu1": fmpq(-1), "mu2": fmpq(-1)},
+        {"gamma": fmpq(-1)},
+        {"P": fmpq(-1)},
+        {"P": fmpq(2)},
+        {"P": fmpq(1, 2)},
+        {"lambda1": fmpq(-1)},
+        {"lambda1": fmpq(0)},
+        {"lambda1": fmpq(3)},
+        {"alpha": fmpq(10)},
+        {"alpha": fmpq(-1)},
+        {"L1": fmpq(3, 2)},
+    ],
+    ids=str,
+)
+def test_a_certificate_does_not_survive_a_change(arm_made, change):
+    spec, made = arm_made
+    proof, exact = made.certificate, {name: rational(np.vectorize(repr)(M)) for name, M in made.gains.items()}
+
+    def scaled(name, value):
+        return change.get(name, fmpq(1)) * value
+
+    family = replace(family_of(spec), alpha=scaled("alpha", proof.alpha), L1=scaled("L1", exact["L1"]), L2=exact["L2"])
+    values = {"P": scaled("P", proof.P), "lambda1": scaled("lambda1", proof.multipliers["lambda1"])}
+    assert not certify(family, *(scaled(k, getattr(proof, k)) for k in ("gamma", "mu1", "mu2")), values).holds
+    same = replace(family_of(spec), L1=exact["L1"], L2=exact["L2"])
+    values = {"P": proof.P, **proof.multipliers}
+    assert certify(same, proof.gamma, proof.mu1, proof.mu2, values).holds
+
+
+def test_levels_may_be_shared_otherwise_between_mu1_and_mu2(arm_made):
+    """P / s, mu1 s and mu2 s^-1 .. of the same claim: only the product of the levels counts."""
+    spec, made = arm_made
+    proof, s = made.certificate, fmpq(7, 3)
+    exact = {name: rational(np.vectorize(repr)(M)) for name, M in made.gains.items()}
+    family = replace(family_of(spec), **exact)
+    values = {"P": s * proof.P, "lambda1": s * proof.multipliers["lambda1"]}
+    assert certify(family, proof.gamma, s * proof.mu1, proof.mu2 / s, values).holds
+    assert not certify(family, proof.gamma, proof.mu1, proof.mu2 / s, values).holds

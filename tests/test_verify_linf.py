@@ -1,0 +1,366 @@
+"""What `verify` believes of L-infinity guarantees and of bounds on |what - w|: nothing that is not proved."""
+
+import copy
+import hashlib
+import json
+from fractions import Fraction
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from obsdesign.cli import app
+
+TANK = """
+obsdesign: 1
+name: Tank
+system: {A: [[-1, 0.3], [0.2, -2]], B: [[1], [0.5]], C: [[1, 0]], D: [[0.1]]}
+nonlinearities: [{f: sin(q), type: {slope: [-1, 1]}, Bf: [[0.3], [0.5]], Cq: [[0.3, 1]], Dqf: [[0.2]], Dq: [[0.1]]}]
+observer: {type: linf, reconstruct: w, alpha: 0.5, bounds: {L1: 20}}
+"""
+ROOT = ("certificate", "reconstruction")
+LEVELS = ("pinv(B) A e", "(Cq + L2 C) e", "pinv(B) e' from w'", "pinv(B) e' from d")
+SLOPES = ("slope of f", "variation of the slope")
+
+
+@pytest.fixture(scope="module")
+def genuine(tmp_path_factory):
+    """The text of a certified result with a reconstruction."""
+    folder = tmp_path_factory.mktemp("tank")
+    spec, gains = folder / "tank.yaml", folder / "tank.gains.json"
+    spec.write_text(TANK)
+    outcome = CliRunner().invoke(app, ["solve", str(spec), "-o", str(gains)])
+    assert outcome.exit_code == 0, outcome.output
+    return gains.read_text()
+
+
+@pytest.fixture
+def content(genuine):
+    """The same, to be forged."""
+    return json.loads(genuine)
+
+
+@pytest.fixture
+def outcome_of(tmp_path):
+    """Writes a file and verifies it."""
+
+    def outcome_of(forged):
+        path = tmp_path / "forged.json"
+        path.write_text(json.dumps(forged))
+        outcome = CliRunner().invoke(app, ["verify", str(path)])
+        assert outcome.exit_code in {0, 2, 4}, outcome.output
+        assert "Traceback" not in outcome.output
+        assert outcome.exit_code == 0 or str(path) in outcome.stderr
+        return outcome
+
+    return outcome_of
+
+
+def at(content, keys):
+    for key in keys:
+        content = content[key]
+    return content
+
+
+def put(content, keys, value):
+    """Replace the entry at a path of keys."""
+    at(content, keys[:-1])[keys[-1]] = value
+    return content
+
+
+def scaled(content, keys, factor):
+    """Multiply the number at a path of keys, or every entry of a matrix there."""
+
+    def times(x):
+        if isinstance(x, list):
+            return [times(y) for y in x]
+        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
+
+    return put(content, keys, times(at(content, keys)))
+
+
+def said(content, old, new):
+    """A content whose statement has one number replaced."""
+    statement = content["guarantee"]["statement"]
+    assert repr(old) in statement
+    content["guarantee"]["statement"] = statement.replace(repr(old), repr(new))
+    return content
+
+
+def with_spec(content, old, new):
+    """A content whose spec is changed, and whose hash says so."""
+    text = content["spec"]["text"]
+    assert text.count(old) == 1
+    content["spec"]["text"] = text.replace(old, new)
+    content["spec"]["sha256"] = hashlib.sha256(content["spec"]["text"].encode()).hexdigest()
+    return content
+
+
+def test_the_genuine_file_is_proved(content, outcome_of):
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 0
+    assert set(at(content, ROOT)["levels"]) == set(LEVELS)
+    assert set(at(content, ROOT)["slopes"]) == set(SLOPES)
+
+
+# The guarantee of the family
+
+
+@pytest.mark.parametrize(
+    ("key", "factor"),
+    [
+        ("mu1", "0.9"),
+        ("mu1", "1.1"),
+        ("mu1", "0"),
+        ("mu1", "-1"),
+        ("mu2", "0.9"),
+        ("mu2", "1.1"),
+        ("mu2", "-1"),
+        ("mu2", "0"),
+    ],
+)
+def test_levels_that_do_not_belong_to_gamma_prove_nothing(content, outcome_of, key, factor):
+    assert outcome_of(scaled(content, ("guarantee", key), factor)).exit_code == 4
+
+
+@pytest.mark.parametrize("factor", [0.99, 0, -1])
+def test_a_lower_gamma_is_not_proved_even_where_the_statement_says_it(content, outcome_of, factor):
+    gamma = content["guarantee"]["gamma"]
+    content["guarantee"]["gamma"] = gamma * factor
+    assert outcome_of(content).exit_code == 2
+    assert outcome_of(said(content, gamma, gamma * factor)).exit_code == 4
+
+
+@pytest.mark.parametrize("factor", ["-1", "2", "1/2", "0"])
+def test_a_forged_storage_function_proves_nothing(content, outcome_of, factor):
+    outcome = outcome_of(scaled(content, ("certificate", "P"), factor))
+    assert outcome.exit_code == 4
+    assert "NOT proved" in outcome.stdout
+
+
+def test_an_asymmetric_storage_function_proves_nothing(content, outcome_of):
+    assert outcome_of(scaled(content, ("certificate", "P", 0, 1), 1 + Fraction(1, 10**15))).exit_code == 4
+
+
+def test_the_same_storage_function_is_no_proof_for_the_other_family(content, outcome_of):
+    forged = with_spec(content, "type: linf, reconstruct: w", "type: l2")
+    assert outcome_of(forged).exit_code == 2  # observer.type
+    forged["observer"]["type"] = "l2"
+    assert outcome_of(forged).exit_code == 2  # a reconstruction
+    del forged["guarantee"]["reconstruction"]
+    assert outcome_of(forged).exit_code == 2  # the statement of another family
+
+
+# The bound on the reconstruction
+
+
+@pytest.mark.parametrize("key", ["w", "w_rate", "x_rate"])
+def test_a_smaller_constant_is_not_proved(content, outcome_of, key):
+    constant = content["guarantee"]["reconstruction"][key]
+    smaller = constant * (1 - 1e-6)
+    content["guarantee"]["reconstruction"][key] = smaller
+    assert outcome_of(content).exit_code == 2
+    outcome = outcome_of(said(content, constant, smaller))
+    assert outcome.exit_code == 4
+    assert "is large enough" in outcome.stderr
+
+
+@pytest.mark.parametrize("key", ["w", "w_rate", "x_rate"])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_a_constant_that_is_not_positive_is_not_proved(content, outcome_of, key, value):
+    content["guarantee"]["reconstruction"][key] = value
+    assert outcome_of(content).exit_code == 2
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize(
+    ("key", "factor"),
+    [
+        ("gamma", "0.999"),
+        ("gamma", "-1"),
+        ("mu1", "0.5"),
+        ("mu1", "2"),
+        ("mu2", "0.5"),
+        ("mu2", "2"),
+        ("alpha", "10"),
+        ("alpha", "-1"),
+        ("P", "-1"),
+        ("P", "1/2"),
+        ("P", "2"),
+    ],
+)
+def test_a_forged_level_proves_nothing(content, outcome_of, level, key, factor):
+    outcome = outcome_of(scaled(content, (*ROOT, "levels", level, key), factor))
+    assert outcome.exit_code == 4
+    assert level in outcome.stderr
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("factor", ["-1", "5"])
+def test_a_forged_multiplier_of_a_level_proves_nothing(content, outcome_of, level, factor):
+    assert outcome_of(scaled(content, (*ROOT, "levels", level, "multipliers", "lambda1"), factor)).exit_code == 4
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_an_asymmetric_storage_function_of_a_level_proves_nothing(content, outcome_of, level):
+    keys = (*ROOT, "levels", level, "P", 0, 1)
+    assert outcome_of(scaled(content, keys, 1 + Fraction(1, 10**15))).exit_code == 4
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_level_is_not_proved_by_that_of_another(content, outcome_of, level):
+    """Each has another output or another input; the level of w' serves for one whose output is smaller only."""
+    found = at(content, ROOT)["levels"]
+    caught = 0
+    for other in LEVELS:
+        forged = copy.deepcopy(content)
+        at(forged, ROOT)["levels"][level] = found[other]
+        code = outcome_of(forged).exit_code
+        assert code in {0, 4}
+        assert code == 0 or other != level
+        caught += code == 4
+    assert caught >= 1
+
+
+@pytest.mark.parametrize("slope", SLOPES)
+@pytest.mark.parametrize(("factor", "code"), [("0.99", 4), ("0", 4), ("-1", 4), ("1.5", 4)])
+def test_a_forged_bound_on_the_slope_proves_nothing(content, outcome_of, slope, factor, code):
+    """A larger one is proved, and the constants are too small for it."""
+    outcome = outcome_of(scaled(content, (*ROOT, "slopes", slope, "bound"), factor))
+    assert outcome.exit_code == code
+
+
+@pytest.mark.parametrize("slope", SLOPES)
+@pytest.mark.parametrize("factor", ["-1", "0", "2"])
+def test_a_forged_multiplier_of_a_slope_proves_nothing(content, outcome_of, slope, factor):
+    outcome = outcome_of(scaled(content, (*ROOT, "slopes", slope, "values", "lambda1"), factor))
+    assert outcome.exit_code == 4
+    assert slope in outcome.stderr
+
+
+def test_a_slope_that_leaves_the_loop_open_is_refused(content, outcome_of):
+    outcome = outcome_of(put(content, (*ROOT, "slopes", "slope of f", "bound"), 5.0))
+    assert outcome.exit_code == 2
+    assert "not below 1" in outcome.stderr
+
+
+@pytest.mark.parametrize("keys", [("levels", level) for level in LEVELS] + [("slopes", slope) for slope in SLOPES])
+def test_what_is_missing_is_named(content, outcome_of, keys):
+    del at(content, (*ROOT, keys[0]))[keys[1]]
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert keys[1] in outcome.stderr
+    assert "missing" in outcome.stderr
+
+
+@pytest.mark.parametrize("key", ["levels", "slopes"])
+def test_a_whole_part_that_is_missing_is_named(content, outcome_of, key):
+    del at(content, ROOT)[key]
+    assert outcome_of(content).exit_code == 2
+    del content["certificate"]["reconstruction"]
+    assert outcome_of(content).exit_code == 2
+
+
+def test_a_file_may_claim_less(content, outcome_of):
+    """Without the bound in claim and statement, what is left is proved."""
+    del content["guarantee"]["reconstruction"]
+    assert outcome_of(content).exit_code == 2
+    statement = content["guarantee"]["statement"]
+    content["guarantee"]["statement"] = statement.partition("; limsup |what - w|")[0]
+    assert outcome_of(content).exit_code == 0
+
+
+def test_a_larger_constant_is_proved(content, outcome_of):
+    constant = content["guarantee"]["reconstruction"]["w"]
+    content["guarantee"]["reconstruction"]["w"] = 2 * constant
+    assert outcome_of(said(content, constant, 2 * constant)).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (", reconstruct: w", "", "does not ask for it"),
+        ("f: sin(q)", "f: sin(q + t)", "depends on t"),
+        ("f: sin(q)", "f: sin(q)*cos(y1)", "depends on y1"),
+        ("Dqf: [[0.2]]", "Dqf: [[0.2]], gq: t", "known terms"),
+        ("Dqf: [[0.2]]", "Dqf: [[0.2]], Df: [[0.1]]", "Df = 0"),
+        ("Dqf: [[0.2]]", "Dqf: [[1.2]]", "not below 1"),
+        ("observer:", "disturbance: integrator\nobserver:", "spec.text"),
+        ("B: [[1], [0.5]]", "B: [[0], [0]]", "spec.text"),
+    ],
+)
+def test_a_spec_that_admits_no_such_bound_is_found_out(content, outcome_of, old, new, reason):
+    outcome = outcome_of(with_spec(content, old, new))
+    assert outcome.exit_code == 2
+    assert reason in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("slope: [-1, 1]", "slope: [-2, 2]"),
+        ("D: [[0.1]]", "D: [[0.2]]"),
+        ("Dq: [[0.1]]", "Dq: [[-3]]"),
+        ("Bf: [[0.3], [0.5]]", "Bf: [[30], [50]]"),
+        ("B: [[1], [0.5]]", "B: [[1], [5]]"),
+        ("[0.2, -2]]", "[0.2, -0.2]]"),
+    ],
+)
+def test_another_plant_is_not_proved_by_it(content, outcome_of, old, new):
+    forged = with_spec(content, old, new)
+    if "slope" in old:
+        forged = with_spec(forged, "f: sin(q), ", "")
+    assert outcome_of(forged).exit_code == 4
+
+
+# Anything in the place of anything
+
+NO_NUMBERS = ("1/0", "nan", "", None, True, [], {}, "1e999", [["0"]])
+
+
+def leaves(value, keys=()):
+    """Paths to the numbers of a part of a file."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from leaves(item, (*keys, key))
+    elif not isinstance(value, bool):
+        yield keys
+
+
+def test_what_is_no_number_is_refused_wherever_it_stands(content, outcome_of):
+    parts = (("guarantee", "reconstruction"), (*ROOT, "levels", LEVELS[3]), (*ROOT, "slopes", SLOPES[1]))
+    places = [(*part, *keys) for part in parts for keys in leaves(at(content, part)) if "checks" not in keys]
+    places = [keys for keys in places if keys[-1] != "kind"]
+    assert len(places) >= 14
+    for i, keys in enumerate(places):
+        forged = put(copy.deepcopy(content), keys, NO_NUMBERS[i % len(NO_NUMBERS)])
+        outcome = outcome_of(forged)
+        assert outcome.exit_code == 2, keys
+        assert len(outcome.stderr.splitlines()) == 1
+
+
+def test_the_checks_that_a_file_claims_are_not_believed(content, outcome_of):
+    forged = scaled(content, (*ROOT, "levels", LEVELS[0], "P"), -1)
+    assert all(check["holds"] for check in at(forged, ROOT)["levels"][LEVELS[0]]["checks"])
+    assert outcome_of(forged).exit_code == 4
+
+
+JSONS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-9, 9),
+    st.floats(-2, 2),
+    st.sampled_from(["1/0", "1/2", "x", "", [], {}, [[]]]),
+)
+
+
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_whatever_is_put_in_the_place_of_anything_is_answered(genuine, outcome_of, data):
+    content = json.loads(genuine)
+    keys = list(data.draw(st.sampled_from([ROOT, ("guarantee", "reconstruction"), ("guarantee",)])))
+    while isinstance(at(content, keys), dict | list) and at(content, keys) and data.draw(st.booleans()):
+        place = at(content, keys)
+        keys.append(data.draw(st.sampled_from(list(place) if isinstance(place, dict) else range(len(place)))))
+    outcome_of(put(content, keys, data.draw(JSONS)))
