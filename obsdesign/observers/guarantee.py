@@ -35,3 +35,25 @@ class Guarantee:
     P: Array  # (n, n), positive definite
     family: str = "l2"
     reconstruction: Reconstruction | None = None
+
+
+@dataclass(frozen=True)
+class SporadicGuarantee:
+    """What holds of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2.
+
+    With the error eps = z - zhat, theta~ = C eps - theta, and the time tau that is left to the next measurement,
+
+        V = eps' P1 eps + exp(delta tau) theta~' P2 theta~
+
+    satisfies V' <= -2 decay V - |yp|^2 + gamma^2 |w|^2 between measurements, and V+ <= V + exp(delta tau) eta' P2 eta
+    at each, where eta is its noise. This is Theorem 2 of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech on L2 state
+    estimation in the presence of sporadic measurements. T1 plays a part in the bound on the effect of noise only.
+    """
+
+    gamma: float
+    decay: float  # 1/s
+    delta: float  # 1/s
+    T1: float  # s
+    T2: float  # s
+    P1: Array  # (n, n), positive definite
+    P2: Array  # (ny, ny), positive definite

@@ -1,6 +1,19 @@
 """Figures of runs and of trade-off curves, as PNG."""
 
-from obsdesign.plot.run import run_figure
-from obsdesign.plot.tradeoff import tradeoff_figure
+from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.plot import run as continuous
+from obsdesign.plot.hybrid import hybrid_figure
+from obsdesign.plot.tradeoff import curves_figure, tradeoff_figure
+from obsdesign.simulate import HybridRun, Run
+from obsdesign.spec.model import Spec
 
-__all__ = ["run_figure", "tradeoff_figure"]
+__all__ = ["curves_figure", "run_figure", "tradeoff_figure"]
+
+
+def run_figure(spec: Spec, run: Run | HybridRun, guarantee: Guarantee | SporadicGuarantee | None) -> bytes:
+    """Draw a run of an observer; see `run.run_figure`, `hybrid.hybrid_figure`."""
+    if isinstance(run, HybridRun):
+        assert not isinstance(guarantee, Guarantee)
+        return hybrid_figure(spec, run, guarantee)
+    assert not isinstance(guarantee, SporadicGuarantee)
+    return continuous.run_figure(spec, run, guarantee)

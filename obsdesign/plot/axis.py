@@ -58,6 +58,7 @@ def symbol(key: str) -> str:
         "gamma": r"$\gamma$",
         "omega": r"$\omega$ [rad/s]",
         "T2": r"$T_2$ [s]",
+        "decay": r"decay rate $\lambda_t$ [1/s]",
     }
     return greek.get(key, plain(key))
 

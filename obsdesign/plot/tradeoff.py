@@ -1,6 +1,7 @@
 """The figure of a search."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.plot.axis import plain, spread_axis, symbol
@@ -37,6 +38,50 @@ def tradeoff_figure(
     """
     with style():
         return png(tradeoff_sheet(points, shipped, title, x, y))
+
+
+def curves_figure(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> bytes:
+    """Draw several trade-off curves, one for each injection and relaxation, with the certified points on them.
+
+    Parameters
+    ----------
+    curves
+        Mappings with `injection`, `relaxation` and `points`: the parameter, the limit of the other quantity (gamma, or
+        T2 against a decay), and `certified`, what the gains of the point are proved to achieve.
+    parameter, title
+        Key on the x axis, and the title.
+
+    Returns
+    -------
+    bytes
+        A PNG, the same for the same curves.
+    """
+    with style():
+        return png(curves_sheet(curves, parameter, title))
+
+
+def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> "Figure":
+    """Compose a figure of several curves: lines for the limits, dots for what is certified."""
+    figure = new_figure(6.8, 4.4)
+    axes = figure.add_subplot()
+    axes.set_title(plain(title), fontsize=11)
+    y = next(
+        (key for c in curves for p in c["points"] for key in ("gamma", "T2") if key in p and key != parameter), "gamma"
+    )
+    for curve, color in zip(curves, cycle(COLORS), strict=False):
+        name = f"{curve['injection']}, {curve['relaxation']}"
+        solved = [(p[parameter], p[y]) for p in curve["points"] if p.get(y) is not None]
+        if solved:
+            axes.plot(*zip(*solved, strict=True), color=color, label=name)
+        proved = [(p[parameter], p["certified"][y]) for p in curve["points"] if "certified" in p]
+        if proved:
+            axes.plot(*zip(*proved, strict=True), "o", color=color, markersize=4)
+    spread_axis(axes, "x", [p[parameter] for c in curves for p in c["points"]])
+    spread_axis(axes, "y", [p[y] for c in curves for p in c["points"] if p.get(y) is not None])
+    axes.set_xlabel(symbol(parameter))
+    axes.set_ylabel(f"{symbol(y)} (lines: limits, dots: certified gains)")
+    axes.legend()
+    return figure
 
 
 def tradeoff_sheet(

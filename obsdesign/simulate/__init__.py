@@ -1,6 +1,37 @@
 """Simulation of a plant with its observer."""
 
-from obsdesign.simulate.run import Run
-from obsdesign.simulate.simulation import simulate
+from collections.abc import Callable, Mapping
 
-__all__ = ["Run", "simulate"]
+from obsdesign.lmi.formula import Array
+from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.observers.request import Range, SporadicRequest
+from obsdesign.simulate import simulation
+from obsdesign.simulate.hybrid import HybridRun, Sampling, simulate_sporadic
+from obsdesign.simulate.run import Run
+from obsdesign.spec.model import Spec
+
+__all__ = ["HybridRun", "Run", "simulate"]
+
+
+def simulate(
+    spec: Spec,
+    gains: Mapping[str, Array],
+    guarantee: Guarantee | SporadicGuarantee | None,
+    progress: Callable[[float], None] | None = None,
+) -> Run | HybridRun:
+    """Simulate the plant of a spec with an observer of its family; see `simulation.simulate`, `simulate_sporadic`."""
+    if isinstance(spec.observer, SporadicRequest):
+        assert not isinstance(guarantee, Guarantee)
+        return simulate_sporadic(spec, gains, sampling(spec, spec.observer, guarantee), guarantee, progress)
+    assert not isinstance(guarantee, SporadicGuarantee)
+    return simulation.simulate(spec, gains, guarantee, progress)
+
+
+def sampling(spec: Spec, request: SporadicRequest, guarantee: SporadicGuarantee | None) -> Sampling:
+    """How measurements arrive: as the spec says, for the intervals of the guarantee or the least that are asked for."""
+    T2 = request.T2.low if isinstance(request.T2, Range) else request.T2
+    longest = guarantee.T2 if guarantee else float(max(T2, request.T1))
+    trial = spec.simulation
+    if trial is None:
+        return Sampling(float(request.T1), longest)
+    return Sampling(float(request.T1), longest, trial.sampling, trial.period, trial.dropout, trial.theta0)

@@ -1,0 +1,219 @@
+"""The figure of a run of an observer with sporadic measurements."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+from obsdesign.observers.guarantee import SporadicGuarantee
+from obsdesign.plot.axis import plain, time_axis, with_unit
+from obsdesign.plot.canvas import COLORS, new_figure, png, style
+from obsdesign.plot.panels import BOUND, DASHED, ESTIMATE, LEAN, OUTSIDE, TRUE, Comparison, Curve
+from obsdesign.plot.run import CURVES, ROW, SINGLE, shared
+from obsdesign.simulate.hybrid import HybridRun, Schedule
+from obsdesign.spec.model import Spec
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DOTS = 400  # instants that are marked by dots; more would be a bar
+NARROW = 130  # instants that are marked by dots on a curve; more are marked at the foot
+LOST = COLORS[3]
+
+
+def hybrid_figure(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> bytes:
+    """Draw states with their estimates at the measurements, w, theta, |x|_A against its bound, and the intervals.
+
+    Where a measurement is overdue, so that nothing is guaranteed any more, the panels are shaded.
+
+    Returns
+    -------
+    bytes
+        A PNG, the same for the same run.
+    """
+    with style():
+        return png(hybrid_sheet(spec, run, guarantee))
+
+
+def hybrid_sheet(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> "Figure":
+    """Compose a figure of a run: rows of states, of w and theta, and of the distance and the intervals."""
+    states = [Curve(name, run.z[:, i], run.zhat[:, i]) for i, name in enumerate(run.states)]
+    inputs = [Curve(name, run.w[:, i], None) for i, name in enumerate(run.exogenous)]
+    sections: tuple[list[Panel], ...] = (
+        [Sampled(panel, run) for panel in comparisons(spec, run.t, states, "states (dashed: estimates)")],
+        [*comparisons(spec, run.t, inputs, "unknown inputs"), *injections(run)],
+        [Distance(run, guarantee is not None), Intervals(run.schedule)],
+    )
+    rows = [row for section in sections for row in shared(section, ROW)]
+    title = heading(spec, run, guarantee)
+    figure = new_figure(10.5, 0.75 + 0.2 * max(0, title.count("\n") - 1) + 2.35 * len(rows))
+    figure.suptitle(title, fontsize=11)
+    grid = figure.add_gridspec(len(rows), 1)
+    for i, row in enumerate(rows):
+        columns = grid[i].subgridspec(1, len(row))
+        for j, panel in enumerate(row):
+            axes = figure.add_subplot(columns[j])
+            panel.draw(axes)
+            shade_unguaranteed(axes, run, guarantee)
+    return figure
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Panel of states and estimates, with the instants of the measurements marked on these."""
+
+    panel: Comparison
+    run: HybridRun
+
+    def draw(self, axes: "Axes") -> None:
+        """Draw a dot on each estimate where a measurement is received, a cross at the foot where one is lost."""
+        self.panel.draw(axes)
+        alone = len(self.panel.curves) == 1
+        received = self.run.schedule.received
+        at = received[received <= self.run.t[-1]]
+        if len(at) > NARROW:
+            foot = axes.get_xaxis_transform()
+            axes.plot(at, 0 * at, "|", color=ESTIMATE, markersize=5, markeredgewidth=0.4, transform=foot)
+            at = at[:0]
+        for curve, color in zip(self.panel.curves, COLORS, strict=False):
+            if curve.estimate is not None:
+                dots = np.interp(at, self.panel.t, curve.estimate)
+                axes.plot(at, dots, ".", color=ESTIMATE if alone else color, markersize=4)
+        mark_lost(axes, self.run.schedule)
+
+
+@dataclass(frozen=True)
+class Injection:
+    """Panel of theta, which jumps at the measurements."""
+
+    t: Array
+    curves: Sequence[tuple[str, Array]]
+
+    def draw(self, axes: "Axes") -> None:
+        """Draw with the jumps as they are."""
+        for (name, values), color in zip(self.curves, COLORS, strict=False):
+            axes.plot(self.t, values, color=color, linewidth=1.0, label=name)
+        time_axis(axes, self.t, log=False)
+        axes.set_ylabel(r"$\theta$ (held output error)")
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, **LEAN)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Panel of |x|_A, the length of (eps, C eps - theta), and what is proved of it."""
+
+    run: HybridRun
+    guaranteed: bool
+
+    def draw(self, axes: "Axes") -> None:
+        """Draw on a logarithmic axis, with the instants of the measurements as dots."""
+        steps = self.run.steps
+        floor = lowest(steps.distance)
+        if steps.distance_bound is not None and self.guaranteed:
+            known = steps.t < self.run.until
+            limit = np.maximum(steps.distance_bound[known], floor)
+            axes.plot(steps.t[known], limit, color=BOUND, linestyle=DASHED, label="proved bound")
+        axes.plot(steps.t, np.maximum(steps.distance, floor), color=TRUE, label=r"$|x|_\mathcal{A}$")
+        after = np.flatnonzero(np.diff(steps.j, prepend=0))
+        if len(after) <= DOTS:
+            at = np.maximum(steps.distance[after], floor)
+            axes.plot(steps.t[after], at, ".", color=TRUE, markersize=3.5)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=floor)
+        time_axis(axes, steps.t, log=False)
+        axes.set_ylabel(r"$|x|_\mathcal{A} = |(\varepsilon, C\varepsilon - \theta)|$")
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, **LEAN)
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Panel of the time from each measurement to the next, with T1 and T2."""
+
+    schedule: Schedule
+
+    def draw(self, axes: "Axes") -> None:
+        """Draw each interval where it ends."""
+        schedule = self.schedule
+        size = 3 if len(schedule.received) <= DOTS else 1
+        axes.plot(schedule.received, schedule.intervals, ".", color=TRUE, markersize=size, label="received")
+        for limit, name in ((schedule.T1, "$T_1$"), (schedule.T2, "$T_2$")):
+            axes.axhline(limit, color=BOUND, linewidth=0.8, linestyle=DASHED)
+            axes.annotate(
+                name, (1, limit), xycoords=("axes fraction", "data"), xytext=(3, -3), textcoords="offset points"
+            )
+        mark_lost(axes, schedule)
+        axes.set_ylim(0, 1.15 * max(float(schedule.intervals.max(initial=0.0)), schedule.T2))
+        time_axis(axes, np.array([0.0, schedule.horizon]), log=False)
+        axes.set_ylabel("interval before it [s]")
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, **LEAN)
+
+
+def lowest(distance: Array) -> float:
+    """Foot of a logarithmic axis, below where the distance begins, mostly is and ends, but not below rounding."""
+    peak = float(distance.max()) or 1.0
+    ends = [float(d) for d in (distance[0], np.median(distance), distance[-1]) if d > 0]
+    return 0.3 * max(min(ends, default=peak), 1e-16 * peak)
+
+
+Panel = Comparison | Sampled | Injection | Distance | Intervals
+
+
+def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str) -> Iterator[Comparison]:
+    """One panel a signal, or one for several where there are many."""
+    if len(curves) <= SINGLE:
+        yield from (Comparison(t, [curve], with_unit(spec, curve.name)) for curve in curves)
+    else:
+        yield from (Comparison(t, group, what) for group in shared(curves, CURVES // 2 + 1))
+
+
+def injections(run: HybridRun) -> Iterator[Injection]:
+    """Panels of theta, at the steps, which hold it before and after each jump."""
+    curves = [(f"theta_{name}", run.steps.theta[:, i]) for i, name in enumerate(run.outputs)]
+    for group in shared(curves, CURVES):
+        yield Injection(run.steps.t, group)
+
+
+def mark_lost(axes: "Axes", schedule: Schedule) -> None:
+    """Put a cross at the foot of a panel for each measurement that is lost."""
+    if 0 < len(schedule.lost) <= DOTS:
+        foot = [0.03] * len(schedule.lost)
+        axes.plot(
+            schedule.lost, foot, "x", color=LOST, markersize=4, transform=axes.get_xaxis_transform(), label="lost"
+        )
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, **LEAN)
+
+
+def shade_unguaranteed(axes: "Axes", run: HybridRun, guarantee: SporadicGuarantee | None) -> None:
+    """Shade the time in which nothing is guaranteed any more."""
+    if guarantee is not None and run.until < run.time:
+        axes.axvspan(run.until, run.time, color=OUTSIDE, linewidth=0, zorder=0)
+
+
+def heading(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> str:
+    """Name of the spec; how the run ended, what it achieved and what is proved; what is wrong with the sampling."""
+    summary = run.summary
+    ended = {"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
+    facts = [f"{ended} at t = {run.time:.4g} s"] if ended else []
+    facts += [rf"$\|y_p\|_2$ = {summary['z_norm2']:.4g}", rf"$\|w\|_2$ = {summary['v_norm2']:.4g}"]
+    facts.append(f"{summary['sampling']['received']} measurements")
+    if guarantee is None:
+        facts.append("no guarantee")
+    else:
+        facts += [rf"proved: $\gamma$ = {guarantee.gamma:.4g}, $\lambda$ = {guarantee.decay:.4g}", verdict(run)]
+    lines = [plain(spec.name), ",  ".join(facts)]
+    if guarantee is not None and summary["bounds_omitted"]:
+        lines.append(plain(summary["bounds_omitted"]))
+    return "\n".join(lines)
+
+
+def verdict(run: HybridRun) -> str:
+    """Whether the run keeps what is proved."""
+    checks = run.summary["bounds"]
+    broken = sum(not check["holds"] for check in checks)
+    if broken:
+        return f"{broken} of {len(checks)} bounds VIOLATED"
+    until = f" until t = {run.until:.4g}" if run.until < run.time else ""
+    return f"all {len(checks)} bounds hold{until}" if checks else "no bound applies"

@@ -1,0 +1,180 @@
+"""When measurements are sent and received, and whether they keep to the intervals of a guarantee."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, count, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from obsdesign.errors import UsageError
+from obsdesign.expressions import Expression
+from obsdesign.lmi.formula import Array
+from obsdesign.simulate.integrate import Vector
+
+MOST = 200_000  # measurements in a run
+ROUNDING = 1e-9  # of an interval
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How measurements reach the observer, and what it starts from.
+
+    The law is "periodic", "random" (uniform in [T1, T2]), or an expression of t: the time from a measurement sent at
+    t to the next, after a first one at T2. Where a law leaves [T1, T2], the run says from when on no guarantee holds.
+
+    Raises
+    ------
+    UsageError
+        If a number is out of its range, or the law is none of these.
+    """
+
+    T1: float  # s, shortest interval that is expected
+    T2: float  # s, longest
+    law: str | Expression = "periodic"
+    period: float | None = None  # s, of the periodic law; None: T2
+    dropout: float = 0.0  # share of the measurements that are lost on the way, at random
+    theta0: Vector | None = None  # (ny,), theta before the first measurement; None: zero
+
+    def __post_init__(self) -> None:
+        if not 0 < self.T1 <= self.T2 < np.inf:
+            raise UsageError(f"the intervals need 0 < T1 <= T2, not T1 = {self.T1:g}, T2 = {self.T2:g}")
+        if self.period is not None and not 0 < self.period < np.inf:
+            raise UsageError(f"simulation.period: {self.period:g}; it must be positive")
+        if not 0 <= self.dropout < 1:
+            raise UsageError(f"simulation.dropout: {self.dropout:g}; a share in [0, 1) of the measurements can be lost")
+        if isinstance(self.law, str) and self.law not in {"periodic", "random"}:
+            raise UsageError(
+                f"simulation.sampling: {self.law!r}; give periodic, random, or a law as an expression of t"
+            )
+        if isinstance(self.law, Expression) and (others := sorted(self.law.names - {"t"})):
+            raise UsageError(f"simulation.sampling: the law contains {', '.join(others)}; it may depend on t only")
+
+
+class Stretch(NamedTuple):
+    """An interval in which everything is smooth, and whether a measurement begins it."""
+
+    start: float
+    stop: float
+    measured: bool
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Instants at which measurements are received and lost in one run; the observer starts at t = 0."""
+
+    received: Vector  # (K,), increasing
+    lost: Vector  # (M,)
+    T1: float  # s, limits of the intervals for which the guarantee holds
+    T2: float
+    horizon: float
+
+    @property
+    def intervals(self) -> Vector:
+        """Time from each measurement to the next, (K,); the first begins at t = 0."""
+        return np.diff(self.received, prepend=0.0)
+
+    @property
+    def short(self) -> Array:
+        """Which intervals are below T1, (K,); the first one may be."""
+        below = self.intervals < self.T1 * (1 - ROUNDING)
+        below[:1] = False
+        return below
+
+    @property
+    def late(self) -> Array:
+        """Which intervals exceed T2, (K + 1,); the last one ends with the run."""
+        ends = np.append(self.received, self.horizon)
+        return np.asarray(np.diff(ends, prepend=0.0) > self.T2 * (1 + ROUNDING))
+
+    @property
+    def until(self) -> float:
+        """Time from which on no guarantee holds, since a measurement is overdue; infinite if none ever is."""
+        late = np.flatnonzero(self.late)
+        return float(np.append(0.0, self.received)[late[0]] + self.T2) if len(late) else np.inf
+
+    @property
+    def crowded(self) -> float:
+        """Time of the first measurement that follows another too soon; infinite if none does."""
+        short = np.flatnonzero(self.short)
+        return float(self.received[short[0]]) if len(short) else np.inf
+
+    def timer(self, t: Array, j: Array) -> Array:
+        """Time tau that is left to the next measurement, or to the one that T2 demands, after j are received."""
+        last, following = np.append(0.0, self.received)[j], np.append(self.received, np.inf)[j]
+        return np.asarray(np.maximum(np.minimum(following, last + self.T2) - t, 0.0))
+
+    def stretches(self, breaks: Sequence[tuple[float, float]]) -> list[Stretch]:
+        """Stretches between measurements and breaks, which are pairs (last double before, first after)."""
+        measurements = [(t, t, True) for t in self.received.tolist()]
+        edges = sorted([*((before, after, False) for before, after in breaks), *measurements])
+        bounds = [(0.0, 0.0, False), *edges, (self.horizon, self.horizon, False)]
+        return [Stretch(start, max(start, stop), met) for (_, start, met), (stop, _, _) in pairwise(bounds)]
+
+    def report(self) -> dict[str, Any]:
+        """Numbers and intervals of the measurements, and from when on a guarantee is void."""
+        outside = int(self.short.sum() + self.late.sum())
+        found: dict[str, Any] = {
+            "received": len(self.received),
+            "lost": len(self.lost),
+            "shortest": float(self.intervals[1:].min()) if len(self.received) > 1 else None,
+            "longest": float(self.intervals.max()) if len(self.received) else None,
+            "jitter": (self.T2 - self.T1) / self.T1,
+            "outside": outside,
+        }
+        if outside:
+            found["note"] = self.note()
+        return found
+
+    def note(self) -> str:
+        """What the intervals outside [T1, T2] mean."""
+        if np.isfinite(self.until):
+            what = f"a measurement is overdue at t = {self.until:.6g}, nothing is guaranteed from then on"
+        else:
+            what = f"some are too short from t = {self.crowded:.6g} on, which voids the bound on the effect of noise"
+        return f"intervals leave [{self.T1:g}, {self.T2:g}]: {what}"
+
+
+def schedule(sampling: Sampling, horizon: float, intervals: np.random.Generator, loss: np.random.Generator) -> Schedule:
+    """Measurements of a run over [0, horizon).
+
+    Raises
+    ------
+    UsageError
+        If the law gives an interval that is not positive, or more than 200,000 measurements.
+    """
+    sent: list[float] = []
+    for t in instants(sampling, intervals):
+        if t >= horizon:
+            break
+        if len(sent) == MOST:
+            raise UsageError(f"simulation.sampling: more than {MOST:,} measurements in the horizon")
+        sent.append(t)
+    times = np.array(sent)
+    lost = loss.uniform(size=len(times)) < sampling.dropout
+    return Schedule(times[~lost], times[lost], sampling.T1, sampling.T2, horizon)
+
+
+def instants(sampling: Sampling, generator: np.random.Generator) -> Iterator[float]:
+    """Instants at which measurements are sent, without end."""
+    law, T1, T2 = sampling.law, sampling.T1, sampling.T2
+    if isinstance(law, Expression):
+        yield from following(law, T2)
+    elif law == "periodic":
+        yield from ((sampling.period or T2) * k for k in count(1))
+    else:
+        yield from accumulate(generator.uniform(T1, T2) for _ in count())
+
+
+def following(law: Expression, t: float) -> Iterator[float]:
+    """Instants that follow each other by a law of time, from the first on."""
+    interval = law.scalar(["t"])
+    while True:
+        yield t
+        wait = interval(t)
+        if not 0 < wait < np.inf:
+            raise UsageError(
+                f"simulation.sampling: the law gives {wait:g} at t = {t:.6g}; the time to the next measurement must be "
+                "positive"
+            )
+        t += wait

@@ -1,0 +1,158 @@
+"""The figure of a run with sporadic measurements: panels, marks, bounds, and what is shaded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from obsdesign.observers.guarantee import SporadicGuarantee
+from obsdesign.plot.hybrid import hybrid_figure, hybrid_sheet, lowest
+from obsdesign.simulate.hybrid import Sampling, simulate_sporadic
+from obsdesign.spec import loads
+
+SPEC = """
+obsdesign: 1
+name: Cost $5
+observer: {type: l2, L2: 0, alpha: 0.1}
+system: {A: [[0, 1], [-4, 0]], B: [[1], [0]], C: [[1, 0]], states: [angle, speed], units: {angle: rad}}
+simulation: {horizon: 8, x0: [1, 1], w: ["where(t < 2, 1, 0)"], points: 200}
+"""
+GAINS = {"L": np.array([[2.067], [-3]]), "H": np.array([[-1.384]])}
+GUARANTEE = SporadicGuarantee(
+    gamma=36.0,
+    decay=0.05,
+    delta=2.995,
+    T1=0.205,
+    T2=0.41,
+    P1=np.array([[10.1234, -13.8493], [-13.8493, 20.6754]]),
+    P2=np.array([[49.1878]]),
+)
+
+
+def sheet(sampling, guarantee=GUARANTEE, horizon=8.0):
+    """Spec, run and figure."""
+    spec = loads(SPEC)
+    spec = replace(spec, simulation=replace(spec.simulation, horizon=horizon))
+    run = simulate_sporadic(spec, GAINS, sampling, guarantee)
+    return spec, run, hybrid_sheet(spec, run, guarantee)
+
+
+def lines(axes):
+    """Lines of a panel by label."""
+    return {line.get_label(): line for line in axes.get_lines()}
+
+
+def marks(axes, marker):
+    """Lines of a panel that are drawn with a marker."""
+    return [line for line in axes.get_lines() if line.get_marker() == marker]
+
+
+def test_every_panel_says_what_it_shows():
+    _, run, figure = sheet(Sampling(0.205, 0.41))
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels[:3] == ["angle [rad]", "speed", "w1"]
+    assert "theta" in labels[3]
+    assert "mathcal{A}" in labels[4]
+    assert "interval" in labels[5]
+    assert len(labels) == 6
+    assert all(axes.get_legend() is not None and axes.get_xlabel() == "t [s]" for axes in figure.axes)
+    title = figure.get_suptitle()
+    assert title.startswith("Cost \\$5")
+    assert f"{len(run.schedule.received)} measurements" in title
+    assert "all 4 bounds hold" in title
+
+
+def test_a_figure_is_a_png_that_is_the_same_every_time():
+    spec, run, _ = sheet(Sampling(0.205, 0.41))
+    first = hybrid_figure(spec, run, GUARANTEE)
+    assert first[:8] == b"\x89PNG\r\n\x1a\n"
+    assert b"Software" not in first
+    assert hybrid_figure(spec, run, GUARANTEE) == first
+
+
+def test_the_estimate_is_marked_where_a_measurement_is_received():
+    _, run, figure = sheet(Sampling(0.205, 0.41, "random"))
+    for i, axes in enumerate(figure.axes[:2]):
+        (dots,) = marks(axes, ".")
+        assert (dots.get_xdata() == run.schedule.received).all()
+        assert dots.get_ydata() == pytest.approx(np.interp(run.schedule.received, run.t, run.zhat[:, i]))
+
+
+def test_very_many_measurements_are_marked_at_the_foot():
+    _, run, figure = sheet(Sampling(0.02, 0.04))
+    assert len(run.schedule.received) == 199
+    (foot,) = marks(figure.axes[0], "|")
+    assert (foot.get_xdata() == run.schedule.received).all()
+    assert foot.get_transform() == figure.axes[0].get_xaxis_transform()
+
+
+def test_the_distance_lies_below_its_bound_on_a_logarithmic_axis():
+    _, run, figure = sheet(Sampling(0.205, 0.41))
+    axes = figure.axes[4]
+    drawn = lines(axes)
+    bound, distance = drawn["proved bound"], drawn["$|x|_\\mathcal{A}$"]
+    assert axes.get_yscale() == "log"
+    assert bound.get_linestyle() == "--"
+    assert (distance.get_ydata() == run.steps.distance).all()
+    assert (distance.get_ydata() <= bound.get_ydata()).all()
+
+
+def test_theta_is_drawn_with_its_jumps():
+    _, run, figure = sheet(Sampling(0.205, 0.41))
+    t, theta = lines(figure.axes[3])["theta_y1"].get_data()
+    jump = np.flatnonzero((np.diff(t) == 0) & (np.diff(theta) != 0))
+    assert t[jump] == pytest.approx(run.schedule.received)
+
+
+def test_the_intervals_stand_between_t1_and_t2():
+    _, run, figure = sheet(Sampling(0.205, 0.41, "random"))
+    drawn = lines(figure.axes[5])
+    assert (drawn["received"].get_ydata() == np.diff(run.schedule.received, prepend=0)).all()
+    limits = sorted(line.get_ydata()[0] for line in figure.axes[5].get_lines() if line.get_linestyle() == "--")
+    assert limits == [0.205, 0.41]
+
+
+def test_lost_measurements_are_crossed_and_what_is_not_guaranteed_is_shaded():
+    _, run, figure = sheet(Sampling(0.205, 0.41, dropout=0.3))
+    assert len(run.schedule.lost)
+    for axes in (*figure.axes[:2], figure.axes[5]):
+        assert (lines(axes)["lost"].get_xdata() == run.schedule.lost).all()
+    for axes in figure.axes:
+        (shade,) = axes.patches
+        assert shade.get_x() == run.until
+        assert shade.get_x() + shade.get_width() == pytest.approx(8)
+    bound = lines(figure.axes[4])["proved bound"]
+    assert bound.get_xdata()[-1] < run.until
+    title = figure.get_suptitle()
+    assert f"until t = {run.until:.4g}" in title
+    assert "overdue" in title
+
+
+def test_a_sampling_within_its_limits_shades_nothing():
+    _, _, figure = sheet(Sampling(0.205, 0.41))
+    assert not any(axes.patches for axes in figure.axes)
+
+
+def test_a_broken_bound_is_said_in_the_title():
+    _, _, figure = sheet(Sampling(0.205, 0.41), replace(GUARANTEE, gamma=0.1))
+    assert "VIOLATED" in figure.get_suptitle()
+
+
+def test_without_a_guarantee_there_is_no_bound_and_the_title_says_so():
+    _, _, figure = sheet(Sampling(0.205, 0.41, dropout=0.3), None)
+    assert "proved bound" not in lines(figure.axes[4])
+    assert "no guarantee" in figure.get_suptitle()
+    assert not any(axes.patches for axes in figure.axes)
+
+
+def test_a_run_without_measurements_is_drawn():
+    _, run, figure = sheet(Sampling(9, 9.5), None)
+    assert len(run.schedule.received) == 0
+    assert len(figure.axes) == 6
+
+
+@pytest.mark.parametrize(
+    ("distance", "foot"), [([1, 1e-6], 3e-7), ([0, 2, 1], 0.3), ([0, 0], 0.3), ([1, 1, 0], 0.3), ([1, 1e-40], 3e-17)]
+)
+def test_the_foot_of_the_distance_is_below_where_it_begins_and_ends(distance, foot):
+    assert lowest(np.array(distance, dtype=float)) == pytest.approx(foot)
