@@ -17,9 +17,11 @@ from typer.core import TyperGroup
 from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError
 
 if TYPE_CHECKING:
-    from obsdesign.observers.guarantee import Guarantee
-    from obsdesign.simulate import Run
+    from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
+    from obsdesign.simulate import HybridRun, Run
     from obsdesign.spec import Spec
+
+    Proved = Guarantee | SporadicGuarantee | None  # what gains are proved to achieve
 
 EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
 INTERRUPTED = 130
@@ -104,7 +106,7 @@ def solve(
             plot_curve(content, str(beside / f"{name}.curve.png"), quiet)
         if simulate and made.gains:
             files = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
-            guarantee = made.certificate.guarantee if made.certificate and made.certificate.holds else None
+            guarantee = proved_of(made)
             summary = simulated(problem, made.gains, guarantee, files, quiet)
             if not quiet and target != "-" and not as_json:
                 typer.echo(run_table(summary, guarantee is not None, files))
@@ -246,7 +248,7 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, An
     return made, result(problem, made, solver)
 
 
-def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Guarantee | None"]:
+def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Proved"]:
     """Spec, gains and guarantee of what is to be simulated; a spec without gains is solved first."""
     from obsdesign.spec import load
     from obsdesign.verification import recorded
@@ -257,16 +259,27 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Ma
             made, _ = solved(problem, solver, quiet)
             if not made.gains:
                 raise InfeasibleError(f"{source}: no gains to simulate: {made.diagnosis.get('reason', made.status)}")
-            certified = made.certificate is not None and made.certificate.holds
-            return problem, made.gains, made.certificate.guarantee if certified else None
+            return problem, made.gains, proved_of(made)
         return recorded(gains, problem)
     if gains:
         raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
     return recorded(source, None)
 
 
+def proved_of(made: Any) -> "Proved":
+    """What the gains of a design are proved to achieve, as a run is held against it."""
+    if made.certificate is None or not made.certificate.holds:
+        return None
+    proved: Proved = getattr(made.certificate, "storage", None) or made.certificate.guarantee
+    return proved
+
+
 def simulated(
-    problem: "Spec", gains: Mapping[str, Any], guarantee: "Guarantee | None", files: tuple[str, str], quiet: bool
+    problem: "Spec",
+    gains: Mapping[str, Any],
+    guarantee: "Proved",
+    files: tuple[str, str],
+    quiet: bool,
 ) -> Mapping[str, Any]:
     """Run, write samples and figure, return the summary."""
     from obsdesign.artifacts import csv, write_all
@@ -274,7 +287,7 @@ def simulated(
     from obsdesign.simulate import simulate as run_of
 
     with progress(quiet) as report:
-        run: Run = run_of(problem, gains, guarantee, lambda done: report(done, "simulation"))
+        run: Run | HybridRun = run_of(problem, gains, guarantee, lambda done: report(done, "simulation"))
     samples, figure = csv(*run.table()), run_figure(problem, run, guarantee)
     if files[0] == "-":
         typer.echo(samples.decode(), nl=False)
@@ -289,12 +302,16 @@ def simulated(
 def plot_curve(content: Mapping[str, Any], path: str, quiet: bool) -> None:
     """Figure of the points of a search."""
     from obsdesign.artifacts import write_whole
-    from obsdesign.plot import tradeoff_figure
+    from obsdesign.plot import curves_figure, tradeoff_figure
 
+    search = content.get("search", {})
+    if "curves" in search:
+        write_whole(path, curves_figure(search["curves"], search["parameter"], content["name"]))
+        return
     points = content.get("search", {}).get("points", [])
     if not points:
         if not quiet:
-            typer.echo("no curve to plot: give alpha as a range, with objective min-gamma or pareto", err=True)
+            typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         return
     claimed = content.get("guarantee", {})
     shipped = claimed if "gamma" in claimed else None

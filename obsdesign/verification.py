@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -25,19 +25,20 @@ from obsdesign.certificate import (
 from obsdesign.diagnosis.absence import refuted
 from obsdesign.errors import UsageError
 from obsdesign.lmi.farkas import Refutation
-from obsdesign.lmi.formula import Array, Unknown, approximate, rational, rational_number
+from obsdesign.lmi.formula import Array, Unknown, approximate, printed, rational, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.observers import FAMILIES, Incremental
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
 from obsdesign.observers.linf import Linf
 from obsdesign.observers.reconstruction import SLOPE, levels, slopes
-from obsdesign.observers.request import Range, Request
+from obsdesign.observers.request import Range, Request, SporadicRequest
+from obsdesign.observers.sporadic_certificate import LARGEST_EXPONENT, MEANING, SporadicCertificate, certify_sporadic
 from obsdesign.spec import loads
 from obsdesign.spec.model import Spec
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
-LARGEST_EXPONENT = 400
+LARGEST_POWER = 400  # of ten
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
 
@@ -152,7 +153,7 @@ class ResultFile:
             if "/" in text:
                 return fmpq(*(fmpz(part) for part in text.split("/")))
             decimal = Decimal(text)
-            if abs(decimal.adjusted()) > LARGEST_EXPONENT:
+            if abs(decimal.adjusted()) > LARGEST_POWER:
                 raise ValueError
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
@@ -192,14 +193,18 @@ def prove(path: str, spec: Spec | None = None) -> Proof:
     if file.at("status") == "infeasible":
         claim, refutation = verify_absence(file)
         return Proof(claim, refutation.checks)
-    _, certificate = verify(path, spec)
+    certificate = certified(file)
+    if isinstance(certificate, SporadicCertificate):
+        s = certificate.storage
+        claim = f"gamma {s.gamma:g}, {MEANING}; decay rate {s.decay:g} 1/s, intervals from {s.T1:g} to {s.T2:g} s"
+        return Proof(claim, certificate.checks)
     g = certificate.guarantee
     claim = f"gamma {g.gamma:g}, {FAMILIES[g.family].meaning}; decay rate {g.alpha:g} 1/s"
     return Proof(claim, tuple(certificate.conditions()))
 
 
-def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate]:
-    """Prove the claim of a result file anew.
+def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate | SporadicCertificate]:
+    """Prove the guarantee of a result file anew.
 
     Parameters
     ----------
@@ -214,15 +219,20 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
         If the file is no certified result, is malformed, or belongs to another spec.
     """
     file = opened(path, spec)
+    return file, certified(file)
+
+
+def certified(file: ResultFile) -> Certificate | SporadicCertificate:
+    """Certificate of a file that claims a guarantee, checked."""
     if file.at("status") != "certified":
         raise file.wrong("status", f"{file.at('status')!r} claims nothing; only a certified result can be verified")
     made = file.spec
-    plant, multiplier = made.augmented, made.multiplier
-    n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
-    L1, L2_ = file.matrix((n, ny), "observer", "L1"), file.matrix((nq, ny), "observer", "L2")
-    require_request(file, L1, L2_)
+    if isinstance(made.observer, SporadicRequest):
+        return certified_sporadic(file, made.observer)
+    gains = read_gains(file)
+    require_request(file, gains["L1"], gains["L2"])
     kind = FAMILIES[made.observer.type]
-    family = kind(plant, multiplier, made.H, file.number("guarantee", "alpha"), L1, L2_)
+    family = kind(made.augmented, made.multiplier, made.H, file.number("guarantee", "alpha"), gains["L1"], gains["L2"])
     request = made.incremental
     largest = None if request.gains else request.bounds.P
     certificate = read_certificate(file, family, ("guarantee",), ("certificate",), largest)
@@ -230,7 +240,64 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
         certificate = replace(certificate, reconstruction=read_reconstruction(file, family))
     if file.at("guarantee", "statement") != statement(made, certificate.guarantee):
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
-    return file, certificate
+    return certificate
+
+
+def read_gains(file: ResultFile) -> dict[str, Array]:
+    """Exact gains of a file."""
+    plant = file.spec.augmented
+    n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
+    sporadic = isinstance(file.spec.observer, SporadicRequest)
+    shapes = {"L": (n, ny), "H": (ny, ny)} if sporadic else {"L1": (n, ny), "L2": (nq, ny)}
+    return {name: file.matrix(shape, "observer", name) for name, shape in shapes.items()}
+
+
+def certified_sporadic(file: ResultFile, request: SporadicRequest) -> SporadicCertificate:
+    """Certificate of a file with gains for sporadic measurements, checked."""
+    made, plant = file.spec, file.spec.augmented
+    n, ny = plant.n, len(plant.C)
+    gains = read_gains(file)
+    claim = {key: file.number("guarantee", key) for key in ("gamma", "mu", "decay", "T1", "T2")}
+    delta = file.number("observer", "delta")
+    require_sporadic(file, request, gains, claim)
+    if not 0 <= delta * claim["T2"] <= LARGEST_EXPONENT:
+        raise file.wrong("observer.delta", f"delta T2 is not between 0 and {LARGEST_EXPONENT}")
+    values = {"P1": file.matrix((n, n), "certificate", "P1"), "P2": file.matrix((ny, ny), "certificate", "P2")}
+    values |= file.unknowns(made.multiplier.unknowns(), "certificate", "multipliers")
+    certificate = certify_sporadic(
+        plant,
+        made.multiplier,
+        made.H,
+        (gains["L"], gains["H"]),
+        (claim["T1"], claim["T2"]),
+        claim["decay"],
+        delta,
+        claim["gamma"],
+        claim["mu"],
+        values,
+    )
+    if certificate.holds and file.at("guarantee", "statement") != certificate.statement():
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+    return certificate
+
+
+def require_sporadic(
+    file: ResultFile, request: SporadicRequest, gains: Mapping[str, Array], claim: Mapping[str, fmpq]
+) -> None:
+    """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains."""
+    if file.at("observer", "type") != request.type:
+        raise file.wrong("observer.type", f"the spec asks for {request.type}")
+    asked = {"T1": request.T1, "T2": request.T2, "decay": request.decay}
+    for name, value in asked.items():
+        low, high = (value.low, value.high) if isinstance(value, Range) else (value, value)
+        if not printed(low) <= claim[name] <= printed(high):
+            raise file.wrong(f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for")
+    for name in ("T1", "T2"):
+        if file.number("observer", name) != claim[name]:
+            raise file.wrong(f"observer.{name}", "differs from that of the guarantee")
+    for name, given in (request.gains or {}).items():
+        if (printed(given) != gains[name]).any():
+            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
 
 
 def verify_absence(file: ResultFile) -> tuple[str, Refutation]:
@@ -309,7 +376,7 @@ def require_alpha(file: ResultFile, request: Request, alpha: fmpq, key: str) -> 
         raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for")
 
 
-def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | None]:
+def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | SporadicGuarantee | None]:
     """Spec, gains in doubles, and guarantee of a result file; None where nothing is claimed, or proved.
 
     Raises
@@ -320,13 +387,12 @@ def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guar
     file = opened(path, spec)
     if file.at("status") == "infeasible":
         raise file.wrong("status", "infeasible: this result has no gains")
-    plant = file.spec.augmented
-    n, ny, nq = plant.n, len(plant.C), len(plant.Cq)
-    gains = {"L1": file.matrix((n, ny), "observer", "L1"), "L2": file.matrix((nq, ny), "observer", "L2")}
-    guarantee = None
+    gains = read_gains(file)
+    guarantee: Guarantee | SporadicGuarantee | None = None
     if file.at("status") == "certified":
-        _, proof = verify(path, spec)
-        guarantee = proof.guarantee if proof.holds else None
+        proof = certified(file)
+        if proof.holds:
+            guarantee = proof.storage if isinstance(proof, SporadicCertificate) else proof.guarantee
     doubles = {name: np.vectorize(approximate, otypes=[float])(gain) for name, gain in gains.items()}
     for name, gain in doubles.items():
         if not np.isfinite(gain).all():

@@ -276,12 +276,18 @@ def test_a_gain_that_the_spec_fixes_is_that_of_the_file(content, outcome_of):
     assert "observer.L2" in outcome.stderr
 
 
-@pytest.mark.parametrize("status", ["infeasible", "uncertified", "Certified", None, True, 1])
+@pytest.mark.parametrize("status", ["uncertified", "Certified", None, True, 1])
 def test_only_a_certified_result_is_verified(content, outcome_of, status):
     content["status"] = status
     outcome = outcome_of(content)
     assert outcome.exit_code == 2
     assert "status" in outcome.stderr
+
+
+def test_a_certified_result_that_is_called_infeasible_has_nothing_to_verify(content, outcome_of):
+    outcome = outcome_of(content | {"status": "infeasible"})
+    assert outcome.exit_code == 2
+    assert "diagnosis: missing" in outcome.stderr
 
 
 # Specs

@@ -12,13 +12,15 @@ import numpy as np
 
 from obsdesign.design.designer import Design, Designer
 from obsdesign.design.engine import Engine, Report
+from obsdesign.design.sporadic import SporadicDesign, design_sporadic
 from obsdesign.errors import UndecidedError
+from obsdesign.observers.request import SporadicRequest
 from obsdesign.spec.model import Spec
 
-__all__ = ["Design", "design"]
+__all__ = ["Design", "SporadicDesign", "design"]
 
 
-def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
+def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design | SporadicDesign:
     """Design, or analyse, the observer that a spec asks for.
 
     Raises
@@ -31,7 +33,14 @@ def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: Non
     started = time.perf_counter()
     engine = Engine(solver, report)
     try:
-        made = Designer(spec, engine).outcome()
+        made = made_for(spec, engine)
     except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
         raise UndecidedError(f"the numbers of {spec.path} are beyond what doubles can compute: {error}") from None
     return replace(made, solves=engine.solves, time_s=time.perf_counter() - started)
+
+
+def made_for(spec: Spec, engine: Engine) -> Design | SporadicDesign:
+    """Outcome of the family that a spec asks for."""
+    if isinstance(spec.observer, SporadicRequest):
+        return design_sporadic(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
+    return Designer(spec, engine).outcome()

@@ -1,0 +1,40 @@
+"""Everything about a design, as a result file holds it."""
+
+import datetime
+import platform
+from importlib.metadata import version
+from typing import Any
+
+from obsdesign import __version__
+from obsdesign.artifacts import incremental, sporadic
+from obsdesign.artifacts.text import digest
+from obsdesign.design import Design, SporadicDesign
+from obsdesign.spec.model import Spec
+
+FORMAT = 1
+
+
+def result(spec: Spec, design: Design | SporadicDesign, solver: str) -> dict[str, Any]:
+    """Spec, status, what the family has to say, diagnosis, notes, solver and tool."""
+    family = incremental.content(spec, design) if isinstance(design, Design) else sporadic.content(spec, design)
+    counts = {"scalars": design.counts} if isinstance(design, SporadicDesign) else {}
+    notes = [*spec.notes, *design.notes]
+    return {
+        "obsdesign": FORMAT,
+        "name": spec.name,
+        "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+        "status": design.status,
+        **{key: family[key] for key in ("observer", "guarantee", "certificate") if key in family},
+        **({"diagnosis": design.diagnosis} if design.diagnosis else {}),
+        **({"search": family["search"]} if "search" in family else {}),
+        **({"notes": notes} if notes else {}),
+        "solver": {
+            "name": solver,
+            "version": version("clarabel" if solver == "clarabel" else "cvxpy"),
+            "solves": design.solves,
+            "time_s": round(design.time_s, 4),
+            **counts,
+        },
+        "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
