@@ -6,18 +6,20 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.design.sporadic.reasons import hiding_interval
 from obsdesign.diagnosis.stiffness import failing_passivity, too_stiff
-from obsdesign.lmi.formula import in_floats
+from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import invariant_zeros
+from obsdesign.model.plant import Plant
 from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, undetectable
 from obsdesign.observers import FAMILIES
-from obsdesign.observers.request import Range
+from obsdesign.observers.request import Range, SporadicRequest
 from obsdesign.spec.model import Spec
 
 
 def examine(spec: Spec) -> dict[str, Any]:
-    """Detectability, Condition 1, zeros, arbitrary accuracy and loops, each with a sentence.
+    """What the structure rules out, and what it allows, each with a sentence.
 
     Returns
     -------
@@ -25,23 +27,48 @@ def examine(spec: Spec) -> dict[str, Any]:
         `possible`: nothing that decides fails; `findings`: each with `name`, `holds`, `decides` (a failure rules every
         gain out), `sentence`, and its numbers.
     """
+    request = spec.observer
+    found = sampled(spec, request) if isinstance(request, SporadicRequest) else continuous(spec)
+    return {
+        "name": spec.name,
+        "possible": all(f["holds"] for f in found if f["decides"]),
+        "findings": found,
+        "notes": list(spec.notes),
+    }
+
+
+def sampled(spec: Spec, request: SporadicRequest) -> list[dict[str, Any]]:
+    """Detectability at the decay that is asked for, and intervals that hide modes."""
+    plant, multiplier = spec.augmented, spec.multiplier
+    decay, T2 = (float(v.low if isinstance(v, Range) else v) for v in (request.decay, request.T2))
+    hiding = hiding_interval(plant, multiplier, decay, max(T2, float(request.T1)))
+    seen = f"no interval up to T2 = {T2:g} hides the difference of two modes"
+    return [
+        *detectability(in_floats(plant), in_floats(multiplier.member), decay, "lambda_t"),
+        finding("sampling", not hiding, hiding.get("reason", seen), decides=True),
+    ]
+
+
+def detectability(plant: Plant, K: Array, rate: float, name: str) -> list[dict[str, Any]]:
+    """Modes that no output shows, and the decay rate that they leave."""
+    limit = decay_limit(plant, K)
+    found = [
+        finding("detectability", False, mode.sentence, decides=True, eigenvalue=complex_pair(mode.eigenvalue))
+        for mode in undetectable(plant, K, rate)
+    ] or [finding("detectability", True, f"no hidden mode is slower than {name} = {rate:g}", decides=True)]
+    if isfinite(limit):
+        said = f"detectability limits {name} to {limit + 0.0:g}"
+        found.append(finding("decay", limit > rate, said, decides=True, limit=limit))
+    return found
+
+
+def continuous(spec: Spec) -> list[dict[str, Any]]:
+    """Detectability, Condition 1, zeros, arbitrary accuracy and loops."""
     plant, multiplier = in_floats(spec.plant), in_floats(spec.multiplier)
     augmented = in_floats(spec.augmented)
     K = multiplier.member
     alpha = spec.incremental.alpha
-    lowest = float(alpha.low if isinstance(alpha, Range) else alpha)
-    hidden = undetectable(augmented, K, lowest)
-    limit = decay_limit(augmented, K)
-    findings = [
-        finding("detectability", False, mode.sentence, decides=True, eigenvalue=complex_pair(mode.eigenvalue))
-        for mode in hidden
-    ] or [finding("detectability", True, f"no hidden mode is slower than alpha = {lowest:g}", decides=True)]
-    if isfinite(limit):
-        findings.append(
-            finding(
-                "decay", limit > lowest, f"detectability limits alpha to {limit + 0.0:g}", decides=True, limit=limit
-            )
-        )
+    findings = detectability(augmented, K, float(alpha.low if isinstance(alpha, Range) else alpha), "alpha")
     nf = plant.Bf.shape[1]
     findings += [
         finding("condition 1", test.holds, test.sentence, eigenvalue=complex_pair(test.eigenvalue))
@@ -66,12 +93,7 @@ def examine(spec: Spec) -> dict[str, Any]:
     for name, D in loops.items():
         verdict = well_posed(D, multiplier)
         findings.append(finding(f"loop of the {name}", verdict.unique, f"{name}: {verdict.sentence}"))
-    return {
-        "name": spec.name,
-        "possible": all(f["holds"] for f in findings if f["decides"]),
-        "findings": findings,
-        "notes": list(spec.notes),
-    }
+    return findings
 
 
 def steep(spec: Spec, alpha: fmpq) -> list[dict[str, Any]]:
