@@ -12,13 +12,15 @@ from obsdesign.design import design
 from obsdesign.design.gain import searchable
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.observers.l2 import L2
-from obsdesign.observers.request import Bounds, Range
+from obsdesign.observers.request import Bounds, Range, SporadicRequest
 from obsdesign.simulate import simulate
 from obsdesign.spec import load
 
 ROOT = Path(__file__).parent.parent / "specs"
 NAMES = [str(p.relative_to(ROOT).with_suffix("")) for p in sorted(ROOT.glob("**/*.yaml"))]
 FEASIBLE = [name for name in NAMES if not name.startswith("infeasible/")]
+SPORADIC = [name for name in FEASIBLE if isinstance(load(str(ROOT / f"{name}.yaml")).observer, SporadicRequest)]
+CURVES = [name for name in SPORADIC if name.endswith("-tradeoff")]
 
 
 @cache
@@ -49,7 +51,7 @@ def test_there_are_specs():
     assert len(NAMES) > len(FEASIBLE)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in CURVES)) for n in NAMES])
 def test_a_spec_says_how_it_ends_and_ends_so(name):
     spec, made = solved(name)
     assert spec.expect["status"] == made.status
@@ -72,7 +74,28 @@ def test_a_spec_gives_what_it_expects(name):
             assert at(content, path) == expected, path
 
 
-@pytest.mark.parametrize("name", FEASIBLE)
+@pytest.mark.parametrize("name", SPORADIC)
+def test_gains_for_sporadic_measurements_stay_within_their_bounds_and_their_slack(name):
+    spec, made = solved(name)
+    request, proof, limit = spec.observer, made.certificate, made.limit_bounded or made.limit
+    assert request.T1 <= proof.T1 <= proof.T2
+    if request.objective == "min-gamma" and not request.gains:
+        assert float(proof.gamma) <= limit["gamma"] * (1 + float(request.slack))
+    if request.largest_gain is not None:
+        assert np.linalg.norm(made.gains["L"], 2) <= float(request.largest_gain)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CURVES)
+def test_every_curve_of_a_trade_off_has_five_certified_points_at_least(name):
+    _, made = solved(name)
+    for curve in made.curves:
+        limits = [point["gamma"] for point in curve["points"] if "gamma" in point]
+        assert len([point for point in curve["points"] if "certified" in point]) >= 5
+        assert limits == sorted(limits)
+
+
+@pytest.mark.parametrize("name", [name for name in FEASIBLE if name not in SPORADIC])
 def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
     spec, made = solved(name)
     request, limit = spec.observer, made.limit_bounded or made.limit
@@ -96,7 +119,7 @@ def bounded_problem(spec):
 
 
 @pytest.mark.parametrize("through", ["cvxpy", "cvxopt"])
-@pytest.mark.parametrize("name", [name for name in FEASIBLE if "gains" not in name])
+@pytest.mark.parametrize("name", [name for name in FEASIBLE if "gains" not in name and name not in SPORADIC])
 def test_the_solvers_agree(name, through, monkeypatch):
     """Clarabel called directly, Clarabel through cvxpy (another reading of the same matrices), and CVXOPT."""
     pytest.importorskip(through)
