@@ -18,17 +18,8 @@ from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.observers.sporadic import Sporadic
 from obsdesign.observers.sporadic_certificate import certify_sporadic, exponential
-from obsdesign.observers.sporadic_relaxations import (
-    Given,
-    Held,
-    Predictor,
-    Proposition2,
-    Proposition3,
-    Proposition4,
-    Proposition5,
-    Reduced,
-    Theorem3,
-)
+from obsdesign.observers.sporadic_relaxations import Given, Predictor, Proposition2, Reduced
+from obsdesign.observers.sporadic_slack import Held, Proposition3, Proposition4, Proposition5, Theorem3
 
 LINEAR = Multiplier(())
 
@@ -165,7 +156,7 @@ def test_with_the_printed_rate_the_hold_would_promise_what_does_not_hold():
     [
         (Given(oscillator(2.995, 0.41), L_OSCILLATOR, H_OSCILLATOR), 32.917),
         (Given(oscillator(2.973, 0.41, N=(1, 1)), L_OSCILLATOR, H_OSCILLATOR), 36.016),
-        (Given(oscillator(2.99, 0.41, N=(0, 1)), L_OSCILLATOR, H_OSCILLATOR), 16.475),
+        (Given(oscillator(2.86, 0.41, N=(0, 1)), L_OSCILLATOR, H_OSCILLATOR), 16.475),
         (Theorem3(oscillator(2.995, 0.41), L_OSCILLATOR, H_OSCILLATOR), 32.917),
         (Given(robot(8.332), L_ROBOT, np.zeros((2, 2))), 1.44351),
         (Theorem3(robot(8.332), L_ROBOT, np.zeros((2, 2))), 1.44351),
@@ -197,11 +188,11 @@ def test_proposition_5_loses_nothing_without_its_slack_variables(family):
     assert least_gamma(Held(family)) == pytest.approx(least_gamma(Proposition5(family)), rel=1e-5)
 
 
-@pytest.mark.parametrize("kind", [Proposition3, Proposition4, Held, Predictor])
+@pytest.mark.parametrize("kind", [Proposition2, Proposition3, Proposition4, Held, Predictor])
 def test_no_relaxation_is_below_the_limit_and_its_gains_keep_its_promise(kind):
     family = oscillator(4.5, 0.3)
     relaxation = kind(family)
-    answer = minimise(relaxation.least_gamma())
+    answer = minimise(relaxation.least_gamma(50.0))
     gamma = math.sqrt(answer.objective)
     assert gamma >= least_gamma(Reduced(family)) * (1 - 1e-6)
     assert least_gamma(Given(family, *relaxation.gains(answer.values))) <= gamma * (1 + 1e-5)
@@ -252,9 +243,7 @@ def proof(gamma="33.2", decay="0.05", delta="2.99", T2="0.41", T1="0.2", D=0, **
     made = replace(OSCILLATOR, D=rational([[D]]))
     interval = rational_number(T1), rational_number(T2)
     rate, exponent = rational_number(decay), rational_number(delta)
-    return certify_sporadic(
-        made, LINEAR, rational(np.eye(2)), gains, interval, rate, exponent, level, level**2, values
-    )
+    return certify_sporadic(made, LINEAR, rational(np.eye(2)), gains, interval, rate, exponent, level, level**2, values)
 
 
 STORAGE = {}

@@ -21,7 +21,7 @@ ADMITTED = {  # by each injection; the first is the tightest
     "hold": ("proposition-5",),
 }
 STEEP = ("proposition-3", "proposition-5")  # need delta > 2 decay
-ABOVE = fmpq(1001, 1000)  # where a range of delta is cut, times 2 decay
+ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 SEARCHED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
 ABSENT = ("D", "Dq", "Dqf", "Df")
 
@@ -98,7 +98,7 @@ def paired(
         if name not in admitted:
             chosen = ", ".join(injections)
             reader.wrong(("observer", "relaxation"), f"{name} is for another injection than {chosen}; {pairs()}")
-    for injection in injections:
+    for injection in injections if reader.clean(("observer", "relaxation")) else ():
         if relaxations and not set(ADMITTED[injection]) & set(relaxations):
             reader.wrong(
                 ("observer", "injection"), f"{injection} has none of the relaxations that are listed; {pairs()}"
@@ -112,7 +112,7 @@ def pairs() -> str:
 
 
 def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, relaxations: tuple[str, ...]) -> Range:
-    """Where delta is searched, cut at 2 decay where a relaxation needs more than that."""
+    """Where delta is searched; the design cuts the range for a relaxation that needs delta > 2 decay."""
     loc: Loc = ("observer", "delta")
     if section.delta is None:
         return DELTA
@@ -122,14 +122,9 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
     steep = [name for name in relaxations if name in STEEP] or (
         ["proposition-5"] if "hold" in listed(section.injection) else []
     )
-    if not steep or low > least or not reader.clean(loc):
-        return delta if isinstance(delta, Range) else Range(low, high, points=1)
-    if high <= least:
+    if steep and not section.gains and high < least * ABOVE and reader.clean(loc):
         reader.wrong(loc, f"{steep[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
-        return DELTA
-    reader.notes.append(f"observer.delta is searched above 2 decay = {float(least):g} only, which {steep[0]} needs")
-    assert isinstance(delta, Range)
-    return Range(least * ABOVE, high, delta.points, delta.log)
+    return delta if isinstance(delta, Range) else Range(low, high, points=1)
 
 
 def read_bound(reader: Reader, written: str | None, key: str) -> fmpq | None:

@@ -31,6 +31,7 @@ def read_simulation(
     if section is None:
         return None
     loc: Loc = ("simulation",)
+    sporadic = sporadic or not reader.clean(("observer",))  # a wrong observer may be one of any family
     horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
     known = layout.known("states")
     if section.w is not None and section.v is not None:
@@ -77,7 +78,7 @@ def read_dropout(reader: Reader, written: str | None) -> float:
     """Share of the measurements that are lost."""
     loc: Loc = ("simulation", "dropout")
     share = reader.number(written or "0", loc, ">= 0")
-    if share >= 1:
+    if share >= 1 and reader.clean(loc):
         reader.wrong(loc, f"{float(share):g} is no share below 1; give a number in [0, 1)")
     return float(share)
 

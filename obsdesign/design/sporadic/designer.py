@@ -11,10 +11,11 @@ from flint import fmpq
 from obsdesign.design.engine import Engine
 from obsdesign.design.sporadic.gains import Gains, Setting, prove
 from obsdesign.design.sporadic.landscape import STEEPER
-from obsdesign.design.sporadic.reasons import Diagnosis, hidden_mode, hiding_interval, too_long, useless
+from obsdesign.design.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
 from obsdesign.design.sporadic.scan import edge
 from obsdesign.design.sporadic.scheme import Scheme, schemes
 from obsdesign.design.sporadic.study import EDGE, Made, Point, Study, within_slack
+from obsdesign.diagnosis.words import Diagnosis
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.lmi.formula import Array, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier

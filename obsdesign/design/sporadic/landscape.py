@@ -149,7 +149,7 @@ class Landscape:
         valley = Valley(lambda delta: self.missing(delta, T2), *self.interval)
         if self.exponent is not None and valley.at(self.exponent / T2) >= MISSING:
             valley.near(self.exponent / T2)
-        if not valley.values or valley.best[1] >= MISSING:
+        if not valley.values or (valley.best[1] >= MISSING and valley.flat):
             valley.everywhere(GUARD)
         delta, value = valley.best
         self.exponent = delta * T2

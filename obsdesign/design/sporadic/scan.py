@@ -9,6 +9,7 @@ Function = Callable[[float], float]  # infinite where there is nothing
 GOLDEN = (math.sqrt(5) - 1) / 2
 NARROW = 1.005  # ratio of the ends between which a minimum is left
 SHALLOW = 2e-5  # depth that a minimum may have below the best value, relative to its neighbors
+LEVEL = 0.2  # relative difference of values that are taken as level ground
 BELOW, ABOVE = 0.85, 1.15  # first bracket about a minimum nearby, relative to it
 FARTHER = 0.7  # how it is widened
 STEPS = 40
@@ -35,6 +36,12 @@ class Valley:
     def best(self) -> tuple[float, float]:
         """Point of the least value, and the value."""
         return min(self.values.items(), key=lambda pair: pair[1])
+
+    @property
+    def flat(self) -> bool:
+        """Whether the values hardly differ, or are not all finite: the search may have seen no valley at all."""
+        low, high = min(self.values.values()), max(self.values.values())
+        return not math.isfinite(high) or high - low <= LEVEL * max(abs(low), abs(high))
 
     def everywhere(self, points: int) -> float:
         """Search the whole interval; returns the least value."""

@@ -6,15 +6,8 @@ from obsdesign.design.sporadic.landscape import Form
 from obsdesign.errors import UsageError
 from obsdesign.observers.request import SporadicRequest
 from obsdesign.observers.sporadic import Sporadic
-from obsdesign.observers.sporadic_relaxations import (
-    Held,
-    Predictor,
-    Proposition2,
-    Proposition3,
-    Proposition4,
-    Proposition5,
-    Reduced,
-)
+from obsdesign.observers.sporadic_relaxations import Predictor, Proposition2, Reduced
+from obsdesign.observers.sporadic_slack import Held, Proposition3, Proposition4, Proposition5
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,10 @@ from flint import fmpq
 from obsdesign.design.decimals import round_down
 from obsdesign.design.sporadic.gains import ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
 from obsdesign.design.sporadic.landscape import Form, Landscape
-from obsdesign.design.sporadic.reasons import Diagnosis, out_of_reach, too_small
+from obsdesign.design.sporadic.reasons import out_of_reach, too_small
 from obsdesign.design.sporadic.scan import edge
 from obsdesign.design.sporadic.scheme import Scheme
+from obsdesign.diagnosis.words import Diagnosis
 from obsdesign.lmi.formula import in_floats, rational_number
 from obsdesign.lmi.solve import Status
 from obsdesign.observers.request import Range, SporadicRequest
@@ -22,7 +23,7 @@ from obsdesign.observers.sporadic_certificate import SporadicCertificate
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero
-EDGE = 1e-5  # relative, of a largest T2 or decay
+EDGE = 5e-5  # relative, of a largest T2 or decay
 Point = dict[str, Any]
 
 
