@@ -270,7 +270,7 @@ def proved_of(made: Any) -> "Proved":
     """What the gains of a design are proved to achieve, as a run is held against it."""
     if made.certificate is None or not made.certificate.holds:
         return None
-    proved: Proved = getattr(made.certificate, "storage", None) or made.certificate.guarantee
+    proved: Proved = made.certificate.guarantee
     return proved
 
 

@@ -195,7 +195,7 @@ def prove(path: str, spec: Spec | None = None) -> Proof:
         return Proof(claim, refutation.checks)
     certificate = certified(file)
     if isinstance(certificate, SporadicCertificate):
-        s = certificate.storage
+        s = certificate.guarantee
         claim = f"gamma {s.gamma:g}, {MEANING}; decay rate {s.decay:g} 1/s, intervals from {s.T1:g} to {s.T2:g} s"
         return Proof(claim, certificate.checks)
     g = certificate.guarantee
@@ -392,7 +392,7 @@ def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guar
     if file.at("status") == "certified":
         proof = certified(file)
         if proof.holds:
-            guarantee = proof.storage if isinstance(proof, SporadicCertificate) else proof.guarantee
+            guarantee = proof.guarantee
     doubles = {name: np.vectorize(approximate, otypes=[float])(gain) for name, gain in gains.items()}
     for name, gain in doubles.items():
         if not np.isfinite(gain).all():

@@ -266,7 +266,7 @@ def test_a_certificate_holds_and_says_what_it_proves():
     made = proof()
     assert failing(made) == []
     assert made.holds
-    g = made.guarantee
+    g = made.constants
     assert (g.gamma, g.decay, g.rate, g.jitter) == (33.2, 0.05, 0.05, pytest.approx(1.05))
     assert "33.2 |w|_2" in made.statement()
     assert "105 %" in made.statement()
@@ -291,7 +291,7 @@ def test_a_claim_that_is_not_proved_does_not_hold(changed, culprit):
     made = proof(**changed)
     assert any(culprit in name for name in failing(made))
     assert not made.holds
-    assert all(not math.isnan(value) for value in vars(made.guarantee).values())
+    assert all(not math.isnan(value) for value in vars(made.constants).values())
 
 
 @settings(max_examples=50, deadline=None)
@@ -318,7 +318,7 @@ def random_intervals(seed, T1, T2, count=40):
 def test_the_storage_function_decays_and_the_gain_holds_for_any_sequence_of_measurements(seed):
     """Exactly by matrix exponentials, with w constant between measurements."""
     certificate = proof()
-    c = certificate.storage
+    c = certificate.guarantee
     A, C, N = (in_floats(X) for X in (OSCILLATOR.A, OSCILLATOR.C, OSCILLATOR.B))
     flow = np.block([[A, -L_OSCILLATOR], [np.zeros((1, 2)), H_OSCILLATOR]])  # (e, theta)
     random = np.random.default_rng(100 + seed)

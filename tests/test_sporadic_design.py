@@ -107,7 +107,7 @@ def test_the_best_hold_of_the_robot():
     assert made.limit["gamma"] == pytest.approx(1.51123, rel=1e-4)
     assert not made.gains["H"].any()
     assert made.counts == {"hold proposition-5": {"printed": 64, "solved": 24}}
-    assert made.certificate.guarantee.jitter == pytest.approx(0.75029, rel=1e-4)
+    assert made.certificate.constants.jitter == pytest.approx(0.75029, rel=1e-4)
 
 
 @pytest.mark.parametrize(("T2", "limit"), [("0.3", 3.3700)])
@@ -182,7 +182,7 @@ def test_published_gains_of_the_oscillator_keep_the_published_gamma():
     made = analyzed(OSCILLATOR, LINEAR, np.eye(2), "0.41", "0.05", L_OSCILLATOR, [["-1.384"]])
     assert made.status == "certified"
     assert gamma(made) == pytest.approx(32.917, rel=1e-3)
-    assert made.tolerated["T2"] == pytest.approx(0.4309, rel=5e-3)
+    assert made.tolerated["T2"] == pytest.approx(0.4309, rel=3e-3)
     assert made.limit["gamma"] == pytest.approx(32.149, rel=1e-3)
 
 
@@ -191,7 +191,7 @@ def test_the_interval_that_the_gain_of_postoyan_tolerates(constant, longest):
     H = -in_floats(ARM).C @ L_ARM
     made = analyzed(ARM, lipschitz(rational_number(constant), 1, 1), ARM_OUTPUT, "0.1016", "0.01", L_ARM, rational(H))
     assert made.status == "certified"
-    assert made.tolerated["T2"] == pytest.approx(longest, rel=1e-3)
+    assert made.tolerated["T2"] == pytest.approx(longest, rel=3e-3)
     assert gamma(made) == pytest.approx(1.264, rel=2e-2)
 
 
@@ -316,7 +316,7 @@ def test_without_a_disturbance_any_gains_that_decay_will_do():
 def test_without_a_rate_the_decay_of_corollary_2_is_proved():
     made = oscillator("0.2", "0")
     assert made.status == "certified"
-    g = made.certificate.guarantee
+    g = made.certificate.constants
     assert g.decay == 0
     assert 0 < g.rate < 0.1
     assert math.isfinite(g.noise)

@@ -63,7 +63,7 @@ def multipliers(spec: Spec, L: np.ndarray, H: np.ndarray, intervals: tuple[float
 
 def guarantee(design: SporadicDesign, proof: SporadicCertificate) -> dict[str, Any]:
     """What is proved, and the limit it is near to."""
-    known = {key: value for key, value in asdict(proof.guarantee).items() if math.isfinite(value)}
+    known = {key: value for key, value in asdict(proof.constants).items() if math.isfinite(value)}
     return {
         **known,
         "T1": approximate(proof.T1),

@@ -59,7 +59,7 @@ class SporadicCertificate:
         return all(check.holds for check in self.checks)
 
     @property
-    def guarantee(self) -> SporadicConstants:
+    def constants(self) -> SporadicConstants:
         """Constants of Theorem 1 with Lemma 2, in doubles; infinite where doubles do not reach."""
         P1, P2 = (np.linalg.eigvalsh(in_floats(P)) for P in (self.P1, self.P2))
         largest = float(P2[-1]) * approximate(self.family.ratio)
@@ -81,7 +81,7 @@ class SporadicCertificate:
         )
 
     @property
-    def storage(self) -> SporadicGuarantee:
+    def guarantee(self) -> SporadicGuarantee:
         """Claim and storage function in doubles, which a run is held against."""
         P1, P2 = (np.vectorize(approximate, otypes=[float])(P) for P in (self.P1, self.P2))
         gamma, decay, delta, T1, T2 = map(
@@ -102,7 +102,7 @@ class SporadicCertificate:
 
     def statement(self) -> str:
         """Guarantee in words, with the observer written out."""
-        g, T1, T2 = self.guarantee, float(self.T1), float(self.T2)
+        g, T1, T2 = self.constants, float(self.T1), float(self.T2)
         return (
             f"for every sequence of measurements that are {T1!r} to {T2!r} apart (a jitter of {100 * g.jitter:.4g} %), "
             f"and a first one no later than {T2!r}: "

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.design.decimals import round_down
 from obsdesign.design.engine import Engine
+from obsdesign.design.sporadic import scan
 from obsdesign.design.sporadic.gains import Gains, Setting, prove
 from obsdesign.design.sporadic.landscape import STEEPER
 from obsdesign.design.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
-from obsdesign.design.sporadic.scan import edge
 from obsdesign.design.sporadic.scheme import Scheme, schemes
 from obsdesign.design.sporadic.study import EDGE, Made, Point, Study, within_slack
 from obsdesign.diagnosis.words import Diagnosis
@@ -24,6 +25,8 @@ from obsdesign.observers.request import Range, SporadicRequest
 from obsdesign.observers.sporadic_certificate import SporadicCertificate
 
 SHORTER = 1e-3  # least T2 or decay, relative to the one that is asked for, that an answer looks for
+BACKOFFS = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # from the largest T2 of given gains to one that is proved
+REFINEMENTS = 3  # bisections between the two
 LONGER = 10.0  # largest T2 that is tried for given gains, relative to the one that is asked for
 
 
@@ -36,7 +39,7 @@ class SporadicDesign:
     certificate: SporadicCertificate | None = None
     limit: dict[str, Any] = field(default_factory=dict)
     limit_bounded: dict[str, Any] = field(default_factory=dict)
-    tolerated: dict[str, float] = field(default_factory=dict)  # T2 that given gains tolerate for any gamma, numerical
+    tolerated: dict[str, float] = field(default_factory=dict)  # T2 that given gains are proved to tolerate
     curves: tuple[dict[str, Any], ...] = ()  # injection, relaxation, points
     diagnosis: Diagnosis = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -326,6 +329,10 @@ class Designer:
             diagnosis = useless(float(T2), float(decay), tolerated.get("T2"))
             return SporadicDesign("infeasible", in_doubles(gains), diagnosis=diagnosis)
         _, gamma = self.studies[0].confirmed(float(T2), float(decay))
+        longest = self.proved_longest(gains, tolerated.get("T2", 0.0), decay)
+        if longest is None or longest < certificate.T2:
+            longest = certificate.T2
+        tolerated = {"T2": float(longest)}
         return SporadicDesign(
             "certified" if certificate.holds else "uncertified",
             in_doubles(gains),
@@ -333,6 +340,29 @@ class Designer:
             limit={"gamma": gamma, "attained": False} if math.isfinite(gamma) else {},
             tolerated=tolerated,
         )
+
+    def proved_longest(self, gains: Gains, edge: float, decay: fmpq) -> fmpq | None:
+        """Longest T2 found for which given gains are proved, below the edge where solutions end numerically."""
+        above, proved = edge, None
+        for backoff in BACKOFFS if edge else ():
+            T2 = printed(round_down(edge * (1 - backoff), 6))
+            if self.is_proved(gains, T2, decay):
+                proved = T2
+                break
+            above = float(T2)
+        for _ in range(REFINEMENTS if proved else 0):
+            assert proved is not None
+            middle = printed(round_down((float(proved) + above) / 2, 6))
+            if self.is_proved(gains, middle, decay):
+                proved = max(proved, middle)
+            else:
+                above = float(middle)
+        return proved
+
+    def is_proved(self, gains: Gains, T2: fmpq, decay: fmpq) -> bool:
+        """Whether given gains are proved for a T2, at any gamma."""
+        certificate = prove(self.setting, gains, T2, decay)
+        return certificate is not None and certificate.holds
 
     def tolerated(self, gains: Gains, T2: float, decay: float) -> dict[str, float]:
         """Largest T2 for which Theorem 2 has a solution with given gains, at any gamma."""
@@ -342,7 +372,7 @@ class Designer:
             return {}
         if landscape.least_missing(high) < 0:
             return {"T2": high}
-        return {"T2": edge(landscape.least_missing, low, high, EDGE * T2)}
+        return {"T2": scan.edge(landscape.least_missing, low, high, EDGE * T2)}
 
 
 def interval(value: fmpq | Range) -> Range:
