@@ -74,9 +74,7 @@ def solve(
     spec: SpecPath,
     output: Annotated[str, typer.Option("-o", "--output", help="Gains file; - is standard output.")] = "",
     simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
-    plot: Annotated[
-        bool, typer.Option("--plot", help="Plot the curve of gamma against alpha, NAME.curve.png.")
-    ] = False,
+    plot: Annotated[bool, typer.Option("--plot", help="Plot the curves of a search, NAME.curve.png.")] = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,

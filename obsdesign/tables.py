@@ -56,6 +56,7 @@ def sporadic_claim(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = [("gamma", f"{claimed['gamma']:g}   {MEANING}")]
     rows += [("decay rate", f"{claimed['decay']:g} 1/s")]
     rows += [("intervals", f"{claimed['T1']:g} to {claimed['T2']:g} s, a jitter of {100 * claimed['jitter']:.3g} %")]
+    rows += [("noise", f"{claimed['noise']:.4g} sup|eta| at most in |(e, d)|")] if "noise" in claimed else []
     rows += [("tolerated", f"T2 up to {claimed['T2_max']:g} s")] if "T2_max" in claimed else []
     return rows
 

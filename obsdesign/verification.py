@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -253,32 +253,46 @@ def read_gains(file: ResultFile) -> dict[str, Array]:
 
 
 def certified_sporadic(file: ResultFile, request: SporadicRequest) -> SporadicCertificate:
-    """Certificate of a file with gains for sporadic measurements, checked."""
+    """Certificate of a file with gains for sporadic measurements, checked, and that of the longest T2 with it."""
+    gains = read_gains(file)
+    claim = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
+    require_sporadic(file, request, gains, claim)
+    certificate = read_sporadic(file, gains, claim, ("guarantee",), ("observer", "delta"), ("certificate",))
+    if not certificate.holds:
+        return certificate
+    for key, value in asdict(certificate.constants).items():
+        if math.isfinite(value) and file.number("guarantee", key) != rational_number(repr(value)):
+            raise file.wrong(f"guarantee.{key}", "does not follow from the certificate")
+    if file.at("guarantee", "statement") != certificate.statement():
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+    if "T2_max" not in file.table("guarantee"):
+        return certificate
+    root = ("certificate", "T2_max")
+    claim["T2"] = file.number("guarantee", "T2_max")
+    longest = read_sporadic(file, gains, claim, root, (*root, "delta"), root)
+    more = tuple(replace(check, name=f"T2_max: {check.name}") for check in longest.checks)
+    return replace(certificate, checks=(*certificate.checks, *more))
+
+
+def read_sporadic(
+    file: ResultFile,
+    gains: Mapping[str, Array],
+    claim: Mapping[str, fmpq],
+    level: Sequence[str],
+    exponent: Sequence[str],
+    witness: Sequence[str],
+) -> SporadicCertificate:
+    """Certificate of a claim (T1, T2, decay), with gamma and mu, delta, and P1, P2 and multipliers where they stand."""
     made, plant = file.spec, file.spec.augmented
     n, ny = plant.n, len(plant.C)
-    gains = read_gains(file)
-    claim = {key: file.number("guarantee", key) for key in ("gamma", "mu", "decay", "T1", "T2")}
-    delta = file.number("observer", "delta")
-    require_sporadic(file, request, gains, claim)
+    delta = file.number(*exponent)
     if not 0 <= delta * claim["T2"] <= LARGEST_EXPONENT:
-        raise file.wrong("observer.delta", f"delta T2 is not between 0 and {LARGEST_EXPONENT}")
-    values = {"P1": file.matrix((n, n), "certificate", "P1"), "P2": file.matrix((ny, ny), "certificate", "P2")}
-    values |= file.unknowns(made.multiplier.unknowns(), "certificate", "multipliers")
-    certificate = certify_sporadic(
-        plant,
-        made.multiplier,
-        made.H,
-        (gains["L"], gains["H"]),
-        (claim["T1"], claim["T2"]),
-        claim["decay"],
-        delta,
-        claim["gamma"],
-        claim["mu"],
-        values,
-    )
-    if certificate.holds and file.at("guarantee", "statement") != certificate.statement():
-        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
-    return certificate
+        raise file.wrong(".".join(exponent), f"delta T2 is not between 0 and {LARGEST_EXPONENT}")
+    values = {"P1": file.matrix((n, n), *witness, "P1"), "P2": file.matrix((ny, ny), *witness, "P2")}
+    values |= file.unknowns(made.multiplier.unknowns(), *witness, "multipliers")
+    gamma, mu = file.number(*level, "gamma"), file.number(*level, "mu")
+    intervals, pair = (claim["T1"], claim["T2"]), (gains["L"], gains["H"])
+    return certify_sporadic(plant, made.multiplier, made.H, pair, intervals, claim["decay"], delta, gamma, mu, values)
 
 
 def require_sporadic(
@@ -311,6 +325,8 @@ def verify_absence(file: ResultFile) -> tuple[str, Refutation]:
     made, root = file.spec, ("diagnosis", "certificate")
     if "certificate" not in file.table("diagnosis"):
         raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
+    if isinstance(made.observer, SporadicRequest):
+        raise file.wrong("diagnosis.certificate", "there is none for type sporadic")
     request, alpha = made.incremental.printed(), file.number(*root, "alpha")
     require_alpha(file, request, alpha, "diagnosis.certificate.alpha")
     given = {"L1": None, "L2": request.L2} | dict(request.gains or {})

@@ -182,7 +182,7 @@ def test_published_gains_of_the_oscillator_keep_the_published_gamma():
     made = analyzed(OSCILLATOR, LINEAR, np.eye(2), "0.41", "0.05", L_OSCILLATOR, [["-1.384"]])
     assert made.status == "certified"
     assert gamma(made) == pytest.approx(32.917, rel=1e-3)
-    assert made.tolerated["T2"] == pytest.approx(0.4309, rel=3e-3)
+    assert float(made.longest.T2) == pytest.approx(0.4309, rel=3e-3)
     assert made.limit["gamma"] == pytest.approx(32.149, rel=1e-3)
 
 
@@ -191,7 +191,7 @@ def test_the_interval_that_the_gain_of_postoyan_tolerates(constant, longest):
     H = -in_floats(ARM).C @ L_ARM
     made = analyzed(ARM, lipschitz(rational_number(constant), 1, 1), ARM_OUTPUT, "0.1016", "0.01", L_ARM, rational(H))
     assert made.status == "certified"
-    assert made.tolerated["T2"] == pytest.approx(longest, rel=3e-3)
+    assert float(made.longest.T2) == pytest.approx(longest, rel=3e-3)
     assert gamma(made) == pytest.approx(1.264, rel=2e-2)
 
 

@@ -21,6 +21,10 @@ def content(spec: Spec, design: SporadicDesign) -> dict[str, Any]:
         made["observer"] = observer(spec, design, proof)
         made["guarantee"] = guarantee(design, proof)
         made["certificate"] = certificate(proof)
+        if design.longest:
+            numbers = {key: approximate(getattr(design.longest, key)) for key in ("gamma", "mu")}
+            delta = approximate(design.longest.family.delta)
+            made["certificate"]["T2_max"] = {**numbers, "delta": delta, **certificate(design.longest)}
     elif design.limit:
         made["guarantee"] = limits(design)
     if design.curves:
@@ -68,7 +72,7 @@ def guarantee(design: SporadicDesign, proof: SporadicCertificate) -> dict[str, A
         **known,
         "T1": approximate(proof.T1),
         "T2": approximate(proof.T2),
-        **{f"{key}_max": value for key, value in design.tolerated.items()},
+        **({"T2_max": approximate(design.longest.T2)} if design.longest else {}),
         "mu": approximate(proof.mu),
         **limits(design),
         "statement": proof.statement(),

@@ -39,7 +39,7 @@ class SporadicDesign:
     certificate: SporadicCertificate | None = None
     limit: dict[str, Any] = field(default_factory=dict)
     limit_bounded: dict[str, Any] = field(default_factory=dict)
-    tolerated: dict[str, float] = field(default_factory=dict)  # T2 that given gains are proved to tolerate
+    longest: SporadicCertificate | None = None  # for the largest T2 that given gains are proved to tolerate
     curves: tuple[dict[str, Any], ...] = ()  # injection, relaxation, points
     diagnosis: Diagnosis = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -236,8 +236,10 @@ class Designer:
                 return SporadicDesign("infeasible", diagnosis=diagnosis, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high}
         self.engine.report(0.8, "gains")
-        made = self.shipped(study.at(*place(within_slack(limit, low, self.request.slack))), {})
-        return replace(made, **{"limit_bounded": {}, **limits})
+        found = study.at(*place(within_slack(limit, low, self.request.slack)))
+        if math.isinf(found.gamma):
+            raise UndecidedError(f"solutions seem to end at {name} = {limit:g}, but no gains were found near it")
+        return replace(self.shipped(found, {}), **{"limit_bounded": {}, **limits})
 
     def blind(self) -> SporadicDesign | None:
         """L = 0 and H = 0 for the largest T2, where the error decays without any measurement; None if it does not."""
@@ -312,67 +314,82 @@ class Designer:
             f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: the largest of all points whose "
             "limit of gamma is within the slack of the least"
         )
-        again = study.at(T2, decay)
+        again = study.at(T2, decay, (m.delta, m.gamma))
         best = again if again.status == "certified" else m
         return self.shipped(best, {"gamma": best.gamma, "attained": False})
 
     # Analysis
 
     def analysis(self, gains: Gains) -> SporadicDesign:
-        """Certify given gains, for the least gamma that they achieve, and say which T2 they tolerate."""
+        """Certify given gains, for the least gamma that they achieve, and the T2 that they tolerate.
+
+        For max-T2 and max-decay, within the slack of the largest value for which Theorem 2 has a solution.
+        """
         decay, T2 = printed(self.decay.low), printed(max(self.T2.low, self.request.T1))
-        tolerated = self.tolerated(gains, float(T2), float(decay))
-        if self.request.objective == "max-T2" and tolerated:
-            T2 = within_slack(min(tolerated["T2"], float(self.T2.high)), float(T2), self.request.slack)
+        tolerated, objective = self.tolerated(gains, float(T2), float(decay)), self.request.objective
+        limit: dict[str, Any] = {}
+        if objective == "max-T2" and tolerated is not None:
+            limit = {"T2": min(tolerated, float(self.T2.high))}
+            T2 = within_slack(limit["T2"], float(T2), self.request.slack)
+        if objective == "max-decay" and tolerated is not None:
+            limit = {"decay": self.sustained(gains, float(T2))}
+            decay = within_slack(limit["decay"], float(decay), self.request.slack)
         certificate = prove(self.setting, gains, T2, decay)
         if certificate is None:
-            diagnosis = useless(float(T2), float(decay), tolerated.get("T2"))
+            diagnosis = useless(float(T2), float(decay), tolerated)
             return SporadicDesign("infeasible", in_doubles(gains), diagnosis=diagnosis)
-        _, gamma = self.studies[0].confirmed(float(T2), float(decay))
-        longest = self.proved_longest(gains, tolerated.get("T2", 0.0), decay)
-        if longest is None or longest < certificate.T2:
-            longest = certificate.T2
-        tolerated = {"T2": float(longest)}
+        if not limit:
+            _, gamma = self.studies[0].confirmed(float(T2), float(decay))
+            limit = {"gamma": gamma} if math.isfinite(gamma) else {}
         return SporadicDesign(
             "certified" if certificate.holds else "uncertified",
             in_doubles(gains),
             certificate,
-            limit={"gamma": gamma, "attained": False} if math.isfinite(gamma) else {},
-            tolerated=tolerated,
+            limit={**limit, "attained": False},
+            longest=self.longest_proof(gains, tolerated or 0.0, decay),
         )
 
-    def proved_longest(self, gains: Gains, edge: float, decay: fmpq) -> fmpq | None:
-        """Longest T2 found for which given gains are proved, below the edge where solutions end numerically."""
-        above, proved = edge, None
+    def longest_proof(self, gains: Gains, edge: float, decay: fmpq) -> SporadicCertificate | None:
+        """Proof for the longest T2 that is found, below the edge where solutions end numerically."""
+        above, proof = edge, None
         for backoff in BACKOFFS if edge else ():
             T2 = printed(round_down(edge * (1 - backoff), 6))
-            if self.is_proved(gains, T2, decay):
-                proved = T2
+            proof = self.proof_at(gains, T2, decay)
+            if proof:
                 break
             above = float(T2)
-        for _ in range(REFINEMENTS if proved else 0):
-            assert proved is not None
-            middle = printed(round_down((float(proved) + above) / 2, 6))
-            if self.is_proved(gains, middle, decay):
-                proved = max(proved, middle)
-            else:
-                above = float(middle)
-        return proved
+        for _ in range(REFINEMENTS if proof else 0):
+            assert proof is not None
+            middle = printed(round_down((float(proof.T2) + above) / 2, 6))
+            longer = self.proof_at(gains, middle, decay)
+            proof, above = (longer, above) if longer else (proof, float(middle))
+        return proof
 
-    def is_proved(self, gains: Gains, T2: fmpq, decay: fmpq) -> bool:
-        """Whether given gains are proved for a T2, at any gamma."""
+    def proof_at(self, gains: Gains, T2: fmpq, decay: fmpq) -> SporadicCertificate | None:
+        """Proof of given gains for a T2, at any gamma; None if there is none."""
         certificate = prove(self.setting, gains, T2, decay)
-        return certificate is not None and certificate.holds
+        return certificate if certificate and certificate.holds else None
 
-    def tolerated(self, gains: Gains, T2: float, decay: float) -> dict[str, float]:
-        """Largest T2 for which Theorem 2 has a solution with given gains, at any gamma."""
+    def tolerated(self, gains: Gains, T2: float, decay: float) -> float | None:
+        """Largest T2 for which Theorem 2 has a solution with given gains, at any gamma; numerical."""
         landscape = self.setting.analysis(gains, decay)
         low, high = SHORTER * T2, max(LONGER * T2, float(self.T2.high))
         if landscape.least_missing(low) >= 0:
-            return {}
+            return None
         if landscape.least_missing(high) < 0:
-            return {"T2": high}
-        return {"T2": scan.edge(landscape.least_missing, low, high, EDGE * T2)}
+            return high
+        return scan.edge(landscape.least_missing, low, high, EDGE * T2)
+
+    def sustained(self, gains: Gains, T2: float) -> float:
+        """Largest decay of the range for which it has one; numerical."""
+
+        def missing(decay: float) -> float:
+            return self.setting.analysis(gains, decay).least_missing(T2)
+
+        low, high = float(self.decay.low), float(self.decay.high)
+        if missing(low) >= 0:
+            return low
+        return high if missing(high) < 0 else scan.edge(missing, low, high, EDGE * high)
 
 
 def interval(value: fmpq | Range) -> Range:

@@ -23,7 +23,7 @@ Form = Callable[[Sporadic], Relaxation]
 STEEPER = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
 LARGEST = 60.0  # of delta T2
 GUARD = 9  # points of the whole range where a search nearby finds nothing
-MISSING = -1e-8  # what is missing is negative, beyond the noise of a solver
+MISSING = -1e-6  # what is missing is negative, beyond the noise of a solver (about 2e-8)
 VIOLATION = 5e-5  # of a constraint that a search tolerates, in units of the data, whatever the solver says
 
 
@@ -149,7 +149,7 @@ class Landscape:
         valley = Valley(lambda delta: self.missing(delta, T2), *self.interval)
         if self.exponent is not None and valley.at(self.exponent / T2) >= MISSING:
             valley.near(self.exponent / T2)
-        if not valley.values or (valley.best[1] >= MISSING and valley.flat):
+        if not valley.values or valley.best[1] >= MISSING:
             valley.everywhere(GUARD)
         delta, value = valley.best
         self.exponent = delta * T2

@@ -77,11 +77,12 @@ def too_long(T2: float, decay: float, largest: float | None, fastest: float | No
     reason = f"{form} has no solution for T2 = {T2:g} with decay {decay:g}, whatever the gain from w"
     feasible = {name: value for name, value in (("T2", largest), ("decay", fastest)) if value is not None}
     hints = [f"ask for {name} at most {value * (1 - 1e-3):.4g}" for name, value in feasible.items()]
+    hints.append("try another range of delta, or another relaxation or injection")
     return {
         "condition": "inequality",
         "reason": reason + (f"; the largest T2 is {largest:.5g}" if largest is not None else ""),
         "feasible": feasible,
-        "suggestion": ", or ".join(hints) or "a tighter type of the nonlinearity or another measurement may help",
+        "suggestion": ", or ".join(hints),
     }
 
 

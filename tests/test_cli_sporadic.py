@@ -1,0 +1,447 @@
+"""The command line with sporadic measurements: exit codes, files, and what they promise."""
+
+import hashlib
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from obsdesign.cli import app
+
+SPEC = """
+obsdesign: 1
+name: Oscillator
+system: {states: [position, speed], A: [[0, 1], [-4, 0]], B: [1, 0], C: [1, 0]}
+observer:
+  type: sporadic
+  T1: 0.1
+  T2: 0.2
+  decay: 0.05
+  delta: {min: 1, max: 8, points: 5}
+  bounds: {L: 10}
+simulation:
+  horizon: 4
+  x0: [1, 0]
+  w: sin(t)
+  points: 41
+"""
+BOUNDS, TRIAL = "  bounds: {L: 10}", "  points: 41"
+GIVEN = SPEC.replace(BOUNDS, "  gains: {L: [2.067, -3], H: -1.384}")
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def run(*arguments):
+    """A command through the entry point of the application."""
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def files():
+    """Names in the working folder."""
+    return sorted(p.name for p in Path().iterdir())
+
+
+def number(value):
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def exact(value):
+    """A finite number, or a text p or p/q."""
+    if isinstance(value, str):
+        p, _, q = value.partition("/")
+        return bool(int(p) is not None and int(q or 1) > 0)
+    return number(value)
+
+
+def matrix(rows, entry, shape):
+    assert len(rows) == shape[0]
+    return all(len(row) == shape[1] and all(map(entry, row)) for row in rows)
+
+
+def content_of(path):
+    """A result, in which every number is finite."""
+    return json.loads(Path(path).read_text(), parse_constant=pytest.fail)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with osc.yaml and the osc.gains.json that `solve` made of it."""
+    folder = tmp_path_factory.mktemp("osc")
+    (folder / "osc.yaml").write_text(SPEC)
+    outcome = run("solve", folder / "osc.yaml", "-o", folder / "osc.gains.json")
+    assert outcome.exit_code == 0, outcome.output
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def solved(made, here):
+    """The working folder, with osc.yaml and osc.gains.json in it."""
+    for name in ("osc.yaml", "osc.gains.json"):
+        shutil.copy(made / name, here)
+    return here
+
+
+@pytest.fixture
+def sketched(monkeypatch):
+    """Figures that take no time to draw."""
+    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_: PNG)
+
+
+@pytest.fixture
+def tried(solved, sketched):  # noqa: ARG001 - both prepare the folder
+    """Simulates the gains of the oscillator by another trial; returns the summary, the header and the samples."""
+    original = content_of("osc.gains.json")
+
+    def tried(*lines):
+        text = SPEC.replace(TRIAL, "\n".join(f"  {line}" for line in ("points: 41", *lines)))
+        spec = {"path": "osc.yaml", "text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+        Path("other.gains.json").write_text(json.dumps(original | {"spec": spec}))
+        outcome = run("simulate", "other.gains.json", "--json", "-o", "run.csv")
+        assert outcome.exit_code == 0, outcome.output
+        header, *rows = Path("run.csv").read_text().splitlines()
+        samples = np.array([[float(x) for x in row.split(",")] for row in rows])
+        assert np.isfinite(samples).all()
+        return json.loads(outcome.stdout, parse_constant=pytest.fail), header.split(","), samples
+
+    return tried
+
+
+# solve
+
+
+def test_solve_writes_gains_and_a_table():
+    Path("osc.yaml").write_text(SPEC)
+    outcome = run("solve", "osc.yaml")
+    assert outcome.exit_code == 0
+    assert outcome.stderr == ""
+    assert files() == ["osc.gains.json", "osc.yaml"]
+    rows = dict(line.split(maxsplit=1) for line in outcome.stdout.splitlines() if not line.startswith("limit"))
+    assert {"gamma", "intervals", "gain", "L", "H", "delta", "contraction", "file"} <= rows.keys()
+    assert "NOT PROVED" not in outcome.stdout
+
+
+def test_a_result_file_holds_what_its_format_promises(made):
+    content = content_of(made / "osc.gains.json")
+    assert content["obsdesign"] == 1
+    assert content["name"] == "Oscillator"
+    assert content["spec"]["text"] == SPEC
+    assert content["spec"]["sha256"] == hashlib.sha256(SPEC.encode()).hexdigest()
+    assert content["status"] == "certified"
+    assert content["solver"]["name"] == "clarabel"
+    assert content["solver"]["solves"] > 0
+    assert content["solver"]["scalars"]["dynamic proposition-2"] == {"printed": 7, "solved": 4}
+    assert {"version", "python", "cvxpy"} <= content["tool"].keys()
+    assert content["created"].endswith("+00:00")
+
+
+def test_a_result_file_holds_the_observer_its_guarantee_and_the_proof(made):
+    content = content_of(made / "osc.gains.json")
+    observer, guarantee, proof = content["observer"], content["guarantee"], content["certificate"]
+    assert observer["type"] == "sporadic"
+    assert matrix(observer["L"], number, (2, 1))
+    assert matrix(observer["H"], number, (1, 1))
+    assert all(number(observer[key]) for key in ("T1", "T2", "delta"))
+    assert np.linalg.norm(observer["L"], 2) <= 10
+    assert all(number(guarantee[key]) for key in ("gamma", "mu", "decay", "T1", "T2", "noise", "jitter"))
+    assert (guarantee["T1"], guarantee["T2"], guarantee["decay"], guarantee["jitter"]) == (0.1, 0.2, 0.05, 1.0)
+    assert guarantee["mu"] <= guarantee["gamma"] ** 2 * (1 + 1e-12)
+    assert set(guarantee["limit"]) == set(guarantee["limit_bounded"]) == {"gamma", "attained"}
+    assert guarantee["limit"]["gamma"] <= guarantee["limit_bounded"]["gamma"] <= guarantee["gamma"]
+    assert guarantee["gamma"] <= 1.05 * guarantee["limit_bounded"]["gamma"]
+    assert repr(guarantee["gamma"]) in guarantee["statement"]
+    assert proof["kind"] in {"exact", "balls"}
+    assert matrix(proof["P1"], exact, (2, 2))
+    assert matrix(proof["P2"], exact, (1, 1))
+    assert all(check["holds"] is True and check["name"] and number(check["margin"]) for check in proof["checks"])
+
+
+def test_the_multipliers_are_the_eigenvalues_of_the_error_over_one_interval(made):
+    observer = content_of(made / "osc.gains.json")["observer"]
+    A, C, L, H = np.array([[0, 1], [-4, 0]]), np.array([[1, 0]]), np.array(observer["L"]), np.array(observer["H"])
+    for name in ("T1", "T2"):
+        X, steps = np.vstack([np.eye(2), C]), 2000  # e and theta = C e after a measurement
+        h = observer[name] / steps
+        flow = np.block([[A, -L], [np.zeros((1, 2)), H]])
+        step = np.eye(3) + h * flow @ (np.eye(3) + h / 2 * flow)
+        X = np.linalg.matrix_power(step, steps) @ X
+        expected = sorted(abs(np.linalg.eigvals(X[:2])))
+        assert sorted(abs(complex(*v)) for v in observer["multipliers"][name]) == pytest.approx(expected, rel=1e-5)
+        assert max(expected) < math.exp(-0.05 * observer[name])
+
+
+def test_json_and_a_dash_print_the_file():
+    Path("osc.yaml").write_text(GIVEN)
+    printed = run("solve", "osc.yaml", "--json", "-o", "out.json")
+    assert printed.exit_code == 0
+    assert printed.stdout == Path("out.json").read_text()
+    dashed = run("solve", "osc.yaml", "-o", "-")
+    assert json.loads(dashed.stdout)["observer"] == content_of("out.json")["observer"]
+    assert files() == ["osc.yaml", "out.json"]
+
+
+def test_two_solves_give_the_same_bytes_but_for_the_clock(made):
+    different = os.environ | {"PYTHONHASHSEED": "7"}
+    code = "from obsdesign.cli import main; main()"
+    command = [sys.executable, "-c", code, "solve", str(made / "osc.yaml"), "-o", "again.json", "-q"]
+    assert subprocess.run(command, env=different, check=False, timeout=60).returncode == 0
+    texts = []
+    for path in ("again.json", made / "osc.gains.json"):
+        content, text = content_of(path), Path(path).read_text()
+        for stamp in (f'"created": "{content["created"]}"', f'"time_s": {content["solver"]["time_s"]}'):
+            assert text.count(stamp) == 1
+            text = text.replace(stamp, "")
+        texts.append(text)
+    assert texts[0] == texts[1]
+
+
+def test_given_gains_are_analyzed_and_kept():
+    Path("given.yaml").write_text(GIVEN)
+    assert run("solve", "given.yaml", "-q").exit_code == 0
+    content = content_of("given.gains.json")
+    assert content["observer"]["L"] == [[2.067], [-3.0]]
+    assert content["observer"]["H"] == [[-1.384]]
+    assert content["guarantee"]["gamma"] >= content["guarantee"]["limit"]["gamma"]
+    assert content["guarantee"]["T2_max"] > 0.2
+    assert run("verify", "given.gains.json", "given.yaml", "-q").exit_code == 0
+
+
+@pytest.mark.parametrize("objective", ["max-T2", "pareto"])
+def test_a_search_over_T2_ends_within_its_range_and_is_proved(objective):
+    text = SPEC.replace("T2: 0.2", "T2: {min: 0.1, max: 0.8, points: 3}")
+    Path("osc.yaml").write_text(text.replace(BOUNDS, f"  objective: {objective}"))
+    assert run("solve", "osc.yaml", "-q", "--plot").exit_code == 0
+    content = content_of("osc.gains.json")
+    guarantee, limit = content["guarantee"], content["guarantee"]["limit"]
+    assert 0.1 <= guarantee["T2"] <= 0.8
+    if objective == "max-T2":
+        assert limit["T2"] == pytest.approx(0.4352, rel=5e-3)  # Ferrante et al., Example 1
+        assert limit["T2"] / 1.05 * (1 - 1e-5) <= guarantee["T2"] <= limit["T2"]
+        assert "osc.curve.png" not in files()
+    else:
+        (curve,) = content["search"]["curves"]
+        assert (curve["injection"], curve["relaxation"]) == ("dynamic", "proposition-2")
+        assert [p["status"] for p in curve["points"]] == ["certified", "infeasible", "infeasible"]
+        assert Path("osc.curve.png").read_bytes().startswith(PNG)
+    assert run("verify", "osc.gains.json", "osc.yaml", "-q").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "condition", "words"),
+    [
+        ("T2: 0.2", "T2: 1.2", "inequality", "the largest T2 is"),
+        ("T2: 0.2", "T2: 1.6", "sampling", "every T = 1.5708"),
+        ("C: [1, 0]", "C: 0", "detectability", "not seen by any output"),
+        (BOUNDS, "  bounds: {L: 1.0e-6}", "bounds", "|L| <= 1e-06"),
+        (BOUNDS, "  bounds: {gamma: 0.5}", "gamma", "the least possible is"),
+        (BOUNDS, "  gains: {L: [-20, 3]}", "gains", "these gains"),
+    ],
+)
+def test_an_infeasible_spec_is_answered_with_a_diagnosis_and_exit_code_3(old, new, condition, words):
+    assert SPEC.count(old) == 1
+    Path("osc.yaml").write_text(SPEC.replace(old, new))
+    outcome = run("solve", "osc.yaml")
+    assert outcome.exit_code == 3
+    content = content_of("osc.gains.json")
+    assert content["status"] == "infeasible"
+    assert content["diagnosis"]["condition"] == condition
+    assert words in content["diagnosis"]["reason"]
+    assert content["diagnosis"]["reason"] in outcome.stdout
+    assert "observer" not in content
+    assert "certificate" not in content
+    for command in ("verify", "simulate"):
+        refused = run(command, "osc.gains.json")
+        assert refused.exit_code == 2
+        assert len(refused.stderr.splitlines()) == 1
+    assert files() == ["osc.gains.json", "osc.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("decay: 0.05", "decay: 0"),
+        ("decay: 0.05", "decay: 1.0e+6"),
+        ("T2: 0.2", "T2: 1.0e+6"),
+        ("T1: 0.1", "T1: 1.0e-12"),
+        ("delta: {min: 1, max: 8, points: 5}", "delta: 1000"),
+        ("delta: {min: 1, max: 8, points: 5}", "delta: 1.0e-9"),
+        (BOUNDS, "  slack: 0"),
+        (BOUNDS, "  bounds: {L: 1.0e+12}"),
+        (BOUNDS, "  gains: {L: [1.0e+12, 0]}"),
+        ("B: [1, 0]", "B: 0"),
+        ("B: [1, 0]", "B: [1.0e+9, 0]"),
+    ],
+)
+def test_an_extreme_spec_is_answered_without_a_traceback(old, new):
+    assert SPEC.count(old) == 1
+    Path("extreme.yaml").write_text(SPEC.replace(old, new))
+    outcome = run("solve", "extreme.yaml", "-q")
+    assert outcome.exit_code in {0, 2, 3, 4}, outcome.exception
+    assert (outcome.stderr == "") == (outcome.exit_code in {0, 3})
+    assert ("extreme.gains.json" in files()) == (outcome.exit_code in {0, 3})
+    if outcome.exit_code == 0:
+        assert run("verify", "extreme.gains.json", "-q").exit_code == 0
+    if outcome.exit_code == 3:
+        assert content_of("extreme.gains.json")["diagnosis"]["reason"]
+
+
+# check and verify
+
+
+def test_check_says_what_the_structure_allows():
+    Path("osc.yaml").write_text(SPEC)
+    outcome = run("check", "osc.yaml", "--json")
+    assert outcome.exit_code == 0
+    report = json.loads(outcome.stdout)
+    assert report["possible"] is True
+    assert all(finding["holds"] for finding in report["findings"])
+    for old, new in (("T2: 0.2", "T2: 1.6"), ("C: [1, 0]", "C: 0")):
+        Path("osc.yaml").write_text(SPEC.replace(old, new))
+        assert run("check", "osc.yaml", "-q").exit_code == 3
+    assert files() == ["osc.yaml"]
+
+
+@pytest.mark.usefixtures("solved")
+def test_verify_proves_a_file_and_says_what():
+    outcome = run("verify", "osc.gains.json", "osc.yaml")
+    assert outcome.exit_code == 0
+    assert outcome.stdout.splitlines()[-1].startswith("proved: gamma ")
+    report = json.loads(run("verify", "osc.gains.json", "--json").stdout, parse_constant=pytest.fail)
+    assert report["proved"] is True
+    assert [check["name"] for check in report["checks"]] == [
+        check["name"] for check in content_of("osc.gains.json")["certificate"]["checks"]
+    ]
+
+
+@pytest.mark.usefixtures("solved")
+def test_gains_of_another_spec_are_refused():
+    Path("other.yaml").write_text(SPEC.replace("T1: 0.1", "T1: 0.11"))
+    for arguments in (
+        ("verify", "osc.gains.json", "other.yaml"),
+        ("simulate", "other.yaml", "--gains", "osc.gains.json"),
+    ):
+        outcome = run(*arguments)
+        assert outcome.exit_code == 2
+        assert "sha256" in outcome.stderr
+        assert len(outcome.stderr.splitlines()) == 1
+
+
+# simulate
+
+COLUMNS = ["t", "position", "speed", "hat_position", "hat_speed", "w1", "y1", "received"]
+
+
+@pytest.mark.usefixtures("solved")
+def test_simulate_needs_the_gains_file_alone():
+    os.remove("osc.yaml")
+    outcome = run("simulate")
+    assert outcome.exit_code == 0
+    assert "simulating osc.gains.json" in outcome.stderr
+    assert "VIOLATED" not in outcome.stdout
+    assert files() == ["osc.gains.json", "osc.run.csv", "osc.run.png"]
+    assert Path("osc.run.png").read_bytes().startswith(PNG)
+
+
+@pytest.mark.usefixtures("solved", "sketched")
+def test_a_spec_is_solved_first_and_gives_the_run_of_its_gains():
+    for arguments in (("osc.yaml", "-o", "a.csv"), ("osc.gains.json", "-o", "b.csv")):
+        assert run("simulate", *arguments, "-q").exit_code == 0
+    dashed = run("simulate", "osc.yaml", "--gains", "osc.gains.json", "-o", "-")
+    assert Path("a.csv").read_text() == Path("b.csv").read_text() == dashed.stdout
+
+
+def test_samples_have_the_columns_of_the_format_and_y_holds_what_was_received(tried):
+    summary, header, samples = tried()
+    assert header == COLUMNS
+    assert samples.shape == (41, 8)
+    assert samples[0].tolist() == [0, 1, 0, 0, 0, 0, 0, 0]
+    assert samples[-1, 0] == 4
+    assert samples[:, 5] == pytest.approx(np.sin(samples[:, 0]), abs=1e-9)
+    assert np.diff(samples[:, 7]).min() >= 0
+    assert samples[3::2, 6] == pytest.approx(samples[2:-1:2, 1], abs=1e-9)  # at 0.3 what was measured at 0.2
+    assert samples[3::2, 7].tolist() == list(range(1, 20))
+    assert summary["sampling"]["received"] == 19
+    assert summary["sampling"]["longest"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (),
+        ("period: 0.15",),
+        ("sampling: random", "seed: 3"),
+        ("sampling: {law: 0.05*sin(10*t) + 0.15}",),
+        ("sampling: random", "theta0: 1", "xhat0: [0.5, 0.5]"),
+        ("noise: {amplitude: 0.1}", "sampling: random"),
+        ("noise: {type: gaussian, amplitude: [0.05]}",),
+    ],
+)
+def test_a_run_within_the_intervals_keeps_every_bound(tried, lines):
+    summary, _, _ = tried(*lines)
+    assert summary["status"] == "done"
+    assert summary["sampling"]["outside"] == 0
+    assert len(summary["bounds"]) >= 2
+    for bound in summary["bounds"]:
+        assert bound["holds"] is True, bound["name"]
+        assert bound["value"] <= bound["bound"] * (1 + 1e-6)
+    assert summary["gamma"] == content_of("osc.gains.json")["guarantee"]["gamma"]
+
+
+def test_from_zero_error_the_ratio_is_below_gamma(tried):
+    summary, _, _ = tried("sampling: random", "xhat0: [1, 0]", "theta0: 0", "seed: 5")
+    assert summary["initial_distance"] == 0
+    assert 0 < summary["ratio"] <= summary["gamma"]
+
+
+@pytest.mark.parametrize("lines", [("period: 0.3",), ("dropout: 0.5",), ("sampling: {law: 0.1 + t/10}",)])
+def test_a_run_that_leaves_the_intervals_says_from_when_on_nothing_is_guaranteed(tried, lines):
+    summary, _, _ = tried(*lines)
+    assert summary["sampling"]["outside"] > 0
+    assert "nothing is guaranteed from then on" in summary["sampling"]["note"]
+    assert summary["bounds_omitted"]
+    assert all(bound["holds"] for bound in summary["bounds"])
+    assert (summary["sampling"]["lost"] > 0) == ("dropout: 0.5" in lines)
+
+
+def test_a_seed_repeats_a_run_and_another_one_does_not(tried):
+    runs = [tried("sampling: random", f"seed: {seed}")[2] for seed in (1, 1, 2)]
+    assert (runs[0] == runs[1]).all()
+    assert (runs[0] != runs[2]).any()
+
+
+@pytest.mark.parametrize("law", ["-1", "0", "0.15 - t", "sqrt(-t)", "1/(t - 0.2)", "1.0e-9"])
+@pytest.mark.usefixtures("solved", "sketched")
+def test_a_law_without_positive_intervals_is_a_mistake_of_one_line(law):
+    content = content_of("osc.gains.json")
+    text = SPEC.replace(TRIAL, f'  sampling: {{law: "{law}"}}')
+    content["spec"] |= {"text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+    Path("law.gains.json").write_text(json.dumps(content))
+    before = files()
+    outcome = run("simulate", "law.gains.json")
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    (line,) = outcome.stderr.splitlines()
+    assert "simulation.sampling" in line
+    assert files() == before
+
+
+@pytest.mark.usefixtures("sketched")
+def test_given_gains_that_prove_nothing_are_simulated_without_a_guarantee():
+    Path("bad.yaml").write_text(SPEC.replace(BOUNDS, "  gains: {L: [-0.01, 0]}"))
+    outcome = run("simulate", "bad.yaml")
+    assert outcome.exit_code == 0
+    assert "no guarantee" in outcome.stdout
+    assert "holds" not in outcome.stdout
+    assert files() == ["bad.run.csv", "bad.run.png", "bad.yaml"]

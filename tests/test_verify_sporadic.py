@@ -1,0 +1,412 @@
+"""What `verify` believes of observers for sporadic measurements: nothing that is not proved."""
+
+import copy
+import hashlib
+import json
+from fractions import Fraction
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from obsdesign.cli import app
+
+OSCILLATOR = """
+obsdesign: 1
+name: Oscillator
+system: {A: [[0, 1], [-4, 0]], B: [1, 0], C: [1, 0]}
+nonlinearities: [{f: 0.5*sin(q), type: {lipschitz: 0.5}, Bf: [0, 1], Cq: [1, 0]}]
+observer: {type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, delta: {min: 1, max: 8, points: 5}, bounds: {L: 10}}
+"""
+GIVEN = OSCILLATOR.replace("bounds: {L: 10}", "gains: {L: [2.067, -3], H: -1.384}")
+CLAIM = ("gamma", "mu", "decay", "T1", "T2")
+
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory):
+    """Solves a spec and returns the text of its result."""
+    folder = tmp_path_factory.mktemp("oscillator")
+
+    def certified(text, name):
+        (folder / f"{name}.yaml").write_text(text)
+        outcome = CliRunner().invoke(app, ["solve", str(folder / f"{name}.yaml"), "-o", str(folder / f"{name}.json")])
+        assert outcome.exit_code == 0, outcome.output
+        return (folder / f"{name}.json").read_text()
+
+    return certified
+
+
+@pytest.fixture(scope="module")
+def genuine(certified):
+    """The text of a certified design."""
+    return certified(OSCILLATOR, "designed")
+
+
+@pytest.fixture
+def content(genuine):
+    """The same, to be forged."""
+    return json.loads(genuine)
+
+
+@pytest.fixture
+def outcome_of(tmp_path):
+    """Writes a file and verifies it."""
+
+    def outcome_of(forged):
+        path = tmp_path / "forged.json"
+        path.write_text(forged if isinstance(forged, str) else json.dumps(forged))
+        outcome = CliRunner().invoke(app, ["verify", str(path)])
+        assert outcome.exit_code in {0, 2, 4}, outcome.exception
+        assert "Traceback" not in outcome.output
+        assert outcome.exit_code == 0 or str(path) in outcome.stderr
+        assert outcome.exit_code != 2 or len(outcome.stderr.splitlines()) == 1
+        return outcome
+
+    return outcome_of
+
+
+def at(content, keys):
+    for key in keys:
+        content = content[key]
+    return content
+
+
+def put(content, keys, value):
+    """Replace the entry at a path of keys."""
+    at(content, keys[:-1])[keys[-1]] = value
+    return content
+
+
+def scaled(content, keys, factor):
+    """Multiply the number at a path of keys, or every entry of a matrix there."""
+
+    def times(x):
+        if isinstance(x, list):
+            return [times(y) for y in x]
+        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
+
+    return put(content, keys, times(at(content, keys)))
+
+
+def with_spec(content, old, new):
+    """A content whose spec is changed, and whose hash says so."""
+    text = content["spec"]["text"]
+    assert text.count(old) == 1
+    content["spec"]["text"] = text.replace(old, new)
+    content["spec"]["sha256"] = hashlib.sha256(content["spec"]["text"].encode()).hexdigest()
+    return content
+
+
+def claiming(content, name, value):
+    """A content with another interval or decay, wherever it stands."""
+    old = content["guarantee"][name]
+    content["guarantee"][name] = value
+    if name in content["observer"]:
+        content["observer"][name] = value
+    statement = content["guarantee"]["statement"]
+    assert repr(old) in statement
+    content["guarantee"]["statement"] = statement.replace(repr(old), repr(value))
+    return content
+
+
+# An independent proof
+
+
+def fractions(rows):
+    return [[Fraction(str(x)) for x in row] for row in rows]
+
+
+def times(X, Y):
+    return [[sum((x * y for x, y in zip(row, column, strict=True)), Fraction()) for column in zip(*Y, strict=True)]
+            for row in X]  # fmt: skip
+
+
+def plus(X, Y, factor=1):
+    return [[x + factor * y for x, y in zip(a, b, strict=True)] for a, b in zip(X, Y, strict=True)]
+
+
+def positive(M, strict):
+    """Whether a symmetric matrix of fractions is positive (semi)definite, by elimination."""
+    M = [row[:] for row in M]
+    assert all(M[i][j] == M[j][i] for i in range(len(M)) for j in range(i))
+    while M:
+        pivot, rest = M[0][0], M[0][1:]
+        if pivot < 0 or (pivot == 0 and (strict or any(rest))):
+            return False
+        M = [[x - (a * b / pivot if pivot else 0) for x, b in zip(row[1:], rest, strict=True)]
+             for a, row in zip(rest, M[1:], strict=True)]  # fmt: skip
+    return True
+
+
+def above_exponential(x):
+    """A fraction a little above exp(x), 0 <= x <= 10: forty terms of the series and more than the rest."""
+    term, total = Fraction(1), Fraction(1)
+    for k in range(1, 41):
+        term *= Fraction(x) / k
+        total += term
+    return total + term
+
+
+def dissipation(content, s):
+    """V' + 2 decay V + |z|^2 - mu |w|^2 + m (l^2 |dq|^2 - |df|^2) as a matrix in (e, d, w, df).
+
+    V = e' P1 e + s d' P2 d with s = exp(delta tau), tau' = -1; the dynamics of e = x - xhat and d = C e - theta follow
+    from the statement.
+    """
+    observer, guarantee, proof = content["observer"], content["guarantee"], content["certificate"]
+    A, C = fractions([[0, 1], [-4, 0]]), fractions([[1, 0]])
+    L, H = fractions(observer["L"]), fractions(observer["H"])
+    delta, decay, mu = (Fraction(str(v)) for v in (observer["delta"], guarantee["decay"], guarantee["mu"]))
+    (scale,) = (Fraction(str(m)) for m in proof["multipliers"].values())
+    P1, P2 = fractions(proof["P1"]), fractions(proof["P2"])
+    theta = [[*C[0], Fraction(-1)]]  # theta = C e - d
+    e_rate = plus([[*row, 0, w, f] for row, w, f in zip(A, (1, 0), (0, 1), strict=True)],
+                  [[*row, 0, 0] for row in times(L, theta)], -1)  # fmt: skip
+    d_rate = plus(times(C, e_rate), [[*row, 0, 0] for row in times(H, theta)], -1)
+    storage = [[*P1[0], 0], [*P1[1], 0], [0, 0, s * P2[0][0]]]
+    half = times(storage, [*e_rate, *d_rate])
+    M = [[Fraction()] * 5 for _ in range(5)]
+    for i in range(3):
+        for j in range(5):
+            M[i][j] += half[i][j]
+            M[j][i] += half[i][j]
+            if j < 3:
+                M[i][j] += 2 * decay * storage[i][j]
+    M[2][2] -= delta * storage[2][2]
+    M[0][0] += 1 + scale / 4  # z = e, and q = e1 with the Lipschitz constant 1/2
+    M[1][1] += 1
+    M[3][3] -= mu
+    M[4][4] -= scale
+    return M
+
+
+@pytest.mark.parametrize("spec", [OSCILLATOR, GIVEN])
+def test_the_numbers_of_a_file_prove_its_claim_by_hand(certified, spec):
+    content = json.loads(certified(spec, "by-hand"))
+    exponent = Fraction(str(content["observer"]["delta"])) * Fraction(str(content["observer"]["T2"]))
+    assert 0 < exponent <= 10
+    for s in (Fraction(1), above_exponential(exponent)):
+        assert positive([[-x for x in row] for row in dissipation(content, s)], strict=False)
+    assert positive(fractions(content["certificate"]["P1"]), strict=True)
+    assert positive(fractions(content["certificate"]["P2"]), strict=True)
+    assert Fraction(str(content["guarantee"]["gamma"])) ** 2 >= Fraction(str(content["guarantee"]["mu"])) >= 0
+    assert 0 < content["guarantee"]["T1"] <= content["guarantee"]["T2"]
+
+
+# Tampering
+
+
+def test_the_genuine_file_is_proved(content, outcome_of):
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 0
+    assert outcome.stdout.splitlines()[-1].startswith("proved: gamma ")
+    assert "intervals from 0.1 to 0.2 s" in outcome.stdout
+    assert content["certificate"]["multipliers"]
+
+
+@pytest.mark.parametrize("factor", ["0.99", "1.01", "0", "-1"])
+@pytest.mark.parametrize("key", CLAIM)
+def test_a_forged_number_of_the_claim_is_caught(content, outcome_of, key, factor):
+    assert outcome_of(scaled(content, ("guarantee", key), factor)).exit_code in {2, 4}
+
+
+@pytest.mark.parametrize("factor", [0.99, 0.5, 0, -1])
+def test_a_lower_gamma_is_not_proved_even_with_the_mu_and_the_statement_of_it(content, outcome_of, factor):
+    gamma = content["guarantee"]["gamma"] * factor
+    claiming(content, "gamma", gamma)
+    content["guarantee"]["mu"] = gamma * gamma
+    assert outcome_of(content).exit_code == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("T1", 0.05), ("T1", 0.15), ("T2", 0.19), ("T2", 0.3), ("decay", 0.04), ("decay", 0.1)]
+)
+def test_a_claim_that_the_spec_does_not_ask_for_is_refused(content, outcome_of, name, value):
+    outcome = outcome_of(claiming(content, name, value))
+    assert outcome.exit_code == 2
+    assert f"guarantee.{name}" in outcome.stderr
+    assert "not what the spec asks for" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name", "value"), [("T2: 0.2", "T2: 3", "T2", 3.0), ("0.05", "8", "decay", 8.0)]
+)
+def test_a_claim_beyond_what_the_gains_achieve_is_not_proved_with_a_spec_that_asks_for_it(
+    content, outcome_of, old, new, name, value
+):
+    outcome = outcome_of(claiming(with_spec(content, old, new), name, value))
+    assert outcome.exit_code == 4
+    assert "NOT proved" in outcome.stdout
+
+
+def test_a_larger_lipschitz_constant_in_the_spec_is_not_covered(content, outcome_of):
+    with_spec(content, "0.5*sin(q), type: {lipschitz: 0.5}", "9*sin(q), type: {lipschitz: 9}")
+    assert outcome_of(content).exit_code == 4
+
+
+@pytest.mark.parametrize("factor", ["0", "-1", "0.1", "10", "1000000"])
+def test_a_forged_exponent_proves_nothing(content, outcome_of, factor):
+    assert outcome_of(scaled(content, ("observer", "delta"), factor)).exit_code in {2, 4}
+
+
+@pytest.mark.parametrize("value", [0.1999, 0.2001, 0, -0.2])
+@pytest.mark.parametrize("name", ["T1", "T2"])
+def test_intervals_of_the_observer_that_differ_from_those_of_the_guarantee_are_refused(
+    content, outcome_of, name, value
+):
+    content["observer"][name] = value
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert f"observer.{name}" in outcome.stderr
+
+
+@pytest.mark.parametrize("factor", ["0", "-1", "0.5", "2"])
+@pytest.mark.parametrize("name", ["L", "H"])
+def test_other_gains_are_not_proved(content, outcome_of, name, factor):
+    assert outcome_of(scaled(content, ("observer", name), factor)).exit_code == 4
+
+
+@pytest.mark.parametrize("factor", ["0", "-1", "1/2", "2"])
+@pytest.mark.parametrize("name", ["P1", "P2"])
+def test_a_forged_storage_function_proves_nothing(content, outcome_of, name, factor):
+    outcome = outcome_of(scaled(content, ("certificate", name), factor))
+    assert outcome.exit_code == 4
+    assert "NOT proved" in outcome.stdout
+
+
+@pytest.mark.parametrize("factor", ["0", "-1", "100"])
+def test_a_forged_multiplier_proves_nothing(content, outcome_of, factor):
+    (name,) = content["certificate"]["multipliers"]
+    assert outcome_of(scaled(content, ("certificate", "multipliers", name), factor)).exit_code == 4
+
+
+def test_an_asymmetric_storage_function_proves_nothing(content, outcome_of):
+    assert outcome_of(scaled(content, ("certificate", "P1", 0, 1), 1 + Fraction(1, 10**15))).exit_code == 4
+
+
+def test_a_statement_that_says_more_than_the_numbers_is_refused(content, outcome_of):
+    statement = content["guarantee"]["statement"]
+    content["guarantee"]["statement"] = statement.replace("no later than 0.2", "no later than 2.0")
+    assert content["guarantee"]["statement"] != statement
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert "guarantee.statement" in outcome.stderr
+
+
+@pytest.mark.parametrize("type_", ["l2", "linf", "Sporadic", "", None, 1])
+def test_another_family_is_refused(content, outcome_of, type_):
+    content["observer"]["type"] = type_
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert "observer.type" in outcome.stderr
+
+
+def test_a_claim_of_this_family_is_no_claim_of_another_one(content, outcome_of):
+    text = "obsdesign: 1\nsystem: {A: [[0, 1], [-4, 0]], B: [1, 0], C: [1, 0]}\nobserver: {type: l2, alpha: 1}\n"
+    content["spec"] |= {"text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+    assert outcome_of(content).exit_code == 2
+
+
+def test_a_changed_spec_is_refused(content, outcome_of):
+    content["spec"]["text"] = content["spec"]["text"].replace("-4", "-5")
+    assert "spec.sha256" in outcome_of(content).stderr
+
+
+def test_gains_that_the_spec_gives_may_not_be_replaced_by_better_ones(certified, genuine, outcome_of):
+    content, better = json.loads(certified(GIVEN, "given")), json.loads(genuine)
+    assert outcome_of(content).exit_code == 0
+    for section in ("observer", "guarantee", "certificate"):
+        content[section] = better[section]
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert "differs from the gain that the spec gives" in outcome.stderr
+
+
+# Malformed files
+
+PLACES = [
+    *(("guarantee", key) for key in CLAIM),
+    ("guarantee", "statement"),
+    ("observer", "type"),
+    ("observer", "L"),
+    ("observer", "H"),
+    ("observer", "T1"),
+    ("observer", "T2"),
+    ("observer", "delta"),
+    ("certificate", "P1"),
+    ("certificate", "P2"),
+    ("certificate", "multipliers"),
+    ("observer",),
+    ("guarantee",),
+    ("certificate",),
+    ("status",),
+    ("spec",),
+]
+ODD = ["NaN", "1/0", "1e999999999", None, True, [], [["1", "2"], ["3"]], {"a": 1}]
+
+
+@pytest.mark.parametrize("keys", PLACES, ids=".".join)
+def test_a_missing_key_is_named(content, outcome_of, keys):
+    del at(content, keys[:-1])[keys[-1]]
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert f"{'.'.join(keys)}" in outcome.stderr
+    assert "missing" in outcome.stderr
+
+
+@pytest.mark.parametrize("keys", PLACES, ids=".".join)
+def test_what_is_no_number_or_matrix_or_text_there_is_refused(content, outcome_of, keys):
+    for odd in ODD:
+        forged = put(copy.deepcopy(content), keys, odd)
+        assert outcome_of(forged).exit_code in {2, 4}, odd
+
+
+@pytest.mark.parametrize("text", ["NaN", "Infinity", "-Infinity"])
+@pytest.mark.parametrize("keys", [("guarantee", "gamma"), ("certificate", "P1", 0, 0), ("observer", "L", 0, 0)])
+def test_not_a_number_is_not_read(content, outcome_of, keys, text):
+    put(content, keys, float(text.replace("Infinity", "inf")))
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert "is no number" in outcome.stderr
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_forgery_is_answered_with_a_traceback_or_believed_where_gamma_is_lower(content, outcome_of, data):
+    forged = claiming(copy.deepcopy(content), "gamma", data.draw(st.floats(0, content["guarantee"]["gamma"] * 0.9)))
+    forged["guarantee"]["mu"] = forged["guarantee"]["gamma"] ** 2
+    places = [("certificate", "P1"), ("certificate", "P2"), ("observer", "delta"), ("observer", "L"), ("observer", "H")]
+    for keys in data.draw(st.lists(st.sampled_from(places), max_size=3)):
+        scaled(forged, keys, data.draw(st.fractions(-3, 3, max_denominator=20)))
+    assert outcome_of(forged).exit_code in {2, 4}
+
+
+# No solution
+
+
+@pytest.fixture(scope="module")
+def hopeless(tmp_path_factory):
+    """The text of an infeasible result."""
+    folder = tmp_path_factory.mktemp("hopeless")
+    (folder / "spec.yaml").write_text(OSCILLATOR.replace("T2: 0.2", "T2: 1.2"))
+    outcome = CliRunner().invoke(app, ["solve", str(folder / "spec.yaml"), "-o", str(folder / "out.json")])
+    assert outcome.exit_code == 3, outcome.output
+    return (folder / "out.json").read_text()
+
+
+def test_an_infeasible_result_without_a_certificate_proves_nothing(hopeless, outcome_of):
+    outcome = outcome_of(hopeless)
+    assert outcome.exit_code == 2
+    assert "certificate" in outcome.stderr
+
+
+@pytest.mark.parametrize("certificate", [{}, {"alpha": "1"}, {"alpha": "1", "multipliers": {}}, [], 1])
+def test_an_infeasible_result_with_a_certificate_of_another_family_is_refused(hopeless, outcome_of, certificate):
+    content = json.loads(hopeless)
+    content["diagnosis"]["certificate"] = certificate
+    assert outcome_of(content).exit_code == 2
+
+
+def test_an_infeasible_result_is_not_made_certified_by_saying_so(hopeless, outcome_of):
+    assert outcome_of(json.loads(hopeless) | {"status": "certified"}).exit_code == 2
