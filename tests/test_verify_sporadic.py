@@ -410,3 +410,37 @@ def test_an_infeasible_result_with_a_certificate_of_another_family_is_refused(ho
 
 def test_an_infeasible_result_is_not_made_certified_by_saying_so(hopeless, outcome_of):
     assert outcome_of(json.loads(hopeless) | {"status": "certified"}).exit_code == 2
+
+
+# Numbers that follow from the certificate
+
+
+@pytest.mark.parametrize("key", ["rate", "overshoot", "initial", "disturbance", "noise", "jitter"])
+def test_a_constant_that_does_not_follow_from_the_certificate_is_refused(content, outcome_of, key):
+    content["guarantee"][key] *= 0.5
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 2
+    assert f"guarantee.{key}" in outcome.stderr
+
+
+@pytest.fixture(scope="module")
+def analyzed(certified):
+    """The file of given gains, which says up to which T2 they are proved."""
+    return json.loads(certified(GIVEN, "analyzed"))
+
+
+def test_the_longest_interval_of_given_gains_is_proved_too(analyzed, outcome_of):
+    assert analyzed["guarantee"]["T2_max"] > 0.2
+    outcome = outcome_of(copy.deepcopy(analyzed))
+    assert outcome.exit_code == 0
+    assert "T2_max: P1 > 0" in outcome.stdout
+
+
+def test_a_longer_interval_than_is_proved_is_caught(analyzed, outcome_of):
+    forged = copy.deepcopy(analyzed)
+    forged["guarantee"]["T2_max"] *= 1.1
+    assert outcome_of(forged).exit_code == 4
+    del forged["certificate"]["T2_max"]
+    outcome = outcome_of(forged)
+    assert outcome.exit_code == 2
+    assert "certificate.T2_max" in outcome.stderr
