@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obsdesign import artifacts
-from obsdesign.artifacts import csv, digest, to_json, write_whole
+from obsdesign.artifacts import csv, digest, files, to_json, write_whole
 from obsdesign.errors import UsageError
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -46,7 +45,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(folder, monkeypatch
     def failing(*_args, **_options):
         raise error
 
-    monkeypatch.setattr(artifacts.os, step, failing)
+    monkeypatch.setattr(files.os, step, failing)
     with pytest.raises(UsageError if isinstance(error, OSError) else error) as caught:
         write_whole(folder / "gains.json", b"new")
     assert (folder / "gains.json").read_bytes() == b"old"
@@ -63,7 +62,7 @@ def test_a_reader_never_sees_a_part_of_a_file(folder, monkeypatch):
         seen.append(((folder / "gains.json").read_bytes(), Path(source).read_bytes(), Path(source).parent))
         replace(source, target)
 
-    monkeypatch.setattr(artifacts.os, "replace", watched)
+    monkeypatch.setattr(files.os, "replace", watched)
     write_whole(folder / "gains.json", b"new" * 100_000)
     assert seen == [(b"old", b"new" * 100_000, folder)]
 

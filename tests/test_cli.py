@@ -507,7 +507,7 @@ def test_every_mistake_of_a_spec_has_its_line():
 # Interrupts
 
 
-@pytest.mark.parametrize("where", ["obsdesign.design.design", "obsdesign.artifacts.os.replace"])
+@pytest.mark.parametrize("where", ["obsdesign.design.design", "obsdesign.artifacts.files.os.replace"])
 def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
     def interrupted(*_args, **_options):
         raise KeyboardInterrupt
