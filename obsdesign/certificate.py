@@ -77,7 +77,7 @@ def certify(
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     checks = (
         *proved,
-        Check("alpha > 0", family.alpha > 0, approximate(family.alpha)),
+        rate(family),
         Check("mu1 > 0", mu1 > 0, approximate(mu1)),
         Check("gamma >= 0", gamma >= 0, approximate(gamma)),
         Check("mu2 >= 0", mu2 >= 0, approximate(mu2)),
@@ -86,6 +86,12 @@ def certify(
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
     return Certificate(family.name, family.alpha, gamma, mu1, mu2, values["P"], multipliers, checks)
+
+
+def rate(family: Incremental) -> Check:
+    """Whether the decay rate is positive, or not negative where the family allows zero."""
+    allowed = family.alpha >= 0 if family.still else family.alpha > 0
+    return Check("alpha >= 0" if family.still else "alpha > 0", allowed, approximate(family.alpha))
 
 
 @dataclass(frozen=True)

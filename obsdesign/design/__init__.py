@@ -12,15 +12,18 @@ import numpy as np
 
 from obsdesign.design.designer import Design, Designer
 from obsdesign.design.engine import Engine, Report
+from obsdesign.design.lipschitz import LipschitzDesign, design_lipschitz
 from obsdesign.design.sporadic import SporadicDesign, design_sporadic
 from obsdesign.errors import UndecidedError
-from obsdesign.observers.request import SporadicRequest
+from obsdesign.observers.request import LipschitzRequest, SporadicRequest
 from obsdesign.spec.model import Spec
 
-__all__ = ["Design", "SporadicDesign", "design"]
+__all__ = ["Design", "LipschitzDesign", "SporadicDesign", "design"]
 
 
-def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design | SporadicDesign:
+def design(
+    spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
+) -> Design | LipschitzDesign | SporadicDesign:
     """Design, or analyse, the observer that a spec asks for.
 
     Raises
@@ -39,8 +42,10 @@ def design(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: Non
     return replace(made, solves=engine.solves, time_s=time.perf_counter() - started)
 
 
-def made_for(spec: Spec, engine: Engine) -> Design | SporadicDesign:
+def made_for(spec: Spec, engine: Engine) -> Design | LipschitzDesign | SporadicDesign:
     """Outcome of the family that a spec asks for."""
     if isinstance(spec.observer, SporadicRequest):
         return design_sporadic(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
+    if isinstance(spec.observer, LipschitzRequest):
+        return design_lipschitz(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
     return Designer(spec, engine).outcome()

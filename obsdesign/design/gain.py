@@ -1,11 +1,11 @@
 """Small gains: the least |L1| that reaches a gamma, and L2 where it is free.
 
-Under the convex bound |L1| <= kappa (t I <= P, [P, Y; Y', kappa^2 t I] >= 0) the least gamma falls with kappa and is
-reliable to compute over many decades; minimising the bound itself at a given gamma is not.
+Under the convex bound |L1| <= kappa (t I <= P, [P, Y; Y', kappa^2 t I] >= 0) the least gamma, or another objective,
+falls with kappa and is reliable to compute over many decades; minimising the bound itself at a given gamma is not.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,24 +26,36 @@ ROUNDING = 1e-5  # of a bound on L1, likewise
 WIDEST = 2  # convex bounds beyond the bound on |L1| that are tried
 WIDENINGS = 3  # attempts at a convex bound whose gain comes nearer to the bound that was asked for
 
+Solve = Callable[[Bounds, Values | None], Answer]  # least objective within bounds, from the solution of one nearby
+
 
 def searchable(family: Incremental) -> Incremental:
     """Same problem in doubles; where L2 is found, for f - K q."""
     return in_floats(family) if family.L2 is not None else in_floats(family).shifted()
 
 
+def least(engine: Engine, family: Incremental) -> Solve:
+    """Least gamma^2 of a family within bounds."""
+    return lambda bounds, start: engine.minimise(family.least_gamma(bounds), start)
+
+
 def within(engine: Engine, family: Incremental, bounds: Bounds) -> Answer:
-    """Least gamma within bounds; the convex bound on |L1| is widened while the gain it gives stays inside."""
+    """Least gamma^2 within bounds."""
+    return bounded(least(engine, family), bounds)
+
+
+def bounded(solve: Solve, bounds: Bounds) -> Answer:
+    """Least objective within bounds; the convex bound on |L1| is widened while the gain it gives stays inside."""
     if bounds.L1 is None:
-        return engine.minimise(family.least_gamma(bounds))
+        return solve(bounds, None)
     size = allowed = limit_of(bounds)
-    best = engine.minimise(family.least_gamma(sized(bounds, size)))
+    best = solve(sized(bounds, size), None)
     for _ in range(WIDENINGS if best.status is Status.OPTIMAL else 0):
         found = norm(best.values, bounds)
         if not found:
             break
         size *= allowed / found
-        wider = engine.minimise(family.least_gamma(sized(bounds, size)), best.values)
+        wider = solve(sized(bounds, size), best.values)
         if wider.status is not Status.OPTIMAL or norm(wider.values, bounds) > allowed:
             break
         best = wider
@@ -66,10 +78,16 @@ def small_gains(
         values = smallest(engine, in_floats(fixed), gamma, bounds)
         if values is None:
             continue
-        for digits in DIGITS:
-            L1 = significant(gain(values), digits)
-            if bounds.L1 is None or size_of(L1, bounds) <= float(bounds.L1):
-                yield replace(fixed, L1=printed(L1)), values
+        for L1 in rounded_gains(values, bounds):
+            yield replace(fixed, L1=L1), values
+
+
+def rounded_gains(values: Values, bounds: Bounds) -> Iterator[Array]:
+    """L1 = P^-1 Y in more and more digits, as rationals, where it is within its bound."""
+    for digits in DIGITS:
+        L1 = significant(gain(values), digits)
+        if bounds.L1 is None or size_of(L1, bounds) <= float(bounds.L1):
+            yield printed(L1)
 
 
 def with_L2(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Iterator[Incremental]:
@@ -93,20 +111,25 @@ def feedback(family: Incremental, values: Values) -> Array:
 
 
 def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Values | None:
-    """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found.
-
-    The smallest kappa is found to `NEAR` by bisection of its logarithm, from the gain of the widest margin down.
-    """
+    """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found."""
     wide = engine.widest(family.witness(gamma))
     if wide.status is not Status.OPTIMAL:
         return None
+    return descended(least(engine, family), (gamma * (1 - ROOM)) ** 2, wide.values, bounds)
+
+
+def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values | None:
+    """P, Y, .. of a gain of small norm whose objective is at most a goal; None if none was found.
+
+    The smallest kappa is found to `NEAR` by bisection of its logarithm, from the gain of the widest margin down.
+    """
     allowed = limit_of(bounds)
-    values = wide.values if norm(wide.values, bounds) <= allowed else None
-    ladder = Ladder(goal=gamma * (1 - ROOM), high=min(norm(wide.values, bounds), WIDEST * allowed))
+    values = wide if norm(wide, bounds) <= allowed and bounds.floor is None else None
+    ladder = Ladder(goal=goal, high=min(norm(wide, bounds), WIDEST * allowed))
     start: Values | None = None
     while (kappa := ladder.next()) is not None:
-        answer = engine.minimise(family.least_gamma(sized(bounds, kappa)), start)
-        reached = math.sqrt(max(answer.objective, 0.0)) if answer.status is Status.OPTIMAL else math.inf
+        answer = solve(sized(bounds, kappa), start)
+        reached = max(answer.objective, 0.0) if answer.status is Status.OPTIMAL else math.inf
         fits = answer.status is Status.OPTIMAL and norm(answer.values, bounds) <= allowed
         if ladder.tell(kappa, reached, fits=fits):
             start = answer.values
@@ -116,12 +139,12 @@ def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) 
 
 @dataclass
 class Ladder:
-    """Search for the smallest kappa whose least gamma is at most a goal."""
+    """Search for the smallest kappa whose least objective is at most a goal."""
 
     goal: float
     high: float  # where to begin; then the smallest that is known to do
     low: float = 0.0  # the largest that is known not to
-    level: float | None = None  # gamma at high
+    level: float | None = None  # objective at high
     fits: bool = False  # the gain at high is within its bound
     tried: int = 0
 
@@ -136,10 +159,10 @@ class Ladder:
             return math.sqrt(self.low * self.high)
         return self.high / STRIDE
 
-    def tell(self, kappa: float, gamma: float, *, fits: bool) -> bool:
-        """Take the gamma of a kappa into account, and say whether it will do."""
-        if gamma <= self.goal:
-            self.high, self.level, self.fits = kappa, gamma, fits
+    def tell(self, kappa: float, reached: float, *, fits: bool) -> bool:
+        """Take the objective of a kappa into account, and say whether it will do."""
+        if reached <= self.goal:
+            self.high, self.level, self.fits = kappa, reached, fits
             return True
         self.low = kappa
         return False

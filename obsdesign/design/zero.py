@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from flint import fmpq
@@ -49,10 +50,22 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
     return SHARE * reference if math.sqrt(least) <= ROUNDED * reference else None
 
 
+def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:
+    """Same answer, with the objective 0 where a finite gain cancels the disturbance and the rest is rounding."""
+    if answer.status is Status.INFEASIBLE or cancelled(engine, family, answer) is None:
+        return answer
+    return replace(answer, status=Status.OPTIMAL, objective=0.0)
+
+
 def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
     """Refusal of min-gamma where the infimum is zero."""
     first = (
         f"observer.objective: the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
         "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
     )
-    return UsageError(first, *(f"  |L1| <= {size:<8g} gamma = {gamma:.4g}" for size, gamma in rows))
+    return tabulated(first, "L1", "gamma", rows)
+
+
+def tabulated(first: str, gain: str, quantity: str, rows: Sequence[tuple[float, float]]) -> UsageError:
+    """Refusal with a table of a quantity against the norm of a gain."""
+    return UsageError(first, *(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows))

@@ -6,7 +6,8 @@ To add one whose observer is (12): a file with a subclass of Incremental, a line
 from obsdesign.observers.incremental import Incremental
 from obsdesign.observers.l2 import L2
 from obsdesign.observers.linf import Linf
+from obsdesign.observers.lipschitz import Lipschitz
 
-FAMILIES: dict[str, type[Incremental]] = {family.name: family for family in (L2, Linf)}
+FAMILIES: dict[str, type[Incremental]] = {family.name: family for family in (L2, Linf, Lipschitz)}
 
 __all__ = ["FAMILIES", "Incremental"]

@@ -45,6 +45,7 @@ EQUATIONS = (
     "yhat = C xihat + Df f(t, y, qhat) + gy, e = xihat - xi, z = H e"
 )
 SMALL = "P <= p I"
+LARGE = "P >= t I"
 LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to the mean eigenvalue of P
 LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
 
@@ -62,6 +63,7 @@ class Incremental(ABC):
     meaning: ClassVar[str]  # of gamma
     promise: ClassVar[str]
     rises: ClassVar[bool]  # whether the least gamma never decreases with alpha
+    still: ClassVar[bool] = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
 
     plant: Plant
     multiplier: Multiplier
@@ -97,11 +99,15 @@ class Incremental(ABC):
         """Guarantee in words, with the observer written out."""
 
     def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
-        """(13) for the weight of |z|^2 and the supply m; P > 0; membership of the multiplier."""
+        """(13) for the weight of |z|^2 and the supply m, strict for alpha = 0; P > 0; membership of the multiplier."""
         v = {**v, "Y": v["Y"] if self.L1 is None else v["P"] @ self.L1}
         dissipation = self.dissipation_with_free_L2 if self.L2 is None else self.dissipation
         return [
-            Inequality(self.decrease, dissipation(v, weight * (self.H.mT @ self.H), supply)),
+            Inequality(
+                self.decrease,
+                dissipation(v, weight * (self.H.mT @ self.H), supply),
+                strict=self.still and not self.alpha,
+            ),
             Inequality("P > 0", -v["P"], strict=True),
             *self.multiplier.inequalities(v),
         ]
@@ -175,13 +181,15 @@ class Incremental(ABC):
     def least_gamma(self, bounds: Bounds | None = None) -> Problem:
         """Minimise mu = gamma^2; P >= 0 is closed by the solver, so that the optimum is the infimum.
 
-        With bounds, also P <= p I and, for |L1| <= kappa, `gain` with floor t and square kappa^2 t.
+        With bounds, also P <= p I, P >= t I and, for |L1| <= kappa, `gain` with a floor of its own and square kappa^2.
         """
 
         def bounded(v: Values) -> list[Inequality]:
             rows = []
             if bounds and bounds.P is not None:
                 rows.append(Inequality(SMALL, self.limited(v["P"], v["mu"], float(bounds.P))))
+            if bounds and bounds.floor is not None:
+                rows.append(Inequality(LARGE, float(bounds.floor) * self.eye - v["P"]))
             if bounds and bounds.L1 is not None:
                 rows += self.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
             return rows
@@ -224,11 +232,16 @@ class Incremental(ABC):
         gains = [] if self.L1 is not None else [Unknown("Y", p.C.mT.shape)]
         gains += [] if self.L2 is not None else [Unknown("R", (p.Cq.shape[0], p.C.shape[0]))]
         return Problem(
-            (Unknown("P", p.A.shape, symmetric=True), *gains, *self.multiplier.unknowns(), *unknowns),
+            (Unknown("P", p.A.shape, symmetric=True), *gains, *self.auxiliary, *unknowns),
             lambda v: (*self.theorem(complete(v)), *self.usable_scales(v), *bounded(v)),
             (lambda v: v[minimise]) if minimise else None,
             injection,
         )
+
+    @property
+    def auxiliary(self) -> tuple[Unknown, ...]:
+        """Unknowns besides P and the gains: what determines the multiplier."""
+        return self.multiplier.unknowns()
 
     def usable_scales(self, v: Values) -> list[Inequality]:
         """Where L2 = R / lambda is free, LEAST_SCALE <= lambda / (tr P / n) <= LARGEST_SCALE."""
@@ -271,7 +284,7 @@ class Incremental(ABC):
         return np.eye(self.plant.n)
 
     @property
-    def injection(self) -> Injection:
+    def injection(self) -> Injection | None:
         """Y enters (13) as He([I; 0] Y [C Df -D])."""
         p = self.plant
         extra = 0 if self.L2 is not None else free_factor(self.multiplier).shape[1]

@@ -10,6 +10,7 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array, printed
 
 SLACK = fmpq(1, 20)
+ZERO = fmpq(0)
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Bounds:
     norm: Literal["spectral", "frobenius"] = "spectral"  # of L1
     P: fmpq | None = None  # P <= p I
     gamma: fmpq | None = None
+    floor: fmpq | None = None  # P >= t I
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,24 @@ class Request:
             gamma=None if self.gamma is None else printed(self.gamma),
             gains=self.gains and {name: printed(matrix) for name, matrix in self.gains.items()},
         )
+
+
+@dataclass(frozen=True)
+class LipschitzRequest:
+    """The `observer` section of a spec for the family of Lipschitz systems.
+
+    The bound L1 is that of L. Only the decay and the weight of `pareto` may be ranges.
+    """
+
+    type: str
+    lipschitz: tuple[fmpq, ...]  # declared constant of each block of f
+    relaxation: Literal["s-procedure", "norm-bound", "abbaszadeh", "compare"] = "s-procedure"
+    objective: Literal["max-lipschitz", "min-gamma", "pareto"] = "max-lipschitz"
+    weight: fmpq | Range | None = None  # of 1 / lipschitz against gamma^2, in [0, 1], for pareto
+    decay: fmpq | Range = ZERO  # beta, 1/s
+    slack: fmpq = SLACK
+    bounds: Bounds = field(default_factory=Bounds)
+    gains: Mapping[str, Array] | None = None  # L (n, ny): analysis of this
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,57 @@
+"""Relaxation compare: every relaxation of one request, side by side."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from obsdesign.design.lipschitz.outcome import LipschitzDesign
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.lmi.formula import approximate
+from obsdesign.observers.lipschitz import RELAXATIONS
+
+
+def compared(design: Callable[[str], LipschitzDesign]) -> LipschitzDesign:
+    """Design of the tightest relaxation that has one, with a row for each.
+
+    Parameters
+    ----------
+    design
+        Outcome of a relaxation.
+
+    Raises
+    ------
+    UsageError, UndecidedError
+        No relaxation has an answer.
+    """
+    rows, outcomes = [], []
+    error: UsageError | UndecidedError | None = None
+    for relaxation in RELAXATIONS:
+        try:
+            made = design(relaxation)
+        except (UsageError, UndecidedError) as raised:
+            error = error or raised
+            status = "refused" if isinstance(raised, UsageError) else "undecided"
+            rows.append({"relaxation": relaxation, "status": status, "reason": raised.problems[0].message})
+            continue
+        outcomes.append(made)
+        rows.append(row(relaxation, made))
+    if not outcomes and error:
+        raise error
+    best = next((made for made in outcomes if made.status == "certified"), outcomes[0])
+    return replace(best, comparison=tuple(rows))
+
+
+def row(relaxation: str, made: LipschitzDesign) -> dict[str, Any]:
+    """What became of one relaxation."""
+    found: dict[str, Any] = {"relaxation": relaxation, "status": made.status, "limit": made.limit}
+    if made.proved:
+        found["certified"] = {
+            "lipschitz": approximate(made.proved.lipschitz),
+            "gamma": approximate(made.proved.certificate.gamma),
+            "L": float(np.linalg.norm(made.gains["L"], 2)),
+        }
+    if made.diagnosis:
+        found["reason"] = made.diagnosis["reason"]
+    return found

@@ -1,0 +1,43 @@
+"""What comes of a request for an observer of a Lipschitz system."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.certificate import Certificate
+from obsdesign.diagnosis.words import Diagnosis
+from obsdesign.lmi.formula import Array
+
+
+@dataclass(frozen=True)
+class Proved:
+    """A Lipschitz constant (the largest of those of the blocks), and the certificate for it."""
+
+    lipschitz: fmpq
+    certificate: Certificate
+
+
+@dataclass(frozen=True)
+class LipschitzDesign:
+    """Certified or uncertified gains, or why there are none."""
+
+    status: str  # certified | uncertified | infeasible
+    gains: dict[str, Array] = field(default_factory=dict)  # L: doubles, to be read as the decimals they print
+    proved: Proved | None = None
+    admissible: Proved | None = None  # largest constant that the gains are proved to tolerate, if `proved` is for less
+    limit: dict[str, Any] = field(default_factory=dict)
+    limit_bounded: dict[str, Any] = field(default_factory=dict)
+    widened: dict[str, float] = field(default_factory=dict)  # best gamma over all larger constants, and the constant
+    comparison: tuple[dict[str, Any], ...] = ()  # a row for each relaxation
+    ceiling: float | None = None  # constant that no gain can exceed
+    points: tuple[dict[str, Any], ...] = ()  # of a search over the weight, or over weight and decay
+    diagnosis: Diagnosis = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    solves: int = 0
+    time_s: float = 0.0
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Certificate of the guarantee."""
+        return self.proved.certificate if self.proved else None
