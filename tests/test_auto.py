@@ -15,7 +15,8 @@ from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.automatic import AUTOMATIC, choose, outward, proved
 from obsdesign.nonlinearities.evidence.claims import claims
 from obsdesign.nonlinearities.evidence.continuity import continuous
-from obsdesign.nonlinearities.evidence.enclosure import enclosure, norm_bound, supremum
+from obsdesign.nonlinearities.evidence.enclosure import enclosure, supremum
+from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 INF = np.inf

@@ -1,7 +1,7 @@
 """The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from itertools import product
 from math import inf
@@ -11,17 +11,18 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
+from obsdesign.expressions import Expression
 from obsdesign.expressions.tree import Number
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.enclosure import (
     Enclosure,
     enclosure,
     negative,
-    norm_bound,
     require_continuous,
     shown,
     supremum_of,
 )
+from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 DIGITS = 12  # of a bound, rounded outward
@@ -227,6 +228,8 @@ def proved(f: Restriction, name: str, data: Any) -> bool:
         return False
     try:
         require_continuous(f)
+        if name == "lipschitz" and data > 0:  # f / data has round numbers where f has those of the declaration
+            f, data = replace(f, f=tuple(Expression.combination([1 / data], [g]) for g in f.f)), fmpq(1)
         if f.decoupled:
             return slopes_within(f, sectors(name, data, f.nq))
         small = f.nq + len(f.f) <= MAX_SIZE

@@ -8,6 +8,7 @@ what is left of it makes a bound loose, never wrong.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import inf
 
 import numpy as np
@@ -22,8 +23,11 @@ Boxes = Mapping[str, Interval]
 TOLERANCE = 1e-5  # relative, at which a bound is tight enough
 WORK = 600_000  # boxes times operations: about 0.1 s
 BATCH = 256  # most boxes looked at in one go: a few take as long as that
+HUGE = 1e300
 MIN_BOXES = 1000  # for which the mean value form pays
-SVD_MARGIN = 1 + 1e-10  # of a computed norm, far above the rounding of its singular value decomposition
+CORNERS = 6  # most variables of which all corners of a box are looked at
+STEPS = 0.3 ** np.arange(14)  # around the best point, in relation to the whole box
+ROUNDS = 3  # of such steps at a time
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Supremum:
     attained: float
     scale: float  # largest magnitude that was seen
     place: Mapping[str, Range]  # a box with the bound
+    point: Mapping[str, float]  # where it is at least `attained`
+    boxes: int  # that were looked at
 
     @property
     def gap(self) -> float:
@@ -42,7 +48,12 @@ class Supremum:
 
 
 def supremum(
-    value: Callable[[Boxes], Interval], box: Mapping[str, Range], work: float, target: float | None = None
+    value: Callable[[Boxes], Interval],
+    box: Mapping[str, Range],
+    work: float,
+    target: float | None = None,
+    at: Callable[[Boxes], Interval] | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Supremum:
     """Supremum of a function over a box.
 
@@ -56,20 +67,21 @@ def supremum(
         Most boxes to look at.
     target
         The search ends once the supremum is known to be at most this, or more.
+    at
+        Encloses it at points, if that takes less time than over boxes.
+    tolerance
+        The search ends once the bound is as tight as this, in relation to the largest magnitude.
     """
     batch = int(np.clip(work / 16, 16, BATCH))
     boxes = np.array([*box.values()], dtype=float).reshape(len(box), 1, 2)
     names, measure = tuple(box), np.maximum(extent(boxes), 1e-300)
-
-    def over(some: Array) -> Interval:
-        found = value({name: Interval(*ends.T) for name, ends in zip(names, some, strict=True)})
-        return Interval(*(np.broadcast_to(end, some.shape[1]) for end in (found.low, found.high)))
-
-    bounds, (attained, scale) = over(boxes).high, sampled(over, boxes)
+    over = enclosed(value, names)
+    bounds, best = over(boxes).high, Attained(enclosed(at or value, names), boxes)
+    seen = 1
     while names and work > 0:
         with np.errstate(over="ignore"):
-            loose = np.flatnonzero(bounds > attained + TOLERANCE * scale)
-        if not len(loose) or (target is not None and not attained <= target < bounds.max()):
+            loose = np.flatnonzero(bounds > best.value + tolerance * best.scale)
+        if not len(loose) or (target is not None and not best.value <= target < bounds.max()):
             break
         split = loose[np.argsort(-bounds[loose], kind="stable")][: batch // 2]
         parts, before = boxes[:, split], bounds[split]
@@ -77,19 +89,63 @@ def supremum(
             parts, before = bisected(parts, measure), np.tile(before, 2)
         boxes = np.concatenate([np.delete(boxes, split, axis=1), parts], axis=1)
         bounds = np.concatenate([np.delete(bounds, split), np.minimum(over(parts).high, before)])
-        attained, scale = np.maximum((attained, scale), sampled(over, parts))
+        best.improve(parts)
         work -= 4 * batch
+        seen += len(before)
     worst = boxes[:, np.argmax(bounds)]
     place = {name: (float(low), float(high)) for name, (low, high) in zip(names, worst, strict=True)}
-    return Supremum(float(bounds.max()), float(attained), float(scale), place)
+    point = dict(zip(names, best.point.tolist(), strict=True))
+    return Supremum(float(bounds.max()), best.value, best.scale, place, point, seen)
 
 
-def sampled(over: Callable[[Array], Interval], boxes: Array) -> tuple[float, float]:
-    """Largest value, and largest finite magnitude, at two corners and in the middle of each box."""
-    points = np.concatenate([boxes[..., 0], middle(boxes), boxes[..., 1]], axis=1)
-    found = over(np.stack([points, points], axis=2))
-    values = np.where(found.empty, -inf, found.low)
-    return float(values.max()), float(abs(values[np.isfinite(values)]).max(initial=0.0))
+def enclosed(value: Callable[[Boxes], Interval], names: Sequence[str]) -> Callable[[Array], Interval]:
+    """Function of boxes (k, N, 2)."""
+
+    def over(boxes: Array) -> Interval:
+        found = value({name: Interval(*ends.T) for name, ends in zip(names, boxes, strict=True)})
+        return Interval(*(np.broadcast_to(end, boxes.shape[1]) for end in (found.low, found.high)))
+
+    return over
+
+
+class Attained:
+    """Largest value of a function that was seen in a box, and the point."""
+
+    def __init__(self, over: Callable[[Array], Interval], root: Array) -> None:
+        self.over, self.root = over, root
+        self.value, self.scale, self.point = -inf, 0.0, middle(root)[:, 0]
+        self.improve(root)
+
+    def improve(self, boxes: Array) -> None:
+        """Look at corners and in the middle of boxes (k, N, 2), then around the best point."""
+        count = min(len(boxes), CORNERS if boxes.shape[1] == 1 else 1)  # all corners of a single box
+        sides = product((False, True), repeat=count)
+        corners = [np.where(np.resize(side, (len(boxes), 1)), boxes[..., 1], boxes[..., 0]) for side in sides]
+        better = self.look(np.concatenate([*corners, middle(boxes)], axis=1))
+        rounds = ROUNDS if better and len(boxes) and self.value < HUGE else 0
+        while rounds and self.look(self.around()):
+            rounds -= 1
+
+    def look(self, points: Array) -> bool:
+        """Compare points (k, N) with the best one; whether one of them is better."""
+        found = self.over(np.stack([points, points], axis=2))
+        limits = np.isinf(points).any(axis=0) & (found.low < HUGE)  # a finite limit is not attained
+        values = np.where(found.empty | limits, -inf, found.low)
+        self.scale = max(self.scale, float(abs(values[np.isfinite(values)]).max(initial=0.0)))
+        k = int(np.argmax(values)) if values.size else 0
+        better = bool(values.size) and bool(values[k] > self.value)
+        if better:
+            self.value, self.point = float(values[k]), points[:, k]
+        return better
+
+    def around(self) -> Array:
+        """Points (k, N) at many distances from the best one along the axes."""
+        low, high = self.root[:, 0].T
+        with np.errstate(over="ignore"):
+            size = np.where(np.isfinite(high - low), high - low, 1 + abs(self.point))
+            axes = np.hstack([np.diag(size), -np.diag(size)])
+            steps = (axes[..., None] * STEPS).reshape(len(size), -1)
+            return np.asarray(np.clip(self.point[:, None] + steps, low[:, None], high[:, None]))
 
 
 def compressed(x: Array) -> Array:
@@ -106,8 +162,9 @@ def middle(boxes: Array) -> Array:
     """Where a box is cut: in the middle, or, if it is unbounded, at 0 or where its end is doubled."""
     low, high = boxes[..., 0], boxes[..., 1]
     finite_low, finite_high = np.where(np.isinf(low), 0.0, low), np.where(np.isinf(high), 0.0, high)
-    above = np.where(finite_low < 0, 0.0, np.maximum(1.0, 2 * finite_low))
-    below = np.where(finite_high > 0, 0.0, np.minimum(-1.0, 2 * finite_high))
+    with np.errstate(over="ignore"):
+        above = np.where(finite_low < 0, 0.0, np.maximum(1.0, 2 * finite_low))
+        below = np.where(finite_high > 0, 0.0, np.minimum(-1.0, 2 * finite_high))
     between = finite_low / 2 + finite_high / 2
     inner = np.where(np.isinf(high), np.where(np.isinf(low), 0.0, above), np.where(np.isinf(low), below, between))
     return np.clip(inner, low, high)
@@ -156,7 +213,7 @@ def supremum_of(g: Expression, f: Restriction, share: float = 1.0, target: float
     if work >= MIN_BOXES * len(g.order):
         form = MeanValueForm.of(g, tuple(box))
         if work >= MIN_BOXES * form.operations:
-            return supremum(form.enclose, box, work / form.operations, target)
+            return supremum(form.enclose, box, work / form.operations, target, g.enclose)
     return supremum(g.enclose, box, work / len(g.order), target)
 
 
@@ -199,6 +256,14 @@ def negative(g: Expression) -> Expression:
     return Expression(-g.root)
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """A component of f that may jump or be undefined, and a box in which it may."""
+
+    name: str
+    place: Mapping[str, Range]
+
+
 def require_continuous(f: Restriction) -> None:
     """Refuse an f whose derivative may not tell of all its changes.
 
@@ -207,6 +272,16 @@ def require_continuous(f: Restriction) -> None:
     UsageError
         f may jump or be undefined in the box, and where.
     """
+    found = doubt(f)
+    if found is not None:
+        raise UsageError(
+            f"{found.name} may jump or be undefined at {shown(f, found.place)}; write it with abs, sat, min or max "
+            "(q*abs(q), not sign(q)*q**2), or give a region without that"
+        )
+
+
+def doubt(f: Restriction) -> Doubt | None:
+    """First component of f that is not surely continuous in q in the whole box."""
     for i, component in enumerate(f.f, start=1):
 
         def doubtful(boxes: Boxes, g: Expression = component) -> Interval:
@@ -215,56 +290,11 @@ def require_continuous(f: Restriction) -> None:
         box = {name: f.box[name] for name in f.box if name in component.names}
         found = supremum(doubtful, box, WORK / 4 / len(component.order) / len(f.f), target=0.0)
         if found.bound > 0:
-            name = "f" if len(f.f) == 1 else f"f{i}"
-            raise UsageError(
-                f"{name} may jump or be undefined at {shown(f, found.place)}; write it with abs, sat, min or max "
-                "(q*abs(q), not sign(q)*q**2), or give a region without that"
-            )
+            return Doubt("f" if len(f.f) == 1 else f"f{i}", found.place)
+    return None
 
 
 def shown(f: Restriction, place: Mapping[str, Range]) -> str:
     """Box as a message has it."""
     limits = [f"{f.shown(name)} in [{low:.4g}, {high:.4g}]" for name, (low, high) in place.items()]
     return ", ".join(limits) or "any argument"
-
-
-def norm_bound(f: Restriction, target: float | None = None) -> Supremum:
-    """Supremum of the spectral norm of the Jacobian: the Lipschitz constant of f.
-
-    Raises
-    ------
-    UsageError
-        f may jump or be undefined in the box.
-    """
-    require_continuous(f)
-    operations = sum(len(g.order) for row in f.jacobian for g in row)
-
-    def norm(boxes: Boxes) -> Interval:
-        return spectral_norm([[g.enclose(boxes) for g in row] for row in f.jacobian])
-
-    return supremum(norm, f.box, WORK / operations, target)
-
-
-def spectral_norm(entries: Sequence[Sequence[Interval]]) -> Interval:
-    """Norm of interval matrices.
-
-    It is that of the centers, but for the norm of the radii (Frobenius), and at most that of the magnitudes.
-    """
-    low, high = (stacked([[getattr(g, end) for g in row] for row in entries]) for end in ("low", "high"))
-    bounded = np.asarray((np.isfinite(low) & np.isfinite(high)).all(axis=(-2, -1)))
-    low, high = (np.where(bounded[..., None, None], end, 0.0) for end in (low, high))
-    center = low / 2 + high / 2
-    with np.errstate(over="ignore"):
-        radius = np.linalg.norm(np.maximum(high - center, center - low), axis=(-2, -1))
-        norm = np.linalg.norm(center, 2, axis=(-2, -1))
-        upper = np.minimum(norm + radius, np.linalg.norm(np.maximum(-low, high), 2, axis=(-2, -1)))
-    return Interval(
-        np.where(bounded, np.maximum(norm / SVD_MARGIN - radius * SVD_MARGIN, 0.0), 0.0),
-        np.where(bounded, upper * SVD_MARGIN, inf),
-    )
-
-
-def stacked(rows: Sequence[Sequence[Array]]) -> Array:
-    """Matrices (.., nf, nq) from entries that broadcast."""
-    flat = np.broadcast_arrays(*(entry for row in rows for entry in row))
-    return np.moveaxis(np.reshape(flat, (len(rows), len(rows[0]), *flat[0].shape)), (0, 1), (-2, -1))

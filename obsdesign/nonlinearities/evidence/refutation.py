@@ -5,18 +5,20 @@ of f, before it is shown, so that a type that is exactly tight is never refused 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from math import floor, log10
+from dataclasses import dataclass, replace
+from math import floor, inf, log10
 from typing import Any
 
 import numpy as np
 from flint import arb, ctx, fmpq
 
+from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.constant import ball
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.evidence.claims import Claim, claims
+from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.nonlinearities.evidence.search import Pairs, pairs
 
@@ -64,8 +66,17 @@ def counterexample(f: Restriction, name: str, data: Any, multiplier: Multiplier)
         for k in (*plain[:TRIED], *seen[:TRIED]):
             found = confirmed(f, claim, candidates, int(k))
             if found:
-                return found
+                return replace(found, reason=found.reason + right(f)) if name == "lipschitz" else found
     return None
+
+
+def right(f: Restriction) -> str:
+    """What the Lipschitz constant is instead, as an addition to a reason; nothing if no bound of it is proved."""
+    try:
+        norm = norm_bound(f)
+    except UsageError:  # f may jump, or its derivative is too large
+        return ""
+    return f"; the constant is between {norm.attained:.7g} and {norm.bound:.7g}" if norm.bound < inf else ""
 
 
 def confirmed(f: Restriction, claim: Claim, candidates: Pairs, k: int) -> Counterexample | None:

@@ -1,0 +1,99 @@
+"""The Lipschitz constants of the nonlinearities of a spec, proved, as the command `lipschitz` reports them."""
+
+from collections.abc import Mapping
+from math import inf, isfinite
+from typing import Any
+
+from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
+from obsdesign.nonlinearities.evidence.automatic import proved
+from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
+from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.spec.model import Nonlinearity, Spec
+
+
+def constants(spec: Spec) -> dict[str, Any]:
+    """Lipschitz constant of every block of f that is given as a function.
+
+    Returns
+    -------
+    dict
+        `name`, and `blocks`, each with `name`, `type` and, where f is given, `region` (of the variables that f depends
+        on; null: no limit), `declared` and `proved` where its type has a constant, and either `lower` <= constant <=
+        `upper` (proved), `point` (where the Jacobian of f has at least the 2-norm `lower`), `gap` (relative) and
+        `boxes`, or `infinite` (true: so it is seen to be; false: no bound could be proved) and `reason`.
+
+    Raises
+    ------
+    UsageError
+        No block has an f.
+    """
+    if all(block.f is None for block in spec.nonlinearities):
+        raise UsageError(f"{spec.path}: no nonlinearity has an f, of which there could be a constant; give f")
+    return {
+        "name": spec.name,
+        "blocks": [entry(name, block) for name, block in zip(names(spec), spec.nonlinearities, strict=True)],
+    }
+
+
+def require_finite(report: Mapping[str, Any]) -> None:
+    """Refuse a report of which a constant has no upper bound.
+
+    Raises
+    ------
+    InfeasibleError
+        A constant is seen to be infinite.
+    UndecidedError
+        It could only not be bounded.
+    """
+    missing = [block for block in report["blocks"] if "reason" in block]
+    if missing:
+        error = InfeasibleError if any(block["infinite"] for block in missing) else UndecidedError
+        said = {True: "the Lipschitz constant is infinite", False: "no bound of the Lipschitz constant is proved"}
+        raise error(*(f"{block['name']}: {said[block['infinite']]}: {block['reason']}" for block in missing))
+
+
+def names(spec: Spec) -> list[str]:
+    """Names of the blocks, those of the plant first."""
+    left, found = spec.plant.Cq.shape[0], []
+    for i, block in enumerate(spec.nonlinearities, start=1):
+        found.append(f"f_{i}" if left > 0 else f"f_{i} (disturbance)")
+        left -= block.nq
+    return found
+
+
+def restriction(block: Nonlinearity) -> Restriction:
+    """Return f on its region; a run begins at t = 0."""
+    assert block.f is not None
+    own = {f"q{i + 1}": limits for i, limits in enumerate(block.region or ())}
+    return Restriction.of(block.f, block.nq, {"t": (0.0, inf), **own, **block.others})
+
+
+def entry(name: str, block: Nonlinearity) -> dict[str, Any]:
+    """Report on one block."""
+    report: dict[str, Any] = {"name": name, "type": block.type}
+    if block.f is None:
+        return report
+    f = restriction(block)
+    report["region"] = {f.shown(q): [end if isfinite(end) else None for end in f.box[q]] for q in used(f)}
+    if block.lipschitz:
+        declared = max(block.lipschitz)
+        report |= {"declared": float(declared), "proved": proved(f, "lipschitz", declared)}
+    return report | bounds(f, lipschitz_constant(f))
+
+
+def bounds(f: Restriction, found: Constant) -> dict[str, Any]:
+    """Both bounds of a constant, or why there is none."""
+    if found.reason:
+        return {"infinite": found.infinite, "reason": found.reason}
+    return {
+        "lower": found.lower,
+        "upper": found.upper,
+        "point": {f.shown(q): found.point[q] for q in used(f)},
+        "gap": found.gap,
+        "boxes": found.boxes,
+    }
+
+
+def used(f: Restriction) -> list[str]:
+    """Variables that f depends on."""
+    return [name for name in f.box if any(name in component.names for component in f.f)]
