@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.design.lipschitz.limits import cancels, ceiling
 from obsdesign.design.sporadic.reasons import hiding_interval
 from obsdesign.diagnosis.stiffness import failing_passivity, too_stiff
 from obsdesign.lmi.formula import Array, in_floats
@@ -14,7 +15,8 @@ from obsdesign.model.pencil import invariant_zeros
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, undetectable
 from obsdesign.observers import FAMILIES
-from obsdesign.observers.request import Range, SporadicRequest
+from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.observers.request import LipschitzRequest, Range, SporadicRequest
 from obsdesign.spec.model import Spec
 
 
@@ -28,7 +30,10 @@ def examine(spec: Spec) -> dict[str, Any]:
         gain out), `sentence`, and its numbers.
     """
     request = spec.observer
-    found = sampled(spec, request) if isinstance(request, SporadicRequest) else continuous(spec)
+    if isinstance(request, SporadicRequest):
+        found = sampled(spec, request)
+    else:
+        found = lipschitz(spec, request) if isinstance(request, LipschitzRequest) else continuous(spec)
     return {
         "name": spec.name,
         "possible": all(f["holds"] for f in found if f["decides"]),
@@ -46,6 +51,36 @@ def sampled(spec: Spec, request: SporadicRequest) -> list[dict[str, Any]]:
     return [
         *detectability(in_floats(plant), in_floats(multiplier.member), decay, "lambda_t"),
         finding("sampling", not hiding, hiding.get("reason", seen), decides=True),
+    ]
+
+
+def lipschitz(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:
+    """Detectability at the decay that is asked for, constants that no gain can exceed, sigma(H), and L D = B."""
+    decay = request.decay.low if isinstance(request.decay, Range) else request.decay
+    plant, K = in_floats(spec.augmented), in_floats(spec.multiplier.member)
+    found = detectability(plant, K, float(decay), "decay")
+    sizes = [(block.nq, block.nf) for block in spec.multiplier.blocks]
+    unit = Lipschitz(spec.augmented, lipschitz_multiplier(proportions(request.lipschitz), sizes), spec.H, decay)
+    most = ceiling(unit) if all(f["holds"] for f in found) else None
+    levels = request.objective != "max-lipschitz"
+    if most is not None:
+        declared = float(max(request.lipschitz))
+        below = declared < most
+        said = f"a linear f of the constant {most:.6g} hides a mode, and the declared one is {declared:g}"
+        found.append(finding("ceiling", below, said, decides=levels, ceiling=most))
+    return [*found, *(attenuation(spec, request) if plant.B.shape[1] else [])]
+
+
+def attenuation(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:
+    """What Theorems 3 and 4 need of H, and whether a finite gain keeps w from the error."""
+    size = float(np.linalg.norm(in_floats(spec.H), 2))
+    needed = request.relaxation == "abbaszadeh" and request.objective != "max-lipschitz"
+    said = f"sigma(H) = {size:.6g}, and Theorems 3 and 4 (relaxation abbaszadeh) need it to be below 1"
+    free = cancels(spec.augmented)
+    exact = "and gamma = 0 is possible with that gain if it also converges" if free else "so that gamma > 0"
+    return [
+        finding("sigma(H)", size < 1, said, decides=needed, sigma=size),
+        finding("L D = B", free, f"L D = B has {'a' if free else 'no'} solution L, {exact}"),
     ]
 
 

@@ -386,7 +386,7 @@ def test_the_json_schema_knows_no_other_keys():
 
 def test_the_json_schema_lets_nothing_be_null():
     assert '"null"' not in json.dumps(json_schema())
-    assert json_schema()["$defs"]["Observer"]["properties"]["type"]["enum"] == ["l2", "linf", "sporadic"]
+    assert json_schema()["$defs"]["Observer"]["properties"]["type"]["enum"] == ["l2", "linf", "sporadic", "lipschitz"]
 
 
 PLANE = "Bf: [0, 1], Cq: [[1, 0], [0, 1]]"

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from obsdesign.lmi.formula import Array
 from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
-from obsdesign.observers.request import Range, SporadicRequest
+from obsdesign.observers.request import LipschitzRequest, Range, SporadicRequest
 from obsdesign.simulate import simulation
 from obsdesign.simulate.hybrid import HybridRun, Sampling, simulate_sporadic
 from obsdesign.simulate.run import Run
@@ -19,11 +21,19 @@ def simulate(
     guarantee: Guarantee | SporadicGuarantee | None,
     progress: Callable[[float], None] | None = None,
 ) -> Run | HybridRun:
-    """Simulate the plant of a spec with an observer of its family; see `simulation.simulate`, `simulate_sporadic`."""
+    """Simulate the plant of a spec with an observer of its family; see `simulation.simulate`, `simulate_sporadic`.
+
+    Parameters
+    ----------
+    gains
+        As the family calls them, with its signs: L1 and L2, or L, or L and H.
+    """
     if isinstance(spec.observer, SporadicRequest):
         assert not isinstance(guarantee, Guarantee)
         return simulate_sporadic(spec, gains, sampling(spec, spec.observer, guarantee), guarantee, progress)
     assert not isinstance(guarantee, SporadicGuarantee)
+    if isinstance(spec.observer, LipschitzRequest):
+        gains = {"L1": -gains["L"], "L2": np.zeros((len(spec.augmented.Cq), len(spec.augmented.C)))}
     return simulation.simulate(spec, gains, guarantee, progress)
 
 

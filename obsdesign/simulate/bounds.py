@@ -41,12 +41,18 @@ def storage(errors: Errors, guarantee: Guarantee) -> tuple[Array, Array]:
     return V, np.exp(-2 * guarantee.alpha * errors.t) * V[0] + errors.b
 
 
-def bounds(errors: Errors, guarantee: Guarantee) -> list[dict[str, Any]]:
-    """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest."""
-    return (l2 if guarantee.family == "l2" else linf)(errors, guarantee)
+def bounds(errors: Errors, guarantee: Guarantee, drive: str = "v") -> list[dict[str, Any]]:
+    """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest.
+
+    Parameters
+    ----------
+    drive
+        What v is called.
+    """
+    return linf(errors, guarantee) if guarantee.family == "linf" else l2(errors, guarantee, drive)
 
 
-def l2(errors: Errors, guarantee: Guarantee) -> list[dict[str, Any]]:
+def l2(errors: Errors, guarantee: Guarantee, drive: str = "v") -> list[dict[str, Any]]:
     """Check the bounds that V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 implies.
 
     norm2(z)     <= sqrt(lmax(P) / mu1) |e(0)| + gamma norm2(v)
@@ -55,7 +61,7 @@ def l2(errors: Errors, guarantee: Guarantee) -> list[dict[str, Any]]:
     V(e(t))      <= exp(-2 alpha t) V(e(0)) + b(t)                                                for all t
 
     The first and the third are (16) and (17) of Corless and Chakrabarty (2019), (17) with its two ratios the
-    right way up.
+    right way up. alpha may be zero; the family lipschitz calls it decay, and has mu1 = 1.
     """
     size = np.linalg.norm(errors.e, axis=1)
     spectrum = np.linalg.eigvalsh(guarantee.P)
@@ -65,21 +71,27 @@ def l2(errors: Errors, guarantee: Guarantee) -> list[dict[str, Any]]:
     V, V_bound = storage(errors, guarantee)
     decay = np.exp(-guarantee.alpha * errors.t) * np.sqrt(high / low) * size[0]
     ultimate = np.sqrt(guarantee.mu2 / low) * v
+    rate, weight = ("decay", "") if guarantee.family == "lipschitz" else ("alpha", "/mu1")
+    once, twice, since = (
+        (f"exp(-{rate} t) ", f"exp(-2 {rate} t) ", f"exp(-2 {rate} (t-s)) ") if guarantee.alpha else ("", "", "")
+    )
     return [
         bound(
-            "norm2(z) <= sqrt(lmax(P)/mu1) |e(0)| + gamma norm2(v)",
+            f"norm2(z) <= sqrt(lmax(P){weight}) |e(0)| + gamma norm2({drive})",
             z,
             np.sqrt(high / guarantee.mu1) * size[0] + gain,
         ),
-        bound("norm2(z) <= sqrt(e(0)' P e(0)/mu1) + gamma norm2(v)", z, np.sqrt(V[0] / guarantee.mu1) + gain),
+        bound(
+            f"norm2(z) <= sqrt(e(0)' P e(0){weight}) + gamma norm2({drive})", z, np.sqrt(V[0] / guarantee.mu1) + gain
+        ),
         tightest(
-            "|e(t)| <= exp(-alpha t) sqrt(lmax(P)/lmin(P)) |e(0)| + sqrt(mu2/lmin(P)) norm2(v)",
+            f"|e(t)| <= {once}sqrt(lmax(P)/lmin(P)) |e(0)| + sqrt(mu2/lmin(P)) norm2({drive})",
             errors.t,
             size,
             decay + ultimate,
         ),
         tightest(
-            "sqrt(V(e(t))) <= sqrt(exp(-2 alpha t) V(e(0)) + mu2 integral exp(-2 alpha (t-s)) |v(s)|^2 ds)",
+            f"sqrt(V(e(t))) <= sqrt({twice}V(e(0)) + mu2 integral {since}|{drive}(s)|^2 ds)",
             errors.t,
             np.sqrt(V),
             np.sqrt(V_bound),

@@ -45,8 +45,8 @@ class Coupled:
     error itself is integrated, since the difference of two large states has lost its digits.
 
     The flow has the state s = (integrated true states, e, integral of |z|^2, integral of |v|^2, b), with
-    b' = -2 alpha b + c |v|^2, so that V(e(t)) <= exp(-2 alpha t) V(e(0)) + b(t); c is mu2 in the family l2
-    and 2 alpha mu1 in linf.
+    b' = -2 alpha b + c |v|^2, so that V(e(t)) <= exp(-2 alpha t) V(e(0)) + b(t); c is mu2 in the families
+    l2 and lipschitz, and 2 alpha mu1 in linf.
 
     Parameters
     ----------
@@ -180,14 +180,14 @@ class Coupled:
 
 def reconstructor(spec: Spec, L1: Array) -> Array:
     """pinv(B) L1, (nw, ny), which makes what of yhat - y; no rows if w is not to be reconstructed."""
-    if not spec.incremental.reconstruct:
+    if not spec.reconstructs:
         return np.zeros((0, L1.shape[1]))
     return np.asarray(np.linalg.pinv(in_floats(spec.plant).B) @ L1)
 
 
 def supply(guarantee: Guarantee) -> float:
     """Return c in V' <= -2 alpha V + c |v|^2."""
-    return guarantee.mu2 if guarantee.family == "l2" else 2 * guarantee.alpha * guarantee.mu1
+    return 2 * guarantee.alpha * guarantee.mu1 if guarantee.family == "linf" else guarantee.mu2
 
 
 def linear(plant: Plant, L1: Array, L2: Array) -> Array:

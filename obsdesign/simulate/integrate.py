@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 Vector = npt.NDArray[np.float64]
 Status = Literal["done", "escape", "stall"]
 
-HUGE = 1e12  # of the state against its start: an escape
+FIRST, GROWN = 100, 10  # growth of the state that sets the tolerance anew: at first, and from then on
+RESOLVED = 1e-14  # of the state: the least tolerance then, since f(xihat) - f(xi) has no more digits
+HUGE = 1e8  # of the state against its start: an escape
 WINDOW = 20_000  # calls of the right-hand side in which
 PACE = 1e-3  # of the rest of a segment must be crossed: else a stall
 PATH = 20_000  # accepted steps that are kept
@@ -158,13 +160,13 @@ def integrate(
     Returns
     -------
     Trajectory
-        With status "escape" where the watched state grows beyond 1e12 times its start, or fast enough to be
+        With status "escape" where the watched state grows beyond 1e8 times its start, or fast enough to be
         infinite within the resolution of time, and "stall" where neither method gets on.
     """
     s, end = start, End("done", float(samples[0]))
     recorder = Recorder(samples)
     limit = HUGE * max(1.0, float(np.linalg.norm(start[: flow.watched])))
-    crossing = Crossing(flow, tolerance, recorder, limit, progress)
+    crossing = Crossing(flow, tolerance, recorder, limit, progress, outgrown=limit / HUGE * FIRST)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.filterwarnings("ignore", category=UserWarning, message="lsoda")
         for segment in segments:
@@ -187,6 +189,7 @@ class Crossing:
     limit: float
     progress: Callable[[float], None] | None
     calls: int = 0
+    outgrown: float = np.inf  # size of the state that sets the tolerance anew
 
     def cross(self, segment: Segment, s: Vector) -> tuple[Vector, End]:
         """State at the end of the segment, or where it was left and why."""
@@ -221,10 +224,14 @@ class Crossing:
                 if trouble := solver.step():
                     return t, s, End("stall", t, trouble)
                 t, s = float(solver.t), solver.y
-                if not np.linalg.norm(s[: self.flow.watched]) < self.limit:
-                    return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.0e}")
+                size = float(np.linalg.norm(s[: self.flow.watched]))
+                if not size < self.limit:
+                    return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.3g}")
                 self.recorder.step(solver)
                 self.report(t)
+                if size > self.outgrown and t < segment.stop:
+                    self.renew(size)
+                    solver = attempt(segment, t, s)
                 if self.calls > calls + WINDOW:
                     if t - begin < PACE * (segment.stop - begin):
                         return t, s, End("stall", t, "the steps have become too small")
@@ -232,6 +239,12 @@ class Crossing:
         except ArithmeticError as error:
             return t, s, End("stall", t, str(error))
         return t, s, End("done", t)
+
+    def renew(self, size: float) -> None:
+        """Set the tolerance for a state that has grown to this size."""
+        absolute = self.tolerance.absolute.copy()
+        absolute[: self.flow.watched] = np.maximum(absolute[: self.flow.watched], RESOLVED * size)
+        self.tolerance, self.outgrown = replace(self.tolerance, absolute=absolute), GROWN * size
 
     def lsoda(self, segment: Segment, t: float, s: Vector) -> "LSODA":
         """LSODA cannot step back from a value that is not finite: the attempt ends there."""

@@ -108,7 +108,7 @@ class Record:
     def estimates(self, w: Array) -> tuple[Array, Array]:
         """Return what and what - w, each (M, len(estimated))."""
         now, e = self.now, self.s[:, self.system.ns : self.system.end]
-        if self.spec.incremental.reconstruct:
+        if self.spec.reconstructs:
             what = self.system.reconstructed(self.t, self.s, now)
             return what, what - w
         channels = list(self.estimated)
@@ -118,7 +118,7 @@ class Record:
     @property
     def estimated(self) -> tuple[int, ...]:
         """Channels of w that the observer estimates: those without a direct v, or all by reconstruction."""
-        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.incremental.reconstruct)
+        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.reconstructs)
         return tuple(np.flatnonzero(~direct).tolist())
 
     @property
@@ -145,6 +145,6 @@ class Record:
             return "the guarantee does not cover simulation.noise, which no v generates"
         steps = (after for before, after in self.breaks if self.acting.steps_of_xm(before, after).any())
         if (impulse := next(steps, None)) is not None:
-            kind = "square integrable" if self.guarantee.family == "l2" else "bounded"
+            kind = "bounded" if self.guarantee.family == "linf" else "square integrable"
             return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {kind}"
         return ""

@@ -23,15 +23,15 @@ def summarise(record: Record) -> dict[str, Any]:
         "time": trajectory.time,
         "reason": trajectory.reason or None,
         **norms(record),
-        "gamma": guarantee.gamma if guarantee else None,
+        "gamma": guarantee.gamma if guarantee and record.acting.v else None,
         **checks(record),
         **convergence(errors, record.acting.plant.states),
     }
 
 
 def norms(record: Record) -> dict[str, Any]:
-    """Sizes of z and v, and the ratio of those that gamma relates."""
-    errors, acting, guarantee = record.errors, record.acting, record.guarantee
+    """Sizes of z and v (or w, as the family has it), and the ratio of those that gamma relates."""
+    errors, acting, guarantee, drive = record.errors, record.acting, record.guarantee, record.spec.drive
     sup = guarantee is not None and guarantee.family == "linf"
     z2, z_sup = (float(np.sqrt(errors.z2[-1])), float(errors.z.max())) if record.has_z else (None, None)
     v2, v_sup = (None, None) if acting.unmodeled else (float(np.sqrt(errors.v2[-1])), float(errors.v_sup[-1]))
@@ -39,12 +39,12 @@ def norms(record: Record) -> dict[str, Any]:
     endless = None if sup or v2 is None else norm_to_infinity(acting.v, record.trajectory.time, errors.v2[-1])
     return {
         "z_norm2": z2,
-        "v_norm2": v2,
-        "v_norm2_infinite": endless,
+        f"{drive}_norm2": v2,
+        f"{drive}_norm2_infinite": endless,
         "z_sup": z_sup,
-        "v_sup": v_sup,
+        f"{drive}_sup": v_sup,
         "ratio": z / v if z is not None and v else None,
-        "ratio_of": "sup|z| / sup|v|" if sup else "norm2(z) / norm2(v)",
+        "ratio_of": "sup|z| / sup|v|" if sup else f"norm2(z) / norm2({drive})",
     }
 
 
@@ -55,10 +55,10 @@ def checks(record: Record) -> dict[str, Any]:
         until = record.left[0].time if record.left else np.inf
         covered = record.errors.before(until)
         if len(covered.t) > 1:
-            found["bounds"] = bounds(covered, record.guarantee)
+            found["bounds"] = bounds(covered, record.guarantee, record.spec.drive)
         if record.left:
             found["bounds_omitted"] = f"the guarantee is local, and the run left its region at t = {until:.4g}"
-    if record.spec.incremental.reconstruct:
+    if record.spec.reconstructs:
         found["reconstruction"] = accurate = reconstruction(record)
         if "bound" in accurate and "note" not in accurate:
             found["bounds"] += [entry(accurate["limsup"], accurate["bound"] + accurate["transient_left"])]

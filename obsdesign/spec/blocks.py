@@ -7,6 +7,7 @@ from math import inf
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, parse
@@ -24,6 +25,7 @@ from obsdesign.spec.values import Axis, Reader, Size
 
 ARGUMENT = re.compile(r"\bq\b")
 POINTS = np.concatenate([np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)])
+UNIT_SLOPE = ("sin", "cos", "tanh", "atan", "sat", "deadzone", "relu")  # |slope| <= 1, with equality
 TOLERANCE = 1e-9  # relative, of two ways to write the same function
 
 
@@ -60,6 +62,16 @@ class Assumption:
     text: str
     data: Any
     multiplier: Multiplier
+
+    @property
+    def lipschitz(self) -> tuple[fmpq, ...]:
+        """Lipschitz constant, or that of each component with a slope of its own; empty if none is known."""
+        if self.name in ("lipschitz", "cocoercive"):
+            return (self.data,)
+        if self.name in UNIT_SLOPE:
+            return (fmpq(1),) * len(self.multiplier.blocks)
+        finite = self.name == "slope" and all(high is not None for _, high in self.data)
+        return tuple(max(abs(low), abs(high)) for low, high in self.data) if finite else ()
 
     @classmethod
     def of(cls, block: Block, name: str, text: str, data: Any) -> "Assumption":
@@ -98,7 +110,7 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
     limits = tuple((own | region)[q] for q in own)
     others = {name: limits for name, limits in region.items() if name not in own}
     local = None if set(limits) == {EVERYWHERE} else limits
-    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others)
+    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, declared.lipschitz)
 
 
 def read_declared(reader: Reader, block: Block) -> Assumption | None:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array
@@ -14,7 +15,7 @@ from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
-from obsdesign.observers.request import Request, SporadicRequest
+from obsdesign.observers.request import LipschitzRequest, Request, SporadicRequest
 
 Vector = npt.NDArray[np.float64]
 
@@ -29,6 +30,9 @@ class Nonlinearity:
     f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
     region: tuple[Range, ...] | None = None  # of each component of q_i, where the type holds; None: all
     others: Mapping[str, Range] = field(default_factory=dict)  # of other variables of f (t, outputs, inputs), likewise
+    lipschitz: tuple[
+        fmpq, ...
+    ] = ()  # constant of f_i, or one for each component that has its own; none is known: empty
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ class Spec:
     gy: tuple[Expression, ...]  # (ny,) of t and the inputs
     H: Array  # (nz, n + nm): z = H e
     H_names: tuple[str, ...]
-    observer: Request | SporadicRequest
+    observer: Request | SporadicRequest | LipschitzRequest
     simulation: Simulation | None
     expect: Mapping[str, Any]
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
@@ -96,6 +100,22 @@ class Spec:
         """Request for an observer whose measurements arrive sporadically."""
         assert isinstance(self.observer, SporadicRequest)
         return self.observer
+
+    @property
+    def lipschitz(self) -> LipschitzRequest:
+        """Request for an observer of a Lipschitz system."""
+        assert isinstance(self.observer, LipschitzRequest)
+        return self.observer
+
+    @property
+    def reconstructs(self) -> bool:
+        """Whether the observer estimates w by pinv(B) L1 (yhat - y)."""
+        return isinstance(self.observer, Request) and self.observer.reconstruct
+
+    @property
+    def drive(self) -> str:
+        """Letter of what drives the augmented plant, as the paper of the family has it."""
+        return "w" if isinstance(self.observer, LipschitzRequest) and not len(self.generator.Am) else "v"
 
     @cached_property
     def augmented(self) -> Plant:

@@ -1,20 +1,20 @@
 """The observer section of a spec: what is asked of the design."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 from flint import fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
-from obsdesign.observers.request import Bounds, Range, Request
-from obsdesign.spec import schema
+from obsdesign.observers.request import SLACK, Bounds, Range, Request
+from obsdesign.spec import families
 from obsdesign.spec.document import Loc, described
-from obsdesign.spec.schema import Frobenius, Gains, Level, Observer
-from obsdesign.spec.values import Axis, Reader
+from obsdesign.spec.families import Frobenius, Gains, Level, Observer
+from obsdesign.spec.values import Axis, Reader, Sign
 
 ALPHA = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
-SLACK = fmpq(1, 20)
 MAX_POINTS = 10_000
 SEARCHED = ("max-alpha", "pareto")  # objectives that need a range of alpha
 
@@ -37,7 +37,7 @@ def read_incremental(reader: Reader, section: Observer, states: Axis, outputs: A
         alpha=read_alpha(reader, section),
         objective=objective,
         gamma=gamma,
-        slack=SLACK if section.slack is None else reader.number(section.slack, ("observer", "slack"), ">= 0"),
+        slack=read_slack(reader, section.slack),
         bounds=read_bounds(reader, section.bounds),
         gains=read_gains(reader, section.gains, states, outputs, q),
         reconstruct=section.reconstruct is not None,
@@ -76,17 +76,32 @@ def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
             f"observer.alpha is not given and is searched from {float(ALPHA.low):g} to {float(ALPHA.high):g}"
         )
         return ALPHA
-    if isinstance(section.alpha, schema.Range):
+    if isinstance(section.alpha, families.Range):
         return read_range(reader, section.alpha, loc)
     if section.objective in SEARCHED:
         reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
     return reader.number(section.alpha, loc, "> 0")
 
 
-def read_range(reader: Reader, section: schema.Range, loc: Loc) -> Range:
-    """Interval that is searched."""
+def read_searched(
+    reader: Reader, written: str | families.Range, loc: Loc, sign: Sign, first: Sign = "> 0"
+) -> fmpq | Range:
+    """Read a number, or the range in which it is searched.
+
+    Parameters
+    ----------
+    sign, first
+        Of the number, and of the end at which a range begins.
+    """
+    if isinstance(written, families.Range):
+        return read_range(reader, written, loc, first)
+    return reader.number(written, loc, sign)
+
+
+def read_range(reader: Reader, section: families.Range, loc: Loc, sign: Sign = "> 0") -> Range:
+    """Interval that is searched; one that is spaced by a factor cannot begin at zero."""
     before = len(reader.problems)
-    low = reader.number(section.min, (*loc, "min"), "> 0")
+    low = reader.number(section.min, (*loc, "min"), "> 0" if section.log else sign)
     high = reader.number(section.max, (*loc, "max"), "> 0")
     points = reader.integer(section.points, (*loc, "points"), 25, 2, MAX_POINTS)
     if len(reader.problems) == before and low >= high:
@@ -96,19 +111,31 @@ def read_range(reader: Reader, section: schema.Range, loc: Loc) -> Range:
     return Range(low, high, points, section.log)
 
 
-def read_bounds(reader: Reader, section: schema.Bounds | None) -> Bounds:
+def read_slack(reader: Reader, written: str | None) -> fmpq:
+    """How far from the optimum a design may be."""
+    return SLACK if written is None else reader.number(written, ("observer", "slack"), ">= 0")
+
+
+def read_bounds(reader: Reader, section: families.Bounds | None) -> Bounds:
     """Largest gain, storage function and level."""
     if section is None:
         return Bounds()
-    loc: Loc = ("observer", "bounds")
+    gain, norm = read_largest_gain(reader, section.L1, "L1")
+    return Bounds(gain, norm, read_bound(reader, section.P, "P"), read_bound(reader, section.gamma, "gamma"))
 
-    def bound(text: str | None, *keys: str) -> fmpq | None:
-        return None if text is None else reader.number(text, (*loc, *keys), "> 0")
 
-    P, gamma = bound(section.P, "P"), bound(section.gamma, "gamma")
-    if isinstance(section.L1, Frobenius):
-        return Bounds(bound(section.L1.frobenius, "L1", "frobenius"), "frobenius", P, gamma)
-    return Bounds(bound(section.L1, "L1"), "spectral", P, gamma)
+def read_largest_gain(
+    reader: Reader, written: str | Frobenius | None, key: str
+) -> tuple[fmpq | None, Literal["spectral", "frobenius"]]:
+    """Largest gain, and the norm that is meant."""
+    if isinstance(written, Frobenius):
+        return read_bound(reader, written.frobenius, key, "frobenius"), "frobenius"
+    return read_bound(reader, written, key), "spectral"
+
+
+def read_bound(reader: Reader, written: str | None, *keys: str) -> fmpq | None:
+    """One number of the bounds."""
+    return None if written is None else reader.number(written, ("observer", "bounds", *keys), "> 0")
 
 
 def read_gains(

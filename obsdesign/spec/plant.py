@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
 from obsdesign.spec.blocks import Block, read_block, read_nonlinearity
+from obsdesign.spec.document import Loc
 from obsdesign.spec.model import Nonlinearity
 from obsdesign.spec.names import Names, read_names
 from obsdesign.spec.schema import Nonlinearity as Section
 from obsdesign.spec.schema import System
-from obsdesign.spec.values import Axis, Entries, Reader, Size
+from obsdesign.spec.values import Axis, Entries, Reader, Size, counted
 
 X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")
 Q, F = Axis(None, "component of q"), Axis(None, "component of f")
@@ -50,14 +51,22 @@ class Reading:
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
 
 
-def read_plant(reader: Reader, system: System | None, sections: Sequence[Section] | None) -> Reading:
-    """Plant, known terms and nonlinearities; a section is None if its structure is wrong."""
+def read_plant(
+    reader: Reader, system: System | None, sections: Sequence[Section] | None, *, identity: bool = False
+) -> Reading:
+    """Plant, known terms and nonlinearities; a section is None if its structure is wrong.
+
+    Parameters
+    ----------
+    identity
+        Whether a Bf or Cq that is missing is the identity, instead of zero.
+    """
     if system is None:
         return Reading(Layout())
     matrices = {key: reader.entries(getattr(system, key), ("system", key)) for key in ("A", "B", "C", "D")}
     n = order(reader, matrices["A"], len(system.states or ["x1"]))
     ny = matrices["C"].shape(None, n)[0] or matrices["D"].shape()[0] or len(system.outputs or ["y1"])
-    parts = [read_part(reader, section, i, n, ny) for i, section in enumerate(sections or ())]
+    parts = [read_part(reader, section, i, n, ny, identity=identity) for i, section in enumerate(sections or ())]
     layout = lay_out(reader, system, matrices, (n, ny), parts if sections is not None else None)
     plant = read_matrices(reader, layout, matrices, parts)
     known = layout.known("outputs", "inputs")
@@ -102,15 +111,28 @@ class Part:
         return F.of(self.block.nf)
 
 
-def read_part(reader: Reader, section: Section, i: int, n: Size, ny: Size) -> Part:
+def read_part(reader: Reader, section: Section, i: int, n: Size, ny: Size, *, identity: bool = False) -> Part:
     """One block, with its sizes from its own matrices."""
     loc = ("nonlinearities", i)
     matrices = {key: reader.entries(getattr(section, key), (*loc, key)) for key in ("Bf", "Cq", "Dqf", "Dq", "Df")}
+    if identity and n:
+        matrices |= {key: Entries((*loc, key), rational(np.eye(n))) for key in left_out(reader, section, loc, n)}
     nf = matrices["Bf"].shape(n)[1] or matrices["Df"].shape(ny)[1]
     nq = matrices["Cq"].shape(None, n)[0] or matrices["Dqf"].shape()[0] or matrices["Dq"].shape()[0]
     if isinstance(section.gq, list):
         nq = nq or len(section.gq)
     return Part(read_block(reader, section, loc, nq, nf), matrices, section.gq)
+
+
+def left_out(reader: Reader, section: Section, loc: Loc, n: int) -> list[str]:
+    """Which of Bf and Cq are missing and can be the identity; Bf cannot where f has another size than the state."""
+    missing = [key for key in ("Bf", "Cq") if getattr(section, key) is None]
+    count = len(section.f) if isinstance(section.f, list) else 1
+    if "Bf" in missing and section.f is not None and count != n:
+        components = counted(count, "component")
+        reader.wrong((*loc, "Bf"), f"is missing, and f has {components}, not one for each of {n} states; give Bf")
+        missing.remove("Bf")
+    return missing
 
 
 def lay_out(

@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign.errors import Problem
-from obsdesign.observers.request import Request, SporadicRequest
+from obsdesign.observers.request import LipschitzRequest, Request, SporadicRequest
 from obsdesign.spec.document import Document, Loc, Number, described
+from obsdesign.spec.families import LipschitzObserver, SporadicObserver
 from obsdesign.spec.generator import read_disturbance
+from obsdesign.spec.lipschitz import as_lipschitz, is_lipschitz, read_lipschitz, require_lipschitz
 from obsdesign.spec.model import Spec
 from obsdesign.spec.names import numbered, read_parameters
 from obsdesign.spec.observer import read_incremental, require_reconstructible
 from obsdesign.spec.performance import read_performance
 from obsdesign.spec.plant import read_plant
-from obsdesign.spec.schema import File, SporadicObserver
+from obsdesign.spec.schema import File
 from obsdesign.spec.sporadic import read_sporadic, require_sporadic
 from obsdesign.spec.trial import read_simulation
 from obsdesign.spec.values import Axis, Reader, Size
@@ -49,16 +51,22 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
             f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}",
         )
     read_parameters(reader, file.parameters)
-    plant = read_plant(reader, file.system, file.nonlinearities)
+    plant = read_plant(reader, file.system, file.nonlinearities, identity=is_lipschitz(document))
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
     augmented = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
-    observer: Request | SporadicRequest | None = None
+    blocks = [block for block in (*plant.nonlinearities, *exogenous.nonlinearities) if block is not None]
+    observer: Request | SporadicRequest | LipschitzRequest | None = None
     if isinstance(file.observer, SporadicObserver):
         observer = read_sporadic(reader, file.observer, augmented, layout.outputs)
         require_sporadic(reader, plant.plant, exogenous.generator)
+    elif isinstance(file.observer, LipschitzObserver):
+        blocks = as_lipschitz(reader, plant.nonlinearities, exogenous.nonlinearities)
+        constants = tuple(constant for block in blocks for constant in block.lipschitz)
+        observer = read_lipschitz(reader, file.observer, augmented, layout.outputs, constants)
+        require_lipschitz(reader, observer, plant.plant, exogenous.generator)
     elif file.observer:
         observer = read_incremental(reader, file.observer, augmented, layout.outputs, q)
         if observer.reconstruct:
@@ -67,7 +75,6 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
         reader, file.simulation, layout, exogenous.xm, exogenous.v, sporadic=isinstance(file.observer, SporadicObserver)
     )
     expect = read_expectations(reader, file.expect or {})
-    blocks = [block for block in (*plant.nonlinearities, *exogenous.nonlinearities) if block is not None]
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None

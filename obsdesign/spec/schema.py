@@ -1,26 +1,26 @@
 """The format of a spec, version 1: which keys there are and what form their values have.
 
 The models hold structure only: sizes and meanings are for `resolve`. Every section of a file may be None,
-which is what is left of a section whose structure is wrong.
+which is what is left of a section whose structure is wrong. What each family of observers takes stands in `families`.
 """
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationError
+from pydantic import ConfigDict, Field, Tag, ValidationError
 from pydantic import model_validator as validator
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
 from typing_extensions import TypeAliasType
 
 from obsdesign.nonlinearities import FUNCTIONS
+from obsdesign.spec.families import AnyObserver
 from obsdesign.spec.forms import (
     Automatic,
     Choice,
     Entry,
     Matrix,
     OneOf,
-    Scalar,
     Section,
     Signals,
     Text,
@@ -30,19 +30,6 @@ from obsdesign.spec.forms import (
 )
 from obsdesign.spec.words import unavailable
 
-INCREMENTAL = ("l2", "linf")
-SPORADIC = "sporadic"
-FAMILIES = (*INCREMENTAL, SPORADIC)
-INJECTIONS = ("dynamic", "predictor", "hold")
-RELAXATIONS = ("proposition-2", "proposition-3", "proposition-4", "proposition-5")
-LATER_FAMILIES = (
-    "lipschitz", "kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain",
-)  # fmt: skip
-LATER_OBSERVER_KEYS = ("weight", "coordinates", "left_inverse", "estimator", "degree", "lambdas")
-INCREMENTAL_KEYS = ("L2", "alpha", "objective", "slack", "bounds", "gains", "reconstruct")
-SPORADIC_KEYS = (
-    "T1", "T2", "decay", "injection", "relaxation", "delta", "objective", "slack", "bounds", "gains",
-)  # fmt: skip
 TYPES = ("monotone", *FUNCTIONS)
 FORMS = (
     "lipschitz", "slope", "sector", "cocoercive", "ball", "one-sided-lipschitz", "jacobian", "cone", "multiplier",
@@ -232,148 +219,6 @@ class Weight(Section):
 
     H: Matrix = Field(description="over the augmented state (x, xm)")
 
-
-class Range(Section):
-    """An interval that is searched."""
-
-    min: Entry
-    max: Entry
-    points: Entry | None = Field(None, description="default 25")
-    log: bool = Field(False, strict=True, description="spaced by a factor")
-
-
-ObjectiveName = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
-
-
-class Level(Section):
-    """A performance level to reach."""
-
-    gamma: Entry
-
-
-class Frobenius(Section):
-    """A bound on the Frobenius norm."""
-
-    frobenius: Entry
-
-
-class Bounds(Section):
-    """What a design may use at most."""
-
-    L1: (
-        Annotated[Scalar | Annotated[Frobenius, Tag("<mapping>")], told_apart("a number, or {frobenius: a number}")]
-        | None
-    ) = Field(None, description="spectral norm of the gain")
-    P: Entry | None = Field(None, description="P <= p I")
-    gamma: Entry | None = None
-
-
-class Gains(Section):
-    """Gains to be analyzed instead of designed; they multiply (yhat - y)."""
-
-    L1: Matrix
-    L2: Matrix | None = None
-
-
-Searched = Annotated[
-    Scalar | Annotated[Range, Tag("<mapping>")],
-    told_apart("a number, or a range {min: .., max: .., points: .., log: ..}"),
-]
-FamilyName = Annotated[str, OneOf("observer", FAMILIES, unavailable(LATER_FAMILIES, FAMILIES))]
-
-
-class Observer(Section):
-    """What is asked of the design of an observer with the gains L1 and L2."""
-
-    hints = unavailable(LATER_OBSERVER_KEYS, INCREMENTAL_KEYS) | dict.fromkeys(
-        SPORADIC_KEYS, f"belongs to type {SPORADIC}; allowed here: type, {', '.join(INCREMENTAL_KEYS)}"
-    )
-
-    type: FamilyName
-    L2: Matrix | None = Field(None, description="nq x ny, rows follow q, the plant's blocks first; or `free`")
-    alpha: Searched | None = Field(None, description="decay rate")
-    objective: Annotated[
-        Annotated[ObjectiveName, OneOf("objective", get_args(ObjectiveName)), Tag("<scalar>")]
-        | Annotated[Level, Tag("<mapping>")],
-        told_apart("an objective, or {gamma: a number}"),
-    ] = "min-gamma"
-    slack: Entry | None = Field(None, description="relative, default 0.05")
-    bounds: Bounds | None = None
-    gains: Gains | None = None
-    reconstruct: Annotated[str, OneOf("signal", ("w",))] | None = Field(
-        None, description="w, by pinv(B) L1 (yhat - y); for linf, without a disturbance model"
-    )
-
-    @validator(mode="before")
-    @classmethod
-    def _this_family(cls, data: Any) -> Any:
-        """Leave the keys of other families alone: that the family is not available says it all."""
-        other = isinstance(data, dict) and "type" in data and data["type"] not in FAMILIES
-        return {"type": data["type"]} if other else data
-
-
-class SporadicBounds(Section):
-    """What a design may use at most."""
-
-    L: Entry | None = Field(None, description="spectral norm of the gain")
-    gamma: Entry | None = None
-
-
-class SporadicGains(Section):
-    """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
-
-    L: Matrix
-    H: Matrix | None = Field(None, description="ny x ny; default 0")
-
-
-InjectionName = Annotated[str, OneOf("injection", INJECTIONS)]
-RelaxationName = Annotated[str, OneOf("relaxation", RELAXATIONS)]
-SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
-
-
-class SporadicObserver(Section):
-    """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
-
-    tag = "<sporadic>"
-    hints = unavailable(LATER_OBSERVER_KEYS, SPORADIC_KEYS) | dict.fromkeys(
-        INCREMENTAL_KEYS, f"does not belong to type {SPORADIC}; allowed here: type, {', '.join(SPORADIC_KEYS)}"
-    )
-
-    type: FamilyName
-    T1: Entry = Field(description="s, shortest interval between measurements")
-    T2: Searched = Field(description="s, longest interval between measurements")
-    decay: Searched | None = Field(None, description="lambda_t, 1/s; default 0")
-    injection: (
-        Annotated[
-            Annotated[InjectionName, Tag("<scalar>")] | Annotated[list[InjectionName], Tag("<list>")],
-            told_apart(f"one of {', '.join(INJECTIONS)}, or a list of them"),
-        ]
-        | None
-    ) = Field(None, description="dynamic (H free, default), predictor (H = -C L) or hold (H = 0)")
-    relaxation: (
-        Annotated[
-            Annotated[RelaxationName, Tag("<scalar>")] | Annotated[list[RelaxationName], Tag("<list>")],
-            told_apart(f"one of {', '.join(RELAXATIONS)}, or a list of them"),
-        ]
-        | None
-    ) = Field(None, description="default: the tightest for the injection")
-    delta: Searched | None = Field(None, description="1/s, free exponent of the storage function")
-    objective: Annotated[SporadicObjective, OneOf("objective", get_args(SporadicObjective))] = "min-gamma"
-    slack: Entry | None = Field(None, description="relative, default 0.05")
-    bounds: SporadicBounds | None = None
-    gains: SporadicGains | None = None
-
-
-def family_of(section: Any) -> str:
-    """Tag of the model that an observer section follows."""
-    sporadic = isinstance(section, dict) and section.get("type") == SPORADIC
-    return SporadicObserver.tag if sporadic else Observer.tag
-
-
-AnyObserver = Annotated[
-    Annotated[Observer, Tag(Observer.tag)] | Annotated[SporadicObserver, Tag(SporadicObserver.tag)],
-    Discriminator(family_of),
-]
 
 NoiseName = Literal["uniform", "gaussian"]
 

@@ -7,12 +7,11 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
-from obsdesign.observers.request import SLACK, Range, SporadicRequest
-from obsdesign.spec import schema
+from obsdesign.observers.request import Range, SporadicRequest
 from obsdesign.spec.document import Loc
-from obsdesign.spec.observer import read_range
-from obsdesign.spec.schema import SporadicGains, SporadicObserver
-from obsdesign.spec.values import Axis, Reader, Sign
+from obsdesign.spec.families import SporadicGains, SporadicObserver
+from obsdesign.spec.observer import read_bound, read_searched, read_slack
+from obsdesign.spec.values import Axis, Reader
 
 DELTA = Range(fmpq(1, 100), fmpq(1000), points=40, log=True)  # where the search looks if the spec does not say
 ADMITTED = {  # by each injection; the first is the tightest
@@ -46,16 +45,11 @@ def read_sporadic(reader: Reader, section: SporadicObserver, states: Axis, outpu
         injections=injections,
         relaxations=relaxations,
         objective=section.objective,
-        slack=SLACK if section.slack is None else reader.number(section.slack, (*loc, "slack"), ">= 0"),
+        slack=read_slack(reader, section.slack),
         largest_gain=read_bound(reader, section.bounds.L if section.bounds else None, "L"),
         largest_gamma=read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
         gains=read_gains(reader, section.gains, states, outputs),
     )
-
-
-def read_searched(reader: Reader, written: str | schema.Range, loc: Loc, sign: Sign) -> fmpq | Range:
-    """Read a number, or the range in which it is searched."""
-    return read_range(reader, written, loc) if isinstance(written, schema.Range) else reader.number(written, loc, sign)
 
 
 def listed(written: str | list[str] | None) -> tuple[str, ...]:
@@ -125,11 +119,6 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
     if steep and not section.gains and high < least * ABOVE and reader.clean(loc):
         reader.wrong(loc, f"{steep[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
     return delta if isinstance(delta, Range) else Range(low, high, points=1)
-
-
-def read_bound(reader: Reader, written: str | None, key: str) -> fmpq | None:
-    """Largest gain or level."""
-    return None if written is None else reader.number(written, ("observer", "bounds", key), "> 0")
 
 
 def read_gains(

@@ -94,7 +94,7 @@ def follow(system: Hybrid, start: Vector, stretches: list[Stretch], samples: Vec
     Returns
     -------
     Trajectory
-        States at the samples and on a grid in each stretch; with status "escape" where the state grows beyond 1e12
+        States at the samples and on a grid in each stretch; with status "escape" where the state grows beyond 1e8
         times its start.
     """
     exact = Exact(system)
