@@ -104,7 +104,7 @@ def solve(
             plot_curve(content, str(beside / f"{name}.curve.png"), quiet)
         if simulate and made.gains:
             files = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
-            guarantee = proved_of(made)
+            guarantee = proved_of(problem, made)
             summary = simulated(problem, made.gains, guarantee, files, quiet)
             if not quiet and target != "-" and not as_json:
                 typer.echo(run_table(summary, guarantee is not None, files))
@@ -162,6 +162,34 @@ def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet
 
 
 @app.command()
+def lipschitz(
+    spec: SpecPath,
+    scaling: Annotated[
+        bool, typer.Option("--scaling", help="Search coordinates T x, f taken as any function of the states.")
+    ] = False,
+    T: Annotated[str, typer.Option("--T", help="Diagonal of a T to try instead: 1,1,4,0.1.")] = "",
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Prove bounds of the Lipschitz constant of every f of a spec on its region."""
+    from obsdesign.constants import constants, require_finite
+    from obsdesign.spec import load
+    from obsdesign.tables import constants_table
+
+    with limited(timeout):
+        problem = load(spec)
+        report = constants(problem)
+        if (scaling or T) and not any("reason" in block for block in report["blocks"]):
+            report["scaling"] = rescaled(problem, T)
+    if as_json:
+        typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
+    elif not quiet:
+        typer.echo(constants_table(report))
+    require_finite(report)
+
+
+@app.command()
 def verify(
     gains: Annotated[str, typer.Argument(metavar="GAINS.json", help="Result file of `solve`.")],
     spec: Annotated[str, typer.Argument(metavar="[SPEC]", help="The spec it must belong to.")] = "",
@@ -200,6 +228,14 @@ def schema() -> None:
 
 
 # Steps that commands share
+
+
+def rescaled(problem: "Spec", T: str) -> dict[str, Any]:
+    """Constants in scaled coordinates: those that are given, or the best that are found."""
+    from obsdesign.design.engine import Engine
+    from obsdesign.scaling import scaling
+
+    return scaling(problem, Engine(), T.split(",") if T else None)
 
 
 @contextmanager
@@ -257,16 +293,20 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Ma
             made, _ = solved(problem, solver, quiet)
             if not made.gains:
                 raise InfeasibleError(f"{source}: no gains to simulate: {made.diagnosis.get('reason', made.status)}")
-            return problem, made.gains, proved_of(made)
+            return problem, made.gains, proved_of(problem, made)
         return recorded(gains, problem)
     if gains:
         raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
     return recorded(source, None)
 
 
-def proved_of(made: Any) -> "Proved":
-    """What the gains of a design are proved to achieve, as a run is held against it."""
+def proved_of(problem: "Spec", made: Any) -> "Proved":
+    """What the gains of a design are proved to achieve of the plant of the spec, as a run is held against it."""
+    from obsdesign.design import LipschitzDesign
+
     if made.certificate is None or not made.certificate.holds:
+        return None
+    if isinstance(made, LipschitzDesign) and made.proved and made.proved.lipschitz < max(problem.lipschitz.lipschitz):
         return None
     proved: Proved = made.certificate.guarantee
     return proved
@@ -300,18 +340,22 @@ def simulated(
 def plot_curve(content: Mapping[str, Any], path: str, quiet: bool) -> None:
     """Figure of the points of a search."""
     from obsdesign.artifacts import write_whole
-    from obsdesign.plot import curves_figure, tradeoff_figure
+    from obsdesign.plot import curves_figure, front_figure, surface_figure, tradeoff_figure
 
     search = content.get("search", {})
     if "curves" in search:
         write_whole(path, curves_figure(search["curves"], search["parameter"], content["name"]))
         return
-    points = content.get("search", {}).get("points", [])
+    points = search.get("points", [])
     if not points:
         if not quiet:
             typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         return
     claimed = content.get("guarantee", {})
+    if search["parameter"] in ("weight", "decay"):
+        draw = surface_figure if "parameters" in search else front_figure
+        write_whole(path, draw(points, claimed if "lipschitz" in claimed else None, content["name"]))
+        return
     shipped = claimed if "gamma" in claimed else None
     write_whole(path, tradeoff_figure(points, shipped, content["name"]))
 

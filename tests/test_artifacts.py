@@ -13,8 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obsdesign.artifacts import csv, digest, files, to_json, write_whole
+from obsdesign.artifacts import csv, digest, files, result, to_json, write_whole
+from obsdesign.design.lipschitz.outcome import LipschitzDesign
 from obsdesign.errors import UsageError
+from obsdesign.spec import loads
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -168,3 +170,64 @@ def test_a_table_is_read_back_to_twelve_digits():
     np.testing.assert_allclose(np.array(lines, dtype=float), rows, rtol=1e-11)
     assert text.endswith("\n")
     assert "\r" not in text
+
+
+# Observers of Lipschitz systems
+
+INFINITE = {"lipschitz": float("inf"), "attained": False}
+UNBOUNDED = {"unbounded": True, "attained": False}
+
+
+def front(searched):
+    """A spec that asks for a front."""
+    return loads(
+        "obsdesign: 1\nsystem: {A: [[0, 1], [-1, -1]], B: [1, 1], C: [1, 0]}\n"
+        "nonlinearities: [{type: {lipschitz: 0.4}}]\n"
+        f"observer: {{type: lipschitz, objective: pareto, {searched}}}\n",
+        "front.yaml",
+    )
+
+
+@pytest.mark.parametrize(
+    ("searched", "parameters"),
+    [
+        ("weight: {min: 0.1, max: 1}", {"parameter": "weight"}),
+        ("weight: 0.5, decay: {min: 0.1, max: 1}", {"parameter": "decay"}),
+        (
+            "weight: {min: 0.1, max: 1}, decay: {min: 0.1, max: 1}",
+            {"parameter": "weight", "parameters": ["weight", "decay"]},
+        ),
+    ],
+)
+def test_a_search_names_what_was_searched(searched, parameters):
+    points = ({"weight": 0.5, "decay": 0.2, "lipschitz": 0.6, "gamma": 1.0, "status": "optimal", "attained": True},)
+    made = result(front(searched), LipschitzDesign("infeasible", points=points), "clarabel")
+    assert made["search"] == {**parameters, "points": list(points)}
+
+
+def test_what_is_infinite_is_written_as_unbounded():
+    design = LipschitzDesign(
+        "uncertified",
+        gains={"L": np.array([[1.0], [2.0]])},
+        limit=INFINITE,
+        limit_bounded={"lipschitz": 3.0},
+        comparison=({"relaxation": "s-procedure", "limit": INFINITE}, {"relaxation": "abbaszadeh", "reason": "none"}),
+        points=({"weight": 1.0, "decay": 0.1, "gamma": float("inf"), "status": "optimal"},),
+    )
+    made = json.loads(to_json(result(front("weight: {min: 0.1, max: 1}"), design, "clarabel")))
+    assert made["guarantee"] == {
+        "limit": UNBOUNDED,
+        "limit_bounded": {"lipschitz": 3.0},
+        "comparison": [
+            {"relaxation": "s-procedure", "limit": UNBOUNDED},
+            {"relaxation": "abbaszadeh", "reason": "none"},
+        ],
+    }
+    assert made["search"]["points"] == [{"weight": 1.0, "decay": 0.1, "status": "optimal", **UNBOUNDED}]
+
+
+def test_the_figures_of_a_gain_are_those_of_the_error_dynamics_with_the_sign_of_the_paper():
+    design = LipschitzDesign("uncertified", gains={"L": np.array([[1.0], [0.0]])})
+    made = result(front("weight: 0.5"), design, "clarabel")["observer"]
+    assert made["L"] == [[1.0], [0.0]]
+    np.testing.assert_allclose(made["poles"], [[-1, -1], [-1, 1]])

@@ -6,17 +6,17 @@ from importlib.metadata import version
 from typing import Any
 
 from obsdesign import __version__
-from obsdesign.artifacts import incremental, sporadic
+from obsdesign.artifacts import incremental, lipschitz, sporadic
 from obsdesign.artifacts.text import digest
-from obsdesign.design import Design, SporadicDesign
+from obsdesign.design import Design, LipschitzDesign, SporadicDesign
 from obsdesign.spec.model import Spec
 
 FORMAT = 1
 
 
-def result(spec: Spec, design: Design | SporadicDesign, solver: str) -> dict[str, Any]:
+def result(spec: Spec, design: Design | LipschitzDesign | SporadicDesign, solver: str) -> dict[str, Any]:
     """Spec, status, what the family has to say, diagnosis, notes, solver and tool."""
-    family = incremental.content(spec, design) if isinstance(design, Design) else sporadic.content(spec, design)
+    family = content(spec, design)
     counts = {"scalars": design.counts} if isinstance(design, SporadicDesign) else {}
     notes = [*spec.notes, *design.notes]
     return {
@@ -38,3 +38,10 @@ def result(spec: Spec, design: Design | SporadicDesign, solver: str) -> dict[str
         "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+
+
+def content(spec: Spec, design: Design | LipschitzDesign | SporadicDesign) -> dict[str, Any]:
+    """Observer, guarantee, certificate and search of the family."""
+    if isinstance(design, LipschitzDesign):
+        return lipschitz.content(spec, design)
+    return sporadic.content(spec, design) if isinstance(design, SporadicDesign) else incremental.content(spec, design)

@@ -1,0 +1,35 @@
+"""Runs as text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from obsdesign.tables.text import aligned, plain
+
+
+def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, str]) -> str:
+    """Summary of a run."""
+    rows = [] if guaranteed else [("guarantee", "no guarantee: these gains are not certified")]
+    for key, value in summary.items():
+        if key == "bounds":
+            rows += [("bound", bound_text(bound)) for bound in value]
+        elif key == "ratio":
+            rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}")]
+        elif key == "validity":
+            rows.append(("region", value["note"]))
+        elif isinstance(value, Mapping):
+            rows.append((key.replace("_", " "), entries(value)))
+        elif value is not None and key != "ratio_of":
+            rows.append((key.replace("_", " "), plain(value)))
+    return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
+
+
+def entries(values: Mapping[str, Any]) -> str:
+    """Keys and values in one line, and a note at its end."""
+    text = ", ".join(f"{key.replace('_', ' ')} {plain(value)}" for key, value in values.items() if key != "note")
+    return f"{text}; {values['note']}" if "note" in values else text
+
+
+def bound_text(bound: Mapping[str, Any]) -> str:
+    """One bound of a guarantee against the run."""
+    verdict = "holds" if bound["holds"] else "VIOLATED"
+    return f"{verdict}: {bound['value']:.6g} <= {bound['bound']:.6g}   {bound['name']}"

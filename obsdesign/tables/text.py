@@ -1,0 +1,41 @@
+"""Rows, matrices and numbers as text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+def aligned(rows: list[tuple[str, str]]) -> str:
+    """Two columns."""
+    width = max(len(key) for key, _ in rows)
+    return "\n".join(f"{key:<{width}}  {value}" for key, value in rows)
+
+
+def plain(value: Any) -> str:
+    """Value in a table."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return ", ".join(map(plain, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def matrix_text(rows: list[list[float]]) -> str:
+    """Small matrix in one line."""
+    return "[" + ", ".join("[" + ", ".join(f"{x:g}" for x in row) + "]" for row in rows) + "]"
+
+
+def pole_text(pole: list[float]) -> str:
+    """Pole in 1/s."""
+    real, imaginary = pole
+    return f"{real:.4g}" if imaginary == 0 else f"{real:.4g}{imaginary:+.4g}j"
+
+
+def spectral_norm(rows: list[list[float]]) -> float:
+    """Spectral norm of a matrix."""
+    return float(np.linalg.norm(np.array(rows), 2))
+
+
+def limit_text(limit: Mapping[str, Any]) -> str:
+    """One limit."""
+    numbers = [f"{k} {v:.6g}" for k, v in limit.items() if k not in {"attained", "unbounded"}]
+    return ", ".join([*(["unbounded"] if limit.get("unbounded") else []), *numbers])

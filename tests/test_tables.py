@@ -1,0 +1,101 @@
+"""Results of observers of Lipschitz systems on a terminal: every number once, and few lines for many points."""
+
+import itertools
+
+from obsdesign.tables import design_table
+
+OBSERVER = {"type": "lipschitz", "relaxation": "compare", "L": [[3.0], [4.0]], "poles": [[-1.0, 2.0], [-1.0, -2.0]],
+            "fastest": 2.236, "largest_step": 1.2, "noise_gain": {"x1": 0.5}, "condition_P": 7.0}  # fmt: skip
+GUARANTEE = {"lipschitz": 0.5, "gamma": 0.75, "decay": 0.05, "mu1": 1.0, "mu2": 0.5625, "margin": 0.1,
+             "limit": {"lipschitz": 0.6, "gamma": 0.7, "attained": False}}  # fmt: skip
+
+
+def table(search=None, **guarantee):
+    """Rows of a result."""
+    content = {"name": "Example", "status": "certified", "observer": OBSERVER, "guarantee": GUARANTEE | guarantee}
+    lines = design_table(content | ({"search": search} if search else {}), "gains.json").splitlines()
+    width = lines[0].index("Example")
+    return [(line[:width].strip(), line[width:]) for line in lines]
+
+
+def texts(rows, key):
+    """What stands beside a key."""
+    return [text for name, text in rows if name == key]
+
+
+def point(weight, decay, **numbers):
+    """One certified point."""
+    certified = {"lipschitz": 0.5 + weight / 10 - decay, "gamma": 1 + weight, "L": 10 * weight + 1}
+    limit = {"lipschitz": 0.6 + weight / 10 - decay, "gamma": 1.1 + weight, "status": "optimal", "attained": True}
+    return {"weight": weight, "decay": decay, **limit, "certified": certified, "corner": False, **numbers}
+
+
+def test_the_claim_its_limit_and_the_gain_have_a_line_each():
+    rows = table()
+    assert texts(rows, "lipschitz") == ["0.5   for every f with this constant"]
+    assert texts(rows, "margin") == ["0.1   left for an uncertainty of f"]
+    assert texts(rows, "gamma") == ["0.75   norm2(z) <= gamma norm2(w) from zero error"]
+    assert texts(rows, "decay rate") == ["0.05 1/s"]
+    assert texts(rows, "limit") == ["lipschitz 0.6, gamma 0.7"]
+    assert texts(rows, "gain") == ["|L| = 5"]
+    assert texts(rows, "poles") == ["-1+2j, -1-2j"]
+    assert not texts(rows, "ceiling")
+    assert not texts(rows, "widened")
+
+
+def test_a_declared_constant_that_is_not_covered_is_said():
+    assert texts(table(margin=-0.25), "margin") == ["-0.25   the declared constant is NOT covered"]
+
+
+def test_a_limit_that_is_infinite_is_called_unbounded():
+    assert texts(table(limit={"unbounded": True, "attained": False}), "limit") == ["unbounded"]
+
+
+def test_what_the_relaxations_cost_is_a_line_each():
+    comparison = [
+        {"relaxation": "s-procedure", "limit": {"unbounded": True, "attained": False},
+         "certified": {"lipschitz": 7.0, "L": 300.0}},
+        {"relaxation": "abbaszadeh", "limit": {"lipschitz": 0.46, "attained": False}, "reason": "sigma(H) >= 1"},
+        {"relaxation": "norm-bound", "limit": {}, "reason": "too large"},
+    ]  # fmt: skip
+    rows = table(comparison=comparison, ceiling=12.08, widened={"gamma": 0.849, "lipschitz": 0.4772})
+    assert texts(rows, "relaxation") == [
+        "s-procedure    limit unbounded   certified lipschitz 7, |L| = 300",
+        "abbaszadeh     limit lipschitz 0.46   sigma(H) >= 1",
+        "norm-bound     too large",
+    ]
+    assert texts(rows, "ceiling") == ["lipschitz 12.08   no gain tolerates more"]
+    assert texts(rows, "widened") == ["gamma 0.849 as if the Lipschitz constant were 0.4772"]
+
+
+def test_a_curve_is_a_line_a_point_with_what_is_special_about_it():
+    points = [
+        point(0.2, 0.05, corner=True),
+        point(0.5, 0.05, attained=False),
+        {"weight": 0.9, "decay": 0.05, "status": "infeasible"},
+        {"weight": 1.0, "decay": 0.05, "lipschitz": 0.7, "attained": False, "status": "uncertified"},
+    ]
+    assert texts(table({"parameter": "weight", "points": points}), "curve") == [
+        "weight 0.2     lipschitz 0.57, gamma 1.3   certified lipschitz 0.47, gamma 1.2, |L| = 3   corner",
+        "weight 0.5     lipschitz 0.6, gamma 1.6   certified lipschitz 0.5, gamma 1.5, |L| = 6   not attained",
+        "weight 0.9     infeasible",
+        "weight 1       lipschitz 0.7   uncertified   not attained",
+    ]
+
+
+def test_a_curve_over_the_decay_is_labeled_by_it():
+    (line,) = texts(table({"parameter": "decay", "points": [point(0.9, 0.25)]}), "curve")
+    assert line.startswith("decay 0.25 ")
+
+
+def test_a_surface_is_summed_up():
+    grid = itertools.product([k / 20 for k in range(21)], [k / 20 for k in range(11)])
+    points = [
+        {"weight": w, "decay": d, "status": "infeasible"} if d > 0.47 else point(w, d, attained=w < 1) for w, d in grid
+    ]
+    rows = table({"parameter": "weight", "parameters": ["weight", "decay"], "points": points})
+    assert not texts(rows, "curve")
+    assert texts(rows, "surface") == ["231 points, weight 0 to 1, decay 0 to 0.5: 210 certified"]
+    assert texts(rows, "certified") == ["lipschitz 0.05 to 0.6, gamma 1 to 2, |L| 1 to 11"]
+    assert texts(rows, "not attained") == ["at 10 of them"]
+    assert texts(rows, "no solution") == ["at 21 of them, weight 0 to 1, decay 0.5"]

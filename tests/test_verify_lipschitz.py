@@ -1,0 +1,456 @@
+"""What `verify` believes of observers of Lipschitz systems: nothing that is not proved.
+
+The results are made by hand, of gains that are given here, so that nothing but the proof is tested.
+"""
+
+import copy
+import hashlib
+import itertools
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flint import fmpq
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from obsdesign.artifacts import result, to_json
+from obsdesign.cli import app, proved_of
+from obsdesign.design.claim import claim
+from obsdesign.design.engine import Engine
+from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.lmi.formula import printed, rational
+from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.spec import loads
+from obsdesign.verification import recorded
+
+PAIR = """
+obsdesign: 1
+name: Pair
+system: {A: [[0, 1], [-1, -1]], B: [[1, 0], [1, 0]], C: [1, 0], D: [[0, 0.2]]}
+nonlinearities:
+  - {type: {lipschitz: 0.3}, Bf: [0, 1], Cq: [1, 0]}
+  - {type: {lipschitz: 0.1}, Bf: [0, 1], Cq: [0, 1]}
+performance: {H: [[0.5, 0], [0, 0.5]]}
+observer: {type: lipschitz, objective: min-gamma, decay: 0.05}
+"""
+QUIET = """
+obsdesign: 1
+name: Quiet
+system: {A: [[0, 1], [-1, -1]], C: [1, 0]}
+nonlinearities: [{type: {lipschitz: 0.4}}]
+observer: {type: lipschitz, decay: 0.05}
+"""
+FRONT = """
+obsdesign: 1
+name: Front
+system: {A: [[0, 1], [-1, -1]], B: [1, 1], C: [1, 0], D: [0.2]}
+nonlinearities: [{type: {lipschitz: 0.4}}]
+performance: {H: [[0.5, 0], [0, 0.5]]}
+observer: {type: lipschitz, objective: pareto, weight: 0.9, decay: {min: 0.01, max: 0.1}}
+"""
+L = np.array([[1.0], [0.5]])
+QUIET_L = np.array([[4.0], [4.0]])
+
+
+def proof(spec, lipschitz, gamma, gain, decay):
+    """A constant that a gain is proved to tolerate, with gamma."""
+    plant, request = spec.augmented, spec.lipschitz
+    constants = [lipschitz * share for share in proportions(request.lipschitz)]
+    multiplier = lipschitz_multiplier(constants, [(block.nq, block.nf) for block in spec.multiplier.blocks])
+    L2 = rational(np.zeros((len(plant.Cq), len(plant.C))))
+    family = Lipschitz(plant, multiplier, spec.H, printed(decay), -printed(gain), L2)
+    certificate = claim(Engine(), family, gamma)
+    assert certificate is not None
+    assert certificate.holds
+    return Proved(lipschitz, certificate)
+
+
+def designed(text, lipschitz, gamma=1.0, gain=L, admissible=None, decay=0.05):
+    """A spec and a gain, with the constant and gamma that are claimed of it."""
+    spec = loads(text, "by-hand.yaml")
+    larger = proof(spec, *admissible, gain, decay) if admissible else None
+    proved = proof(spec, lipschitz, gamma, gain, decay)
+    limit = {"lipschitz": float("inf"), "attained": False}
+    return spec, LipschitzDesign("certified", {"L": gain}, proved, larger, limit)
+
+
+def made(*arguments, **options):
+    """Result of such a gain."""
+    return json.loads(to_json(result(*designed(*arguments, **options), "clarabel")))
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Results by name."""
+    return {
+        "pair": made(PAIR, fmpq(3, 10), 0.72, admissible=(fmpq(9, 10), 1.5)),
+        "quiet": made(QUIET, fmpq(1), gain=QUIET_L),
+        "front": made(FRONT, fmpq(1, 2), 0.9, gain=2 * L, decay=0.025),
+    }
+
+
+@pytest.fixture(params=["pair", "quiet", "front"])
+def content(request, results):
+    """A result, to be forged."""
+    return copy.deepcopy(results[request.param])
+
+
+@pytest.fixture
+def pair(results):
+    """The one with two blocks, and with a larger constant that is tolerated."""
+    return copy.deepcopy(results["pair"])
+
+
+@pytest.fixture
+def quiet(results):
+    """The one without w, and with the largest constant as the objective."""
+    return copy.deepcopy(results["quiet"])
+
+
+@pytest.fixture
+def outcome_of(tmp_path):
+    """Writes a file and verifies it."""
+
+    def outcome_of(forged):
+        path = tmp_path / "forged.json"
+        path.write_text(json.dumps(forged))
+        outcome = CliRunner().invoke(app, ["verify", str(path)])
+        assert outcome.exit_code in {0, 2, 4}, outcome.exception
+        assert "Traceback" not in outcome.output
+        assert outcome.exit_code == 0 or str(path) in outcome.stderr
+        assert outcome.exit_code != 2 or len(outcome.stderr.splitlines()) == 1
+        return outcome
+
+    return outcome_of
+
+
+def at(content, keys):
+    for key in keys:
+        content = content[key]
+    return content
+
+
+def put(content, keys, value):
+    """Replace the entry at a path of keys."""
+    at(content, keys[:-1])[keys[-1]] = value
+    return content
+
+
+def scaled(content, keys, factor):
+    """Multiply the number at a path of keys, or every entry of a list or matrix there."""
+
+    def times(x):
+        if isinstance(x, list):
+            return [times(y) for y in x]
+        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
+
+    return put(content, keys, times(at(content, keys)))
+
+
+def with_spec(content, old, new):
+    """A content whose spec is changed, and whose hash says so."""
+    text = content["spec"]["text"]
+    assert text.count(old) == 1
+    content["spec"]["text"] = text.replace(old, new)
+    content["spec"]["sha256"] = hashlib.sha256(content["spec"]["text"].encode()).hexdigest()
+    return content
+
+
+def claiming(content, old, new, **numbers):
+    """A content with other numbers in its guarantee, and a statement that says so."""
+    guarantee = content["guarantee"]
+    assert old in guarantee["statement"]
+    content["guarantee"] = guarantee | numbers | {"statement": guarantee["statement"].replace(old, new)}
+    return content
+
+
+# What the numbers say
+
+
+def test_a_genuine_file_is_proved(content, outcome_of):
+    outcome = outcome_of(content)
+    assert outcome.exit_code == 0
+    last = outcome.stdout.splitlines()[-1]
+    assert last.startswith(f"proved: Lipschitz constant {content['guarantee']['lipschitz']:g}")
+    assert f"decay rate {content['guarantee']['decay']:g} 1/s" in last
+    assert ("gamma" in last) == ("gamma" in content["guarantee"])
+
+
+def test_no_linear_f_of_the_claim_is_slower_than_the_rate_or_has_a_larger_gain(pair):
+    guarantee, gain = pair["guarantee"], np.array(pair["observer"]["L"])
+    A, B, C, D = np.array([[0, 1], [-1, -1]]), np.array([[1, 0], [1, 0]]), np.array([[1, 0]]), np.array([[0, 0.2]])
+    levels = [(guarantee["lipschitz"], guarantee["gamma"])]
+    levels += [(guarantee["admissible"], pair["certificate"]["admissible"]["gamma"])]
+    worst = 0.0
+    for (c, gamma), *signs in itertools.product(levels, (-1, 0, 1), (-1, 0, 1)):
+        F = A - gain @ C + np.array([[0, 0], [signs[0] * c, signs[1] * c / 3]])
+        assert np.linalg.eigvals(F).real.max() <= -guarantee["decay"]
+        response = np.linalg.solve(1j * np.geomspace(1e-3, 1e3, 500)[:, None, None] * np.eye(2) - F, B - gain @ D)
+        worst = max(worst, 0.5 * np.linalg.norm(response, 2, axis=(1, 2)).max() / gamma)
+    assert 0.5 < worst <= 1
+
+
+def test_what_is_left_for_an_uncertainty_is_what_is_tolerated_beyond_the_declared_constant(pair, quiet):
+    assert pair["guarantee"]["margin"] == 0.6
+    assert pair["guarantee"]["constants"] == [0.3, 0.1]
+    assert "|dh1| <= 0.6 |dq1|, |dh2| <= 0.2 |dq2|" in pair["guarantee"]["statement"]
+    assert quiet["guarantee"]["margin"] == 0.6
+    assert "Proposition 1: the same for f + h" in quiet["guarantee"]["statement"]
+
+
+def test_without_w_there_is_no_gamma(quiet, outcome_of):
+    assert not {"gamma", "mu1", "mu2"} & set(quiet["guarantee"])
+    assert "norm2(w)" not in quiet["guarantee"]["statement"]
+    quiet["guarantee"]["gamma"] = 0.1
+    outcome = outcome_of(quiet)
+    assert outcome.exit_code == 2
+    assert "the plant has no w" in outcome.stderr
+
+
+def test_a_limit_that_is_infinite_is_called_unbounded(content):
+    assert content["guarantee"]["limit"] == {"unbounded": True, "attained": False}
+
+
+def test_a_constant_that_no_double_holds_is_covered_by_the_next_one_above(outcome_of):
+    text, above = PAIR.replace("lipschitz: 0.3", "lipschitz: 2/3"), "0.6666666666666667"
+    content = made(text, fmpq(int(above[2:]), 10**16), 1.1)
+    assert content["guarantee"]["lipschitz"] == float(above)
+    assert Fraction(above) > Fraction(2, 3)
+    assert content["guarantee"]["margin"] == 0
+    assert outcome_of(content).exit_code == 0
+    content["guarantee"]["lipschitz"] = 2 / 3
+    assert "not what the spec asks for" in outcome_of(content).stderr
+
+
+def test_where_the_types_hold_is_said(outcome_of):
+    local = made(PAIR.replace("{lipschitz: 0.1}", "{lipschitz: 0.1}, region: {q: [-1, 2]}"), fmpq(3, 10), 0.72)
+    assert local["guarantee"]["statement"].endswith("and its estimate stay in [-1, 2]")
+    assert outcome_of(local).exit_code == 0
+
+
+# Tampering
+
+CLAIM = ("lipschitz", "constants", "gamma", "decay", "mu1", "mu2", "admissible", "margin")
+
+
+@pytest.mark.parametrize("factor", ["0.99", "1.01", "-1"])
+def test_a_forged_number_of_the_claim_is_caught(content, outcome_of, factor):
+    for key in set(CLAIM) & set(content["guarantee"]):
+        forged = scaled(copy.deepcopy(content), ("guarantee", key), factor)
+        assert outcome_of(forged).exit_code in {2, 4}, key
+
+
+@pytest.mark.parametrize("factor", ["0.99", "1.01", "-1"])
+@pytest.mark.parametrize("key", ["lipschitz", "gamma", "mu1", "mu2"])
+def test_a_forged_number_of_the_larger_claim_is_caught(pair, outcome_of, key, factor):
+    assert outcome_of(scaled(pair, ("certificate", "admissible", key), factor)).exit_code in {2, 4}
+
+
+@pytest.mark.parametrize("factor", ["0", "-1", "1/2", "2"])
+@pytest.mark.parametrize("keys", [("P",), ("multipliers",), ("admissible", "P"), ("admissible", "multipliers")])
+def test_a_forged_witness_proves_nothing(pair, outcome_of, keys, factor):
+    place = ("certificate", *keys)
+    places = [(*place, name) for name in at(pair, place)] if keys[-1] == "multipliers" else [place]
+    for path in places:
+        scaled(pair, path, factor)
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 4
+    assert "NOT proved" in outcome.stdout
+    assert ("admissible" in outcome.stderr) == ("admissible" in keys)
+
+
+@pytest.mark.parametrize("factor", ["0", "-1", "1/2", "100"])
+def test_another_gain_is_not_proved(content, outcome_of, factor):
+    assert outcome_of(scaled(content, ("observer", "L"), factor)).exit_code == 4
+
+
+def test_an_asymmetric_storage_function_proves_nothing(content, outcome_of):
+    assert outcome_of(scaled(content, ("certificate", "P", 0, 1), 1 + Fraction(1, 10**15))).exit_code == 4
+
+
+@pytest.mark.parametrize("gamma", [0.6, 0.3, 0.0])
+def test_a_lower_gamma_is_not_proved_even_with_the_mu2_and_the_statement_of_it(pair, outcome_of, gamma):
+    square = float(Fraction(repr(gamma)) ** 2)
+    claiming(pair, "0.72 norm2(w)", f"{gamma!r} norm2(w)", gamma=gamma, mu2=square)
+    assert outcome_of(pair).exit_code == 4
+
+
+@pytest.mark.parametrize("lipschitz", [1.5, 5.0, 1e300])
+def test_a_larger_constant_is_not_proved_even_with_the_margin_and_the_statement_of_it(quiet, outcome_of, lipschitz):
+    margin = float(Fraction(repr(lipschitz)) - Fraction("0.4"))
+    claiming(quiet, "|df| <= 1.0 |dq|", f"|df| <= {lipschitz!r} |dq|", lipschitz=lipschitz, margin=margin)
+    statement = quiet["guarantee"]["statement"]
+    quiet["guarantee"]["statement"] = statement.replace("|dh| <= 0.6 |dq|", f"|dh| <= {margin!r} |dq|")
+    assert outcome_of(quiet).exit_code == (2 if lipschitz > 1e200 else 4)
+
+
+@pytest.mark.parametrize("lipschitz", [0.29, 0.31])
+def test_for_the_least_gamma_the_constant_is_the_declared_one(pair, outcome_of, lipschitz):
+    pair["guarantee"]["lipschitz"] = lipschitz
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 2
+    assert "guarantee.lipschitz" in outcome.stderr
+    assert "not what the spec asks for" in outcome.stderr
+
+
+def test_on_a_front_the_constant_is_at_least_the_declared_one(results, outcome_of):
+    content = copy.deepcopy(results["front"])
+    assert outcome_of(content).exit_code == 0
+    content["guarantee"]["lipschitz"] = 0.39
+    assert "guarantee.lipschitz" in outcome_of(content).stderr
+
+
+@pytest.mark.parametrize("decay", [0.049, 0.051, -0.05])
+def test_the_decay_is_the_one_that_the_spec_asks_for(pair, outcome_of, decay):
+    outcome = outcome_of(claiming(pair, "exp(-0.05 t)", f"exp(-{decay!r} t)", decay=decay))
+    assert outcome.exit_code == 2
+    assert "guarantee.decay" in outcome.stderr
+
+
+def test_a_decay_beyond_what_the_gain_achieves_is_not_proved_with_a_spec_that_asks_for_it(pair, outcome_of):
+    claiming(with_spec(pair, "decay: 0.05", "decay: 0.9"), "exp(-0.05 t)", "exp(-0.9 t)", decay=0.9)
+    assert outcome_of(pair).exit_code == 4
+
+
+def test_a_larger_constant_in_the_spec_is_not_covered(pair, outcome_of):
+    with_spec(pair, "lipschitz: 0.3", "lipschitz: 9")
+    assert outcome_of(pair).exit_code == 2
+
+
+def test_constants_in_another_proportion_are_another_problem(pair, outcome_of):
+    with_spec(pair, "lipschitz: 0.1", "lipschitz: 0.2")
+    assert outcome_of(pair).exit_code in {2, 4}
+
+
+def test_a_larger_constant_below_the_one_of_the_claim_is_refused(pair, outcome_of):
+    pair["guarantee"]["admissible"] = pair["certificate"]["admissible"]["lipschitz"] = 0.2
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 2
+    assert "guarantee.admissible" in outcome.stderr
+
+
+@pytest.mark.parametrize(("type_", "key"), [("l2", "type"), ("sporadic", "type"), (None, "type"), (1, "relaxation")])
+def test_another_family_or_relaxation_is_refused(pair, outcome_of, type_, key):
+    pair["observer"][key] = type_
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 2
+    assert f"observer.{key}" in outcome.stderr
+
+
+def test_a_gain_that_the_spec_gives_may_not_be_replaced(pair, outcome_of):
+    with_spec(pair, "decay: 0.05", "decay: 0.05, gains: {L: [[1], [0.5]]}")
+    assert outcome_of(pair).exit_code == 0
+    with_spec(pair, "[[1], [0.5]]", "[[1], [0.6]]")
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 2
+    assert "differs from the gain that the spec gives" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("bound", "held"), [("5.657", True), ("5.656", False), ("{frobenius: 5.657}", True), ("{frobenius: 5.656}", False)]
+)
+def test_the_bound_of_the_spec_on_the_gain_is_held(quiet, outcome_of, bound, held):
+    outcome = outcome_of(with_spec(quiet, "decay: 0.05", f"decay: 0.05, bounds: {{L: {bound}}}"))
+    assert outcome.exit_code == (0 if held else 4)
+    assert f"{'holds' if held else 'FAILS'}  |L| <= kappa" in outcome.stdout
+
+
+def test_the_two_norms_of_a_gain_differ(outcome_of):
+    text = QUIET.replace("C: [1, 0]", "C: [[1, 0], [0, 1]]").replace("decay: 0.05", "decay: 0.05, bounds: {L: 3}")
+    content = made(text, fmpq(1), gain=3 * np.eye(2))
+    assert outcome_of(content).exit_code == 0
+    assert outcome_of(with_spec(content, "{L: 3}", "{L: {frobenius: 3}}")).exit_code == 4
+
+
+# Malformed files
+
+PLACES = [
+    *(("guarantee", key) for key in (*CLAIM, "statement")),
+    *(("certificate", "admissible", key) for key in ("lipschitz", "gamma", "mu1", "mu2", "P", "multipliers")),
+    ("observer", "type"),
+    ("observer", "relaxation"),
+    ("observer", "L"),
+    ("certificate", "P"),
+    ("certificate", "multipliers"),
+    ("certificate", "admissible"),
+    ("observer",),
+    ("guarantee",),
+    ("certificate",),
+    ("status",),
+    ("spec",),
+]
+ODD = ["1/0", "1e350", None, [["1", "2"], ["3"]], {"a": 1}]
+
+
+@pytest.mark.parametrize("keys", PLACES, ids=".".join)
+def test_a_missing_key_is_named(pair, outcome_of, keys):
+    del at(pair, keys[:-1])[keys[-1]]
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 2
+    assert keys == ("guarantee", "admissible") or f"{'.'.join(keys)}" in outcome.stderr
+
+
+@pytest.mark.parametrize("keys", PLACES, ids=".".join)
+def test_what_is_no_number_or_matrix_or_text_there_is_refused(pair, outcome_of, keys):
+    for odd in ODD:
+        assert outcome_of(put(copy.deepcopy(pair), keys, odd)).exit_code in {2, 4}, odd
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_forgery_is_answered_with_a_traceback_or_believed_where_gamma_is_lower(pair, outcome_of, data):
+    gamma = data.draw(st.floats(0, 0.6))
+    forged = claiming(copy.deepcopy(pair), "0.72 norm2(w)", f"{gamma!r} norm2(w)", gamma=gamma, mu2=gamma * gamma)
+    for keys in data.draw(st.lists(st.sampled_from([("certificate", "P"), ("observer", "L")]), max_size=2)):
+        scaled(forged, keys, data.draw(st.fractions(-3, 3, max_denominator=20)))
+    assert outcome_of(forged).exit_code in {2, 4}
+
+
+def test_of_an_infeasible_result_nothing_can_be_verified(pair, outcome_of):
+    pair |= {"status": "infeasible", "diagnosis": {"reason": "none", "certificate": {}}}
+    outcome = outcome_of(pair)
+    assert outcome.exit_code == 2
+    assert "there is none for type lipschitz" in outcome.stderr
+
+
+# For a simulation
+
+
+@pytest.fixture
+def recorded_of(tmp_path):
+    """Writes a file and reads it for a simulation."""
+
+    def recorded_of(content):
+        (tmp_path / "gains.json").write_text(json.dumps(content))
+        return recorded(str(tmp_path / "gains.json"), None)
+
+    return recorded_of
+
+
+def test_a_simulation_gets_the_gain_with_the_sign_of_the_paper_and_the_guarantee(pair, recorded_of):
+    spec, gains, guarantee = recorded_of(pair)
+    assert spec.lipschitz.lipschitz == (fmpq(3, 10), fmpq(1, 10))
+    assert gains.keys() == {"L"}
+    np.testing.assert_array_equal(gains["L"], L)
+    assert (guarantee.family, guarantee.gamma, guarantee.alpha, guarantee.mu1) == ("lipschitz", 0.72, 0.05, 1)
+    assert np.linalg.eigvalsh(guarantee.P).min() > 0
+
+
+def test_a_claim_that_the_declared_constant_is_beyond_is_proved_but_guarantees_nothing_of_the_plant(
+    quiet, outcome_of, recorded_of
+):
+    assert recorded_of(quiet)[2] is not None
+    spec, design = designed(QUIET.replace("lipschitz: 0.4", "lipschitz: 1.25"), fmpq(1), gain=QUIET_L)
+    assert proved_of(spec, design) is None
+    content = json.loads(to_json(result(spec, design, "clarabel")))
+    assert content["guarantee"]["margin"] == -0.25
+    assert "the spec declares 1.25, of which this says nothing" in content["guarantee"]["statement"]
+    assert outcome_of(content).exit_code == 0
+    assert recorded_of(content)[2] is None
+
+
+def test_a_claim_that_is_not_proved_guarantees_nothing(pair, recorded_of):
+    assert recorded_of(scaled(pair, ("certificate", "P"), "-1"))[2] is None
