@@ -1,11 +1,12 @@
 """Limits, ticks and labels of axes."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
+from obsdesign.plot.canvas import COLORS, log_ticks
 from obsdesign.spec.model import Spec
 
 if TYPE_CHECKING:
@@ -34,6 +35,14 @@ def symlog_ticks(threshold: float, peak: float) -> list[float]:
     return sorted([0.0, *decades, *(-d for d in decades)])
 
 
+def symlog_axis(axes: "Axes", threshold: float, low: float, high: float, share: float) -> None:
+    """Symmetric logarithmic y axis for values from low to high; its linear part is a share of the decades long."""
+    decades = np.log10(max(-low, high, threshold) / threshold)
+    axes.set_yscale("symlog", linthresh=threshold, linscale=max(0.8, share * decades))
+    axes.set_yticks([tick for tick in symlog_ticks(threshold, max(-low, high)) if low <= tick <= high or tick == 0])
+    axes.minorticks_off()
+
+
 def time_axis(axes: "Axes", t: Array, log: bool) -> None:
     """Label and limit the time axis; on a logarithmic one at most six decades."""
     end = float(t[-1]) if len(t) and t[-1] > 0 else 1.0
@@ -49,6 +58,51 @@ def spread_axis(axes: "Axes", which: str, values: Sequence[float]) -> None:
     """Logarithmic axis where positive values spread over more than a decade and a half."""
     if values and min(values) > 0 and max(values) > 30 * min(values):
         axes.set(**{f"{which}scale": "log"})
+
+
+def log_axis(axes: "Axes", values: Array) -> None:
+    """Logarithmic y axis with ticks in plain numbers, which has several of them also within a decade."""
+    seen = values[np.isfinite(values)]
+    if not seen.size or seen.min() <= 0:
+        return
+    axes.set_yscale("log")
+    axes.set_ylim(float(seen.min()) / 1.15, float(seen.max()) * 1.15)
+    spread = seen.max() / seen.min()
+    if spread < 1e3:
+        log_ticks(axes, (1, 2, 3, 6) if spread < 30 else (1, 3))
+
+
+def highest(values: Array) -> float:
+    """Largest of the finite values that a linear axis from zero shows: at most four times the ninth decile."""
+    seen = np.abs(values[np.isfinite(values)])
+    most = 4 * np.quantile(seen, 0.9) if seen.size else 0.0
+    return float(seen.max(initial=0.0, where=seen <= most)) or 1.0
+
+
+def mark_beyond(axes: "Axes", x: Array, color: str, size: float) -> None:
+    """Triangles at the top of a panel, for what lies above it."""
+    if len(x):
+        at = axes.get_xaxis_transform()
+        axes.plot(x, [0.97] * len(x), "^", color=color, markersize=size, transform=at, label="above the panel")
+
+
+def mark_refused(axes: "Axes", x: Array, status: Sequence[str | None]) -> None:
+    """Crosses at the foot of a panel, for points without a result."""
+    foot = axes.get_xaxis_transform()
+    for refused in dict.fromkeys(s for s in status if s is not None):
+        at = [a for a, s in zip(x, status, strict=True) if s == refused]
+        axes.plot(at, [0.03] * len(at), **cross(refused), transform=foot)
+
+
+def cross(status: str) -> dict[str, Any]:
+    """Look of points without a result."""
+    marker, color = ("x", COLORS[3]) if status == "infeasible" else ("+", COLORS[2])
+    return {"linestyle": "none", "marker": marker, "color": color, "clip_on": False, "label": status}
+
+
+def mark_shipped(axes: "Axes", x: float, y: float) -> None:
+    """Star."""
+    axes.plot(x, y, "*", color=COLORS[4], markeredgecolor="black", markersize=12, label="shipped", clip_on=False)
 
 
 def symbol(key: str) -> str:

@@ -3,12 +3,17 @@
 Colors are those of Okabe and Ito, which people with any color vision tell apart.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -49,13 +54,13 @@ def style() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> "Figure":
-    """Empty figure, in inches, that belongs to no window."""
+def new_figure(width: float, height: float, gap: float = 0.02) -> "Figure":
+    """Empty figure, in inches, that belongs to no window; gap between columns, as a fraction of its width."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.06))
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.06, wspace=gap))
     FigureCanvasAgg(figure)
     return figure
 
@@ -65,3 +70,36 @@ def png(figure: "Figure") -> bytes:
     buffer = BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
+
+
+def levels(low: float, high: float, most: int) -> Array:
+    """Round numbers from below low to above high, at most so many intervals."""
+    from matplotlib.ticker import MaxNLocator
+
+    return np.array(MaxNLocator(most).tick_values(low, high))
+
+
+def log_ticks(axes: "Axes", multiples: Sequence[float]) -> None:
+    """Ticks of a logarithmic y axis at these multiples of the powers of ten, written as plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.yaxis.set_major_locator(LogLocator(subs=multiples, numticks=20))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.3g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def halo(text: Any) -> None:
+    """Outline a text in white, to be read on dark colors."""
+    from matplotlib.patheffects import withStroke
+
+    text.set_path_effects([withStroke(linewidth=2.2, foreground="white")])
+
+
+def facets(axes: Any, corners: Array, heights: Array, cmap: str, limits: tuple[float, float]) -> None:
+    """Add facets (m, k, 3), colored by their heights (m,), to axes in three dimensions."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    faces = Poly3DCollection(corners, edgecolor="black", linewidth=0.25, cmap=cmap)
+    faces.set_array(heights)
+    faces.set_clim(*limits)
+    axes.add_collection3d(faces)

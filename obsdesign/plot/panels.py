@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import linear_threshold, symlog_ticks, time_axis
+from obsdesign.plot.axis import linear_threshold, symlog_axis, time_axis
 from obsdesign.plot.canvas import COLORS
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ TRUE, ESTIMATE = COLORS[:2]
 DASHED = (0, (4, 2))
 BOUND = COLORS[6]
 OUTSIDE = "#F3D9D2"
+GROWTH = 10  # of a signal that escapes, against its beginning
 LEAN: dict[str, Any] = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handletextpad": 0.5}
 
 
@@ -37,10 +38,16 @@ class Comparison:
     t: Array
     curves: Sequence[Curve]
     label: str
+    escapes: bool = False
 
     def draw(self, axes: "Axes") -> None:
-        """Draw with limits that show the signals; an initial transient of an estimate may leave the panel."""
+        """Draw with limits that show the signals; an initial transient of an estimate may leave the panel.
+
+        Signals that escape are drawn on an axis that is linear as far as they are at first, and logarithmic beyond.
+        """
         low, high, cut = limits(self.curves)
+        grows = self.escapes and max(-low, high) > GROWTH * early(self.curves)
+        cut = "" if grows else cut
         alone = len(self.curves) == 1
         for curve, color in zip(self.curves, COLORS, strict=False):
             axes.plot(self.t, curve.true, color=color, label=curve.name)
@@ -49,6 +56,9 @@ class Comparison:
                 axes.plot(self.t, curve.estimate, color=other, linestyle=DASHED, label=label)
         if cut and not alone:
             axes.plot([], [], " ", label=f"an estimate{cut}")
+        if grows:
+            symlog_axis(axes, early(self.curves), *extremes(self.curves), 1 / 2)
+            low, high = axes.get_ylim()
         axes.set_ylim(low, high)
         for curve in self.curves:
             shade_outside(axes, curve.region)
@@ -87,10 +97,7 @@ class Errors:
             axes.plot([self.level.start, self.t[-1]], 2 * [self.level.value], color=BOUND, linestyle=DASHED)
             axes.plot([], [], color=BOUND, linestyle=DASHED, label=self.level.label)
             high = max(high, self.level.value)
-        decades = np.log10(max(-low, high, threshold) / threshold)
-        axes.set_yscale("symlog", linthresh=threshold, linscale=max(0.8, decades / 6))
-        axes.set_yticks([tick for tick in symlog_ticks(threshold, max(-low, high)) if low <= tick <= high or tick == 0])
-        axes.minorticks_off()
+        symlog_axis(axes, threshold, low, high, 1 / 6)
         axes.axhline(0, color="black", linewidth=0.6)
         time_axis(axes, self.t, self.log_time)
         axes.set_ylabel(self.label)
@@ -109,7 +116,7 @@ class Storage:
 
     def draw(self, axes: "Axes") -> None:
         """Draw on a logarithmic axis."""
-        tiny = max(float(self.V.max()), float(self.bound.max())) * 1e-20 + 1e-300
+        tiny = float(self.bound.max()) * 1e-20 + 1e-300
         known = self.t < self.until
         axes.plot(
             self.t[known],
@@ -147,6 +154,18 @@ def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
     low, high = low - room, high + room
     furthest = max((float(e[np.argmax(np.abs(e))]) for e in estimates), key=abs, default=0.0)
     return low, high, "" if low <= furthest <= high else f" (reaches {furthest:.3g})"
+
+
+def extremes(curves: Sequence[Curve]) -> tuple[float, float]:
+    """Smallest and largest value, of estimates too."""
+    drawn = [signal for c in curves for signal in (c.true, c.estimate) if signal is not None]
+    return min(float(s.min()) for s in drawn), max(float(s.max()) for s in drawn)
+
+
+def early(curves: Sequence[Curve]) -> float:
+    """Power of ten above the signals in the first tenth of a run."""
+    size = max(float(np.abs(c.true[: 1 + len(c.true) // 10]).max()) for c in curves)
+    return float(10.0 ** np.ceil(np.log10(size or 1.0)))
 
 
 def shade_outside(axes: "Axes", region: tuple[float, float] | None) -> None:

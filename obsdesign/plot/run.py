@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array
 from obsdesign.observers.guarantee import Guarantee
 from obsdesign.plot.axis import plain, with_unit
 from obsdesign.plot.canvas import new_figure, png, style
@@ -23,8 +22,6 @@ ROW = 4  # panels beside each other
 CURVES = 7  # in one panel: as many as there are colors
 SINGLE = 8  # so many signals get a panel each; more share panels
 LINE = 130  # characters of the title
-NORMS = (("z_norm2", r"$\|z\|_2$"), ("v_norm2", r"$\|v\|_2$"))
-SUP_NORMS = (("z_sup", r"$\sup|z|$"), ("v_sup", r"$\sup|v|$"))
 FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
 
 
@@ -73,7 +70,7 @@ def state_panels(spec: Spec, run: Run) -> Iterator[Panel]:
     """Panels of the plant's states."""
     n = run.plant_states
     curves = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states[:n])]
-    return comparisons(spec, run.t, curves, "states (dashed: estimates)")
+    return comparisons(spec, run, curves, "states (dashed: estimates)")
 
 
 def input_panels(spec: Spec, run: Run, log_time: bool) -> Iterator[Panel]:
@@ -83,7 +80,7 @@ def input_panels(spec: Spec, run: Run, log_time: bool) -> Iterator[Panel]:
         Curve(name, run.w[:, i], run.what[:, column[i]] if i in column else None)
         for i, name in enumerate(run.exogenous)
     ]
-    yield from comparisons(spec, run.t, curves, "unknown inputs (dashed: estimates)")
+    yield from comparisons(spec, run, curves, "unknown inputs (dashed: estimates)")
     if "reconstruction" in run.summary:
         yield reconstruction_error(run, run.summary["reconstruction"], log_time)
 
@@ -103,17 +100,18 @@ def region_panels(spec: Spec, run: Run) -> Iterator[Panel]:
     """Panels of the arguments of f that have to stay in a region."""
     for i, k, column, region in list(limited(spec.nonlinearities))[:SINGLE]:
         curve = Curve(f"q{k + 1}", run.q[:, column], run.qhat[:, column], region)
-        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}")
+        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}", run.status == "escape")
 
 
-def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str) -> Iterator[Panel]:
+def comparisons(spec: Spec, run: Run, curves: Sequence[Curve], what: str) -> Iterator[Panel]:
     """One panel a signal, or one for several where there are many."""
+    escapes = run.status == "escape"
     if len(curves) <= SINGLE:
         for curve in curves:
-            yield Comparison(t, [curve], with_unit(spec, curve.name))
+            yield Comparison(run.t, [curve], with_unit(spec, curve.name), escapes)
     else:
         for group in shared(curves, CURVES // 2 + 1):
-            yield Comparison(t, group, what)
+            yield Comparison(run.t, group, what, escapes)
 
 
 def error_panels(run: Run, guarantee: Guarantee | None, log_time: bool) -> Iterator[Panel]:
@@ -141,19 +139,27 @@ def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
     """Name of the spec; how the run ended, what it achieved and what is proved; whether it stayed in its region."""
     facts = [{"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]]
     if facts[0]:
-        facts[0] += f" at t = {run.time:.4g} s"
+        facts[0] += f" at t = {run.time:.5g} s"
     sup = guarantee is not None and guarantee.family == "linf"
-    for key, text in SUP_NORMS if sup else NORMS:
+    for signal in ("z", spec.drive):
+        key, text = (f"{signal}_sup", rf"$\sup|{signal}|$") if sup else (f"{signal}_norm2", rf"$\|{signal}\|_2$")
         if run.summary[key] is not None:
             facts.append(f"{text} = {run.summary[key]:.4g}")
     if guarantee is None:
         facts.append("no guarantee")
     else:
-        facts += [rf"proved: $\gamma$ = {guarantee.gamma:.4g}, $\alpha$ = {guarantee.alpha:.4g}", verdict(run)]
+        facts += [f"proved: {proved(run, guarantee)}", verdict(run)]
     lines = [plain(spec.name), ",  ".join(f for f in facts if f)]
     if run.left:
         lines += [line for part in run.summary["validity"]["note"].split("; ") for line in wrap(plain(part), LINE)]
     return "\n".join(line for line in lines if line)
+
+
+def proved(run: Run, guarantee: Guarantee) -> str:
+    """What is proved: a gain, where there is an input, and a rate of decay."""
+    rate = "decay" if guarantee.family == "lipschitz" else r"$\alpha$"
+    decays = f"{rate} = {guarantee.alpha:.4g}" if guarantee.alpha else r"$e \rightarrow 0$"
+    return decays if run.summary["gamma"] is None else rf"$\gamma$ = {guarantee.gamma:.4g}, {decays}"
 
 
 def verdict(run: Run) -> str:
