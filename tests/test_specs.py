@@ -12,14 +12,18 @@ from obsdesign.design import design
 from obsdesign.design.gain import searchable
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.observers.l2 import L2
-from obsdesign.observers.request import Bounds, Range, SporadicRequest
+from obsdesign.observers.request import Bounds, LipschitzRequest, Range, Request, SporadicRequest
 from obsdesign.simulate import simulate
 from obsdesign.spec import load
 
 ROOT = Path(__file__).parent.parent / "specs"
 NAMES = [str(p.relative_to(ROOT).with_suffix("")) for p in sorted(ROOT.glob("**/*.yaml"))]
 FEASIBLE = [name for name in NAMES if not name.startswith("infeasible/")]
-SPORADIC = [name for name in FEASIBLE if isinstance(load(str(ROOT / f"{name}.yaml")).observer, SporadicRequest)]
+REQUESTS = {name: load(str(ROOT / f"{name}.yaml")).observer for name in FEASIBLE}
+INCREMENTAL, SPORADIC, LIPSCHITZ = (
+    [name for name, request in REQUESTS.items() if isinstance(request, kind)]
+    for kind in (Request, SporadicRequest, LipschitzRequest)
+)
 CURVES = [name for name in SPORADIC if name.endswith("-tradeoff")]
 
 
@@ -95,7 +99,28 @@ def test_every_curve_of_a_trade_off_has_five_certified_points_at_least(name):
         assert limits == sorted(limits)
 
 
-@pytest.mark.parametrize("name", [name for name in FEASIBLE if name not in SPORADIC])
+@pytest.mark.parametrize("name", LIPSCHITZ)
+def test_a_gain_for_a_lipschitz_system_stays_within_its_bounds_and_its_slack(name):
+    _, made = solved(name)
+    request, limit, slack = REQUESTS[name], made.limit_bounded or made.limit, 1 + float(REQUESTS[name].slack)
+    constant, gamma = float(made.proved.lipschitz), float(made.certificate.gamma)
+    if request.objective == "max-lipschitz":
+        assert limit["lipschitz"] / slack * (1 - 1e-5) <= constant <= limit["lipschitz"]
+    if request.objective == "min-gamma" and not request.gains:
+        assert limit["gamma"] <= gamma <= limit["gamma"] * slack
+        assert constant == float(max(request.lipschitz))
+    if request.objective == "pareto" and not isinstance(request.weight, Range):
+        weight = float(request.weight)
+        assert weight / constant + (1 - weight) * gamma**2 <= slack * limit["objective"]
+    for point in (p for p in made.points if "certified" in p and 0 < p["weight"] < 1):
+        claimed = point["certified"]
+        cost = point["weight"] / claimed["lipschitz"] + (1 - point["weight"]) * claimed["gamma"] ** 2
+        assert point["objective"] * (1 - 1e-6) <= cost <= slack * point["objective"] * (1 + 1e-9)
+    if request.bounds.L1 is not None:
+        assert np.linalg.norm(made.gains["L"], 2) <= float(request.bounds.L1)
+
+
+@pytest.mark.parametrize("name", INCREMENTAL)
 def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
     spec, made = solved(name)
     request, limit = spec.observer, made.limit_bounded or made.limit
@@ -119,7 +144,7 @@ def bounded_problem(spec):
 
 
 @pytest.mark.parametrize("through", ["cvxpy", "cvxopt"])
-@pytest.mark.parametrize("name", [name for name in FEASIBLE if "gains" not in name and name not in SPORADIC])
+@pytest.mark.parametrize("name", [name for name in INCREMENTAL if "gains" not in name])
 def test_the_solvers_agree(name, through, monkeypatch):
     """Clarabel called directly, Clarabel through cvxpy (another reading of the same matrices), and CVXOPT."""
     pytest.importorskip(through)
