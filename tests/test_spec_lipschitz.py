@@ -237,7 +237,7 @@ def test_the_ends_are_weights(weight):
 
 
 def test_bounds_and_gains():
-    assert request_of("bounds: {L: 20, P: {min: 1e-3}, gamma: 2}").bounds == Bounds(
+    assert request_of("objective: min-gamma\n  bounds: {L: 20, P: {min: 1e-3}, gamma: 2}").bounds == Bounds(
         fmpq(20), "spectral", None, fmpq(2), fmpq(1, 1000)
     )
     assert request_of("bounds: {L: {frobenius: 20}}").bounds == Bounds(fmpq(20), "frobenius")

@@ -50,7 +50,8 @@ def guarantee(spec: Spec, design: LipschitzDesign, proved: Proved) -> dict[str, 
     more = design.admissible
     beyond = (more.lipschitz, more.certificate.guarantee) if more else None
     disturbed = is_disturbed(spec)
-    claim = LipschitzClaim(spec.lipschitz.lipschitz, proved.lipschitz, g, beyond, disturbed, spec.validity)
+    drive = spec.drive if disturbed else ""
+    claim = LipschitzClaim(spec.lipschitz.lipschitz, proved.lipschitz, g, beyond, drive, spec.validity)
     return {
         "lipschitz": approximate(proved.lipschitz),
         **({"constants": claim.constants} if len(claim.declared) > 1 else {}),

@@ -67,10 +67,10 @@ class Lipschitz(L2):
     still = True
 
     @staticmethod
-    def statement(gamma: float, alpha: float) -> str:
-        """Norms over [0, T], for every T."""
+    def statement(gamma: float, alpha: float, drive: str = "w") -> str:
+        """Norms over [0, T], for every T; `drive` is the letter of what drives the plant with its disturbance model."""
         rate = f"|e(t)| <= sqrt(cond(P)) exp(-{alpha!r} t) |e0|" if alpha else "e(t) -> 0"
-        return f"norm2(z) <= sqrt(e0' P e0) + {gamma!r} norm2(w), and {rate} where w = 0; for {EQUATIONS}"
+        return f"norm2(z) <= sqrt(e0' P e0) + {gamma!r} norm2({drive}), and {rate} where {drive} = 0; for {EQUATIONS}"
 
     def silent(self) -> Self:
         """Same problem without w and z: what Theorems 1 and 2 are about."""

@@ -24,8 +24,13 @@ class LipschitzClaim:
     lipschitz: fmpq  # proved, the largest of those of the blocks
     guarantee: Guarantee  # at this constant
     admissible: tuple[fmpq, Guarantee] | None  # a larger constant that the gain tolerates too, and the guarantee there
-    disturbed: bool  # whether the plant has a w; without one gamma means nothing
+    drive: str  # letter of what drives the plant with its disturbance model; empty if nothing does
     validity: str | None  # where the declared constants hold; None: everywhere
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether anything drives the plant; otherwise gamma means nothing."""
+        return bool(self.drive)
 
     @property
     def covers(self) -> bool:
@@ -54,7 +59,8 @@ class LipschitzClaim:
     def statement(self) -> str:
         """Claim in words, with norms over [0, T] for every T, and with the observer written out."""
         g = self.guarantee
-        said = Lipschitz.statement(g.gamma, g.alpha) if self.disturbed else f"{rate(g.alpha)}; for {EQUATIONS}"
+        whole = Lipschitz.statement(g.gamma, g.alpha, self.drive)
+        said = whole if self.disturbed else f"{rate(g.alpha)}; for {EQUATIONS}"
         parts = [said, f"for every f with {bounds('f', self.constants)}", *self.beyond()]
         return "; ".join([*parts, f"local: {self.validity}"] if self.validity else parts)
 
@@ -73,6 +79,11 @@ class LipschitzClaim:
 def needed(declared: Sequence[fmpq]) -> fmpq:
     """Smallest decimal of a double that is not below the largest of the declared constants."""
     return printed(-below(-max(declared)))
+
+
+def meaning(drive: str) -> str:
+    """What gamma is, for the letter of what drives the plant with its disturbance model."""
+    return f"norm2(z) <= gamma norm2({drive}) from zero error"
 
 
 def rate(decay: float) -> str:

@@ -43,8 +43,7 @@ def read_lipschitz(
     decay = read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
     if isinstance(decay, Range) and section.objective != "pareto":
         reader.wrong(("observer", "decay"), f"objective {section.objective} needs a number; a range is for pareto")
-    require_agreement(reader, section)
-    return LipschitzRequest(
+    request = LipschitzRequest(
         type=section.type,
         lipschitz=constants,
         relaxation=section.relaxation,
@@ -55,24 +54,41 @@ def read_lipschitz(
         bounds=read_bounds(reader, section.bounds),
         gains=read_gains(reader, section.gains, states, outputs),
     )
+    require_agreement(reader, request)
+    return request
 
 
-def require_agreement(reader: Reader, section: LipschitzObserver) -> None:
-    """Refuse keys that the objective or the relaxation does not know."""
-    bounds = section.bounds or LipschitzBounds()
-    if section.objective == "pareto" and section.gains:
-        instead = "analyze given ones with max-lipschitz or min-gamma"
-        reader.wrong(("observer", "gains"), f"pareto designs gains; {instead}", at_key=True)
-    if section.objective != "min-gamma" and bounds.gamma is not None:
-        why = "pareto weighs gamma" if section.objective == "pareto" else "max-lipschitz knows no gamma"
-        instead = "bound it with min-gamma, or choose pareto and a weight"
-        reader.wrong(("observer", "bounds", "gamma"), f"{why}; {instead}", at_key=True)
-    if section.objective == "max-lipschitz" and section.relaxation == "s-procedure" and bounds.P:
-        why = "the P of max-lipschitz has no scale in the s-procedure"
-        reader.wrong(("observer", "bounds", "P"), f"{why}; bound L, or choose norm-bound", at_key=True)
-    for key in ("weight", "decay"):
-        if section.relaxation == "compare" and isinstance(getattr(section, key), families.Range):
-            reader.wrong(("observer", key), "compare takes a number, not a range; choose one relaxation for a curve")
+def require_agreement(reader: Reader, request: LipschitzRequest) -> None:
+    """Refuse what the objective or the relaxation does not know."""
+    bounds, objective = request.bounds, request.objective
+    refused: list[tuple[Loc, bool, str]] = [
+        (
+            ("gains",),
+            objective == "pareto" and request.gains is not None,
+            "pareto designs gains; analyze given ones with max-lipschitz or min-gamma",
+        ),
+        (
+            ("bounds", "gamma"),
+            objective != "min-gamma" and bounds.gamma is not None,
+            f"{'pareto weighs' if objective == 'pareto' else 'max-lipschitz knows no'} gamma; bound it with min-gamma",
+        ),
+        (
+            ("bounds", "P"),
+            (objective, request.relaxation) == ("max-lipschitz", "s-procedure") and bounds.floor is not None,
+            "the P of max-lipschitz has no scale in the s-procedure; bound L, or choose norm-bound",
+        ),
+        *(
+            (
+                (key,),
+                request.relaxation == "compare" and isinstance(getattr(request, key), Range),
+                "compare takes a number, not a range; choose one relaxation for a curve",
+            )
+            for key in ("weight", "decay")
+        ),
+    ]
+    for keys, wrong, why in refused:
+        if wrong and reader.clean(("observer", *keys)):
+            reader.wrong(("observer", *keys), why, at_key=True)
 
 
 def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | None:
@@ -151,7 +167,8 @@ def require_lipschitz(
     if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(("nonlinearities",)):
         reader.wrong(("nonlinearities",), f"type {LIPSCHITZ} needs at least one; for a linear plant use type l2")
     augmented = augment(plant, generator, (), ())
-    if plant.Bf.shape[1] and not ((augmented.Bf != 0).any() and (augmented.Cq != 0).any()):
+    acts = (augmented.Bf != 0).any() and (augmented.Cq != 0).any()
+    if plant.Bf.shape[1] and not acts and reader.clean(("nonlinearities",)):
         reader.wrong(("nonlinearities",), "Bf or Cq is zero, and f does not act; for a linear plant use type l2")
     for name in ABSENT:
         if getattr(plant, name).any():

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from obsdesign.observers.lipschitz import Lipschitz
+from obsdesign.observers.lipschitz_claim import meaning
 from obsdesign.tables.incremental import linear
 from obsdesign.tables.text import limit_text, matrix_text, spectral_norm
 
@@ -25,7 +25,9 @@ def claim(claimed: Mapping[str, Any]) -> Rows:
         rows += [("constants", ", ".join(f"{c:g}" for c in claimed["constants"]) + "   of its blocks")]
     if "admissible" in claimed:
         rows += [("tolerated", f"a Lipschitz constant up to {claimed['admissible']:g}")]
-    rows += [("gamma", f"{claimed['gamma']:g}   {Lipschitz.meaning}")] if "gamma" in claimed else []
+    if "gamma" in claimed:
+        drive = "v" if "norm2(v)" in claimed.get("statement", "") else "w"
+        rows += [("gamma", f"{claimed['gamma']:g}   {meaning(drive)}")]
     return [*rows, ("decay rate", f"{claimed['decay']:g} 1/s")]
 
 

@@ -11,7 +11,7 @@ from obsdesign.certificate import Certificate, certify
 from obsdesign.lmi.formula import Array, Inequality, approximate, identity, printed, rational
 from obsdesign.lmi.proof import Check, prove
 from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
-from obsdesign.observers.lipschitz_claim import LipschitzClaim, below, needed
+from obsdesign.observers.lipschitz_claim import LipschitzClaim, below, meaning, needed
 from obsdesign.observers.request import Bounds, Range
 from obsdesign.verification.file import ResultFile, Verified
 
@@ -38,9 +38,10 @@ def verified(file: ResultFile) -> Verified:
         checks += [replace(check, name=f"admissible: {check.name}") for check in more.checks]
         beyond = largest, more.guarantee
     made, g = file.spec, certificate.guarantee
-    claim = LipschitzClaim(made.lipschitz.lipschitz, lipschitz, g, beyond, is_disturbed(file), made.validity)
+    drive = made.drive if is_disturbed(file) else ""
+    claim = LipschitzClaim(made.lipschitz.lipschitz, lipschitz, g, beyond, drive, made.validity)
     require_consequences(file, claim)
-    level = f", gamma {g.gamma:g}, {Lipschitz.meaning}" if claim.disturbed else ""
+    level = f", gamma {g.gamma:g}, {meaning(drive)}" if claim.disturbed else ""
     tolerated = f"; constants up to {approximate(beyond[0]):g} are tolerated" if beyond else ""
     words = f"Lipschitz constant {approximate(lipschitz):g}{level}; decay rate {g.alpha:g} 1/s{tolerated}"
     return Verified(words, tuple(checks), certificate, g if claim.covers else None)

@@ -23,7 +23,7 @@ def compared(design: Callable[[str], LipschitzDesign]) -> LipschitzDesign:
     Raises
     ------
     UsageError, UndecidedError
-        No relaxation has an answer.
+        No relaxation has a design, and for this one that is not because there is none.
     """
     rows, outcomes = [], []
     error: UsageError | UndecidedError | None = None
@@ -37,10 +37,10 @@ def compared(design: Callable[[str], LipschitzDesign]) -> LipschitzDesign:
             continue
         outcomes.append(made)
         rows.append(row(relaxation, made))
-    if not outcomes and error:
+    best = next((made for made in outcomes if made.status == "certified"), None)
+    if best is None and error:
         raise error
-    best = next((made for made in outcomes if made.status == "certified"), outcomes[0])
-    return replace(best, comparison=tuple(rows))
+    return replace(best or outcomes[0], comparison=tuple(rows))
 
 
 def row(relaxation: str, made: LipschitzDesign) -> dict[str, Any]:

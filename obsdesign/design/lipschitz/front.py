@@ -16,6 +16,7 @@ from flint import fmpq
 
 from obsdesign.design.gain import ROOM, bounded, rounded_gains, within
 from obsdesign.design.lipschitz.attenuation import small_gains
+from obsdesign.design.lipschitz.largest import unlimited
 from obsdesign.design.lipschitz.limits import Supremum, largest_for_gamma
 from obsdesign.design.lipschitz.outcome import Proved
 from obsdesign.design.lipschitz.study import Study, out_of_bounds, recast
@@ -30,7 +31,7 @@ from obsdesign.observers.request import Bounds
 SINGULAR = 1e-6  # ratio of the extreme eigenvalues of a P that counts as singular: the limit is not attained
 GRID = 1 - np.geomspace(1, 1e-3, 16)  # share of the way from the declared constant to the supremum
 ROUNDED = 2e-5  # share of the objective below which gamma^2 is rounding
-UNBOUNDED = np.geomspace(1, 1e4, 16)  # times the declared constant, or 1, where there is no supremum
+UNBOUNDED = 1e4  # times the declared constant, or 1: how far it is searched where there is no supremum
 COSTLY = 1e12  # cost of a constant without a gamma
 SHARP = 1e-6  # relative accuracy of the constant
 EDGE = 3e-5  # .. and of the largest within bounds
@@ -95,6 +96,18 @@ class Front(ABC):
         """Whether there are bounds."""
         return self.bounds.L1 is not None or self.bounds.floor is not None
 
+    def endless(self, weight: float, gamma: float) -> Optimum:
+        """Limit where the constant grows without end.
+
+        Raises
+        ------
+        UsageError
+            Nothing bounds the gain.
+        """
+        if not self.study.restricted:
+            raise unlimited(self.study)
+        return Optimum(weight, math.inf, gamma, attained=False)
+
     @cached_property
     def supremum(self) -> Supremum:
         """Largest constant for which there is a gamma, over all gains."""
@@ -129,18 +142,16 @@ class Direct(Front):
     def optimum(self, weight: float, start: Values | None = None) -> Optimum | Status:
         """One problem; at the weight 1 over all gains the closed form."""
         if weight == 1 and not self.restricted:
-            return Optimum(weight, self.supremum.value, math.inf, attained=False)
+            most = self.supremum.value
+            return Optimum(weight, most, math.inf, attained=False) if most < math.inf else self.endless(1.0, math.inf)
         answer = self.solved(weight, start)
         if not weight:
             answer = settled(self.study.engine, self.family(self.declared), answer)
         if answer.status is not Status.OPTIMAL:
             return Status.INFEASIBLE if out_of_bounds(answer) else answer.status
-        mu = (
-            answer.values["mu"].item()
-            if (1 - weight) * answer.values["mu"].item() > ROUNDED * answer.objective
-            else 0.0
-        )
-        gamma = math.sqrt(mu) if weight < 1 else math.inf
+        mu = answer.values["mu"].item() if weight else max(answer.objective, 0.0)
+        certain = (1 - weight) * mu > ROUNDED * answer.objective
+        gamma = math.inf if weight == 1 else math.sqrt(mu) if certain else 0.0
         constant = max(self.study.constant_of(answer.values["xi"].item()), self.declared)
         return Optimum(weight, constant, gamma, regular(answer.values), answer.values)
 
@@ -183,7 +194,7 @@ class Searched(Front):
         low, high = self.declared, self.supremum.value
         if not self.restricted:
             return high
-        high = min(high, UNBOUNDED[-1] * max(low, 1.0))
+        high = min(high, UNBOUNDED * max(low, 1.0))
         while high - low > EDGE * high:
             middle = (low + high) / 2
             low, high = (middle, high) if self.gamma(middle) < math.inf else (low, middle)
@@ -194,26 +205,36 @@ class Searched(Front):
         """Constants from the declared one up, denser towards the supremum."""
         low, high = self.declared, self.largest
         if high == math.inf:
-            return tuple(map(float, max(low, 1.0) * UNBOUNDED if not low else low * UNBOUNDED))
+            return tuple(map(float, np.geomspace(low or 1.0, UNBOUNDED * max(low, 1.0), len(GRID))))
         return tuple(float(low + (high - low) * share) for share in GRID if low or share)
 
     def optimum(self, weight: float, start: Values | None = None) -> Optimum | Status:  # noqa: ARG002
-        """Grid over the constant, then a search between the neighbours of its best."""
+        """Grid over the constant, then a search between the neighbors of its best."""
         if weight == 1:
-            return Optimum(weight, self.largest, math.inf, attained=False)
+            return self.extreme()
         costs = [weighted(weight, constant, self.gamma(constant)) for constant in self.grid]
         best = int(np.argmin(costs))
         if costs[best] == math.inf:
             return Status.INFEASIBLE if out_of_bounds(self.at(self.grid[0])) else Status.UNDECIDED
+        if weight and self.largest == math.inf and min(costs[best + 1 :], default=math.inf) == math.inf:
+            return self.endless(weight, self.gamma(self.grid[best]))
         constant = self.grid[best] if not weight else self.between(weight, best)
         return Optimum(weight, constant, self.gamma(constant), regular(self.at(constant).values))
+
+    def extreme(self) -> Optimum | Status:
+        """Limit for the weight 1."""
+        if self.largest == math.inf:
+            return self.endless(1.0, math.inf)
+        if self.restricted and out_of_bounds(self.at(self.largest)):
+            return Status.INFEASIBLE
+        return Optimum(1.0, self.largest, math.inf, attained=False)
 
     def between(self, weight: float, best: int) -> float:
         """Constant of the least objective about a point of the grid."""
         from scipy.optimize import minimize_scalar
 
-        grid = self.grid
-        ends = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+        grid = (*self.grid, self.largest)
+        ends = grid[max(best - 1, 0)], grid[best + 1]
 
         def cost(constant: float) -> float:
             return min(weighted(weight, float(constant), self.gamma(float(constant))), COSTLY)

@@ -81,7 +81,7 @@ def unlimited(study: Study) -> UsageError:
     rows = []
     for size in TABLE:
         answer = stretch.least(Bounds(L1=rational_number(str(size))))
-        if answer.status is Status.OPTIMAL:
+        if answer.status is Status.OPTIMAL and stretch.constant(answer) < math.inf:
             rows.append((size, stretch.constant(answer)))
     return tabulated(
         "observer.objective: there is no largest Lipschitz constant: it grows without bound with the gain; choose "

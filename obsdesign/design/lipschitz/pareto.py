@@ -143,7 +143,7 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Li
     points = tuple(spot.point(study.bounds) for spots in curves for spot in spots)
     candidates = next((spots for spots in curves if any(spot.proved for spot in spots)), [])
     if not candidates:
-        return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), points=points)
+        return replace(absent(study, curves), points=points)
     best = knee(candidates)
     assert isinstance(best.optimum, Optimum)
     assert best.L is not None
@@ -153,6 +153,20 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Li
     )
     gains = {"L": in_floats(best.L)}
     return LipschitzDesign("certified", gains, best.proved, limit=best.optimum.numbers, points=points, notes=(note,))
+
+
+def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> LipschitzDesign:
+    """Answer that no point has a solution.
+
+    Raises
+    ------
+    UndecidedError
+        There may be one.
+    """
+    if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
+        raise UndecidedError("no point was certified")
+    blocked = gate(study.engine, study.unit, study.request, study.relaxation)
+    return LipschitzDesign("infeasible", diagnosis=blocked or too_small(study.bounds))
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
@@ -186,7 +200,10 @@ def alike(one: Optimum | Status, other: Optimum | Status) -> bool:
 
 def shipped(front: Front, optimum: Optimum, spot: Spot) -> Spot:
     """Point with a certified gain, if there is one."""
-    aim = goal(front, optimum)
+    try:
+        aim = goal(front, optimum)
+    except UndecidedError:
+        return spot
     certified = ((L, proved) for L, proved in front.gains(aim.constant, aim.gamma) if proved)
     L, proved = next(certified, (None, None))
     return replace(spot, L=L, proved=proved)

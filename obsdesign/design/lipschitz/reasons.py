@@ -193,7 +193,8 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
     pole = fixed.slowest_pole()
     slow = pole.real >= -fixed.alpha
     if slow:
-        reason = f"without f the slowest pole of the error is {text(pole)}, too slow for the decay {fixed.alpha:g}"
+        short = f"too slow for the decay {fixed.alpha:g}" if pole.real < 0 else "and does not decay"
+        reason = f"without f the slowest pole of the error is {text(pole)}, {short}"
     else:
         reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"
     smaller = not slow and tolerated

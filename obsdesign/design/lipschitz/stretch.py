@@ -2,6 +2,9 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from obsdesign.design.engine import Engine
 from obsdesign.design.gain import Solve
@@ -9,10 +12,11 @@ from obsdesign.lmi.formula import Inequality, Problem, Unknown, Values
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.observers.incremental import LARGE, ONE
 from obsdesign.observers.lipschitz import Lipschitz, Unstructured
+from obsdesign.observers.lipschitz_limits import norm_of
 from obsdesign.observers.request import Bounds
 
 EDGE = 1e-6  # relative, of a constant that is found by bisection
-MOST = 1e6  # times the constant of Theorem 1: from there on any constant counts as tolerated
+MOST = 1e6  # times the scale: from there on any constant counts as tolerated
 NONE = 1e-10  # least objective that is told from zero: the constant is not bounded
 
 
@@ -22,7 +26,7 @@ class Stretch:
 
     Theorems 1 and 2 minimise xi = 1 / c subject to X < -I and 2 l P <= xi I, l for the constant 1. The s-procedure
     with one block minimises lambda = 1 / c^2 subject to [X + Cq'M11 Cq, P Bf; ., -lambda I] <= 0. With several blocks
-    c is found by bisection.
+    c is found by bisection. The constants are those of the problem in units of `scale`.
     """
 
     engine: Engine
@@ -33,13 +37,20 @@ class Stretch:
         """The objective is c to minus this."""
         return 1 if isinstance(self.family, Unstructured) else 2
 
+    @cached_property
+    def scale(self) -> float:
+        """Constant of f that is as large as the dynamics are fast, so that units do not matter."""
+        p, whole = self.family.plant, norm_of(self.family)
+        rate = float(np.linalg.norm(p.A + self.family.alpha * self.family.eye, 2))
+        return rate / whole if rate and whole else 1.0
+
     def objective(self, constant: float) -> float:
         """Objective of a constant."""
-        return float(constant**-self.power)
+        return float((constant / self.scale) ** -self.power)
 
     def constant(self, answer: Answer) -> float:
         """Constant of an answer; infinite if any will do."""
-        return float(answer.objective ** (-1 / self.power)) if answer.objective > NONE else math.inf
+        return float(self.scale * answer.objective ** (-1 / self.power)) if answer.objective > NONE else math.inf
 
     def least(self, bounds: Bounds, start: Values | None = None) -> Answer:
         """Least objective within the bounds on L1 and (Theorem 1) P >= t I."""
@@ -64,12 +75,12 @@ class Stretch:
 
     def problem(self, bounds: Bounds) -> Problem:
         """Minimise the objective, in one unknown xi."""
-        family = self.family
+        family = self.family.stretched(self.scale)
         rates = self.by_norm if isinstance(family, Unstructured) else self.by_scale
         limited = family.gain_unknowns("t", bounds) if bounds.L1 is not None else []
 
         def inequalities(v: Values) -> list[Inequality]:
-            rows = rates({**v, "Y": v["Y"] if family.L1 is None else v["P"] @ family.L1})
+            rows = rates(family, {**v, "Y": v["Y"] if family.L1 is None else v["P"] @ family.L1})
             return [*rows, *self.within(v, bounds)]
 
         gains = [] if family.L1 is not None else [Unknown("Y", family.plant.C.mT.shape)]
@@ -85,9 +96,8 @@ class Stretch:
             rows += self.family.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
         return rows
 
-    def by_norm(self, v: Values) -> list[Inequality]:
+    def by_norm(self, family: Lipschitz, v: Values) -> list[Inequality]:
         """X < -I and P <= xi / (2 l) I."""
-        family = self.family
         assert isinstance(family, Unstructured)
         small = 2 * family.lipschitz * v["P"] - v["xi"] * family.eye
         return [
@@ -96,9 +106,8 @@ class Stretch:
             Inequality("P > 0", -v["P"], strict=True),
         ]
 
-    def by_scale(self, v: Values) -> list[Inequality]:
+    def by_scale(self, family: Lipschitz, v: Values) -> list[Inequality]:
         """[X + Cq'M11 Cq, P Bf; ., -xi I] <= 0."""
-        family = self.family
         (block,) = family.multiplier.scaled_blocks()
         Cq = family.plant.Cq
         forced = family.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
@@ -109,15 +118,15 @@ class Stretch:
 
     def bisected(self, bounds: Bounds) -> Answer:
         """Largest constant of several blocks, with the point of widest margin at nearly that."""
-        low, best = 0.0, self.feasible(1.0, bounds)
-        high = 1.0
-        while best.status is Status.OPTIMAL and high < MOST:
+        low, best = 0.0, self.feasible(self.scale, bounds)
+        high = self.scale
+        while best.status is Status.OPTIMAL and high < MOST * self.scale:
             low, high = high, 4 * high
             best, below = self.feasible(high, bounds), best
         if best.status is Status.OPTIMAL:
             return replace(best, objective=0.0)
         best = below if low else best
-        while high - low > EDGE * high and high > 1 / MOST:
+        while high - low > EDGE * high and high > self.scale / MOST:
             middle = math.sqrt(low * high) if low else high / 4
             found = self.feasible(middle, bounds)
             low, high, best = (middle, high, found) if found.status is Status.OPTIMAL else (low, middle, best)
