@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from obsdesign.design import accuracy, design
-from obsdesign.design.accuracy import accurate, conditions
+from obsdesign.design import design
 from obsdesign.design.engine import Engine
 from obsdesign.design.gain import searchable
+from obsdesign.design.incremental import accuracy
+from obsdesign.design.incremental.accuracy import accurate, conditions
 from obsdesign.lmi.formula import in_floats, rational_number
 from obsdesign.observers import FAMILIES
 from obsdesign.spec import load, loads

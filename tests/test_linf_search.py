@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from obsdesign.cli import app
 from obsdesign.design import design
-from obsdesign.design.decay import Decay
 from obsdesign.design.engine import Engine
 from obsdesign.design.gain import searchable
+from obsdesign.design.incremental.decay import Decay
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.observers.linf import Linf

@@ -15,7 +15,7 @@ from obsdesign.certificate import certify, prove_slope, reconstructed
 from obsdesign.cli import app
 from obsdesign.design import design
 from obsdesign.design.engine import Engine
-from obsdesign.design.reconstruct import slope_proof
+from obsdesign.design.incremental.reconstruct import slope_proof
 from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.observers.linf import Linf

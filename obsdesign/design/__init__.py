@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.design.designer import Design, Designer
 from obsdesign.design.engine import Engine, Report
+from obsdesign.design.incremental import Design, design_incremental
 from obsdesign.design.lipschitz import LipschitzDesign, design_lipschitz
 from obsdesign.design.sporadic import SporadicDesign, design_sporadic
 from obsdesign.errors import UndecidedError
@@ -29,7 +29,7 @@ def design(
     Raises
     ------
     UsageError
-        The limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free L2.
+        What is asked makes no sense for the family, or nothing bounds a gain that would grow without end.
     UndecidedError
         The solver found neither a solution nor that there is none.
     """
@@ -48,4 +48,4 @@ def made_for(spec: Spec, engine: Engine) -> Design | LipschitzDesign | SporadicD
         return design_sporadic(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
     if isinstance(spec.observer, LipschitzRequest):
         return design_lipschitz(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
-    return Designer(spec, engine).outcome()
+    return design_incremental(spec, engine)

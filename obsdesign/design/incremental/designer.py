@@ -9,13 +9,13 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.certificate import Certificate
-from obsdesign.design.accuracy import accurate
 from obsdesign.design.claim import best_claim, claim
-from obsdesign.design.decay import Decay, Point
 from obsdesign.design.decimals import round_down, round_up
 from obsdesign.design.engine import Engine
 from obsdesign.design.gain import doubles, norm, searchable, sized, small_gains, within
-from obsdesign.design.reconstruct import reconstruct
+from obsdesign.design.incremental.accuracy import accurate
+from obsdesign.design.incremental.decay import Decay, Point
+from obsdesign.design.incremental.reconstruct import reconstruct
 from obsdesign.design.zero import SHARE, cancelled, falling, unbounded
 from obsdesign.diagnosis import why_not
 from obsdesign.diagnosis.extent import largest_class

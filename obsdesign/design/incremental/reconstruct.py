@@ -7,9 +7,9 @@ import numpy as np
 
 from obsdesign.certificate import Certificate, Reconstructed, SlopeProof, inapplicable, prove_slope, reconstructed
 from obsdesign.design.claim import DIGITS, best_claim
-from obsdesign.design.decay import Decay
 from obsdesign.design.decimals import round_up
 from obsdesign.design.engine import Engine
+from obsdesign.design.incremental.decay import Decay
 from obsdesign.lmi.formula import Problem, Unknown, in_floats, printed, rational_number
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Status
