@@ -13,6 +13,7 @@ from obsdesign.observers import FAMILIES, Incremental
 from obsdesign.observers.guarantee import Guarantee, Reconstruction
 from obsdesign.observers.incremental import SMALL
 from obsdesign.observers.linf import Linf
+from obsdesign.observers.lipschitz_claim import LipschitzClaim
 from obsdesign.observers.reconstruction import Slope, constants, obstacle
 from obsdesign.spec.model import Spec
 from obsdesign.spec.names import arguments
@@ -169,6 +170,14 @@ def reconstructed(
         for name, c, bound in zip(("c_w", "c_w'", "c_x'"), claimed, least, strict=True)
     )
     return Reconstructed(levels, slopes, claimed, checks)
+
+
+def lipschitz_claim(
+    spec: Spec, lipschitz: fmpq, guarantee: Guarantee, admissible: tuple[fmpq, Guarantee] | None
+) -> LipschitzClaim:
+    """What a Lipschitz constant, and a larger one, that are proved for a gain say of the plant of a spec."""
+    drive = spec.drive if spec.disturbed else ""
+    return LipschitzClaim(spec.lipschitz.lipschitz, lipschitz, guarantee, admissible, drive, spec.validity)
 
 
 def statement(spec: Spec, guarantee: Guarantee) -> str:

@@ -1,7 +1,6 @@
 """The command line: the only code that prints or exits. Heavy modules are imported by the command that needs them."""
 
 import json
-import math
 import os
 import signal
 import sys
@@ -14,17 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError
+from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
 
 if TYPE_CHECKING:
     from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
     from obsdesign.simulate import HybridRun, Run
     from obsdesign.spec import Spec
 
-    Proved = Guarantee | SporadicGuarantee | None  # what gains are proved to achieve
+    Guaranteed = Guarantee | SporadicGuarantee | None  # what gains are proved to achieve
 
 EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
 INTERRUPTED = 130
+AGAIN = 1.0  # s, from one alarm to the next
 
 
 class Commands(TyperGroup):
@@ -107,7 +107,7 @@ def solve(
             guarantee = proved_of(problem, made)
             summary = simulated(problem, made.gains, guarantee, files, quiet)
             if not quiet and target != "-" and not as_json:
-                typer.echo(run_table(summary, guarantee is not None, files))
+                typer.echo(f"\n{run_table(summary, guarantee is not None, files)}")
     raise typer.Exit(EXIT[made.status])
 
 
@@ -198,15 +198,13 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Prove the claim of a gains file anew, or that there is no solution; exactly and without a solver."""
+    from obsdesign.artifacts import checks
     from obsdesign.spec import load
     from obsdesign.verification import prove
 
     with limited(timeout):
         proof = prove(gains, load(spec) if spec else None)
-    rows = [
-        {"name": c.name, "holds": c.holds, "margin": c.margin if math.isfinite(c.margin) else None}
-        for c in proof.checks
-    ]
+    rows = checks(proof.checks)
     if as_json:
         report = {"proved": proof.holds, "claim": proof.claim, "checks": rows}
         typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
@@ -240,16 +238,22 @@ def rescaled(problem: "Spec", T: str) -> dict[str, Any]:
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Give up after so many seconds."""
+    """Give up after so many seconds; every second again, for an error raised within a destructor is lost.
+
+    Raises
+    ------
+    TimeLimitError
+        The time is over.
+    """
 
     def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        raise UndecidedError(f"not finished after {seconds:g} s; --timeout allows more")
+        raise TimeLimitError(f"not finished after {seconds:g} s; --timeout allows more")
 
     if not hasattr(signal, "SIGALRM"):
         yield
         return
     before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
     try:
         yield
     finally:
@@ -282,7 +286,7 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, An
     return made, result(problem, made, solver)
 
 
-def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Proved"]:
+def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Guaranteed"]:
     """Spec, gains and guarantee of what is to be simulated; a spec without gains is solved first."""
     from obsdesign.spec import load
     from obsdesign.verification import recorded
@@ -300,22 +304,22 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Ma
     return recorded(source, None)
 
 
-def proved_of(problem: "Spec", made: Any) -> "Proved":
+def proved_of(problem: "Spec", made: Any) -> "Guaranteed":
     """What the gains of a design are proved to achieve of the plant of the spec, as a run is held against it."""
     from obsdesign.design import LipschitzDesign
 
     if made.certificate is None or not made.certificate.holds:
         return None
-    if isinstance(made, LipschitzDesign) and made.proved and made.proved.lipschitz < max(problem.lipschitz.lipschitz):
+    if isinstance(made, LipschitzDesign) and not made.covers(problem.lipschitz.lipschitz):
         return None
-    proved: Proved = made.certificate.guarantee
-    return proved
+    guarantee: Guaranteed = made.certificate.guarantee
+    return guarantee
 
 
 def simulated(
     problem: "Spec",
     gains: Mapping[str, Any],
-    guarantee: "Proved",
+    guarantee: "Guaranteed",
     files: tuple[str, str],
     quiet: bool,
 ) -> Mapping[str, Any]:

@@ -3,7 +3,8 @@
 ObsdesignError            anything a person can act on; never a traceback
     UsageError      2     a wrong command, file, or spec: one line for each problem
     InfeasibleError 3     gains are needed, and the design has none
-    UndecidedError  4     numerical failure, a timeout, a certificate that could not be established
+    UndecidedError  4     numerical failure, a certificate that could not be established
+    TimeLimitError  4     the time that was allowed is over; no search goes on after this one
 
 An infeasible design is an answer, not an error: `solve` writes it with its diagnosis and exits with 3.
 """
@@ -56,5 +57,11 @@ class InfeasibleError(ObsdesignError):
 
 class UndecidedError(ObsdesignError):
     """Neither a solution nor a proof that there is none (exit code 4)."""
+
+    exit_code = 4
+
+
+class TimeLimitError(ObsdesignError):
+    """The time that was allowed is over (exit code 4)."""
 
     exit_code = 4

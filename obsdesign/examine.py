@@ -15,7 +15,7 @@ from obsdesign.model.pencil import invariant_zeros
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, undetectable
 from obsdesign.observers import FAMILIES
-from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.observers.lipschitz import Lipschitz, proportions
 from obsdesign.observers.request import LipschitzRequest, Range, SporadicRequest
 from obsdesign.spec.model import Spec
 
@@ -59,8 +59,7 @@ def lipschitz(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:
     decay = request.decay.low if isinstance(request.decay, Range) else request.decay
     plant, K = in_floats(spec.augmented), in_floats(spec.multiplier.member)
     found = detectability(plant, K, float(decay), "decay")
-    sizes = [(block.nq, block.nf) for block in spec.multiplier.blocks]
-    unit = Lipschitz(spec.augmented, lipschitz_multiplier(proportions(request.lipschitz), sizes), spec.H, decay)
+    unit = Lipschitz.of(spec.augmented, spec.multiplier, proportions(request.lipschitz), spec.H, decay)
     most = ceiling(unit) if all(f["holds"] for f in found) else None
     levels = request.objective != "max-lipschitz"
     if most is not None:

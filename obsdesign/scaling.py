@@ -88,7 +88,7 @@ def scaling(spec: Spec, engine: Engine, T: Sequence[str] | None = None) -> dict[
     UndecidedError
         No Lipschitz constant of f could be proved.
     """
-    view = Unstructured.of(spec, engine)
+    view = StateFunction.of(spec, engine)
     ones = (fmpq(1),) * spec.augmented.n
     identity = view.scaled(ones)
     chosen = given(T, len(ones)) if T else view.best(identity)
@@ -113,7 +113,7 @@ def given(T: Sequence[str], n: int) -> tuple[fmpq, ...]:
 
 
 @dataclass(frozen=True)
-class Unstructured:
+class StateFunction:
     """Bf f(Cq x) of a spec as one function of all states."""
 
     J: Matrix  # of all blocks, each with its own variables: where they share some, the lower bound may not be attained
@@ -125,7 +125,7 @@ class Unstructured:
     engine: Engine
 
     @classmethod
-    def of(cls, spec: Spec, engine: Engine) -> "Unstructured":
+    def of(cls, spec: Spec, engine: Engine) -> "StateFunction":
         """View of a spec."""
         plant, n = spec.augmented, spec.augmented.n
         if (plant.Dqf != 0).any() or (plant.Df != 0).any() or not plant.Bf.size:

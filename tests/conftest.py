@@ -1,14 +1,16 @@
-"""What several test files share: one small problem, solved once through the command line."""
+"""Fixtures of several test files: a small problem, solved once, and the verification of result files."""
 
+import json
 import os
+import time
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices, two cores
 
 import pytest
-from typer.testing import CliRunner
+from support.commands import result_of, run
 
-from obsdesign.cli import app
+LIMIT = 2.0  # seconds of processor time within which any result file is answered
 
 CART = """
 obsdesign: 1
@@ -36,8 +38,29 @@ def bearing() -> Path:
 def made(tmp_path_factory) -> Path:
     """A folder with cart.yaml and the cart.gains.json that `solve` made of it."""
     folder = tmp_path_factory.mktemp("made")
-    spec, gains = folder / "cart.yaml", folder / "cart.gains.json"
-    spec.write_text(CART)
-    outcome = CliRunner().invoke(app, ["solve", str(spec), "-o", str(gains)])
-    assert outcome.exit_code == 0, outcome.output
+    result_of(folder, CART, "cart")
     return folder
+
+
+@pytest.fixture
+def outcome_of(tmp_path):
+    """Writes a result file, verifies it, and holds the answer against what is true of every answer."""
+
+    def outcome_of(forged, *spec):
+        path = tmp_path / "forged.json"
+        if isinstance(forged, bytes):
+            path.write_bytes(forged)
+        else:
+            path.write_text(forged if isinstance(forged, str) else json.dumps(forged))
+        started = time.process_time()
+        outcome = run("verify", path, *spec)
+        assert time.process_time() - started < LIMIT
+        assert outcome.exit_code in {0, 2, 4}, outcome.exception
+        assert "Traceback" not in outcome.output
+        assert outcome.exit_code == 0 or str(path) in outcome.stderr
+        if outcome.exit_code == 2:
+            assert outcome.stdout == ""
+            assert len(outcome.stderr.splitlines()) == 1
+        return outcome
+
+    return outcome_of

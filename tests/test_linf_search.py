@@ -7,60 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from support.commands import run
+from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
 
-from obsdesign.cli import app
 from obsdesign.design import design
 from obsdesign.design.engine import Engine
-from obsdesign.design.gain import searchable
 from obsdesign.design.incremental.decay import Decay
 from obsdesign.lmi.formula import rational_number
-from obsdesign.lmi.solve import Status, minimise
-from obsdesign.observers.linf import Linf
 from obsdesign.spec import loads
-
-CUBIC = """
-obsdesign: 1
-system: {A: [[0, -1, 0], [0, -1, -1], [0, 1, -1]], B: [1, 0, 0], C: [1, 0, 0]}
-nonlinearities: [{type: cubic, Bf: [0, 1, 0], Cq: [1, -1, 0]}]
-observer: {type: linf, %s}
-"""
-SCALAR = """
-obsdesign: 1
-system: {A: [[-%s]], B: [[1]], C: [[0]]}
-nonlinearities: [{type: {lipschitz: %s}, Bf: [[1]], Cq: [[1]]}]
-observer: {type: linf, %s}
-"""
-ARM = """
-obsdesign: 1
-system:
-  A: [[0, 1, 0], [-2, -1, 0.5], [0.3, 0, -1.5]]
-  B: [[0], [1], [0.4]]
-  C: [[1, 0, 0.2]]
-  D: [[%s]]
-nonlinearities:
-  - {type: {slope: [-0.4, 1.1]}, Bf: [0, 0.6, 0], Cq: [1, 0.2, 0], Dqf: [[%s]], Dq: [[%s]], Df: [[%s]]}
-disturbance: %s
-performance: all
-observer: {type: linf, L2: %s, alpha: %s, %s}
-"""
-
-
-def arm(L2="[[0.2]]", alpha="0.2", D=0, Dqf=0, Dq=0, Df=0, disturbance="unknown", **further):
-    rest = ", ".join(f"{key}: {value}" for key, value in further.items())
-    return loads(ARM % (D, Dqf, Dq, Df, disturbance, L2, alpha, rest))
-
-
-def family_of(spec, alpha=None):
-    """The problem of a spec in rationals, with L1 to be found."""
-    alpha = spec.observer.alpha if alpha is None else rational_number(repr(float(alpha)))
-    return Linf(spec.augmented, spec.multiplier, spec.H, alpha, None, spec.observer.L2)
-
-
-def least_gamma(family):
-    answer = minimise(searchable(family).least_gamma())
-    assert answer.status is Status.OPTIMAL, answer.raw
-    return math.sqrt(answer.objective)
 
 
 def curve(family, low, high, points):
@@ -215,12 +169,12 @@ def test_what_solve_certifies_verify_proves(tmp_path, request_, code):
         "nonlinearities: [{type: tanh, Bf: [0, 0.2, 0], Cq: [0, 1, 0]}]\n"
         f"observer: {{type: linf, L2: 0, {request_}}}\n".replace("L2: 0, alpha: 0.2, gains", "alpha: 0.2, gains")
     )
-    solved = CliRunner().invoke(app, ["solve", str(spec), "-o", str(gains)])
+    solved = run("solve", spec, "-o", gains)
     assert solved.exit_code == code, solved.output
     assert "Traceback" not in solved.output
     if code == 0:
         content = json.loads(gains.read_text())
         assert content["observer"]["type"] == "linf"
         assert "(P4) limsup |z(t)|" in content["guarantee"]["statement"]
-        verified = CliRunner().invoke(app, ["verify", str(gains), str(spec)])
+        verified = run("verify", gains, spec)
         assert verified.exit_code == 0, verified.output

@@ -6,11 +6,8 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import null_space
+from support.linf import family_of, least_gamma
 
-from obsdesign.design.gain import searchable
-from obsdesign.lmi.formula import rational_number
-from obsdesign.lmi.solve import Status, minimise
-from obsdesign.observers.linf import Linf
 from obsdesign.spec import loads
 
 EYE, K, W = np.eye(2), np.array([[0.2, 0.3], [-0.1, 0.1]]), np.array([[0.5, 0.1], [0, 0.4]])
@@ -19,18 +16,6 @@ RAYS = [np.diag([1.0, 0.0]), np.diag([0.0, 1.0])]
 OWN = np.array([[0.5, 0.1, 0.2, 0], [0.1, 0.4, 0, 0.3], [0.2, 0, -1, 0], [0, 0.3, 0, -1.5]])
 SECTOR = np.vstack([-K.T, EYE]) @ np.hstack([K + W, -EYE])
 PASSIVE = ("monotone", "cone")
-
-
-def family_of(spec, alpha=None):
-    """The problem of a spec in rationals, with L1 to be found."""
-    alpha = spec.observer.alpha if alpha is None else rational_number(repr(float(alpha)))
-    return Linf(spec.augmented, spec.multiplier, spec.H, alpha, None, spec.observer.L2)
-
-
-def least_gamma(family):
-    answer = minimise(searchable(family).least_gamma())
-    assert answer.status is Status.OPTIMAL, answer.raw
-    return math.sqrt(answer.objective)
 
 
 def text(M):

@@ -13,8 +13,9 @@ from scipy.linalg import solve_continuous_are
 from obsdesign.design.engine import Engine
 from obsdesign.design.lipschitz.limits import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.design.lipschitz.reasons import gate, out_of_reach, too_small, useless
+from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, he, in_floats, rational, rational_number
-from obsdesign.lmi.solve import Status
+from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
 from obsdesign.observers.lipschitz import (
     RELAXATIONS,
@@ -190,6 +191,66 @@ def test_several_blocks_admit_more_than_one_block_of_the_same_f():
     assert several == pytest.approx(3.9, rel=1e-7)
     assert one < 0.9 * several
     assert_supremum(unit(system, "0.1", sizes=blocks), several, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("A", "Bf", "Cq", "limit"),
+    [
+        ([[-1, 0], [0, -3]], [[1, 0], [0, 1]], [[1, 0], [0, 1]], 1),
+        ([[-3, 0], [0, -1]], [[1, 0], [0, 1]], [[1, 0], [0, 1]], 1),
+        ([[-2, 0], [1, -1]], [[1, 0], [0, 1]], [[1, 0], [0, 1]], 1),
+        ([[-1, 0], [0, -1]], [[1, 0], [0, 1]], [[0, 1], [1, 0]], 1),
+        ([[-1, 0], [0, -1]], [[1, 0], [0, "1e-6"]], [[0, 1], [1, 0]], 1e3),
+        ([[-1, 0, 0], [0, -2, 0], [0, 0, -3]], [[1, 0], [0, 0], [0, 1]], [[0, 1, 0], [0, 0, 1]], 3),
+        ([[-1, 0, 0], [0, -2, 0], [0, 0, -3]], [[1, 0], [0, 1], [0, 0]], [[0, 1, 0], [0, 0, 1]], math.inf),
+    ],
+    ids=["apart", "apart, reversed", "one after the other", "ring", "ring of uneven gains", "one decays", "cascade"],
+)
+def test_blocks_in_loops_admit_what_their_smallest_loop_gain_leaves_and_a_cascade_admits_every_constant(
+    A, Bf, Cq, limit
+):
+    system = plant(A, zeros(0, len(A)), Bf=Bf, Cq=Cq)
+    found = largest_constant(Engine(), unit(system, 0, sizes=[(1, 1), (1, 1)]), "s-procedure")
+    assert found.value == pytest.approx(limit, rel=5e-6)
+    assert not found.attained
+
+
+def test_blocks_of_which_none_keeps_itself_going_where_y_is_zero_admit_every_constant():
+    """A ring of three that the output opens: f1 is zero where x1 is, then x2 is left alone, then x3."""
+    system = plant(-np.eye(3), [[1, 0, 0]], Bf=np.eye(3), Cq=np.roll(np.eye(3), 1, axis=0))
+    assert supremum(system, 0, "s-procedure", sizes=[(1, 1)] * 3) == math.inf
+    assert supremum(plant(-np.eye(3), zeros(0, 3), Cq=np.roll(np.eye(3), 1, axis=0)), 0, "s-procedure") < math.inf
+
+
+def test_a_mode_on_the_axis_that_no_f_moves_counts_as_one_that_does_not_decay():
+    """The closed form divides by |B_z|^2, which is zero, if the rounded mode -3e-17 is taken to decay."""
+    system = plant(
+        [[0, 1, 0], [0, 0, 1], [0, 0, 0]],
+        [["-0.2", 0, "0.3"], ["0.4", -2, "0.3"]],
+        Bf=[[0, 1], [1, 0], [0, 0]],
+        Cq=[[1, 0, 0], [0, 0, 1]],
+    )
+    limit = supremum(system, 0, "s-procedure")
+    assert limit == pytest.approx(math.sqrt(0.37), rel=1e-12)
+    assert_supremum(unit(system, 0), limit, 1e-2)
+
+
+def test_theorem_4_needs_room_even_where_f_does_not_enter():
+    """l = 0 for every constant, but its xi is finite: 2 (1 - h) g > 1 with g = 0.5 (Example 1) and 1.2 (Example 3)."""
+    for C, limit in (([[0, 1]], 0.0), ([[1, 0]], math.inf)):
+        system = plant(SECOND, C, Bf=[[0], [0]], Cq=[[1, 0]])
+        assert largest_for_gamma(Engine(), unit(system, 0), "abbaszadeh").value == limit
+        assert supremum(system, 0) == math.inf
+
+
+def test_a_reduced_problem_that_is_not_solved_is_an_error_that_a_person_sees_in_one_line():
+    class Stuck(Engine):
+        def minimise(self, *_, **__):
+            return Answer(Status.UNDECIDED)
+
+    for relaxation in RELAXATIONS:
+        with pytest.raises(UndecidedError, match="largest Lipschitz constant"):
+            largest_constant(Stuck(), unit(EXAMPLE2, 0), relaxation)
 
 
 def test_where_every_state_is_measured_every_constant_will_do():

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
+from support.commands import run
 
-from obsdesign.cli import app
 from obsdesign.design.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.nonlinearities.evidence.automatic import proved
-from obsdesign.nonlinearities.evidence.constant import lipschitz_constant
+from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.norm import enclosed, largest_norm, radius_norm, uncoupled
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.scaling import scaling
@@ -90,6 +89,11 @@ def test_components_that_share_no_argument_are_bounded_apart():
     found = lipschitz_constant(f)
     assert (found.lower, found.upper) == (pytest.approx(3), pytest.approx(3))
     assert norm_at(f.jacobian, found.point) >= found.lower * (1 - 1e-12)
+
+
+def test_the_gap_is_relative():
+    assert Constant(300.0, 400.0).gap == pytest.approx(0.25)
+    assert Constant(0.0, 0.0).gap == 0
 
 
 def test_a_constant_function_has_the_constant_zero():
@@ -215,9 +219,9 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def run(text, *options):
+def examined(text, *options):
     Path("x.yaml").write_text(text)
-    return CliRunner().invoke(app, ["lipschitz", "x.yaml", *options])
+    return run("lipschitz", "x.yaml", *options)
 
 
 def plain(*blocks):
@@ -225,7 +229,7 @@ def plain(*blocks):
 
 
 def test_the_command_shows_both_bounds_beside_the_declared_constant():
-    outcome = run(plain("type: {lipschitz: 4}, f: 2*q + sin(q)"))
+    outcome = examined(plain("type: {lipschitz: 4}, f: 2*q + sin(q)"))
     assert outcome.exit_code == 0
     rows = [line.split(maxsplit=1) for line in outcome.stdout.splitlines()]
     assert ["constant", "3 .. 3   proved, gap 0, 1 box"] in rows
@@ -235,7 +239,7 @@ def test_the_command_shows_both_bounds_beside_the_declared_constant():
 
 def test_the_command_prints_numbers_that_a_script_can_read():
     blocks = "type: monotone, f: q**3, region: {q: [-1, 2]}", "type: {slope: [0, 1]}"
-    report = json.loads(run(plain(*blocks), "--json").stdout)
+    report = json.loads(examined(plain(*blocks), "--json").stdout)
     first, second = report["blocks"]
     assert first["lower"] == pytest.approx(12)
     assert first["upper"] == pytest.approx(12)
@@ -246,7 +250,7 @@ def test_the_command_prints_numbers_that_a_script_can_read():
 
 
 def test_a_block_without_f_is_said_to_have_none():
-    outcome = run(plain("type: sin", "type: {slope: [0, 1]}"))
+    outcome = examined(plain("type: sin", "type: {slope: [0, 1]}"))
     assert outcome.exit_code == 0
     assert "no f is given" in outcome.stdout
 
@@ -262,7 +266,7 @@ def test_a_block_without_f_is_said_to_have_none():
     ],
 )
 def test_the_command_answers_what_has_no_constant_in_one_line(block, code, words):
-    outcome = run(plain(block), "--quiet")
+    outcome = examined(plain(block), "--quiet")
     assert outcome.exit_code == code
     assert outcome.stdout == ""
     assert words in outcome.stderr
@@ -270,7 +274,7 @@ def test_the_command_answers_what_has_no_constant_in_one_line(block, code, words
 
 
 def test_an_infinite_constant_is_null_free_json():
-    outcome = run(plain("type: cubic"), "--json")
+    outcome = examined(plain("type: cubic"), "--json")
     assert outcome.exit_code == 3
     (block,) = json.loads(outcome.stdout)["blocks"]
     assert block["infinite"] is True
@@ -281,7 +285,7 @@ def test_an_infinite_constant_is_null_free_json():
     ("observer", "admissible", "identity"), [(L2, 11.6171080, 0.9997543), (PAPER, 2.5059626, 0.4606927)]
 )
 def test_scaled_coordinates_change_both_constants(observer, admissible, identity):
-    report = json.loads(run(JOINT.replace("OBSERVER", observer), "--T", "1,1,4,0.1", "--json").stdout)["scaling"]
+    report = json.loads(examined(JOINT.replace("OBSERVER", observer), "--T", "1,1,4,0.1", "--json").stdout)["scaling"]
     assert report["identity"]["upper"] == pytest.approx(3.33, rel=1e-8)
     assert report["identity"]["admissible"] == pytest.approx(identity, rel=1e-5)
     scaled = report["scaled"]
@@ -310,7 +314,7 @@ def test_scaling_takes_several_blocks_and_reads_no_constant_from_their_types():
 
 @pytest.mark.parametrize("T", ["1,2", "1,1,1,0", "1,1,-1,1", "a,b,c,d", "1,1,1,1/0", "1,1,1,nan", "1,1,1,inf"])
 def test_a_wrong_T_is_refused(T):
-    outcome = run(JOINT.replace("OBSERVER", L2), "--T", T)
+    outcome = examined(JOINT.replace("OBSERVER", L2), "--T", T)
     assert outcome.exit_code == 2
     assert outcome.stderr.startswith("--T: expected 4 positive numbers")
 

@@ -9,37 +9,19 @@ import pytest
 from flint import fmpq
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.multipliers import ROTATION, assembled, exactly, made, matrices
 
 from obsdesign.design import design
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Inequality, in_floats, rational, rational_number, symmetric
+from obsdesign.lmi.formula import Inequality, in_floats, rational
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.model.plant import Plant
-from obsdesign.nonlinearities import TEMPLATES, combine
+from obsdesign.nonlinearities import combine
 from obsdesign.observers.l2 import L2
 from obsdesign.spec import load
 
 SPECS = Path(__file__).parent.parent / "specs"
-ROTATION = [[0, -1], [1, 0]]
-
-
-def exactly(*numbers):
-    return tuple(rational_number(x) for x in numbers)
-
-
-def matrices(*listed):
-    return [rational(matrix) for matrix in listed]
-
-
-def made(template, data, nq=1, nf=1):
-    return TEMPLATES[template](data, nq, nf)
-
-
-def assembled(multiplier, v):
-    """M in the order (q, f)."""
-    M11, M12, M22 = multiplier.matrix(v)
-    return symmetric([[M11, M12], [M22]])
 
 
 @settings(max_examples=60, deadline=None)

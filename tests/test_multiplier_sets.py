@@ -8,27 +8,14 @@ from flint import fmpq
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.multipliers import ROTATION, assembled, difference, exactly, form, made, matrices, smallest
 
-from obsdesign.lmi.formula import Problem, block_diagonal, in_floats, rational, rational_number, symmetric
+from obsdesign.lmi.formula import Problem, block_diagonal, in_floats, rational, rational_number
 from obsdesign.lmi.probe import coordinates
 from obsdesign.lmi.probe import matrices as matrices_of
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, reduction, widest
-from obsdesign.nonlinearities import TEMPLATES, combine
-
-ROTATION = [[0, -1], [1, 0]]
-
-
-def exactly(*numbers):
-    return tuple(rational_number(x) for x in numbers)
-
-
-def matrices(*listed):
-    return [rational(matrix) for matrix in listed]
-
-
-def made(template, data, nq=1, nf=1):
-    return TEMPLATES[template](data, nq, nf)
+from obsdesign.nonlinearities import combine
 
 
 def sat(q):
@@ -38,12 +25,6 @@ def sat(q):
 def softmax(q):
     e = np.exp(q - q.max())
     return e / e.sum()
-
-
-def assembled(multiplier, v):
-    """M in the order (q, f)."""
-    M11, M12, M22 = multiplier.matrix(v)
-    return symmetric([[M11, M12], [M22]])
 
 
 def edge(multiplier, draws=40):
@@ -70,21 +51,6 @@ def farthest(F, G):
     half = np.linalg.inv(np.linalg.cholesky(-F))
     rate = np.linalg.eigvalsh(half @ G @ half.T)[-1]
     return 1 / rate if rate > 0 else np.inf
-
-
-def form(M, f, q1, q2):
-    """Incremental quadratic form of f at two arguments, relative to its largest term."""
-    d = np.concatenate([q1 - q2, np.atleast_1d(f(q1)) - np.atleast_1d(f(q2))])
-    terms = d[:, None] * M * d
-    return terms.sum() / max(np.abs(terms).max(), 1e-300)
-
-
-def smallest(multipliers, f, nq, span=3.0, pairs=200):
-    """Smallest relative value over many pairs, half of them close."""
-    rng = np.random.default_rng(0)
-    q1 = rng.uniform(-span, span, (pairs, nq))
-    step = rng.uniform(-span, span, (pairs, nq)) * np.where(np.arange(pairs) % 2, 1.0, 1e-3)[:, None]
-    return min(form(M, f, a, a + b) for M in multipliers for a, b in zip(q1, step, strict=True))
 
 
 # name: multiplier, function, number of arguments
@@ -181,7 +147,7 @@ def test_every_multiplier_of_the_set_holds_for_a_function_of_its_class(name, dat
     _, f, nq = TRUE[name]
     argument = arrays(float, nq, elements=st.floats(-5, 5, width=16))
     q1, q2 = data.draw(argument), data.draw(argument)
-    assert form(data.draw(st.sampled_from(edge_of(name))), f, q1, q2) >= -1e-6
+    assert form(data.draw(st.sampled_from(edge_of(name))), difference(f, q1, q2)) >= -1e-6
 
 
 @pytest.mark.parametrize("name", TRUE)

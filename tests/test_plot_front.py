@@ -7,7 +7,18 @@ from matplotlib.colors import same_color
 from obsdesign.cli import plot_curve
 from obsdesign.plot import front_figure, surface_figure
 from obsdesign.plot.axis import highest
-from obsdesign.plot.front import LIMIT, ONE_DESIGN, OPEN, PROVED, Front, front_sheet, shipped_among
+from obsdesign.plot.canvas import COLORS
+from obsdesign.plot.front import (
+    ARBITRARY,
+    LIMIT,
+    ONE_DESIGN,
+    OPEN,
+    PROVED,
+    UNBOUNDED,
+    Front,
+    front_sheet,
+    shipped_among,
+)
 from obsdesign.plot.panels import Comparison, Curve
 from obsdesign.plot.surface import Field, Grid, surface_sheet
 
@@ -103,6 +114,7 @@ def test_an_unbounded_gain_is_a_triangle_at_the_top_and_does_not_flatten_the_res
     _, panel, _, tradeoff = front_sheet(points, None, "").axes
     for axes, x in ((panel, {1.0}), (tradeoff, {0.6, CURVE[-1]["lipschitz"]})):
         above = [line for line in axes.get_lines() if line.get_marker() == "^"]
+        assert {line.get_label() for line in above} == {UNBOUNDED, "gain above the panel"}
         assert {color for line in above for color in [line.get_color()]} == {LIMIT, PROVED}
         assert {float(v) for line in above for v in line.get_xdata()} == x
         assert axes.get_ylim()[1] < 2
@@ -113,9 +125,9 @@ def test_an_unbounded_gain_is_a_triangle_at_the_top_and_does_not_flatten_the_res
 def test_an_unbounded_constant_is_a_triangle_at_the_top_too():
     points = [{k: v for k, v in p.items() if k != "lipschitz" or p["weight"] < 0.2} for p in CURVE]
     top = labelled(front_sheet(points, None, "").axes[0])
-    assert list(top["above the panel"].get_xdata()) == WEIGHTS[2:]
+    assert list(top[UNBOUNDED].get_xdata()) == WEIGHTS[2:]
     assert "certified" not in top
-    marked = labelled(surface_sheet([*points, *SURFACE[11:]], None, "").axes[0])["unbounded"]
+    marked = labelled(surface_sheet([*points, *SURFACE[11:]], None, "").axes[0])[UNBOUNDED]
     assert list(marked.get_xdata()) == WEIGHTS[2:]
 
 
@@ -153,13 +165,15 @@ def test_a_surface_has_two_maps_with_bars_and_two_surfaces():
     solids = [axes for axes in figure.axes if axes.name == "3d"]
     bars = [axes.get_ylabel() for axes in figure.axes if axes not in maps and axes not in solids]
     assert (len(maps), len(solids)) == (2, 2)
-    assert bars[0] == "lipschitz (admissible constant)"
-    assert r"\gamma" in bars[1]
-    assert "cut at 1.2" in bars[1]  # the weight 1 does not ask for gamma
+    assert len(bars) == 2
+    titles = [axes.get_title(loc="left") for axes in maps]
+    assert titles[0] == "lipschitz (admissible constant)"
+    assert r"\gamma" in titles[1]
+    assert "cut at 1.2" in titles[1]  # the weight 1 does not ask for gamma
     assert [axes.get_zlabel() for axes in solids] == ["lipschitz", r"$\gamma$"]
     assert all(axes.texts for axes in maps)
-    assert list(labelled(maps[1])["unbounded"].get_xdata()) == [1.0] * 3
-    assert "unbounded" not in labelled(maps[0])
+    assert list(labelled(maps[1])[UNBOUNDED].get_xdata()) == [1.0] * 3
+    assert UNBOUNDED not in labelled(maps[0])
 
 
 def test_the_order_of_the_points_does_not_matter_and_what_is_missing_is_masked():
@@ -174,16 +188,39 @@ def test_the_order_of_the_points_does_not_matter_and_what_is_missing_is_masked()
     maps = [axes for axes in surface_sheet(holed, None, "").axes if axes.get_xlabel() == "weight"]
     assert list(labelled(maps[0])["infeasible"].get_xdata()) == [0.5]
     assert list(labelled(maps[0])["infeasible"].get_ydata()) == [0.1]
-    assert maps[0].patch.get_hatch()
+    assert [patch.get_label() for patch in maps[0].patches] == ["no value"]
+    assert same_color(maps[0].patch.get_facecolor(), maps[0].patches[0].get_facecolor())
 
 
 def test_regions_that_are_not_attained_and_corners_are_in_the_legend_only_if_there_are_some():
     def legend(points):
         return {text.get_text() for text in surface_sheet(points, None, "").legends[0].get_texts()}
 
-    assert {OPEN, ONE_DESIGN} <= legend(SURFACE)
-    plain = [{**p, "attained": True, "corner": False} for p in SURFACE]
-    assert not {OPEN, ONE_DESIGN} & legend(plain)
+    marks = {f"{OPEN} (ticked side)", f"{ONE_DESIGN} (ticked side)"}
+    assert marks <= legend(SURFACE)
+    assert not marks & legend([{**p, "attained": True, "corner": False} for p in SURFACE])
+    nowhere = surface_sheet([{**p, "attained": False} for p in SURFACE], None, "").axes[0]
+    assert nowhere.get_title(loc="right") == f"everywhere: {OPEN}"
+
+
+def test_ticks_stand_on_the_side_on_which_the_limit_is_not_attained():
+    axes = surface_sheet(SURFACE, None, "").axes[0]
+    (line,) = [
+        drawn for drawn in axes.collections if drawn.get_path_effects() and same_color(drawn.get_edgecolor(), COLORS[1])
+    ]
+    (path,) = [path for path in line.get_paths() if len(path.vertices)]
+    along = path.vertices[-1] - path.vertices[0]
+    left = np.array([-along[1], along[0]])
+    assert left[0] > 0  # it is not attained from the weight 0.8 on
+
+
+def test_at_the_weight_0_any_lipschitz_would_do():
+    free = [{k: v for k, v in p.items() if k != "lipschitz" or p["weight"] > 0} for p in SURFACE]
+    (line,) = [v for k, v in labelled(front_sheet(free[:11], None, "").axes[0]).items() if k == ARBITRARY]
+    assert list(line.get_xdata()) == [0, 0]
+    first, *_, second = [axes for axes in surface_sheet(free, None, "").axes if axes.get_xlabel() == "weight"][:3:2]
+    assert list(labelled(first)[ARBITRARY].get_xdata()) == [0, 0, 0]
+    assert ARBITRARY not in labelled(second)
 
 
 def test_the_shipped_point_is_on_the_map():
@@ -238,5 +275,8 @@ def test_a_signal_that_escapes_is_readable_where_it_begins():
     ]
     assert share[0] < 1e-6
     assert share[1] > 0.05
-    assert [axes.get_yscale() for axes in panels] == ["linear", "symlog"]
+    assert [axes.get_yscale() for axes in panels] == ["linear", "asinh"]
+    drawn = panels[1].transData.transform(np.column_stack([t, curve.true]))[:, 1]
+    slope = np.diff(drawn)
+    assert (slope[1:] / slope[:-1])[:80].max() < 1.1  # no kink
     assert panels[1].get_ylim()[1] > 1e8

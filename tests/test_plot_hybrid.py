@@ -55,7 +55,10 @@ def test_every_panel_says_what_it_shows():
     assert "mathcal{A}" in labels[4]
     assert "interval" in labels[5]
     assert len(labels) == 6
-    assert all(axes.get_legend() is not None and axes.get_xlabel() == "t [s]" for axes in figure.axes)
+    assert all(axes.get_xlabel() == "t [s]" for axes in figure.axes)
+    below = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert below == ["true", "estimate", "at a measurement", "proved bound"]
+    assert [text.get_text() for text in figure.axes[3].get_legend().get_texts()] == ["theta_y1"]
     title = figure.get_suptitle()
     assert title.startswith("Cost \\$5")
     assert f"{len(run.schedule.received)} measurements" in title
@@ -78,19 +81,27 @@ def test_the_estimate_is_marked_where_a_measurement_is_received():
         assert dots.get_ydata() == pytest.approx(np.interp(run.schedule.received, run.t, run.zhat[:, i]))
 
 
-def test_very_many_measurements_are_marked_at_the_foot():
+def test_very_many_measurements_are_not_marked_on_the_estimate():
     _, run, figure = sheet(Sampling(0.02, 0.04))
     assert len(run.schedule.received) == 199
-    (foot,) = marks(figure.axes[0], "|")
-    assert (foot.get_xdata() == run.schedule.received).all()
-    assert foot.get_transform() == figure.axes[0].get_xaxis_transform()
+    assert not marks(figure.axes[0], ".")
+
+
+def test_states_and_theta_of_a_run_that_escapes_are_readable_where_they_begin():
+    spec, run, _ = sheet(Sampling(0.205, 0.41))
+    growth = np.exp(4 * run.t)[:, None]
+    steps = replace(run.steps, theta=run.steps.theta + 1 + np.exp(4 * run.steps.t)[:, None])
+    escaped = replace(run, z=run.z + growth, zhat=run.zhat + growth, steps=steps, status="escape")
+    for each, scale in ((run, "linear"), (escaped, "asinh")):
+        panels = hybrid_sheet(spec, each, GUARANTEE).axes
+        assert [panels[k].get_yscale() for k in (0, 1, 3)] == [scale] * 3
 
 
 def test_the_distance_lies_below_its_bound_on_a_logarithmic_axis():
     _, run, figure = sheet(Sampling(0.205, 0.41))
     axes = figure.axes[4]
     drawn = lines(axes)
-    bound, distance = drawn["proved bound"], drawn["$|x|_\\mathcal{A}$"]
+    bound, distance = drawn["proved bound"], axes.get_lines()[1]
     assert axes.get_yscale() == "log"
     assert bound.get_linestyle() == "--"
     assert (distance.get_ydata() == run.steps.distance).all()
@@ -106,8 +117,8 @@ def test_theta_is_drawn_with_its_jumps():
 
 def test_the_intervals_stand_between_t1_and_t2():
     _, run, figure = sheet(Sampling(0.205, 0.41, "random"))
-    drawn = lines(figure.axes[5])
-    assert (drawn["received"].get_ydata() == np.diff(run.schedule.received, prepend=0)).all()
+    (dots,) = marks(figure.axes[5], ".")
+    assert (dots.get_ydata() == np.diff(run.schedule.received, prepend=0)).all()
     limits = sorted(line.get_ydata()[0] for line in figure.axes[5].get_lines() if line.get_linestyle() == "--")
     assert limits == [0.205, 0.41]
 
@@ -116,13 +127,14 @@ def test_lost_measurements_are_crossed_and_what_is_not_guaranteed_is_shaded():
     _, run, figure = sheet(Sampling(0.205, 0.41, dropout=0.3))
     assert len(run.schedule.lost)
     for axes in (*figure.axes[:2], figure.axes[5]):
-        assert (lines(axes)["lost"].get_xdata() == run.schedule.lost).all()
+        assert (lines(axes)["measurement lost"].get_xdata() == run.schedule.lost).all()
     for axes in figure.axes:
         (shade,) = axes.patches
         assert shade.get_x() == run.until
         assert shade.get_x() + shade.get_width() == pytest.approx(8)
     bound = lines(figure.axes[4])["proved bound"]
     assert bound.get_xdata()[-1] < run.until
+    assert "nothing is guaranteed" in [text.get_text() for text in figure.legends[0].get_texts()]
     title = figure.get_suptitle()
     assert f"until t = {run.until:.4g}" in title
     assert "overdue" in title

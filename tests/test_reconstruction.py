@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from flint import fmpq
 from scipy.integrate import solve_ivp
-from typer.testing import CliRunner
+from support.commands import run
 
 from obsdesign.certificate import certify, prove_slope, reconstructed
-from obsdesign.cli import app
 from obsdesign.design import design
 from obsdesign.design.engine import Engine
 from obsdesign.design.incremental.reconstruct import slope_proof
@@ -333,14 +332,14 @@ def test_a_level_does_not_survive_a_change():
 def test_the_statement_says_the_bound_and_the_file_holds_it(tmp_path):
     spec, gains = tmp_path / "s.yaml", tmp_path / "g.json"
     spec.write_text(LOOP % "slope: [0, 0.9]")
-    solved = CliRunner().invoke(app, ["solve", str(spec), "-o", str(gains)])
+    solved = run("solve", spec, "-o", gains)
     assert solved.exit_code == 0, solved.output
     content = json.loads(gains.read_text())
     bound, said = content["guarantee"]["reconstruction"], content["guarantee"]["statement"]
     assert f"|what - w| <= {bound['w']!r} sup|w| + {bound['w_rate']!r} sup|w'| + {bound['x_rate']!r} sup|x'|" in said
     assert set(bound) == {"w", "w_rate", "x_rate"}
     assert set(content["certificate"]["reconstruction"]["levels"]) == {DRIFT, ARGUMENT, RATE_W, RATE_D}
-    assert CliRunner().invoke(app, ["verify", str(gains), str(spec)]).exit_code == 0
+    assert run("verify", gains, spec).exit_code == 0
 
 
 # Refusals
@@ -398,7 +397,7 @@ def test_what_cannot_be_reconstructed_is_refused(tmp_path, old, new, reason):
     text = (MATCHED % "0.1").replace(old, new)
     assert text != MATCHED % "0.1"
     spec.write_text(text)
-    outcome = CliRunner().invoke(app, ["solve", str(spec), "-o", str(gains)])
+    outcome = run("solve", spec, "-o", gains)
     assert outcome.exit_code == 2, outcome.output
     assert reason in outcome.stderr
     assert "observer.reconstruct" in outcome.stderr

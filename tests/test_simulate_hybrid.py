@@ -7,64 +7,24 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from support.sporadic import DESIGN, LINK, OSCILLATOR, PREDICTOR, free, gains, paper, read
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
 from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.simulate.hybrid import Sampling, Schedule, simulate_sporadic
 from obsdesign.simulate.hybrid.system import Hybrid
-from obsdesign.spec import loads
 from obsdesign.spec.model import Noise
 
-HEAD = "obsdesign: 1\nname: test\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
-
-OSCILLATOR = """
-system: {A: [[0, 1], [-4, 0]], B: [[1], [0]], C: [[1, 0]]}
-simulation: {horizon: 40, x0: [0, 0], w: ["where(t <= 5, -1, where(t <= 10, 1, where(t <= 15, -1, 0)))"]}
-"""
 IDLE = OSCILLATOR + "nonlinearities: [{f: 0*q, type: {lipschitz: 1}, Bf: [0, 1], Cq: [1, 0]}]"  # not solved as linear
 ROBOT = """
 system: {A: [[0, 1, 0], [0, -0.01, 0], [1, 0, 0]], B: [[0], [1], [0]], C: [[1, 0, 0], [0, 0, 1]]}
 performance: {H: [[0, 1, 0]]}
 simulation: {horizon: 20, x0: 0, w: ["where(t <= 2, 1, where(t <= 6, 0, where(t <= 8, -1, 0)))"]}
 """
-LINK = """
-system:
-  A: [[0, 1, 0, 0], [-48.6, -1.25, 48.6, 0], [0, 0, 0, 1], [19.5, 0, -19.5, 0]]
-  B: [[0], [2], [0], [0]]
-  C: [[1, 0, 0, 0], [0, 1, 0, 0]]
-nonlinearities: [{f: 3.33*sin(q), type: {lipschitz: 3.33}, Bf: [0, 0, 0, -1], Cq: [0, 0, 1, 0]}]
-performance: {H: [[0, 0, 1, 0], [0, 0, 0, 1]]}
-simulation: {horizon: 25, x0: 0, w: ["where(t <= 20, sin(2*t), 0)"]}
-"""
-
-
-def gains(L, H):
-    return {"L": np.array(L, dtype=float), "H": np.array(H, dtype=float)}
-
-
-DESIGN = gains([[2.067], [-3]], [[-1.384]])  # (51)
 RIVAL = gains([[0.3648], [-0.4655]], [[-0.3648]])  # (50)
 HOLD = gains([[3.7, -2.194], [2.908, -2.075], [1.637, 0.1545]], np.zeros((2, 2)))
 HOLD_RIVAL = gains([[0.8079, 0.2555], [0.2071, 0.055], [0.7609, 0.7714]], np.zeros((2, 2)))
-LINK_L = np.array([[9.328, 1], [-48.78, 22.11], [-0.0524, 3.199], [19.41, -0.9032]])
-PREDICTOR = gains(LINK_L, -LINK_L[:2])
-
-
-def paper(T1, T2, **others):
-    """The law (52)."""
-    half, middle = (T2 - T1) / 2, (T2 + T1) / 2
-    return Sampling(T1, T2, parse(f"{half!r}*sin(10*t) + {middle!r}", ["t"]), **others)
-
-
-def read(text, **changes):
-    spec = loads(HEAD + text)
-    return replace(spec, simulation=replace(spec.simulation, **changes))
-
-
-def free(**changes):
-    """Oscillator without input, as in Figure 4."""
-    return read(OSCILLATOR, w=None, **({"x0": np.ones(2), "xhat0": np.full(2, -2.0), "horizon": 10.0} | changes))
 
 
 @pytest.mark.parametrize(

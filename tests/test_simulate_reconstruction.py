@@ -168,7 +168,7 @@ def test_the_reconstruction_has_a_panel_of_its_own_that_shows_the_signal_and_one
     axes = {a.get_ylabel(): a for a in run_sheet(spec, run, None).axes}
     signal, error = axes["w1"], axes[r"$\|\hat{w} - w\|$"]
     assert max(map(abs, signal.get_ylim())) < 7
-    assert any("1.83e+07" in text.get_text() for text in signal.get_legend().get_texts())
+    assert "reaches $1.83 \\times 10^{7}$" in signal.get_title(loc="left")
     assert error.get_yscale() == "symlog"
     assert error.get_ylim()[1] > 1.8e7
     assert (error.get_lines()[0].get_ydata() == np.abs(run.steps.w_error[:, 0])).all()

@@ -1,12 +1,11 @@
 """Specs of Lipschitz systems: what the reader takes, and what it answers to wrong ones."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from flint import fmpq
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.wrong_specs import problem_of, wrong_in
 
 from obsdesign.errors import UsageError
 from obsdesign.examine import examine
@@ -38,24 +37,7 @@ TYPE, SLACK, D, B, F = (
 PARETO = "  objective: pareto\n"
 
 
-@dataclass(frozen=True)
-class Wrong:
-    """BASE with one line in place of another, and what must be said about it."""
-
-    old: str
-    new: str
-    key: str
-    words: tuple[str, ...]
-    place: tuple[int, int] | None
-
-    @property
-    def text(self) -> str:
-        assert BASE.count(self.old) == 1
-        return BASE.replace(self.old, self.new)
-
-
-def wrong(old, new, key, *words, place=None):
-    return pytest.param(Wrong(old, new, key, words, place), id=f"{key}<-{new.strip()[:50]!r}")
+wrong = wrong_in(BASE)
 
 
 def asked(line, key, *words, place=None):
@@ -174,15 +156,7 @@ def test_the_spec_that_the_wrong_ones_are_made_from_is_right():
 
 @pytest.mark.parametrize("case", [*CHOICES, *NUMBERS, *OTHERS, *PLANTS])
 def test_a_mistake_is_answered_in_one_line_at_its_place_with_what_is_allowed(case):
-    with pytest.raises(UsageError) as caught:
-        loads(case.text, "spec.yaml")
-    assert len(caught.value.problems) == 1, "\n".join(map(str, caught.value.problems))
-    (problem,) = caught.value.problems
-    assert (problem.file, problem.key) == ("spec.yaml", case.key), str(problem)
-    for words in case.words:
-        assert words in problem.message, str(problem)
-    assert not any(word in str(problem) for word in ("pydantic", "<lipschitz>", "Traceback", "\n")), str(problem)
-    assert case.place in (None, (problem.line, problem.column)), str(problem)
+    assert case.is_answered_by(problem_of(case.text))
 
 
 @pytest.mark.parametrize("objective", ["min-gamma", "pareto\n  weight: 0.5"])

@@ -255,7 +255,7 @@ def test_a_curve_of_the_hold_against_the_published_one():
 
 def test_curves_of_every_relaxation_of_the_oscillator():
     relaxations = tuple(f"proposition-{k}" for k in (2, 3, 4, 5))
-    made = oscillator(("0.1", "0.43", 2), relaxations=relaxations, objective="pareto")
+    made = oscillator(("0.1", "0.43", 2), injections=("dynamic", "hold"), relaxations=relaxations, objective="pareto")
     found = {c["relaxation"]: [p.get("gamma") for p in c["points"]] for c in made.curves}
     known = {
         "proposition-2": [1.0497, 170.3],
@@ -370,7 +370,7 @@ def test_too_long_an_interval_is_told_the_longest():
         ({"T1": "0"}, "T1"),
         ({"decay": "-1"}, "negative"),
         ({"delta": ("0.01", "0.09"), "injections": ("hold",)}, "delta > 2 decay"),
-        ({"injections": ("hold",), "relaxations": ("proposition-2",)}, "use proposition-5"),
+        ({"injections": ("hold",), "relaxations": ("proposition-2",)}, "hold takes proposition-5"),
         ({"relaxations": ("proposition-2", "proposition-9")}, "proposition-9"),
         ({"objective": "pareto"}, "needs a range"),
         ({"gains": {"L": rational([[1]]), "H": rational([[1]])}}, "2x1"),

@@ -1,16 +1,14 @@
 """What `verify` believes of L-infinity guarantees and of bounds on |what - w|: nothing that is not proved."""
 
 import copy
-import hashlib
 import json
 from fractions import Fraction
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
-
-from obsdesign.cli import app
+from support.commands import result_of
+from support.forging import at, put, scaled, with_spec
 
 TANK = """
 obsdesign: 1
@@ -27,12 +25,7 @@ SLOPES = ("slope of f", "variation of the slope")
 @pytest.fixture(scope="module")
 def genuine(tmp_path_factory):
     """The text of a certified result with a reconstruction."""
-    folder = tmp_path_factory.mktemp("tank")
-    spec, gains = folder / "tank.yaml", folder / "tank.gains.json"
-    spec.write_text(TANK)
-    outcome = CliRunner().invoke(app, ["solve", str(spec), "-o", str(gains)])
-    assert outcome.exit_code == 0, outcome.output
-    return gains.read_text()
+    return result_of(tmp_path_factory.mktemp("tank"), TANK)
 
 
 @pytest.fixture
@@ -41,59 +34,11 @@ def content(genuine):
     return json.loads(genuine)
 
 
-@pytest.fixture
-def outcome_of(tmp_path):
-    """Writes a file and verifies it."""
-
-    def outcome_of(forged):
-        path = tmp_path / "forged.json"
-        path.write_text(json.dumps(forged))
-        outcome = CliRunner().invoke(app, ["verify", str(path)])
-        assert outcome.exit_code in {0, 2, 4}, outcome.output
-        assert "Traceback" not in outcome.output
-        assert outcome.exit_code == 0 or str(path) in outcome.stderr
-        return outcome
-
-    return outcome_of
-
-
-def at(content, keys):
-    for key in keys:
-        content = content[key]
-    return content
-
-
-def put(content, keys, value):
-    """Replace the entry at a path of keys."""
-    at(content, keys[:-1])[keys[-1]] = value
-    return content
-
-
-def scaled(content, keys, factor):
-    """Multiply the number at a path of keys, or every entry of a matrix there."""
-
-    def times(x):
-        if isinstance(x, list):
-            return [times(y) for y in x]
-        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
-
-    return put(content, keys, times(at(content, keys)))
-
-
 def said(content, old, new):
     """A content whose statement has one number replaced."""
     statement = content["guarantee"]["statement"]
     assert repr(old) in statement
     content["guarantee"]["statement"] = statement.replace(repr(old), repr(new))
-    return content
-
-
-def with_spec(content, old, new):
-    """A content whose spec is changed, and whose hash says so."""
-    text = content["spec"]["text"]
-    assert text.count(old) == 1
-    content["spec"]["text"] = text.replace(old, new)
-    content["spec"]["sha256"] = hashlib.sha256(content["spec"]["text"].encode()).hexdigest()
     return content
 
 

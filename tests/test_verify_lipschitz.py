@@ -4,7 +4,6 @@ The results are made by hand, of gains that are given here, so that nothing but 
 """
 
 import copy
-import hashlib
 import itertools
 import json
 from fractions import Fraction
@@ -14,72 +13,12 @@ import pytest
 from flint import fmpq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
+from support.forging import at, put, scaled, with_spec
+from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made
 
 from obsdesign.artifacts import result, to_json
-from obsdesign.cli import app, proved_of
-from obsdesign.design.claim import claim
-from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
-from obsdesign.lmi.formula import printed, rational
-from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
-from obsdesign.spec import loads
+from obsdesign.cli import proved_of
 from obsdesign.verification import recorded
-
-PAIR = """
-obsdesign: 1
-name: Pair
-system: {A: [[0, 1], [-1, -1]], B: [[1, 0], [1, 0]], C: [1, 0], D: [[0, 0.2]]}
-nonlinearities:
-  - {type: {lipschitz: 0.3}, Bf: [0, 1], Cq: [1, 0]}
-  - {type: {lipschitz: 0.1}, Bf: [0, 1], Cq: [0, 1]}
-performance: {H: [[0.5, 0], [0, 0.5]]}
-observer: {type: lipschitz, objective: min-gamma, decay: 0.05}
-"""
-QUIET = """
-obsdesign: 1
-name: Quiet
-system: {A: [[0, 1], [-1, -1]], C: [1, 0]}
-nonlinearities: [{type: {lipschitz: 0.4}}]
-observer: {type: lipschitz, decay: 0.05}
-"""
-FRONT = """
-obsdesign: 1
-name: Front
-system: {A: [[0, 1], [-1, -1]], B: [1, 1], C: [1, 0], D: [0.2]}
-nonlinearities: [{type: {lipschitz: 0.4}}]
-performance: {H: [[0.5, 0], [0, 0.5]]}
-observer: {type: lipschitz, objective: pareto, weight: 0.9, decay: {min: 0.01, max: 0.1}}
-"""
-L = np.array([[1.0], [0.5]])
-QUIET_L = np.array([[4.0], [4.0]])
-
-
-def proof(spec, lipschitz, gamma, gain, decay):
-    """A constant that a gain is proved to tolerate, with gamma."""
-    plant, request = spec.augmented, spec.lipschitz
-    constants = [lipschitz * share for share in proportions(request.lipschitz)]
-    multiplier = lipschitz_multiplier(constants, [(block.nq, block.nf) for block in spec.multiplier.blocks])
-    L2 = rational(np.zeros((len(plant.Cq), len(plant.C))))
-    family = Lipschitz(plant, multiplier, spec.H, printed(decay), -printed(gain), L2)
-    certificate = claim(Engine(), family, gamma)
-    assert certificate is not None
-    assert certificate.holds
-    return Proved(lipschitz, certificate)
-
-
-def designed(text, lipschitz, gamma=1.0, gain=L, admissible=None, decay=0.05):
-    """A spec and a gain, with the constant and gamma that are claimed of it."""
-    spec = loads(text, "by-hand.yaml")
-    larger = proof(spec, *admissible, gain, decay) if admissible else None
-    proved = proof(spec, lipschitz, gamma, gain, decay)
-    limit = {"lipschitz": float("inf"), "attained": False}
-    return spec, LipschitzDesign("certified", {"L": gain}, proved, larger, limit)
-
-
-def made(*arguments, **options):
-    """Result of such a gain."""
-    return json.loads(to_json(result(*designed(*arguments, **options), "clarabel")))
 
 
 @pytest.fixture(scope="module")
@@ -108,55 +47,6 @@ def pair(results):
 def quiet(results):
     """The one without w, and with the largest constant as the objective."""
     return copy.deepcopy(results["quiet"])
-
-
-@pytest.fixture
-def outcome_of(tmp_path):
-    """Writes a file and verifies it."""
-
-    def outcome_of(forged):
-        path = tmp_path / "forged.json"
-        path.write_text(json.dumps(forged))
-        outcome = CliRunner().invoke(app, ["verify", str(path)])
-        assert outcome.exit_code in {0, 2, 4}, outcome.exception
-        assert "Traceback" not in outcome.output
-        assert outcome.exit_code == 0 or str(path) in outcome.stderr
-        assert outcome.exit_code != 2 or len(outcome.stderr.splitlines()) == 1
-        return outcome
-
-    return outcome_of
-
-
-def at(content, keys):
-    for key in keys:
-        content = content[key]
-    return content
-
-
-def put(content, keys, value):
-    """Replace the entry at a path of keys."""
-    at(content, keys[:-1])[keys[-1]] = value
-    return content
-
-
-def scaled(content, keys, factor):
-    """Multiply the number at a path of keys, or every entry of a list or matrix there."""
-
-    def times(x):
-        if isinstance(x, list):
-            return [times(y) for y in x]
-        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
-
-    return put(content, keys, times(at(content, keys)))
-
-
-def with_spec(content, old, new):
-    """A content whose spec is changed, and whose hash says so."""
-    text = content["spec"]["text"]
-    assert text.count(old) == 1
-    content["spec"]["text"] = text.replace(old, new)
-    content["spec"]["sha256"] = hashlib.sha256(content["spec"]["text"].encode()).hexdigest()
-    return content
 
 
 def claiming(content, old, new, **numbers):
@@ -356,6 +246,11 @@ def test_the_bound_of_the_spec_on_the_gain_is_held(quiet, outcome_of, bound, hel
     outcome = outcome_of(with_spec(quiet, "decay: 0.05", f"decay: 0.05, bounds: {{L: {bound}}}"))
     assert outcome.exit_code == (0 if held else 4)
     assert f"{'holds' if held else 'FAILS'}  |L| <= kappa" in outcome.stdout
+
+
+def test_a_bound_does_not_hold_a_gain_that_the_spec_gives(quiet, outcome_of):
+    with_spec(quiet, "decay: 0.05", "decay: 0.05, gains: {L: [[4], [4]]}, bounds: {L: 1}")
+    assert outcome_of(quiet).exit_code == 0
 
 
 def test_the_two_norms_of_a_gain_differ(outcome_of):

@@ -1,16 +1,14 @@
 """What `verify` believes of observers for sporadic measurements: nothing that is not proved."""
 
 import copy
-import hashlib
 import json
 from fractions import Fraction
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
-
-from obsdesign.cli import app
+from support.commands import result_of, run
+from support.forging import at, put, scaled, with_spec, with_text
 
 OSCILLATOR = """
 obsdesign: 1
@@ -29,10 +27,7 @@ def certified(tmp_path_factory):
     folder = tmp_path_factory.mktemp("oscillator")
 
     def certified(text, name):
-        (folder / f"{name}.yaml").write_text(text)
-        outcome = CliRunner().invoke(app, ["solve", str(folder / f"{name}.yaml"), "-o", str(folder / f"{name}.json")])
-        assert outcome.exit_code == 0, outcome.output
-        return (folder / f"{name}.json").read_text()
+        return result_of(folder, text, name)
 
     return certified
 
@@ -47,55 +42,6 @@ def genuine(certified):
 def content(genuine):
     """The same, to be forged."""
     return json.loads(genuine)
-
-
-@pytest.fixture
-def outcome_of(tmp_path):
-    """Writes a file and verifies it."""
-
-    def outcome_of(forged):
-        path = tmp_path / "forged.json"
-        path.write_text(forged if isinstance(forged, str) else json.dumps(forged))
-        outcome = CliRunner().invoke(app, ["verify", str(path)])
-        assert outcome.exit_code in {0, 2, 4}, outcome.exception
-        assert "Traceback" not in outcome.output
-        assert outcome.exit_code == 0 or str(path) in outcome.stderr
-        assert outcome.exit_code != 2 or len(outcome.stderr.splitlines()) == 1
-        return outcome
-
-    return outcome_of
-
-
-def at(content, keys):
-    for key in keys:
-        content = content[key]
-    return content
-
-
-def put(content, keys, value):
-    """Replace the entry at a path of keys."""
-    at(content, keys[:-1])[keys[-1]] = value
-    return content
-
-
-def scaled(content, keys, factor):
-    """Multiply the number at a path of keys, or every entry of a matrix there."""
-
-    def times(x):
-        if isinstance(x, list):
-            return [times(y) for y in x]
-        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
-
-    return put(content, keys, times(at(content, keys)))
-
-
-def with_spec(content, old, new):
-    """A content whose spec is changed, and whose hash says so."""
-    text = content["spec"]["text"]
-    assert text.count(old) == 1
-    content["spec"]["text"] = text.replace(old, new)
-    content["spec"]["sha256"] = hashlib.sha256(content["spec"]["text"].encode()).hexdigest()
-    return content
 
 
 def claiming(content, name, value):
@@ -304,8 +250,7 @@ def test_another_family_is_refused(content, outcome_of, type_):
 
 def test_a_claim_of_this_family_is_no_claim_of_another_one(content, outcome_of):
     text = "obsdesign: 1\nsystem: {A: [[0, 1], [-4, 0]], B: [1, 0], C: [1, 0]}\nobserver: {type: l2, alpha: 1}\n"
-    content["spec"] |= {"text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
-    assert outcome_of(content).exit_code == 2
+    assert outcome_of(with_text(content, text)).exit_code == 2
 
 
 def test_a_changed_spec_is_refused(content, outcome_of):
@@ -390,7 +335,7 @@ def hopeless(tmp_path_factory):
     """The text of an infeasible result."""
     folder = tmp_path_factory.mktemp("hopeless")
     (folder / "spec.yaml").write_text(OSCILLATOR.replace("T2: 0.2", "T2: 1.2"))
-    outcome = CliRunner().invoke(app, ["solve", str(folder / "spec.yaml"), "-o", str(folder / "out.json")])
+    outcome = run("solve", folder / "spec.yaml", "-o", folder / "out.json")
     assert outcome.exit_code == 3, outcome.output
     return (folder / "out.json").read_text()
 

@@ -5,6 +5,6 @@ A number in a result file is a decimal that is read as written, or a text "p/q" 
 
 from obsdesign.artifacts.files import require_writable, write_all, write_whole
 from obsdesign.artifacts.result import result
-from obsdesign.artifacts.text import csv, digest, to_json
+from obsdesign.artifacts.text import checks, csv, digest, to_json
 
-__all__ = ["csv", "digest", "require_writable", "result", "to_json", "write_all", "write_whole"]
+__all__ = ["checks", "csv", "digest", "require_writable", "result", "to_json", "write_all", "write_whole"]

@@ -4,13 +4,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from obsdesign.artifacts.text import checks, rows, written
-from obsdesign.certificate import Certificate
+from obsdesign.artifacts import incremental
+from obsdesign.certificate import lipschitz_claim
 from obsdesign.design import LipschitzDesign
 from obsdesign.design.lipschitz.outcome import Proved
 from obsdesign.lmi.formula import approximate, in_floats
 from obsdesign.observers.linear import figures
-from obsdesign.observers.lipschitz_claim import LipschitzClaim
 from obsdesign.observers.request import Range
 from obsdesign.spec.model import Spec
 
@@ -22,7 +21,9 @@ def content(spec: Spec, design: LipschitzDesign) -> dict[str, Any]:
         made["observer"] = observer(spec, design)
     if design.proved:
         made["guarantee"] = guarantee(spec, design, design.proved)
-        made["certificate"] = certificate(spec, design.proved.certificate, design.admissible)
+        made["certificate"] = incremental.certificate(design.proved.certificate)
+        if design.admissible:
+            made["certificate"]["admissible"] = admissible(spec, design.admissible)
     elif design.limit:
         made["guarantee"] = limits(spec, design)
     if design.points:
@@ -49,15 +50,13 @@ def guarantee(spec: Spec, design: LipschitzDesign, proved: Proved) -> dict[str, 
     g = proved.certificate.guarantee
     more = design.admissible
     beyond = (more.lipschitz, more.certificate.guarantee) if more else None
-    disturbed = is_disturbed(spec)
-    drive = spec.drive if disturbed else ""
-    claim = LipschitzClaim(spec.lipschitz.lipschitz, proved.lipschitz, g, beyond, drive, spec.validity)
+    claim = lipschitz_claim(spec, proved.lipschitz, g, beyond)
     return {
         "lipschitz": approximate(proved.lipschitz),
         **({"constants": claim.constants} if len(claim.declared) > 1 else {}),
-        **({"gamma": g.gamma} if disturbed else {}),
+        **({"gamma": g.gamma} if spec.disturbed else {}),
         "decay": g.alpha,
-        **({"mu1": g.mu1, "mu2": g.mu2} if disturbed else {}),
+        **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
         **({"admissible": approximate(more.lipschitz)} if more else {}),
         "margin": claim.margin,
         **limits(spec, design),
@@ -75,7 +74,7 @@ def limits(spec: Spec, design: LipschitzDesign) -> dict[str, Any]:
     if design.ceiling is not None:
         known["ceiling"] = design.ceiling
     if design.comparison:
-        known["comparison"] = [compared(row, is_disturbed(spec)) for row in design.comparison]
+        known["comparison"] = [compared(row, spec.disturbed) for row in design.comparison]
     return known
 
 
@@ -93,22 +92,8 @@ def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     return kept if len(kept) == len(numbers) else {"unbounded": True, **kept, "attained": False}
 
 
-def certificate(spec: Spec, proof: Certificate, admissible: Proved | None) -> dict[str, Any]:
-    """Witness and checks, and those of the largest constant that is tolerated."""
-    made: dict[str, Any] = {
-        "kind": "exact",
-        "P": rows(proof.P),
-        "multipliers": {name: written(value) for name, value in proof.multipliers.items()},
-        "checks": checks(proof.checks),
-    }
-    if admissible:
-        level = admissible.certificate
-        numbers = {key: approximate(getattr(level, key)) for key in ("gamma", "mu1", "mu2") if is_disturbed(spec)}
-        more = certificate(spec, level, None)
-        made["admissible"] = {"lipschitz": approximate(admissible.lipschitz), **numbers, **more}
-    return made
-
-
-def is_disturbed(spec: Spec) -> bool:
-    """Whether the plant has a w."""
-    return bool(spec.augmented.B.shape[1])
+def admissible(spec: Spec, proved: Proved) -> dict[str, Any]:
+    """Proof of the largest constant that is tolerated."""
+    level = proved.certificate
+    numbers = {key: approximate(getattr(level, key)) for key in ("gamma", "mu1", "mu2") if spec.disturbed}
+    return {"lipschitz": approximate(proved.lipschitz), **numbers, **incremental.certificate(level)}

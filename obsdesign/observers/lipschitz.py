@@ -48,9 +48,10 @@ from obsdesign.lmi.formula import (
     symmetric,
 )
 from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.model.plant import Plant
 from obsdesign.observers.incremental import ONE
 from obsdesign.observers.l2 import L2
-from obsdesign.observers.request import Bounds
+from obsdesign.observers.request import Bounds, LipschitzRelaxation
 
 EQUATIONS = "xhat' = A xhat + Bf f(Cq xhat) + g + L (y - C xhat), e = x - xhat, z = H e"
 CONVERGES = "X < -a I"
@@ -58,19 +59,39 @@ ATTENUATES = "[H'H + c I, P B - F D; ., -mu I] <= 0"
 
 
 class Lipschitz(L2):
-    """The s-procedure, with a scale for each block: exact for what it knows of f. L1 = -L, and L2 = 0."""
+    """The s-procedure, with a scale for each block. L1 = -L, and L2 = 0; `LipschitzClaim` states what it proves."""
 
     name = "lipschitz"
     decrease = "V' + 2 decay V + |z|^2 - mu |w|^2 <= 0"
-    meaning = "norm2(z) <= gamma norm2(w) from zero error"
     promise = "mu <= gamma^2"
     still = True
 
-    @staticmethod
-    def statement(gamma: float, alpha: float, drive: str = "w") -> str:
-        """Norms over [0, T], for every T; `drive` is the letter of what drives the plant with its disturbance model."""
-        rate = f"|e(t)| <= sqrt(cond(P)) exp(-{alpha!r} t) |e0|" if alpha else "e(t) -> 0"
-        return f"norm2(z) <= sqrt(e0' P e0) + {gamma!r} norm2({drive}), and {rate} where {drive} = 0; for {EQUATIONS}"
+    @classmethod
+    def of(
+        cls,
+        plant: Plant,
+        multiplier: Multiplier,
+        constants: Sequence[fmpq],
+        H: Array,
+        decay: fmpq,
+        L: Array | None = None,
+    ) -> Self:
+        """Problem for constants of the blocks, in rationals.
+
+        Parameters
+        ----------
+        plant
+            With Dqf = 0, Dq = 0 and Df = 0.
+        multiplier
+            Of any type: only the sizes of its blocks matter.
+        constants
+            Of each block.
+        H, decay, L
+            z = H e; 1/s; the gain, or None if it is to be found.
+        """
+        sizes = [(block.nq, block.nf) for block in multiplier.blocks]
+        absent = rational(np.zeros((len(plant.Cq), len(plant.C))))
+        return cls(plant, lipschitz_multiplier(constants, sizes), H, decay, None if L is None else -L, absent)
 
     def silent(self) -> Self:
         """Same problem without w and z: what Theorems 1 and 2 are about."""
@@ -94,7 +115,7 @@ class Unstructured(Lipschitz):
         return float(np.linalg.norm(self.plant.Bf, 2) * np.linalg.norm(root @ self.plant.Cq, 2))
 
     @property
-    def seen(self) -> Any:
+    def seen(self) -> float:
         """Return h = sigma(H)^2."""
         return float(np.linalg.norm(self.H, 2)) ** 2 if self.H.size else 0.0
 
@@ -180,7 +201,12 @@ class Theorem4(Unstructured):
         return replace(least, minimise=lambda v: weight * ratio * v["xi"] + (1 - weight) * v["mu"])
 
 
-RELAXATIONS = ("s-procedure", "norm-bound", "abbaszadeh")  # the tightest first
+KINDS: dict[LipschitzRelaxation, type[Lipschitz]] = {
+    "s-procedure": Lipschitz,
+    "norm-bound": NormBound,
+    "abbaszadeh": Theorem3,
+}
+RELAXATIONS = tuple(KINDS)  # the tightest first
 
 
 def proportions(declared: Sequence[fmpq]) -> tuple[fmpq, ...]:

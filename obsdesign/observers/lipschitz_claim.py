@@ -8,7 +8,7 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import printed
 from obsdesign.observers.guarantee import Guarantee
-from obsdesign.observers.lipschitz import EQUATIONS, Lipschitz, proportions
+from obsdesign.observers.lipschitz import EQUATIONS, proportions
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,6 @@ class LipschitzClaim:
     admissible: tuple[fmpq, Guarantee] | None  # a larger constant that the gain tolerates too, and the guarantee there
     drive: str  # letter of what drives the plant with its disturbance model; empty if nothing does
     validity: str | None  # where the declared constants hold; None: everywhere
-
-    @property
-    def disturbed(self) -> bool:
-        """Whether anything drives the plant; otherwise gamma means nothing."""
-        return bool(self.drive)
 
     @property
     def covers(self) -> bool:
@@ -59,9 +54,10 @@ class LipschitzClaim:
     def statement(self) -> str:
         """Claim in words, with norms over [0, T] for every T, and with the observer written out."""
         g = self.guarantee
-        whole = Lipschitz.statement(g.gamma, g.alpha, self.drive)
-        said = whole if self.disturbed else f"{rate(g.alpha)}; for {EQUATIONS}"
-        parts = [said, f"for every f with {bounds('f', self.constants)}", *self.beyond()]
+        level = f"norm2(z) <= sqrt(e0' P e0) + {g.gamma!r} norm2({self.drive}), and "
+        decays = f"|e(t)| <= sqrt(cond(P)) exp(-{g.alpha!r} t) |e0|" if g.alpha else "e(t) -> 0"
+        said = f"{level}{decays} where {self.drive} = 0" if self.drive else decays
+        parts = [f"{said}; for {EQUATIONS}", f"for every f with {bounds('f', self.constants)}", *self.beyond()]
         return "; ".join([*parts, f"local: {self.validity}"] if self.validity else parts)
 
     def beyond(self) -> list[str]:
@@ -70,7 +66,7 @@ class LipschitzClaim:
             return [f"the spec declares {float(needed(self.declared))!r}, of which this says nothing"]
         if self.margin <= 0:
             return []
-        level = f" and gamma = {self.admissible[1].gamma!r}" if self.admissible and self.disturbed else ""
+        level = f" and gamma = {self.admissible[1].gamma!r}" if self.admissible and self.drive else ""
         same = f"with another P{level} the same" if self.admissible else "the same"
         left = bounds("h", self.shared(self.spare))
         return [f"Proposition 1: {same} for f + h, for every h through the same Bf and Cq with {left}"]
@@ -84,11 +80,6 @@ def needed(declared: Sequence[fmpq]) -> fmpq:
 def meaning(drive: str) -> str:
     """What gamma is, for the letter of what drives the plant with its disturbance model."""
     return f"norm2(z) <= gamma norm2({drive}) from zero error"
-
-
-def rate(decay: float) -> str:
-    """Decay of the error in words."""
-    return f"|e(t)| <= sqrt(cond(P)) exp(-{decay!r} t) |e0|" if decay else "e(t) -> 0"
 
 
 def bounds(name: str, constants: Sequence[float]) -> str:

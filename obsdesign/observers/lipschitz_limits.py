@@ -15,16 +15,24 @@ unobservable; `output_nulling`), where D has full row rank; all larger P can be 
 
     He(P A_z) + P B_z B_z' P + c^2 Q <= K'K,    A_z = A - B D^+ C,  B_z = B E,  K = D^+ C
 
-for one block, Q = Cq'Cq on the subspace; scales enter for several. For k = 1 that is a quadratic in p. For k = 0 every
-constant will do. So it will for one block iff the modes of (A_z, B_z) that are uncontrollable and decay are all that Cq
-sees: iff on the quotient by the subspace that Cq does not see, A_z is stable and B_z = 0. There He(P A_z) = -Q lets P
-and c^2 grow together; and otherwise a mode that does not decay, or one that f moves, is seen by Cq and not by y, and
-an f of finite size (as a dynamic operator) sustains it.
+for one block, Q = Cq'Cq on the subspace; scales enter for several. For k = 1 that is a quadratic in p. The inequality
+need not be strict for the supremum: where no mode is undetectable it has a strict solution for a small c and any
+scales, and a convex combination with that (in P and the c^2 tau_i) is strict. With tau_i = 0 it is not, so that
+several blocks need strict inequalities.
+
+A block whose argument decays on the subspace whatever f does can be left out: on the quotient by what Cq_i does not
+see, A_z is stable and B_z = 0, so that He(P_i A_z) = -Q_i there pays for c^2 tau_i Q_i, and a large tau_i keeps f_i at
+zero in the rest, which is a smaller problem of the same kind. Every constant will do iff no block is left in the end.
+Otherwise, for each block i left, the arguments see a mode that does not decay, or one that f moves: there is a motion
+(x, f) exp(s t), Re s >= 0, with y = 0 and q_i != 0, on which c^2 sum_j tau_j |q_j|^2 <= sum_j tau_j |f_j|^2. For the
+block of the largest tau_i that leaves c^2 |q_i|^2 <= |f|^2.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -107,46 +115,54 @@ class Share:
     nf: int
     Cq: Array
 
-    def sees(self, V: Array) -> bool:
-        """Whether its argument varies on a subspace."""
-        return bool(np.linalg.norm(self.Cq @ V) > ZERO * np.linalg.norm(self.Cq))
-
 
 @dataclass(frozen=True)
 class Core:
     """What the s-procedure comes down to: x' = A x + B f, y = C x + D f, q = Cq x with a D of full row rank.
 
-    The states are balanced, time is scaled, and so are B and Cq, to norms of at most 1: the largest constant of the
-    family is `scale` times that of the core.
+    The states are balanced, time is scaled, and so are Cq and the columns of B of each block, to norms of at most 1:
+    the largest constant of the family is `scale` times that of the core. Without blocks it is infinite.
     """
 
     system: System
-    Cq: tuple[Array, ...]  # (nq_i, k) for each block
-    sizes: tuple[int, ...]  # nf_i
+    shares: tuple[Share, ...]  # Cq (nq_i, k)
     scale: float
 
     @classmethod
     def of(cls, unit: Lipschitz) -> "Core":
         """For a family in doubles; its Df is zero."""
-        p, none = unit.plant, np.zeros
+        p, none, blocks = unit.plant, np.zeros, unit.multiplier.scaled_blocks()
         balanced = scaled(System(p.A + unit.alpha * np.eye(p.n), none((p.n, 0)), p.C, none((len(p.C), 0))))
-        B, rows = p.Bf / balanced.states[:, None], [part * balanced.states for part in arguments(unit)]
-        strength, sight = float(np.linalg.norm(B, 2)), float(np.linalg.norm(np.vstack(rows), 2))
-        if not strength * sight:
-            return cls(System(none((0, 0)), B[:0], none((0, 0)), none((0, B.shape[1]))), (), (), inf)
-        shares = tuple(Share(b.nf, part / sight) for b, part in zip(unit.multiplier.scaled_blocks(), rows, strict=True))
-        return cls.reduced(balanced.system, B / strength, shares, balanced.rate / strength / sight)
+        columns = np.split(p.Bf / balanced.states[:, None], np.cumsum([b.nf for b in blocks])[:-1], axis=1)
+        sizes = [float(np.linalg.norm(B, 2)) or 1.0 for B in columns]
+        rows = [size * part * balanced.states for size, part in zip(sizes, arguments(unit), strict=True)]
+        sight = float(np.linalg.norm(np.vstack(rows), 2)) or 1.0
+        shares = tuple(Share(b.nf, part / sight) for b, part in zip(blocks, rows, strict=True))
+        B = np.hstack([part / size for part, size in zip(columns, sizes, strict=True)])
+        return cls.reduced(balanced.system, B, shares, balanced.rate / sight)
 
     @classmethod
-    def reduced(cls, system: System, B: Array, shares: tuple["Share", ...], scale: float) -> "Core":
-        """Leave out the blocks that see nothing of the subspace: f = 0 there, and without them it is smaller."""
-        V, core = output_nulling(System(system.A, B, system.C, np.zeros((len(system.C), B.shape[1]))))
-        seeing = [share.sees(V) for share in shares]
-        if all(seeing):
-            return cls(core, tuple(s.Cq @ V for s in shares), tuple(s.nf for s in shares), scale)
-        columns = np.repeat(seeing, [share.nf for share in shares])
-        left = tuple(share for share, sees in zip(shares, seeing, strict=True) if sees)
+    def reduced(cls, system: System, B: Array, shares: tuple[Share, ...], scale: float) -> "Core":
+        """Leave out the blocks whose argument decays whatever f does; without them the rest is smaller."""
+        V, inner = output_nulling(System(system.A, B, system.C, np.zeros((len(system.C), B.shape[1]))))
+        core = cls(inner, tuple(replace(share, Cq=share.Cq @ V) for share in shares), scale)
+        lasting = [
+            core.lasts(part.Cq / (np.linalg.norm(share.Cq) or 1))
+            for share, part in zip(shares, core.shares, strict=True)
+        ]
+        if all(lasting):
+            return core
+        columns = np.repeat(lasting, [share.nf for share in shares])
+        left = tuple(share for share, lasts in zip(shares, lasting, strict=True) if lasts)
         return cls.reduced(system, B[:, columns], left, scale)
+
+    def lasts(self, Cq: Array) -> bool:
+        """Whether Cq x need not decay while y is zero: a mode that it sees does not decay, or f moves one."""
+        A, B, _ = self.hidden
+        unseen, _ = output_nulling(System(A, np.zeros((len(A), 0)), Cq, np.zeros((len(Cq), 0))))
+        seen = split(unseen.T)[0]
+        poles = np.linalg.eigvals(seen.T @ A @ seen)
+        return bool((poles.real >= -ZERO).any() or (np.abs(seen.T @ B) > ZERO).any())
 
     @property
     def hiding(self) -> Array:
@@ -163,64 +179,61 @@ class Core:
         return flow[:, :k], flow[:, k:], -T[k:, :k]
 
     @property
-    def unlimited(self) -> bool:
-        """Whether every constant will do: for one block exactly then, for several at least then."""
-        k = len(self.system.A)
-        if not k or not self.sizes:
-            return True
-        (A, B, _), Cq = self.hidden, np.vstack(self.Cq)
-        unseen, _ = output_nulling(System(A, np.zeros((k, 0)), Cq, np.zeros((len(Cq), 0))))
-        seen = split(unseen.T)[0]
-        poles = np.linalg.eigvals(seen.T @ A @ seen)
-        return bool((poles.real < -ZERO).all() and (np.abs(seen.T @ B) <= ZERO).all())
-
-    @property
     def closed(self) -> tuple[float, bool]:
         """Largest constant of one block for k = 1, in the units of the family, and whether its p is positive.
 
         c^2 |Cq|^2 <= |K|^2 - 2 p A_z - p^2 |B_z|^2.
         """
         A, B, K = self.hidden
-        a, b, q = A.item(), float((B**2).sum()), float((self.Cq[0] ** 2).sum())
-        gain = a * a / b if a < 0 else 0.0
-        return self.scale * sqrt((float((K**2).sum()) + gain) / q), a < 0
+        a, b, q = A.item(), float((B**2).sum()), float((self.shares[0].Cq ** 2).sum())
+        decays = a < -ZERO  # then f moves it, B_z != 0
+        return self.scale * sqrt((float((K**2).sum()) + (a * a / b if decays else 0.0)) / q), decays
 
-    def dissipation(self, P: Array, seen: Array, tau: Array) -> Array:
-        """He(P A) + seen, P B; ., -tau on the (x, f) that keep y at zero."""
+    def dissipation(self, P: Array, scales: Sequence[Array], c2: Any) -> Array:
+        """He(P A) + c^2 Q, P B; ., -diag(tau) on the (x, f) that keep y at zero, Q = sum tau_i Cq_i'Cq_i."""
         s, T = self.system, self.hiding
-        return np.asarray(T.T @ symmetric([[he(P @ s.A) + seen, P @ s.B], [-tau]]) @ T)
+        Q = np.sum([tau * (share.Cq.T @ share.Cq) for tau, share in zip(scales, self.shares, strict=True)], axis=0)
+        cost = block_diagonal([tau * np.eye(share.nf) for tau, share in zip(scales, self.shares, strict=True)])
+        return np.asarray(T.T @ symmetric([[he(P @ s.A) + c2 * Q, P @ s.B], [-cost]]) @ T)
 
-    def problem(self) -> Problem:
-        """One block: maximise c^2 for the scale 1."""
-        k, Q, tau = len(self.system.A), self.Cq[0].T @ self.Cq[0], np.eye(self.sizes[0])
+    @property
+    def storage(self) -> Unknown:
+        """Return P."""
+        return Unknown("P", self.system.A.shape, symmetric=True)
+
+    def largest(self, scales: Sequence[Array]) -> Problem:
+        """Maximise c^2 for given scales."""
 
         def inequalities(v: Values) -> tuple[Inequality, ...]:
-            dissipation = self.dissipation(v["P"], v["c2"] * Q, tau)
+            dissipation = self.dissipation(v["P"], scales, v["c2"])
             return Inequality("dissipation", dissipation), Inequality("P >= 0", -v["P"])
 
-        unknowns = (Unknown("P", (k, k), symmetric=True), Unknown("c2", (1, 1)))
-        return Problem(unknowns, inequalities, lambda v: -v["c2"])
+        return Problem((self.storage, Unknown("c2", (1, 1))), inequalities, lambda v: -v["c2"])
 
-    def excess(self, constant: float) -> Problem:
-        """Minimise 1 + t, where t >= 0 iff the constant (of the family) is too large; the scales sum to 1."""
-        k, names = len(self.system.A), [f"tau{i}" for i in range(1, len(self.sizes))]
-        factor, ones = (constant / self.scale) ** 2, np.ones((1, 1))
+    def constant(self, objective: float) -> float:
+        """Constant of the family at an optimum of `largest`."""
+        return self.scale * sqrt(max(-objective, 0.0))
+
+    def admissible(self, constant: float) -> Problem:
+        """Scales for a constant (of the family)."""
+        names = self.scales
+        c2 = (constant / self.scale) ** 2
 
         def inequalities(v: Values) -> tuple[Inequality, ...]:
-            first = [v[name] for name in names]
-            scales = [*first, ones - np.sum(first, axis=0)]
-            tau = block_diagonal([s * np.eye(size) for s, size in zip(scales, self.sizes, strict=True)])
-            seen = factor * np.sum([s * (row.T @ row) for s, row in zip(scales, self.Cq, strict=True)], axis=0)
-            dissipation = self.dissipation(v["P"], seen, tau)
-            excess = v["t"] * np.eye(dissipation.shape[-1])
+            dissipation = self.dissipation(v["P"], [v[name] for name in names], c2)
+            positive = [Inequality(f"{name} > 0", -v[name], strict=True) for name in names]
             return (
-                Inequality("dissipation", dissipation - excess),
-                Inequality("P >= 0", -v["P"]),
-                *(Inequality(f"tau{i} >= 0", -s) for i, s in enumerate(scales, start=1)),
+                Inequality("dissipation", dissipation, strict=True),
+                Inequality("P > 0", -v["P"], strict=True),
+                *positive,
             )
 
-        unknowns = (Unknown("P", (k, k), symmetric=True), *(Unknown(name, (1, 1)) for name in (*names, "t")))
-        return Problem(unknowns, inequalities, lambda v: ones + v["t"])
+        return Problem((self.storage, *(Unknown(name, (1, 1)) for name in names)), inequalities)
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Names of the scales."""
+        return tuple(f"tau{i}" for i in range(1, len(self.shares) + 1))
 
 
 def regular(P: Array) -> bool:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DECADES = 14  # below the peak that an error axis shows
+NEAR = 10  # times the threshold: what a linear axis shows as well
+CLOSEST = 0.1  # of the height of a panel: ticks with labels that do not touch
 
 
 def linear_threshold(values: Sequence[Array]) -> float:
@@ -27,19 +29,36 @@ def linear_threshold(values: Sequence[Array]) -> float:
     return float(10.0 ** np.ceil(np.log10(max(smallest, peak * 10.0**-DECADES))))
 
 
-def symlog_ticks(threshold: float, peak: float) -> list[float]:
-    """Zero and at most four powers of ten each way, from the threshold to the peak."""
-    low, high = round(np.log10(threshold)), int(np.floor(np.log10(max(peak, threshold))))
-    stride = max(1, -(-(high - low) // 3))
-    decades = [10.0**k for k in range(high, low - 1, -stride)]
-    return sorted([0.0, *decades, *(-d for d in decades)])
+def symlog_axis(axes: "Axes", threshold: float, low: float, high: float) -> None:
+    """Y axis for values from low to high, linear below the threshold, else logarithmic; linear if all are near it."""
+    low, high = min(low, 0.0), max(high, 0.0)
+    if max(-low, high) <= NEAR * threshold:
+        return
+    decades = sum(max(0.0, np.log10(size / threshold)) for size in (-low, high) if size > 0)
+    axes.set_yscale("symlog", linthresh=threshold, linscale=max(0.5, decades / 8))
+    signed_ticks(axes, threshold, low, high)
 
 
-def symlog_axis(axes: "Axes", threshold: float, low: float, high: float, share: float) -> None:
-    """Symmetric logarithmic y axis for values from low to high; its linear part is a share of the decades long."""
-    decades = np.log10(max(-low, high, threshold) / threshold)
-    axes.set_yscale("symlog", linthresh=threshold, linscale=max(0.8, share * decades))
-    axes.set_yticks([tick for tick in symlog_ticks(threshold, max(-low, high)) if low <= tick <= high or tick == 0])
+def growing_axis(axes: "Axes", begin: float, low: float, high: float) -> None:
+    """Y axis for values from low to high that shows also how they begin: linear for small ones, else logarithmic."""
+    low, high = min(low, 0.0), max(high, 0.0)
+    axes.set_yscale("asinh", linear_width=begin / 10)
+    signed_ticks(axes, begin / 10, low, high)
+
+
+def signed_ticks(axes: "Axes", least: float, low: float, high: float) -> None:
+    """Ticks at zero and at powers of ten each way, from the least on, far enough apart to be read."""
+    at = axes.yaxis.get_transform().transform
+    room = CLOSEST * float(np.subtract(*at(np.array([high, low]))))
+    ticks = [0.0]
+    for end in (low, high):
+        sign, last = float(np.sign(end)), 0.0
+        for k in range(round(np.log10(least)), int(np.floor(np.log10(abs(end) or least))) + 1):
+            tick = sign * 10.0**k
+            if sign and abs(tick) <= abs(end) and abs(float(np.subtract(*at(np.array([tick, last]))))) >= room:
+                ticks.append(tick)
+                last = tick
+    axes.set_yticks(sorted(ticks))
     axes.minorticks_off()
 
 
@@ -51,6 +70,7 @@ def time_axis(axes: "Axes", t: Array, log: bool) -> None:
         axes.set_xlim(max(float(t[1]), 1e-6 * end), end)
     else:
         axes.set_xlim(0, end)
+        axes.locator_params(axis="x", nbins=6, steps=[1, 2, 5, 10])
     axes.set_xlabel("t [s]")
 
 
@@ -79,14 +99,15 @@ def highest(values: Array) -> float:
     return float(seen.max(initial=0.0, where=seen <= most)) or 1.0
 
 
-def mark_beyond(axes: "Axes", x: Array, color: str, size: float) -> None:
+def mark_beyond(axes: "Axes", x: Array, color: str, size: float, label: str) -> None:
     """Triangles at the top of a panel, for what lies above it."""
     if len(x):
-        at = axes.get_xaxis_transform()
-        axes.plot(x, [0.97] * len(x), "^", color=color, markersize=size, transform=at, label="above the panel")
+        axes.plot(
+            x, [0.97] * len(x), "^", color=color, markersize=size, transform=axes.get_xaxis_transform(), label=label
+        )
 
 
-def mark_refused(axes: "Axes", x: Array, status: Sequence[str | None]) -> None:
+def mark_refused(axes: "Axes", x: Sequence[float] | Array, status: Sequence[str | None]) -> None:
     """Crosses at the foot of a panel, for points without a result."""
     foot = axes.get_xaxis_transform()
     for refused in dict.fromkeys(s for s in status if s is not None):
@@ -121,6 +142,12 @@ def with_unit(spec: Spec, name: str) -> str:
     """Name and unit of a signal."""
     unit = spec.units.get(name)
     return plain(f"{name} [{unit}]" if unit else name)
+
+
+def number(value: float) -> str:
+    """Three digits; a power of ten is written as one."""
+    digits, _, exponent = f"{value:.3g}".partition("e")
+    return rf"${digits} \times 10^{{{int(exponent)}}}$" if exponent else digits
 
 
 def plain(text: str) -> str:

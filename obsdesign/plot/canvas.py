@@ -95,6 +95,15 @@ def halo(text: Any) -> None:
     text.set_path_effects([withStroke(linewidth=2.2, foreground="white")])
 
 
+def ticked(lines: Any) -> None:
+    """Outline lines in white, and give them ticks to the left, which of contours is the side of larger values."""
+    from matplotlib.patheffects import Normal, withStroke, withTickedStroke
+
+    ticks: dict[str, Any] = {"spacing": 14.0, "length": 0.5, "angle": 90.0}
+    white = withTickedStroke(foreground="white", linewidth=2.6, **ticks)
+    lines.set_path_effects([withStroke(foreground="white", linewidth=2.6), white, withTickedStroke(**ticks), Normal()])
+
+
 def facets(axes: Any, corners: Array, heights: Array, cmap: str, limits: tuple[float, float]) -> None:
     """Add facets (m, k, 3), colored by their heights (m,), to axes in three dimensions."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]

@@ -10,6 +10,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped, plain
 from obsdesign.plot.canvas import COLORS, new_figure, png, style
+from obsdesign.plot.layout import legend_below
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +22,9 @@ CORNER = COLORS[5]
 OPEN = "limit not attained"
 ONE_DESIGN = "corner: one design for many weights"
 SAME = 1e-3  # relative: limits that differ by less are one corner
+ARBITRARY = "any lipschitz would do"
+UNBOUNDED = "unbounded limit"
+ABOVE = {LIMIT: "limit above the panel", PROVED: "gain above the panel"}
 LABELS = {
     "weight": "weight",
     "decay": r"decay rate $\beta$ [1/s]",
@@ -122,6 +126,11 @@ def is_unbounded(point: Mapping[str, Any], key: str) -> bool:
     return is_solved(point) and key not in point and (key == "gamma" or (key == "lipschitz" and point["weight"] > 0))
 
 
+def is_arbitrary(point: Mapping[str, Any]) -> bool:
+    """Whether any `lipschitz` would do, because a solved point gives it no weight."""
+    return is_solved(point) and "lipschitz" not in point and point["weight"] == 0
+
+
 def is_solved(point: Mapping[str, Any]) -> bool:
     """Whether a point has limits."""
     return "attained" in point
@@ -166,7 +175,9 @@ def draw_over_weight(axes: "Axes", front: Front, key: str, shipped: Mapping[str,
         mark_shipped(axes, at[front.parameter], certified([at], key)[0])
     axes.set_ylabel(SYMBOLS[key])
     if key == "lipschitz":
-        mark_beyond(axes, x[np.isinf(limit)], LIMIT, 8)
+        for free in x[[is_arbitrary(p) for p in front.points]]:
+            axes.axvline(free, color=LIMIT, linestyle=":", label=ARBITRARY)
+        mark_beyond(axes, x[np.isinf(limit)], LIMIT, 8, UNBOUNDED)
     elif key == "gamma":
         gain_axis(axes, [(x, limit, LIMIT), (x, proved, PROVED)])
     else:
@@ -215,7 +226,8 @@ def gain_axis(axes: "Axes", drawn: Sequence[tuple[Array, Array, str]]) -> None:
     top = highest(np.concatenate([y for _, y, _ in drawn]))
     axes.set_ylim(-0.04 * top, 1.08 * top)
     for (x, y, color), size in zip(drawn, (8, 4), strict=True):
-        mark_beyond(axes, x[y > top], color, size)
+        mark_beyond(axes, x[np.isinf(y)], color, size, UNBOUNDED)
+        mark_beyond(axes, x[(y > top) & np.isfinite(y)], color, size, ABOVE[color])
 
 
 def heading(front: Front, title: str) -> str:
@@ -225,12 +237,3 @@ def heading(front: Front, title: str) -> str:
     value = same.pop() if len(same) == 1 else None
     fact = {"weight": f"weight {value:.4g}", "decay": rf"decay rate $\beta$ = {value:.4g} 1/s"}[other] if value else ""
     return "\n".join(line for line in (plain(title), fact) if line)
-
-
-def legend_below(figure: "Figure") -> None:
-    """One legend for all panels."""
-    entries: dict[str, Any] = {}
-    for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)))

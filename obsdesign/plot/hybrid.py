@@ -2,16 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.observers.guarantee import SporadicGuarantee
-from obsdesign.plot.axis import plain, time_axis, with_unit
-from obsdesign.plot.canvas import COLORS, new_figure, png, style
-from obsdesign.plot.panels import BOUND, DASHED, ESTIMATE, LEAN, OUTSIDE, TRUE, Comparison, Curve
-from obsdesign.plot.run import CURVES, ROW, SINGLE, shared
+from obsdesign.plot.axis import plain, time_axis
+from obsdesign.plot.canvas import COLORS, png, style
+from obsdesign.plot.layout import Panel, compose, legend_above, legend_below, shared
+from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
+from obsdesign.plot.run import LINE
 from obsdesign.simulate.hybrid import HybridRun, Schedule
 from obsdesign.spec.model import Spec
 
@@ -20,8 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS = 400  # instants that are marked by dots; more would be a bar
-NARROW = 130  # instants that are marked by dots on a curve; more are marked at the foot
+NARROW = 130  # instants that are marked by dots on a curve
 LOST = COLORS[3]
+SHADE = "#F3D9D2"
 
 
 def hybrid_figure(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> bytes:
@@ -42,22 +45,18 @@ def hybrid_sheet(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None
     """Compose a figure of a run: rows of states, of w and theta, and of the distance and the intervals."""
     states = [Curve(name, run.z[:, i], run.zhat[:, i]) for i, name in enumerate(run.states)]
     inputs = [Curve(name, run.w[:, i], None) for i, name in enumerate(run.exogenous)]
+    escapes = run.status == "escape"
+    what = "states (dashed: estimates)"
     sections: tuple[list[Panel], ...] = (
-        [Sampled(panel, run) for panel in comparisons(spec, run.t, states, "states (dashed: estimates)")],
-        [*comparisons(spec, run.t, inputs, "unknown inputs"), *injections(run)],
+        [Sampled(panel, run) for panel in comparisons(spec, run.t, states, what, escapes)],
+        [*comparisons(spec, run.t, inputs, "unknown inputs", escapes), *injections(run)],
         [Distance(run, guarantee is not None), Intervals(run.schedule)],
     )
-    rows = [row for section in sections for row in shared(section, ROW)]
-    title = heading(spec, run, guarantee)
-    figure = new_figure(10.5, 0.75 + 0.2 * max(0, title.count("\n") - 1) + 2.35 * len(rows))
-    figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(len(rows), 1)
-    for i, row in enumerate(rows):
-        columns = grid[i].subgridspec(1, len(row))
-        for j, panel in enumerate(row):
-            axes = figure.add_subplot(columns[j])
-            panel.draw(axes)
-            shade_unguaranteed(axes, run, guarantee)
+    figure = compose(heading(spec, run, guarantee), sections)
+    if guarantee is not None and run.until < run.time:
+        for axes in figure.axes:
+            axes.axvspan(run.until, run.time, color=SHADE, linewidth=0, zorder=0, label="nothing is guaranteed")
+    legend_below(figure)
     return figure
 
 
@@ -69,19 +68,16 @@ class Sampled:
     run: HybridRun
 
     def draw(self, axes: "Axes") -> None:
-        """Draw a dot on each estimate where a measurement is received, a cross at the foot where one is lost."""
+        """Draw a dot on each estimate at each of a few measurements, and a cross at the foot where one is lost."""
         self.panel.draw(axes)
         alone = len(self.panel.curves) == 1
         received = self.run.schedule.received
         at = received[received <= self.run.t[-1]]
-        if len(at) > NARROW:
-            foot = axes.get_xaxis_transform()
-            axes.plot(at, 0 * at, "|", color=ESTIMATE, markersize=5, markeredgewidth=0.4, transform=foot)
-            at = at[:0]
         for curve, color in zip(self.panel.curves, COLORS, strict=False):
-            if curve.estimate is not None:
+            if curve.estimate is not None and len(at) <= NARROW:
                 dots = np.interp(at, self.panel.t, curve.estimate)
-                axes.plot(at, dots, ".", color=ESTIMATE if alone else color, markersize=4)
+                other, label = (ESTIMATE, "at a measurement") if alone else (color, None)
+                axes.plot(at, dots, ".", color=other, markersize=4, label=label)
         mark_lost(axes, self.run.schedule)
 
 
@@ -90,15 +86,18 @@ class Injection:
     """Panel of theta, which jumps at the measurements."""
 
     t: Array
-    curves: Sequence[tuple[str, Array]]
+    curves: Sequence[Curve]
+    escapes: bool
 
     def draw(self, axes: "Axes") -> None:
         """Draw with the jumps as they are."""
-        for (name, values), color in zip(self.curves, COLORS, strict=False):
-            axes.plot(self.t, values, color=color, linewidth=1.0, label=name)
+        for curve, color in zip(self.curves, COLORS, strict=False):
+            axes.plot(self.t, curve.true, color=color, linewidth=1.0, label=curve.name)
+        if self.escapes:
+            grow(axes, self.curves)
         time_axis(axes, self.t, log=False)
         axes.set_ylabel(r"$\theta$ (held output error)")
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, **LEAN)
+        legend_above(axes)
 
 
 @dataclass(frozen=True)
@@ -116,7 +115,7 @@ class Distance:
             known = steps.t < self.run.until
             limit = np.maximum(steps.distance_bound[known], floor)
             axes.plot(steps.t[known], limit, color=BOUND, linestyle=DASHED, label="proved bound")
-        axes.plot(steps.t, np.maximum(steps.distance, floor), color=TRUE, label=r"$|x|_\mathcal{A}$")
+        axes.plot(steps.t, np.maximum(steps.distance, floor), color=TRUE)
         after = np.flatnonzero(np.diff(steps.j, prepend=0))
         if len(after) <= DOTS:
             at = np.maximum(steps.distance[after], floor)
@@ -125,7 +124,6 @@ class Distance:
         axes.set_ylim(bottom=floor)
         time_axis(axes, steps.t, log=False)
         axes.set_ylabel(r"$|x|_\mathcal{A} = |(\varepsilon, C\varepsilon - \theta)|$")
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, **LEAN)
 
 
 @dataclass(frozen=True)
@@ -138,7 +136,7 @@ class Intervals:
         """Draw each interval where it ends."""
         schedule = self.schedule
         size = 3 if len(schedule.received) <= DOTS else 1
-        axes.plot(schedule.received, schedule.intervals, ".", color=TRUE, markersize=size, label="received")
+        axes.plot(schedule.received, schedule.intervals, ".", color=TRUE, markersize=size)
         for limit, name in ((schedule.T1, "$T_1$"), (schedule.T2, "$T_2$")):
             axes.axhline(limit, color=BOUND, linewidth=0.8, linestyle=DASHED)
             axes.annotate(
@@ -148,7 +146,6 @@ class Intervals:
         axes.set_ylim(0, 1.15 * max(float(schedule.intervals.max(initial=0.0)), schedule.T2))
         time_axis(axes, np.array([0.0, schedule.horizon]), log=False)
         axes.set_ylabel("interval before it [s]")
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, **LEAN)
 
 
 def lowest(distance: Array) -> float:
@@ -158,38 +155,19 @@ def lowest(distance: Array) -> float:
     return 0.3 * max(min(ends, default=peak), 1e-16 * peak)
 
 
-Panel = Comparison | Sampled | Injection | Distance | Intervals
-
-
-def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str) -> Iterator[Comparison]:
-    """One panel a signal, or one for several where there are many."""
-    if len(curves) <= SINGLE:
-        yield from (Comparison(t, [curve], with_unit(spec, curve.name)) for curve in curves)
-    else:
-        yield from (Comparison(t, group, what) for group in shared(curves, CURVES // 2 + 1))
-
-
 def injections(run: HybridRun) -> Iterator[Injection]:
     """Panels of theta, at the steps, which hold it before and after each jump."""
-    curves = [(f"theta_{name}", run.steps.theta[:, i]) for i, name in enumerate(run.outputs)]
+    curves = [Curve(f"theta_{name}", run.steps.theta[:, i], None) for i, name in enumerate(run.outputs)]
     for group in shared(curves, CURVES):
-        yield Injection(run.steps.t, group)
+        yield Injection(run.steps.t, group, run.status == "escape")
 
 
 def mark_lost(axes: "Axes", schedule: Schedule) -> None:
     """Put a cross at the foot of a panel for each measurement that is lost."""
     if 0 < len(schedule.lost) <= DOTS:
         foot = [0.03] * len(schedule.lost)
-        axes.plot(
-            schedule.lost, foot, "x", color=LOST, markersize=4, transform=axes.get_xaxis_transform(), label="lost"
-        )
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, **LEAN)
-
-
-def shade_unguaranteed(axes: "Axes", run: HybridRun, guarantee: SporadicGuarantee | None) -> None:
-    """Shade the time in which nothing is guaranteed any more."""
-    if guarantee is not None and run.until < run.time:
-        axes.axvspan(run.until, run.time, color=OUTSIDE, linewidth=0, zorder=0)
+        at = axes.get_xaxis_transform()
+        axes.plot(schedule.lost, foot, "x", color=LOST, markersize=4, transform=at, label="measurement lost")
 
 
 def heading(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> str:
@@ -203,9 +181,9 @@ def heading(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> 
         facts.append("no guarantee")
     else:
         facts += [rf"proved: $\gamma$ = {guarantee.gamma:.4g}, $\lambda$ = {guarantee.decay:.4g}", verdict(run)]
-    lines = [plain(spec.name), ",  ".join(facts)]
+    lines = [*wrap(plain(spec.name), LINE), ",  ".join(facts)]
     if guarantee is not None and summary["bounds_omitted"]:
-        lines.append(plain(summary["bounds_omitted"]))
+        lines += wrap(plain(summary["bounds_omitted"]), LINE)
     return "\n".join(lines)
 
 

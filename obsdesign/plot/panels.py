@@ -1,14 +1,16 @@
 """Panels of a figure: what each draws on its axes. The truth is solid, estimates are dashed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import linear_threshold, symlog_axis, time_axis
+from obsdesign.plot.axis import growing_axis, linear_threshold, number, symlog_axis, time_axis, with_unit
 from obsdesign.plot.canvas import COLORS
+from obsdesign.plot.layout import legend_above, shared
+from obsdesign.spec.model import Spec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,9 +18,11 @@ if TYPE_CHECKING:
 TRUE, ESTIMATE = COLORS[:2]
 DASHED = (0, (4, 2))
 BOUND = COLORS[6]
-OUTSIDE = "#F3D9D2"
+DOTTED = (0, (1, 1.5))
+REGION = COLORS[3]
+CURVES = 7  # in one panel: as many as there are colors
+SINGLE = 8  # so many signals get a panel each; more share panels
 GROWTH = 10  # of a signal that escapes, against its beginning
-LEAN: dict[str, Any] = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handletextpad": 0.5}
 
 
 @dataclass(frozen=True)
@@ -45,26 +49,30 @@ class Comparison:
 
         Signals that escape are drawn on an axis that is linear as far as they are at first, and logarithmic beyond.
         """
-        low, high, cut = limits(self.curves)
-        grows = self.escapes and max(-low, high) > GROWTH * early(self.curves)
-        cut = "" if grows else cut
         alone = len(self.curves) == 1
         for curve, color in zip(self.curves, COLORS, strict=False):
-            axes.plot(self.t, curve.true, color=color, label=curve.name)
+            axes.plot(self.t, curve.true, color=color, label="true" if alone else curve.name)
             if curve.estimate is not None:
-                other, label = (ESTIMATE, f"estimate{cut}") if alone else (color, None)
+                other, label = (ESTIMATE, "estimate") if alone else (color, None)
                 axes.plot(self.t, curve.estimate, color=other, linestyle=DASHED, label=label)
-        if cut and not alone:
-            axes.plot([], [], " ", label=f"an estimate{cut}")
-        if grows:
-            symlog_axis(axes, early(self.curves), *extremes(self.curves), 1 / 2)
-            low, high = axes.get_ylim()
-        axes.set_ylim(low, high)
+        if not alone:
+            legend_above(axes)
+        if not (self.escapes and grow(axes, self.curves)):
+            low, high, cut = limits(self.curves)
+            axes.set_ylim(low, high)
+            axes.set_title(cut, loc="left", fontsize=8)
         for curve in self.curves:
-            shade_outside(axes, curve.region)
+            mark_region(axes, curve.region)
         time_axis(axes, self.t, log=False)
         axes.set_ylabel(self.label)
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3 if alone else 4, **LEAN)
+
+
+def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str, escapes: bool) -> Iterator[Comparison]:
+    """One panel a signal, or one for several where there are many."""
+    if len(curves) <= SINGLE:
+        yield from (Comparison(t, [curve], with_unit(spec, curve.name), escapes) for curve in curves)
+    else:
+        yield from (Comparison(t, group, what, escapes) for group in shared(curves, CURVES // 2 + 1))
 
 
 @dataclass(frozen=True)
@@ -97,11 +105,11 @@ class Errors:
             axes.plot([self.level.start, self.t[-1]], 2 * [self.level.value], color=BOUND, linestyle=DASHED)
             axes.plot([], [], color=BOUND, linestyle=DASHED, label=self.level.label)
             high = max(high, self.level.value)
-        symlog_axis(axes, threshold, low, high, 1 / 6)
+        symlog_axis(axes, threshold, low, high)
         axes.axhline(0, color="black", linewidth=0.6)
         time_axis(axes, self.t, self.log_time)
         axes.set_ylabel(self.label)
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, **LEAN)
+        legend_above(axes)
 
 
 @dataclass(frozen=True)
@@ -118,18 +126,13 @@ class Storage:
         """Draw on a logarithmic axis."""
         tiny = float(self.bound.max()) * 1e-20 + 1e-300
         known = self.t < self.until
-        axes.plot(
-            self.t[known],
-            np.maximum(self.bound, tiny)[known],
-            color=BOUND,
-            linestyle=DASHED,
-            label="proved bound" if known.all() else "proved bound, while in the region",
-        )
-        axes.plot(self.t, np.maximum(self.V, tiny), color=TRUE, label="V(e) = e' P e")
+        if known.any():
+            label = "proved bound" if known.all() else "proved bound, while in the region"
+            axes.plot(self.t[known], np.maximum(self.bound, tiny)[known], color=BOUND, linestyle=DASHED, label=label)
+        axes.plot(self.t, np.maximum(self.V, tiny), color=TRUE)
         axes.set_yscale("log")
         time_axis(axes, self.t, self.log_time)
-        axes.set_ylabel("V(e)")
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, **LEAN)
+        axes.set_ylabel("V(e) = e' P e")
 
 
 Panel = Comparison | Errors | Storage
@@ -138,22 +141,41 @@ Panel = Comparison | Errors | Storage
 def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
     """Limits of y, and a note of what they cut off.
 
-    They hold the truth, the second half of each estimate, and 90 % of its samples and the region as far as these
-    are no further from the truth than the truth is wide; so that an initial transient hides nothing.
+    They hold the truth, the second half of each estimate, what `usual` tells of the first, and the region as far as it
+    is no further from the truth than the truth is wide; so that an initial transient hides nothing.
     """
     true = np.concatenate([c.true for c in curves])
     estimates = [c.estimate for c in curves if c.estimate is not None]
     low, high = float(true.min()), float(true.max())
     width = (high - low) or abs(high) or np.inf
-    most = [np.clip(np.quantile(e, [0.05, 0.95]), low - width, high + width) for e in estimates]
     regions = [end for c in curves for end in c.region or () if np.isfinite(end)]
     ends = [np.clip(regions, low - width, high + width)] if regions else []
-    seen = [true, *most, *ends, *(e[len(e) // 2 :] for e in estimates)]
+    seen = [true, *ends, *(usual(e, low, high, width) for e in estimates), *(e[len(e) // 2 :] for e in estimates)]
     low, high = min(float(s.min()) for s in seen), max(float(s.max()) for s in seen)
     room = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     low, high = low - room, high + room
-    furthest = max((float(e[np.argmax(np.abs(e))]) for e in estimates), key=abs, default=0.0)
-    return low, high, "" if low <= furthest <= high else f" (reaches {furthest:.3g})"
+    reached = [float(end) for e in estimates for end in (e.min(), e.max())]
+    furthest = max(reached, key=lambda end: max(low - end, end - high), default=low)
+    return low, high, "" if low <= furthest <= high else f"estimate reaches {number(furthest)}"
+
+
+def usual(estimate: Array, low: float, high: float, width: float) -> Array:
+    """Range of an estimate that stays near the truth, else of 90 % of its samples, within a width of the truth."""
+    ends = np.array([estimate.min(), estimate.max()])
+    if low - width / 2 <= ends[0] and ends[1] <= high + width / 2:
+        return ends
+    most: Array = np.clip(np.quantile(estimate, [0.05, 0.95]), low - width, high + width)
+    return most
+
+
+def grow(axes: "Axes", curves: Sequence[Curve]) -> bool:
+    """Give signals an axis on which those that escape are seen from the beginning; False if none is far from it."""
+    low, high = extremes(curves)
+    begin = early(curves)
+    if max(-low, high) <= GROWTH * begin:
+        return False
+    growing_axis(axes, begin, low, high)
+    return True
 
 
 def extremes(curves: Sequence[Curve]) -> tuple[float, float]:
@@ -168,13 +190,9 @@ def early(curves: Sequence[Curve]) -> float:
     return float(10.0 ** np.ceil(np.log10(size or 1.0)))
 
 
-def shade_outside(axes: "Axes", region: tuple[float, float] | None) -> None:
-    """Shade what is outside a region, within the limits of the axes."""
-    if region is None:
-        return
+def mark_region(axes: "Axes", region: tuple[float, float] | None) -> None:
+    """Draw the limits of a region, as far as they are within those of the axes."""
     bottom, top = axes.get_ylim()
-    label: str | None = "outside"
-    for low, high in ((bottom, min(region[0], top)), (max(region[1], bottom), top)):
-        if low < high:
-            axes.axhspan(low, high, color=OUTSIDE, linewidth=0, zorder=0, label=label)
-            label = None
+    for limit in region or ():
+        if bottom < limit < top:
+            axes.axhline(limit, color=REGION, linestyle=DOTTED, linewidth=1.5, zorder=1, label="limit of the region")

@@ -1,15 +1,16 @@
 """The figure of a run."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from obsdesign.observers.guarantee import Guarantee
-from obsdesign.plot.axis import plain, with_unit
-from obsdesign.plot.canvas import new_figure, png, style
-from obsdesign.plot.panels import Comparison, Curve, Errors, Level, Panel, Storage
+from obsdesign.plot.axis import number, plain, with_unit
+from obsdesign.plot.canvas import png, style
+from obsdesign.plot.layout import Panel, compose, legend_below, shared
+from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Errors, Level, Storage, comparisons
 from obsdesign.simulate import Run
 from obsdesign.simulate.bounds import LAST
 from obsdesign.simulate.validity import limited
@@ -18,10 +19,7 @@ from obsdesign.spec.model import Spec
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROW = 4  # panels beside each other
-CURVES = 7  # in one panel: as many as there are colors
-SINGLE = 8  # so many signals get a panel each; more share panels
-LINE = 130  # characters of the title
+LINE = 118  # characters of the title
 FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
 
 
@@ -46,17 +44,10 @@ def run_sheet(spec: Spec, run: Run, guarantee: Guarantee | None) -> "Figure":
     sections = (
         state_panels(spec, run),
         [*input_panels(spec, run, log_time), *region_panels(spec, run)],
-        error_panels(run, guarantee, log_time),
+        error_panels(spec, run, guarantee, log_time),
     )
-    rows = [row for section in sections for row in shared(list(section), ROW)]
-    title = heading(spec, run, guarantee)
-    figure = new_figure(10.5, 0.75 + 0.2 * max(0, title.count("\n") - 1) + 2.35 * len(rows))
-    figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(len(rows), 1)
-    for i, row in enumerate(rows):
-        columns = grid[i].subgridspec(1, len(row))
-        for j, panel in enumerate(row):
-            panel.draw(figure.add_subplot(columns[j]))
+    figure = compose(heading(spec, run, guarantee), [list(section) for section in sections])
+    legend_below(figure)
     return figure
 
 
@@ -70,7 +61,7 @@ def state_panels(spec: Spec, run: Run) -> Iterator[Panel]:
     """Panels of the plant's states."""
     n = run.plant_states
     curves = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states[:n])]
-    return comparisons(spec, run, curves, "states (dashed: estimates)")
+    return comparisons(spec, run.t, curves, "states (dashed: estimates)", escapes(run))
 
 
 def input_panels(spec: Spec, run: Run, log_time: bool) -> Iterator[Panel]:
@@ -80,7 +71,7 @@ def input_panels(spec: Spec, run: Run, log_time: bool) -> Iterator[Panel]:
         Curve(name, run.w[:, i], run.what[:, column[i]] if i in column else None)
         for i, name in enumerate(run.exogenous)
     ]
-    yield from comparisons(spec, run, curves, "unknown inputs (dashed: estimates)")
+    yield from comparisons(spec, run.t, curves, "unknown inputs (dashed: estimates)", escapes(run))
     if "reconstruction" in run.summary:
         yield reconstruction_error(run, run.summary["reconstruction"], log_time)
 
@@ -90,49 +81,36 @@ def reconstruction_error(run: Run, accuracy: Mapping[str, Any], log_time: bool) 
     size = np.linalg.norm(run.steps.w_error, axis=1)
     late = LAST * run.time
     if "bound" in accuracy:
-        level = Level(accuracy["bound"], late, f"proved limit {accuracy['bound']:.3g}")
+        level = Level(accuracy["bound"], late, f"proved limit {number(accuracy['bound'])}")
     else:
-        level = Level(accuracy["limsup"], late, f"at the end {accuracy['limsup']:.3g}")
-    return Errors(run.steps.t, [(f"peak {accuracy['peak']:.3g}", size)], r"$\|\hat{w} - w\|$", log_time, level)
+        level = Level(accuracy["limsup"], late, f"at the end {number(accuracy['limsup'])}")
+    return Errors(run.steps.t, [(f"peak {number(accuracy['peak'])}", size)], r"$\|\hat{w} - w\|$", log_time, level)
 
 
 def region_panels(spec: Spec, run: Run) -> Iterator[Panel]:
     """Panels of the arguments of f that have to stay in a region."""
     for i, k, column, region in list(limited(spec.nonlinearities))[:SINGLE]:
         curve = Curve(f"q{k + 1}", run.q[:, column], run.qhat[:, column], region)
-        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}", run.status == "escape")
+        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}", escapes(run))
 
 
-def comparisons(spec: Spec, run: Run, curves: Sequence[Curve], what: str) -> Iterator[Panel]:
-    """One panel a signal, or one for several where there are many."""
-    escapes = run.status == "escape"
-    if len(curves) <= SINGLE:
-        for curve in curves:
-            yield Comparison(run.t, [curve], with_unit(spec, curve.name), escapes)
-    else:
-        for group in shared(curves, CURVES // 2 + 1):
-            yield Comparison(run.t, group, what, escapes)
+def escapes(run: Run) -> bool:
+    """Whether the run ended because a signal became too large."""
+    return run.status == "escape"
 
 
-def error_panels(run: Run, guarantee: Guarantee | None, log_time: bool) -> Iterator[Panel]:
+def error_panels(spec: Spec, run: Run, guarantee: Guarantee | None, log_time: bool) -> Iterator[Panel]:
     """Errors of the states, errors of the modeled unknown inputs, and V(e)."""
     n = run.plant_states
-    states = [(f"e_{name}", run.steps.e[:, i]) for i, name in enumerate(run.states[:n])]
+    states = [(f"e_{with_unit(spec, name)}", run.steps.e[:, i]) for i, name in enumerate(run.states[:n])]
     for group in shared(states, CURVES):
         yield Errors(run.steps.t, group, "state errors", log_time)
-    inputs = [(f"e_{run.exogenous[i]}", run.steps.w_error[:, k]) for k, i in enumerate(run.estimated)]
+    inputs = [(f"e_{with_unit(spec, run.exogenous[i])}", run.steps.w_error[:, k]) for k, i in enumerate(run.estimated)]
     for group in shared([] if "reconstruction" in run.summary else inputs, CURVES):
         yield Errors(run.steps.t, group, "unknown-input errors", log_time)
     if guarantee is not None and run.steps.V is not None and run.steps.V_bound is not None:
         until = run.left[0].time if run.left else np.inf
         yield Storage(run.steps.t, run.steps.V, run.steps.V_bound, log_time, until)
-
-
-def shared(items: Sequence[Any], most: int) -> Iterator[Sequence[Any]]:
-    """Items in groups of nearly equal size."""
-    count = -(-len(items) // most)
-    for i in range(count):
-        yield items[i * len(items) // count : (i + 1) * len(items) // count]
 
 
 def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
@@ -149,7 +127,7 @@ def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
         facts.append("no guarantee")
     else:
         facts += [f"proved: {proved(run, guarantee)}", verdict(run)]
-    lines = [plain(spec.name), ",  ".join(f for f in facts if f)]
+    lines = [*wrap(plain(spec.name), LINE), ",  ".join(f for f in facts if f)]
     if run.left:
         lines += [line for part in run.summary["validity"]["note"].split("; ") for line in wrap(plain(part), LINE)]
     return "\n".join(line for line in lines if line)

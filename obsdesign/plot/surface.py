@@ -8,19 +8,22 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import cross, highest, mark_shipped, plain
-from obsdesign.plot.canvas import COLORS, facets, halo, levels, new_figure, png, style
+from obsdesign.plot.canvas import COLORS, facets, halo, levels, new_figure, png, style, ticked
 from obsdesign.plot.front import (
+    ARBITRARY,
     CORNER,
     LABELS,
     ONE_DESIGN,
     OPEN,
     SYMBOLS,
+    UNBOUNDED,
     column,
+    is_arbitrary,
     is_solved,
-    legend_below,
     shipped_among,
     unattained,
 )
+from obsdesign.plot.layout import legend_below
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,16 +32,15 @@ if TYPE_CHECKING:
 MAPS = {"lipschitz": "viridis", "gamma": "cividis"}
 LEVELS = 9
 FLAT = 1e-3  # relative: what varies less is drawn as flat
-BARE = "#BBBBBB"
+BARE = "#E4E4E4"
 AROUND = ((0, 0), (0, 1), (1, 1), (1, 0))  # a cell
 EDGE = 0.04  # of a map: labels are cut there
-FAINT = 0.7  # opacity of hatching
 
 
 def surface_figure(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> bytes:
     """Draw the limits of `lipschitz` and `gamma` over weight and decay rate, as contour maps and as surfaces.
 
-    Where there is no design, or where the batch has not got to, the maps are hatched and the surfaces have holes; gamma
+    Where there is no design, or where the batch has not got to, the maps are gray and the surfaces have holes; gamma
     is cut where a few values, near the weight 1 that does not ask for it, are far above all others.
 
     Parameters
@@ -135,9 +137,9 @@ class Field:
 
 
 def draw_map(axes: "Axes", grid: Grid, field: Field) -> None:
-    """Draw filled contours with labeled lines over a hatched ground; dots where there is no cell to fill."""
+    """Draw filled contours with labeled lines over a gray ground; dots where there is no cell to fill."""
     axes.grid(visible=False)
-    axes.patch.set(hatch="////", edgecolor=BARE, linewidth=0)
+    axes.patch.set(facecolor=BARE)
     over = grid.weights, grid.decays, np.ma.masked_invalid(field.values)
     colors: Any
     if field.quads:
@@ -150,7 +152,8 @@ def draw_map(axes: "Axes", grid: Grid, field: Field) -> None:
         colors = axes.scatter(
             grid.weights[weight], grid.decays[decay], c=field.values[decay, weight], s=60, zorder=2, **field.look
         )
-    axes.figure.colorbar(colors, ax=axes, label=field.label)
+    axes.figure.colorbar(colors, ax=axes)
+    axes.set_title(field.label, loc="left")
     axes.set(xlabel=LABELS["weight"], ylabel=LABELS["decay"])
 
 
@@ -163,23 +166,21 @@ def tidy(axes: "Axes", labels: Sequence[Any]) -> None:
 
 
 def outline(axes: "Axes", grid: Grid) -> None:
-    """Mark the region in which the limit is not attained, and that of the corners."""
-    solved = [is_solved(p) for p in grid.points]
+    """Mark the region in which the limit is not attained, and that of the corners, by ticks on the inner side."""
     corner = np.array([p.get("corner") is True for p in grid.points])
-    over = grid.weights, grid.decays
-    for flag, color, hatch, label in (
-        (unattained(grid.points), COLORS[1], ".", OPEN),
-        (corner, CORNER, "\\", ONE_DESIGN),
+    known = np.array([is_solved(p) for p in grid.points])
+    constrained = known & ~np.array([is_arbitrary(p) for p in grid.points])
+    for flag, among, color, label in (
+        (unattained(grid.points), known, COLORS[1], OPEN),
+        (corner, constrained, CORNER, ONE_DESIGN),
     ):
-        mask = np.ma.masked_invalid(grid.table(np.where(solved, flag, np.nan)))
-        if not mask.any():
-            continue
-        inside = axes.contourf(*over, mask, levels=[0.5, 1.5], colors="none", hatches=[hatch])
-        inside.set(edgecolor=(color, FAINT), linewidth=0)
-        if not mask.all():
-            axes.contour(*over, mask, levels=[0.5], colors="white", linewidths=2.6)
-            axes.contour(*over, mask, levels=[0.5], colors=color, linewidths=1.5, linestyles="--")
-        axes.fill([], [], facecolor="none", edgecolor=color, linestyle="--", hatch=3 * hatch, label=label)
+        inside = np.ma.masked_invalid(grid.table(np.where(among, flag, np.nan)))
+        if inside.all():
+            axes.set_title(f"everywhere: {label}", loc="right", fontsize=8)
+        elif inside.any():
+            lines = axes.contour(grid.weights, grid.decays, inside, levels=[0.5], colors=color, linewidths=1.3)
+            for drawn in (lines, *axes.plot([], [], color=color, label=f"{label} (ticked side)")):
+                ticked(drawn)
 
 
 def mark_points(axes: "Axes", grid: Grid, key: str, shipped: Mapping[str, Any] | None) -> None:
@@ -187,12 +188,16 @@ def mark_points(axes: "Axes", grid: Grid, key: str, shipped: Mapping[str, Any] |
     refused = {i: str(p["status"]) for i, p in enumerate(grid.points) if not is_solved(p)}
     for status in dict.fromkeys(refused.values()):
         put(axes, [grid.points[i] for i, s in refused.items() if s == status], **cross(status))
+    if key == "lipschitz":
+        arbitrary = [p for p in grid.points if is_arbitrary(p)]
+        put(axes, arbitrary, marker="d", color=COLORS[0], markerfacecolor="white", label=ARBITRARY)
     unbounded = [p for p in grid.points if np.isinf(column([p], key)).any()]
-    put(axes, unbounded, marker="^", color=COLORS[1], label="unbounded")
+    put(axes, unbounded, marker="^", color=COLORS[1], label=UNBOUNDED)
     at = shipped_among(grid.points, shipped)
     if at is not None:
         mark_shipped(axes, at["weight"], at["decay"])
-    axes.fill([], [], facecolor="none", edgecolor=BARE, linewidth=0, hatch="////", label="no value")
+    if not np.isfinite(grid.table(column(grid.points, key))).all():
+        axes.fill([], [], facecolor=BARE, linewidth=0, label="no value")
 
 
 def put(axes: "Axes", points: Sequence[Mapping[str, Any]], **look: Any) -> None:

@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from obsdesign.plot.axis import plain, spread_axis, symbol
+from obsdesign.plot.axis import mark_refused, mark_shipped, plain, spread_axis, symbol
 from obsdesign.plot.canvas import COLORS, new_figure, png, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRUE = COLORS[0]
+MARKERS = "osD^vP"  # curves that coincide stay apart
 
 
 def tradeoff_figure(
@@ -61,26 +62,29 @@ def curves_figure(curves: Sequence[Mapping[str, Any]], parameter: str, title: st
 
 
 def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> "Figure":
-    """Compose a figure of several curves: lines for the limits, dots for what is certified."""
+    """Compose a figure of several curves: lines for the limits, marks for what is certified."""
     figure = new_figure(6.8, 4.4)
     axes = figure.add_subplot()
     axes.set_title(plain(title), fontsize=11)
     y = next(
         (key for c in curves for p in c["points"] for key in ("gamma", "T2") if key in p and key != parameter), "gamma"
     )
-    for curve, color in zip(curves, cycle(COLORS), strict=False):
-        name = f"{curve['injection']}, {curve['relaxation']}"
+    for curve, color, marker in zip(curves, cycle(COLORS), cycle(MARKERS), strict=False):
+        look: dict[str, Any] = {"color": color, "markersize": 4.5}
         solved = [(p[parameter], p[y]) for p in curve["points"] if p.get(y) is not None]
         if solved:
-            axes.plot(*zip(*solved, strict=True), color=color, label=name)
+            axes.plot(*zip(*solved, strict=True), **look)
         proved = [(p[parameter], p["certified"][y]) for p in curve["points"] if "certified" in p]
         if proved:
-            axes.plot(*zip(*proved, strict=True), "o", color=color, markersize=4)
+            axes.plot(*zip(*proved, strict=True), marker, markerfacecolor="none", **look)
+        if solved or proved:
+            axes.plot([], [], marker=marker, label=f"{curve['injection']}, {curve['relaxation']}", **look)
     spread_axis(axes, "x", [p[parameter] for c in curves for p in c["points"]])
     spread_axis(axes, "y", [p[y] for c in curves for p in c["points"] if p.get(y) is not None])
     axes.set_xlabel(symbol(parameter))
-    axes.set_ylabel(f"{symbol(y)} (lines: limits, dots: certified gains)")
-    axes.legend()
+    axes.set_ylabel(symbol(y))
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(title="line: limit, mark: certified gains", title_fontsize=8, alignment="left")
     return figure
 
 
@@ -94,21 +98,10 @@ def tradeoff_sheet(
     solved = sorted((p[x], p[y]) for p in points if p.get(y) is not None)
     if solved:
         axes.plot(*zip(*solved, strict=True), color=TRUE, marker="o", markersize=3.5, label=f"best {symbol(y)}")
-    refused = sorted((p[x], str(p["status"])) for p in points if p.get(y) is None)
-    for i, status in enumerate(dict.fromkeys(status for _, status in refused)):
-        at, foot = [p for p, s in refused if s == status], axes.get_xaxis_transform()
-        color = COLORS[1 + i % (len(COLORS) - 1)]
-        axes.plot(at, [0.03] * len(at), "x", color=color, transform=foot, clip_on=False, label=status)
+    axes.margins(y=0.1)
+    mark_refused(axes, [p[x] for p in points], [str(p["status"]) if p.get(y) is None else None for p in points])
     if shipped is not None:
-        axes.plot(
-            shipped[x],
-            shipped[y],
-            "*",
-            color=COLORS[4],
-            markeredgecolor="black",
-            markersize=13,
-            label="shipped",
-        )
+        mark_shipped(axes, shipped[x], shipped[y])
     spread_axis(axes, "x", [p[x] for p in points])
     spread_axis(axes, "y", [value for _, value in solved])
     axes.set_xlabel(symbol(x))

@@ -1,10 +1,17 @@
 """The observer section of a spec: which keys each family of observers takes, and what form their values have."""
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
 from pydantic import Discriminator, Field, Tag
 from pydantic import model_validator as validator
 
+from obsdesign.observers.request import (
+    INJECTIONS,
+    LipschitzObjective,
+    LipschitzRelaxation,
+    Objective,
+    SporadicObjective,
+)
 from obsdesign.spec.forms import Entry, Matrix, OneOf, Scalar, Section, told_apart
 from obsdesign.spec.words import unavailable
 
@@ -18,8 +25,7 @@ KEYS = {"l2": INCREMENTAL_KEYS, "linf": INCREMENTAL_KEYS, SPORADIC: SPORADIC_KEY
 FAMILIES = tuple(KEYS)
 LATER_FAMILIES = ("kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain")
 LATER_KEYS = ("coordinates", "left_inverse", "estimator", "degree", "lambdas")
-INJECTIONS = ("dynamic", "predictor", "hold")
-RELAXATIONS = ("proposition-2", "proposition-3", "proposition-4", "proposition-5")
+RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
 
 
 def hints_for(*families: str) -> dict[str, str]:
@@ -41,9 +47,6 @@ class Range(Section):
     max: Entry
     points: Entry | None = Field(None, description="default 25")
     log: bool = Field(False, strict=True, description="spaced by a factor")
-
-
-ObjectiveName = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
 
 
 class Level(Section):
@@ -94,7 +97,7 @@ class Observer(Section):
     L2: Matrix | None = Field(None, description="nq x ny, rows follow q, the plant's blocks first; or `free`")
     alpha: Searched | None = Field(None, description="decay rate")
     objective: Annotated[
-        Annotated[ObjectiveName, OneOf("objective", get_args(ObjectiveName)), Tag("<scalar>")]
+        Annotated[Objective, OneOf("objective", get_args(Objective)), Tag("<scalar>")]
         | Annotated[Level, Tag("<mapping>")],
         told_apart("an objective, or {gamma: a number}"),
     ] = "min-gamma"
@@ -127,9 +130,8 @@ class SporadicGains(Section):
     H: Matrix | None = Field(None, description="ny x ny; default 0")
 
 
-InjectionName = Annotated[str, OneOf("injection", INJECTIONS)]
+InjectionName = Annotated[str, OneOf("injection", tuple(INJECTIONS))]
 RelaxationName = Annotated[str, OneOf("relaxation", RELAXATIONS)]
-SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
 
 
 class SporadicObserver(Section):
@@ -181,10 +183,6 @@ class LipschitzGains(Section):
     """Gain to be analyzed instead of designed; it multiplies (y - yhat)."""
 
     L: Matrix
-
-
-LipschitzRelaxation = Literal["s-procedure", "norm-bound", "abbaszadeh", "compare"]
-LipschitzObjective = Literal["max-lipschitz", "min-gamma", "pareto"]
 
 
 class LipschitzObserver(Section):

@@ -15,7 +15,7 @@ from obsdesign.spec import families
 from obsdesign.spec.document import Document, Loc, dotted
 from obsdesign.spec.families import LIPSCHITZ, LipschitzBounds, LipschitzGains, LipschitzObserver
 from obsdesign.spec.model import Nonlinearity
-from obsdesign.spec.observer import read_bound, read_largest_gain, read_searched, read_slack
+from obsdesign.spec.observer import read_bound, read_largest_gain, read_searched, read_slack, require_agreement
 from obsdesign.spec.values import Axis, Reader
 
 UNSTRUCTURED = ("norm-bound", "abbaszadeh", "compare")
@@ -56,39 +56,6 @@ def read_lipschitz(
     )
     require_agreement(reader, request)
     return request
-
-
-def require_agreement(reader: Reader, request: LipschitzRequest) -> None:
-    """Refuse what the objective or the relaxation does not know."""
-    bounds, objective = request.bounds, request.objective
-    refused: list[tuple[Loc, bool, str]] = [
-        (
-            ("gains",),
-            objective == "pareto" and request.gains is not None,
-            "pareto designs gains; analyze given ones with max-lipschitz or min-gamma",
-        ),
-        (
-            ("bounds", "gamma"),
-            objective != "min-gamma" and bounds.gamma is not None,
-            f"{'pareto weighs' if objective == 'pareto' else 'max-lipschitz knows no'} gamma; bound it with min-gamma",
-        ),
-        (
-            ("bounds", "P"),
-            (objective, request.relaxation) == ("max-lipschitz", "s-procedure") and bounds.floor is not None,
-            "the P of max-lipschitz has no scale in the s-procedure; bound L, or choose norm-bound",
-        ),
-        *(
-            (
-                (key,),
-                request.relaxation == "compare" and isinstance(getattr(request, key), Range),
-                "compare takes a number, not a range; choose one relaxation for a curve",
-            )
-            for key in ("weight", "decay")
-        ),
-    ]
-    for keys, wrong, why in refused:
-        if wrong and reader.clean(("observer", *keys)):
-            reader.wrong(("observer", *keys), why, at_key=True)
 
 
 def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | None:
@@ -159,11 +126,13 @@ def read_as_lipschitz(reader: Reader, block: Nonlinearity, place: Loc) -> Nonlin
 
 
 def require_lipschitz(
-    reader: Reader, request: LipschitzRequest, plant: Plant | None, generator: Generator | None
+    reader: Reader, request: LipschitzRequest, plant: Plant | None, generator: Generator | None, H: Array
 ) -> None:
-    """Refuse what the family does not know: no f, f of f or of w, f in y, and an objective about a w that is not."""
+    """Refuse what the family does not know: no f, f of f or of w, f in y, no z, and an objective about no w."""
     if plant is None or generator is None:
         return
+    if H.size and not (H != 0).any():
+        reader.wrong(("performance",), "z = H e is zero: nothing is to be estimated; leave it out for all states")
     if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(("nonlinearities",)):
         reader.wrong(("nonlinearities",), f"type {LIPSCHITZ} needs at least one; for a linear plant use type l2")
     augmented = augment(plant, generator, (), ())

@@ -117,6 +117,11 @@ class Spec:
         """Letter of what drives the augmented plant, as the paper of the family has it."""
         return "w" if isinstance(self.observer, LipschitzRequest) and not len(self.generator.Am) else "v"
 
+    @property
+    def disturbed(self) -> bool:
+        """Whether anything drives the augmented plant; otherwise gamma means nothing."""
+        return bool(self.augmented.B.shape[1])
+
     @cached_property
     def augmented(self) -> Plant:
         """The plant with the disturbance model appended, (10)."""

@@ -8,7 +8,7 @@ from flint import fmpq, fmpq_mat
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
-from obsdesign.observers.request import SLACK, Bounds, Range, Request
+from obsdesign.observers.request import SLACK, Bounds, LipschitzRequest, Range, Request, SporadicRequest
 from obsdesign.spec import families
 from obsdesign.spec.document import Loc, described
 from obsdesign.spec.families import Frobenius, Gains, Level, Observer
@@ -42,6 +42,13 @@ def read_incremental(reader: Reader, section: Observer, states: Axis, outputs: A
         gains=read_gains(reader, section.gains, states, outputs, q),
         reconstruct=section.reconstruct is not None,
     )
+
+
+def require_agreement(reader: Reader, request: SporadicRequest | LipschitzRequest) -> None:
+    """Refuse keys that do not go with others."""
+    for keys, why in request.conflicts():
+        if reader.clean(("observer", *keys)):
+            reader.wrong(("observer", *keys), why, at_key=True)
 
 
 def require_reconstructible(reader: Reader, request: Request, plant: Plant | None, generator: Generator | None) -> None:

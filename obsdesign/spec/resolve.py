@@ -66,7 +66,7 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
         blocks = as_lipschitz(reader, plant.nonlinearities, exogenous.nonlinearities)
         constants = tuple(constant for block in blocks for constant in block.lipschitz)
         observer = read_lipschitz(reader, file.observer, augmented, layout.outputs, constants)
-        require_lipschitz(reader, observer, plant.plant, exogenous.generator)
+        require_lipschitz(reader, observer, plant.plant, exogenous.generator, H)
     elif file.observer:
         observer = read_incremental(reader, file.observer, augmented, layout.outputs, q)
         if observer.reconstruct:

@@ -7,18 +7,13 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
-from obsdesign.observers.request import Range, SporadicRequest
+from obsdesign.observers.request import INJECTIONS, Range, SporadicRequest
 from obsdesign.spec.document import Loc
 from obsdesign.spec.families import SporadicGains, SporadicObserver
-from obsdesign.spec.observer import read_bound, read_searched, read_slack
+from obsdesign.spec.observer import read_bound, read_searched, read_slack, require_agreement
 from obsdesign.spec.values import Axis, Reader
 
 DELTA = Range(fmpq(1, 100), fmpq(1000), points=40, log=True)  # where the search looks if the spec does not say
-ADMITTED = {  # by each injection; the first is the tightest
-    "dynamic": ("proposition-2", "proposition-3", "proposition-4"),
-    "predictor": ("proposition-2",),
-    "hold": ("proposition-5",),
-}
 STEEP = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 SEARCHED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
@@ -32,17 +27,15 @@ def read_sporadic(reader: Reader, section: SporadicObserver, states: Axis, outpu
     T2 = read_searched(reader, section.T2, (*loc, "T2"), "> 0")
     decay = read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
     require_ordered(reader, T1, T2)
-    injections = listed(section.injection)
     relaxations = listed(section.relaxation)
-    injections, relaxations = paired(reader, injections, relaxations)
     require_ranges(reader, section, T2, decay)
-    return SporadicRequest(
+    request = SporadicRequest(
         type=section.type,
         T1=T1,
         T2=T2,
         decay=decay,
         delta=read_delta(reader, section, decay, relaxations),
-        injections=injections,
+        injections=listed(section.injection) or fitting(relaxations),
         relaxations=relaxations,
         objective=section.objective,
         slack=read_slack(reader, section.slack),
@@ -50,6 +43,8 @@ def read_sporadic(reader: Reader, section: SporadicObserver, states: Axis, outpu
         largest_gamma=read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
         gains=read_gains(reader, section.gains, states, outputs),
     )
+    require_agreement(reader, request)
+    return request
 
 
 def listed(written: str | list[str] | None) -> tuple[str, ...]:
@@ -79,30 +74,10 @@ def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, 
         reader.wrong(("observer", "objective"), "pareto needs a range of T2 or of decay")
 
 
-def paired(
-    reader: Reader, injections: tuple[str, ...], relaxations: tuple[str, ...]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Injections and relaxations of which each belongs to one of the other."""
-    if not injections:
-        injections = tuple(
-            name for name in ("dynamic", "hold") if any(r in ADMITTED[name] for r in relaxations or ADMITTED["dynamic"])
-        )
-    admitted = {name for injection in injections for name in ADMITTED[injection]}
-    for name in relaxations:
-        if name not in admitted:
-            chosen = ", ".join(injections)
-            reader.wrong(("observer", "relaxation"), f"{name} is for another injection than {chosen}; {pairs()}")
-    for injection in injections if reader.clean(("observer", "relaxation")) else ():
-        if relaxations and not set(ADMITTED[injection]) & set(relaxations):
-            reader.wrong(
-                ("observer", "injection"), f"{injection} has none of the relaxations that are listed; {pairs()}"
-            )
-    return injections, relaxations
-
-
-def pairs() -> str:
-    """Which relaxations each injection takes, in words."""
-    return "; ".join(f"{injection} takes {', '.join(names)}" for injection, names in ADMITTED.items())
+def fitting(relaxations: tuple[str, ...]) -> tuple[str, ...]:
+    """Injections where none is named: dynamic, and hold as far as its relaxation is listed."""
+    wanted = relaxations or INJECTIONS["dynamic"]
+    return tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name]) & set(wanted))
 
 
 def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, relaxations: tuple[str, ...]) -> Range:

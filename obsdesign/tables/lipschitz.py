@@ -49,7 +49,11 @@ def compared(row: Mapping[str, Any]) -> str:
         parts.append(f"limit {limit_text(row['limit'])}")
     if "certified" in row:
         parts.append(f"certified {certified(row['certified'])}")
-    return "   ".join([*parts, *(str(row[key]) for key in ("reason",) if key in row)])
+    if row.get("status") in ("refused", "undecided"):
+        parts.append(f"{row['status']}, see the note")
+    elif "reason" in row:
+        parts.append(row["reason"])
+    return "   ".join(parts)
 
 
 def gains(made: Mapping[str, Any]) -> Rows:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from flint import fmpq
 
-from obsdesign.certificate import Certificate, certify
+from obsdesign.certificate import Certificate, certify, lipschitz_claim
 from obsdesign.lmi.formula import Array, Inequality, approximate, identity, printed, rational
 from obsdesign.lmi.proof import Check, prove
-from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.observers.lipschitz import Lipschitz, proportions
 from obsdesign.observers.lipschitz_claim import LipschitzClaim, below, meaning, needed
 from obsdesign.observers.request import Bounds, Range
 from obsdesign.verification.file import ResultFile, Verified
@@ -37,19 +37,13 @@ def verified(file: ResultFile) -> Verified:
         more = read_certificate(file, L, largest, decay, ADMISSIBLE, ADMISSIBLE)
         checks += [replace(check, name=f"admissible: {check.name}") for check in more.checks]
         beyond = largest, more.guarantee
-    made, g = file.spec, certificate.guarantee
-    drive = made.drive if is_disturbed(file) else ""
-    claim = LipschitzClaim(made.lipschitz.lipschitz, lipschitz, g, beyond, drive, made.validity)
+    g = certificate.guarantee
+    claim = lipschitz_claim(file.spec, lipschitz, g, beyond)
     require_consequences(file, claim)
-    level = f", gamma {g.gamma:g}, {meaning(drive)}" if claim.disturbed else ""
+    level = f", gamma {g.gamma:g}, {meaning(claim.drive)}" if claim.drive else ""
     tolerated = f"; constants up to {approximate(beyond[0]):g} are tolerated" if beyond else ""
     words = f"Lipschitz constant {approximate(lipschitz):g}{level}; decay rate {g.alpha:g} 1/s{tolerated}"
     return Verified(words, tuple(checks), certificate, g if claim.covers else None)
-
-
-def is_disturbed(file: ResultFile) -> bool:
-    """Whether the plant has a w, and the claim a gamma."""
-    return bool(file.spec.augmented.B.shape[1])
 
 
 def read_constant(file: ResultFile, *keys: str) -> fmpq:
@@ -66,12 +60,10 @@ def read_certificate(
     """Certificate of a constant and a decay rate, with gamma, mu1 and mu2, P and multipliers where they stand."""
     made, plant = file.spec, file.spec.augmented
     constants = [lipschitz * share for share in proportions(made.lipschitz.lipschitz)]
-    multiplier = lipschitz_multiplier(constants, [(block.nq, block.nf) for block in made.multiplier.blocks])
-    L2 = rational(np.zeros((len(plant.Cq), len(plant.C))))
-    family = Lipschitz(plant, multiplier, made.H, decay, -L, L2)
+    family = Lipschitz.of(plant, made.multiplier, constants, made.H, decay, L)
     values = {"P": file.matrix((plant.n, plant.n), *witness, "P")}
-    values |= file.unknowns(multiplier.unknowns(), *witness, "multipliers")
-    gamma, mu1, mu2 = read_levels(file, claim) if is_disturbed(file) else (fmpq(1),) * 3
+    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    gamma, mu1, mu2 = read_levels(file, claim) if made.disturbed else (fmpq(1),) * 3
     return certify(family, gamma, mu1, mu2, values)
 
 
@@ -133,7 +125,7 @@ def require_admissible(file: ResultFile, lipschitz: fmpq) -> fmpq:
 
 def require_consequences(file: ResultFile, claim: LipschitzClaim) -> None:
     """Hold what follows from the numbers of a claim against what the file says."""
-    if not claim.disturbed and "gamma" in file.table(*GUARANTEE):
+    if not file.spec.disturbed and "gamma" in file.table(*GUARANTEE):
         raise file.wrong("guarantee.gamma", "the plant has no w")
     expected = {"margin": [claim.margin], **({"constants": claim.constants} if len(claim.declared) > 1 else {})}
     for key, numbers in expected.items():

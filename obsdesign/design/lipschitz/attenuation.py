@@ -56,7 +56,7 @@ def least_gamma(study: Study) -> LipschitzDesign:
         if answer.status is not Status.OPTIMAL:
             raise UndecidedError(f"the least gamma within the bounds was not found: {answer.raw}")
         limit = level_of(answer, limit.instead)
-        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": True}
+        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if asked < limit.gamma:
         reason = out_of_reach(asked, limit.gamma, float(study.declared))

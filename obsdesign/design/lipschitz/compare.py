@@ -10,9 +10,10 @@ from obsdesign.design.lipschitz.outcome import LipschitzDesign
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.lmi.formula import approximate
 from obsdesign.observers.lipschitz import RELAXATIONS
+from obsdesign.observers.request import LipschitzRelaxation
 
 
-def compared(design: Callable[[str], LipschitzDesign]) -> LipschitzDesign:
+def compared(design: Callable[[LipschitzRelaxation], LipschitzDesign]) -> LipschitzDesign:
     """Design of the tightest relaxation that has one, with a row for each.
 
     Parameters
@@ -25,7 +26,7 @@ def compared(design: Callable[[str], LipschitzDesign]) -> LipschitzDesign:
     UsageError, UndecidedError
         No relaxation has a design, and for this one that is not because there is none.
     """
-    rows, outcomes = [], []
+    rows, outcomes, notes = [], [], []
     error: UsageError | UndecidedError | None = None
     for relaxation in RELAXATIONS:
         try:
@@ -33,14 +34,17 @@ def compared(design: Callable[[str], LipschitzDesign]) -> LipschitzDesign:
         except (UsageError, UndecidedError) as raised:
             error = error or raised
             status = "refused" if isinstance(raised, UsageError) else "undecided"
-            rows.append({"relaxation": relaxation, "status": status, "reason": raised.problems[0].message})
+            said = [" ".join(problem.message.split()) for problem in raised.problems]
+            rows.append({"relaxation": relaxation, "status": status, "reason": said[0]})
+            notes.append(f"{relaxation} is {status}: {'; '.join(said)}")
             continue
         outcomes.append(made)
         rows.append(row(relaxation, made))
     best = next((made for made in outcomes if made.status == "certified"), None)
     if best is None and error:
         raise error
-    return replace(best or outcomes[0], comparison=tuple(rows))
+    made = best or outcomes[0]
+    return replace(made, comparison=tuple(rows), notes=(*made.notes, *notes))
 
 
 def row(relaxation: str, made: LipschitzDesign) -> dict[str, Any]:

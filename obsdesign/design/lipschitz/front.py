@@ -26,9 +26,9 @@ from obsdesign.lmi.reduce import Reduced, between
 from obsdesign.lmi.solve import Answer, Status, reduction
 from obsdesign.observers.incremental import LARGE, ONE
 from obsdesign.observers.lipschitz import Lipschitz, Theorem4
+from obsdesign.observers.lipschitz_limits import regular
 from obsdesign.observers.request import Bounds
 
-SINGULAR = 1e-6  # ratio of the extreme eigenvalues of a P that counts as singular: the limit is not attained
 GRID = 1 - np.geomspace(1, 1e-3, 16)  # share of the way from the declared constant to the supremum
 ROUNDED = 2e-5  # share of the objective below which gamma^2 is rounding
 UNBOUNDED = 1e4  # times the declared constant, or 1: how far it is searched where there is no supremum
@@ -153,7 +153,7 @@ class Direct(Front):
         certain = (1 - weight) * mu > ROUNDED * answer.objective
         gamma = math.inf if weight == 1 else math.sqrt(mu) if certain else 0.0
         constant = max(self.study.constant_of(answer.values["xi"].item()), self.declared)
-        return Optimum(weight, constant, gamma, regular(answer.values), answer.values)
+        return Optimum(weight, constant, gamma, regular(answer.values["P"]), answer.values)
 
     def solved(self, weight: float, start: Values | None) -> Answer:
         """Optimum for a weight within the bounds."""
@@ -219,7 +219,7 @@ class Searched(Front):
         if weight and self.largest == math.inf and min(costs[best + 1 :], default=math.inf) == math.inf:
             return self.endless(weight, self.gamma(self.grid[best]))
         constant = self.grid[best] if not weight else self.between(weight, best)
-        return Optimum(weight, constant, self.gamma(constant), regular(self.at(constant).values))
+        return Optimum(weight, constant, self.gamma(constant), regular(self.at(constant).values["P"]))
 
     def extreme(self) -> Optimum | Status:
         """Limit for the weight 1."""
@@ -256,12 +256,6 @@ def largest_floor(family: Lipschitz, gamma: float) -> Problem:
         lambda v: [Inequality(LARGE, -v["t"] * family.eye - v["P"])],
         minimise="t",
     )
-
-
-def regular(values: Values) -> bool:
-    """Whether P is regular, so that the limit has a gain."""
-    eigenvalues = np.linalg.eigvalsh(values["P"])
-    return bool(eigenvalues[0] > SINGULAR * eigenvalues[-1])
 
 
 def front(study: Study, bounds: Bounds) -> Front:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
@@ -23,7 +24,6 @@ DIGITS = 6  # of a shipped constant
 
 def largest(study: Study) -> LipschitzDesign:
     """Design for the largest constant within the bounds, and a gamma that its gain has."""
-    refuse(study)
     supremum = largest_constant(study.engine, study.unit, study.relaxation)
     limits: dict[str, Any] = {"limit": {"lipschitz": supremum.value, "attained": supremum.attained}}
     best = supremum.value
@@ -34,25 +34,15 @@ def largest(study: Study) -> LipschitzDesign:
         if found.status is not Status.OPTIMAL:
             raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.raw}")
         best = study.stretch().constant(found)
-        limits["limit_bounded"] = {"lipschitz": best, "attained": True}
+        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
     if best == math.inf:
         raise unlimited(study)
     constant = printed(round_down(best / (1 + study.slack), DIGITS))
     made = study.first(small_gains(study, constant))
     if not made.gains:
         raise UndecidedError(f"no gain was found for the Lipschitz constant {float(constant):g}")
-    notes = () if constant >= study.declared else (short(constant, study.declared),)
-    return LipschitzDesign(made.status, made.gains, made.proved, notes=notes, **limits)
-
-
-def refuse(study: Study) -> None:
-    """Refuse bounds that mean nothing for this objective."""
-    if study.bounds.gamma is not None:
-        raise UsageError("observer.bounds.gamma: max-lipschitz knows no gamma; choose min-gamma or pareto")
-    if study.bounds.floor is not None and study.relaxation == "s-procedure":
-        raise UsageError(
-            "observer.bounds.P: the P of max-lipschitz has no scale in the s-procedure; bound L, or choose norm-bound"
-        )
+    notes = () if constant >= study.declared else (short(study, constant),)
+    return replace(made, notes=notes, **limits)
 
 
 def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Proved | None]]:
@@ -67,11 +57,14 @@ def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Proved | 
         yield -L1, study.proved(-L1, constant)
 
 
-def short(constant: fmpq, declared: fmpq) -> str:
-    """Warning that the constant of f is beyond what is certified."""
+def short(study: Study, constant: fmpq) -> str:
+    """Warning that the constant of f is beyond what is certified, and what may help."""
+    hints = ["ask for a smaller decay"] if study.unit.alpha else []
+    hints += ["allow a larger gain"] if study.restricted else []
+    hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
     return (
-        f"warning: the certified Lipschitz constant {float(constant):g} is below the declared {float(declared):g}: "
-        "nothing is proved of this f"
+        f"warning: the certified Lipschitz constant {float(constant):g} is below the declared "
+        f"{float(study.declared):g}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
     )
 
 

@@ -1,20 +1,23 @@
 """Suprema of the Lipschitz constant over all gains, without the gain; a closed form wherever there is one."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import inf, sqrt
 
+import numpy as np
 from flint import fmpq_mat
 
 from obsdesign.design.engine import Engine
-from obsdesign.lmi.formula import in_floats
+from obsdesign.errors import UndecidedError
+from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.lmi.solve import Status
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
+from obsdesign.observers.incremental import ONE
 from obsdesign.observers.lipschitz import Lipschitz, NormBound
 from obsdesign.observers.lipschitz_limits import Core, Unseen, least_undetecting, norm_of, regular, unstructured
 
-ACCURACY = 1e-10  # of the constant where it is the root of a margin
-ENOUGH = 1e5  # where several blocks have this constant, in the units of the core, they have any
+ACCURACY = 1e-6  # of the constant of several blocks, relative
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
     """Supremum of the constant c for which some gain makes the error converge at the rate of `unit`, without w and z.
 
     It is attained where the storage function of the optimum is regular and the rate is positive (at the rate 0 the
-    inequality is strict).
+    inequality is strict). With several blocks that is not known, as it takes finite scales too, and never claimed.
 
     Parameters
     ----------
@@ -47,64 +50,87 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
 
     Raises
     ------
-    ArithmeticError
+    UndecidedError
         The reduced problem was not solved.
     """
+    if relaxation == "s-procedure":
+        return by_scales(engine, in_floats(unit))
+    limit, whole = theorem2(engine, unit), norm_of(in_floats(unit))
+    if whole or not limit.value:
+        return replace(limit, value=limit.value and limit.value / whole)
+    return Supremum(inf, closed=EVERY)
+
+
+def hides(unit: Lipschitz) -> bool:
+    """Whether a mode is undetectable at the rate of a family in doubles."""
+    return bool(undetectable(unit.plant, unit.multiplier.member, unit.alpha))
+
+
+def theorem2(engine: Engine, unit: Lipschitz) -> Supremum:
+    """Supremum of the constant l of f as a whole."""
     fixed = in_floats(unit)
-    if undetectable(fixed.plant, fixed.multiplier.member, fixed.alpha):
+    if hides(fixed):
         return Supremum(0.0, closed=NONE)
-    return by_scales(engine, fixed) if relaxation == "s-procedure" else by_norms(engine, fixed)
-
-
-def by_norms(engine: Engine, unit: Lipschitz) -> Supremum:
-    """Theorem 2."""
-    unseen, whole = Unseen.of(unit), norm_of(unit)
-    if not unseen.order or not whole:
+    unseen = Unseen.of(fixed)
+    if not unseen.order:
         return Supremum(inf, closed=EVERY)
     if unseen.order == 1:
-        attained = unit.alpha > 0 and not unseen.W.any()
-        return Supremum(unseen.closed / whole, attained, "(|w| - nu'w) / 2, C nu = 0, w = (A + decay I) nu")
+        attained = fixed.alpha > 0 and not unseen.W.any()
+        return Supremum(unseen.closed, attained, "(|w| - nu'w) / 2, C nu = 0, w = (A + decay I) nu")
     answer = engine.minimise(unseen.problem())
     solved(answer.status)
-    return Supremum(max(-answer.objective / 2 / whole, 0.0), unit.alpha > 0 and unseen.regular(answer.values))
+    return Supremum(max(-answer.objective / 2, 0.0), fixed.alpha > 0 and unseen.regular(answer.values))
 
 
 def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
-    """S-procedure."""
+    """S-procedure; several scales are those of a larger constant, as long as there is one."""
+    if hides(unit):
+        return Supremum(0.0, closed=NONE)
     core = Core.of(unit)
-    if core.unlimited:
+    if not core.shares:
         return Supremum(inf, closed=EVERY)
-    if len(core.sizes) > 1:
-        return Supremum(root(engine, core, by_norms(engine, unit).value))
-    if len(core.system.A) == 1:
-        value, positive = core.closed
-        return Supremum(value, unit.alpha > 0 and positive, "least size of a linear f that hides a mode")
-    answer = engine.minimise(core.problem())
+    attainable = unit.alpha > 0 and len(unit.multiplier.blocks) == 1
+    if len(core.shares) == len(core.system.A) == 1:
+        value, decays = core.closed
+        return Supremum(value, attainable and decays, "least size of a linear f that hides a mode")
+    answer = engine.minimise(core.largest([ONE] * len(core.shares)))
     solved(answer.status)
-    return Supremum(core.scale * sqrt(max(-answer.objective, 0.0)), unit.alpha > 0 and regular(answer.values["P"]))
+    value = core.constant(answer.objective)
+    if len(core.shares) > 1:
+        return Supremum(widened(engine, core, value))
+    return Supremum(value, attainable and regular(answer.values["P"]))
 
 
-def root(engine: Engine, core: Core, known: float) -> float:
-    """Constant at which the margin of several blocks vanishes, above one that is known to do."""
-    from scipy.optimize import brentq
+def with_scales(engine: Engine, core: Core, scales: Sequence[Array]) -> float:
+    """Largest constant for scales; 0 if it was not found."""
+    answer = engine.minimise(core.largest(scales / np.max(scales)))
+    return core.constant(answer.objective) if answer.status is Status.OPTIMAL else 0.0
 
-    def excess(constant: float) -> float:
-        answer = engine.minimise(core.excess(constant))
-        solved(answer.status)
-        return answer.objective - 1
 
-    low, high = 0.9 * known, 2 * known or core.scale
-    while excess(high) < 0:
-        if high > ENOUGH * core.scale:
-            return inf
-        high *= 4
-    return float(brentq(excess, low, high, xtol=ACCURACY * high, rtol=ACCURACY))
+def widened(engine: Engine, core: Core, value: float) -> float:
+    """Largest constant of several blocks over their scales, from that for equal scales.
+
+    As long as some scales admit a larger constant, the largest for the most central of them; phase I proposes them, and
+    what it says is not believed without that.
+    """
+    step = ACCURACY
+    while value:
+        wider = engine.widest(core.admissible(value * (1 + step)))
+        scales = [wider.values[name] for name in core.scales] if wider.status is Status.OPTIMAL else []
+        better = with_scales(engine, core, scales) if scales else 0.0
+        if better > value * (1 + step / 2):
+            value, step = better, min(8 * step, 1.0)
+        elif step > ACCURACY:
+            step = max(step / 64, ACCURACY)
+        else:
+            break
+    return value
 
 
 def solved(status: Status) -> None:
     """Refuse an answer that is none."""
     if status is not Status.OPTIMAL:
-        raise ArithmeticError("the reduced problem of the largest Lipschitz constant was not solved")
+        raise UndecidedError("the largest Lipschitz constant over all gains was not found: its problem was not solved")
 
 
 def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supremum:
@@ -114,18 +140,16 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
     whatever B and D are: P <= (1 - h) / (2 l) I leaves a < (1 - h) g / l, and H'H + ((l + 1 / l) / 2 - a) I < 0. There
     is none unless h < 1 and 2 (1 - h) g > 1. It is not attained. In the other relaxations gamma has no part in it.
     """
-    supremum = largest_constant(engine, unit, relaxation)
     if relaxation != "abbaszadeh":
-        return supremum
-    fixed = in_floats(unit)
-    whole, h = norm_of(fixed), seen(fixed)
-    if h >= 1 or supremum.value == 0:
-        return Supremum(0.0, closed="sigma(H) >= 1" if h >= 1 else supremum.closed)
-    if supremum.value == inf:
-        return supremum
-    excess = 2 * (1 - h) * supremum.value * whole - 1
-    value = excess / (h + sqrt(h * h + excess)) if excess > 0 else 0.0
-    return Supremum(value / whole, closed=GAMMA + (supremum.closed or "limit of Theorem 2"))
+        return largest_constant(engine, unit, relaxation)
+    limit, whole, h = theorem2(engine, unit), norm_of(in_floats(unit)), seen(in_floats(unit))
+    if h >= 1 or not limit.value:
+        return Supremum(0.0, closed="sigma(H) >= 1" if h >= 1 else limit.closed)
+    excess = 2 * (1 - h) * limit.value - 1
+    if excess > 0 and (limit.value == inf or not whole):
+        return Supremum(inf, closed=EVERY)
+    value = excess / (h + sqrt(h * h + excess)) / whole if excess > 0 else 0.0
+    return Supremum(value, closed=GAMMA + (limit.closed or "limit of Theorem 2"))
 
 
 def seen(unit: Lipschitz) -> float:

@@ -1,13 +1,15 @@
 """What comes of a request for an observer of a Lipschitz system."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from flint import fmpq
 
 from obsdesign.certificate import Certificate
 from obsdesign.diagnosis.words import Diagnosis
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.observers.lipschitz_claim import needed
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,15 @@ class LipschitzDesign:
     notes: tuple[str, ...] = ()
     solves: int = 0
     time_s: float = 0.0
+
+    @classmethod
+    def of(cls, L: Array, proved: Proved | None, **further: Any) -> Self:
+        """Design of a gain, in rationals, with a proof or without."""
+        return cls("certified" if proved else "uncertified", {"L": in_floats(L)}, proved, **further)
+
+    def covers(self, declared: Sequence[fmpq]) -> bool:
+        """Whether what is proved is about an f with the declared constants."""
+        return bool(self.proved and self.proved.lipschitz >= needed(declared))
 
     @property
     def certificate(self) -> Certificate | None:

@@ -14,7 +14,7 @@ from obsdesign.design.gain import size_of
 from obsdesign.design.lipschitz.attenuation import small_gains
 from obsdesign.design.lipschitz.front import Front, Optimum, front, weighted
 from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
-from obsdesign.design.lipschitz.reasons import gate, too_small
+from obsdesign.design.lipschitz.reasons import too_small
 from obsdesign.design.lipschitz.study import Study
 from obsdesign.design.zero import ROUNDED, SHARE, SUSPECT
 from obsdesign.errors import UndecidedError
@@ -74,7 +74,7 @@ def weighed(study: Study) -> LipschitzDesign:
         if inside is Status.INFEASIBLE:
             return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
         best = certain(inside, weight)
-        limits["limit_bounded"] = {**best.numbers, "attained": True}
+        limits["limit_bounded"] = {**best.numbers, "attained": study.closed}
     aim = goal(searched, best)
     made = study.first(small_gains(study, searched.family(float(aim.constant)), aim.constant, aim.gamma))
     if not made.gains:
@@ -133,7 +133,7 @@ class Spot:
 def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> LipschitzDesign:
     """Certified points for weights and decays; the knee of the curve at the least decay that has one is shipped."""
     if len(decays) == 1:
-        blocked = gate(study.engine, study.unit, study.request, study.relaxation)
+        blocked = study.obstacle()
         if blocked:
             return LipschitzDesign("infeasible", diagnosis=blocked)
     curves = []
@@ -151,8 +151,7 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Li
         f"shipped: the knee of the curve at the decay {best.decay:g}, weight {best.weight:g}, where gamma over the "
         "largest of the curve and the least lipschitz of the curve over lipschitz have the least sum"
     )
-    gains = {"L": in_floats(best.L)}
-    return LipschitzDesign("certified", gains, best.proved, limit=best.optimum.numbers, points=points, notes=(note,))
+    return LipschitzDesign.of(best.L, best.proved, limit=best.optimum.numbers, points=points, notes=(note,))
 
 
 def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> LipschitzDesign:
@@ -165,14 +164,14 @@ def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> LipschitzDesign:
     """
     if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
-    blocked = gate(study.engine, study.unit, study.request, study.relaxation)
+    blocked = study.obstacle()
     return LipschitzDesign("infeasible", diagnosis=blocked or too_small(study.bounds))
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
     """Points of one decay, corners marked."""
     decay = float(study.unit.alpha)
-    if gate(study.engine, study.unit, study.request, study.relaxation):
+    if study.obstacle():
         yield from (Spot(float(weight), decay) for weight in weights)
         return
     line = front(study, study.bounds)

@@ -7,7 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz.limits import ceiling, largest_constant, largest_for_gamma, seen
+from obsdesign.design.lipschitz.limits import ceiling, largest_constant, largest_for_gamma, seen, theorem2
 from obsdesign.diagnosis.words import Diagnosis, described
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
@@ -73,9 +73,7 @@ def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagno
 
 def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagnosis:
     """Answer that Theorems 3 and 4 have no solution for any constant; empty if they have."""
-    fixed = in_floats(unit)
-    h, whole = seen(fixed), norm_of(fixed)
-    best = largest_constant(engine, unit, "abbaszadeh").value * whole if whole else inf
+    h, best = seen(in_floats(unit)), theorem2(engine, unit).value
     room = 2 * (1 - h) * best
     if h < 1 < room:
         return {}

@@ -1,6 +1,5 @@
 """One request for an observer of a Lipschitz system, in the numbers of the design."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -13,15 +12,18 @@ from obsdesign.design.claim import DIGITS, best_claim, claim
 from obsdesign.design.decimals import square_below
 from obsdesign.design.engine import Engine
 from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.design.lipschitz.reasons import gate
 from obsdesign.design.lipschitz.stretch import Stretch
+from obsdesign.diagnosis.words import Diagnosis
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
-from obsdesign.observers.lipschitz import Lipschitz, NormBound, Theorem3
-from obsdesign.observers.request import Bounds, LipschitzRequest
+from obsdesign.observers.lipschitz import KINDS, Lipschitz, NormBound
+from obsdesign.observers.lipschitz_claim import needed
+from obsdesign.observers.lipschitz_limits import norm_of
+from obsdesign.observers.request import Bounds, LipschitzRelaxation, LipschitzRequest
 
 K = TypeVar("K", bound=Lipschitz)
-KINDS: dict[str, type[Lipschitz]] = {"s-procedure": Lipschitz, "norm-bound": NormBound, "abbaszadeh": Theorem3}
 
 
 @dataclass(frozen=True)
@@ -33,17 +35,17 @@ class Study:
 
     engine: Engine
     unit: Lipschitz  # the s-procedure for the constant 1, in rationals; L1 is free
-    request: LipschitzRequest
-    relaxation: str  # not compare
+    request: LipschitzRequest  # of one relaxation
+
+    @property
+    def relaxation(self) -> LipschitzRelaxation:
+        """One of `RELAXATIONS`."""
+        return self.request.relaxation
 
     @property
     def declared(self) -> fmpq:
-        """Smallest decimal that a file can hold and that is not below the declared constant."""
-        constant = max(self.request.lipschitz)
-        decimal = float(constant)
-        while printed(decimal) < constant:
-            decimal = math.nextafter(decimal, math.inf)
-        return printed(decimal)
+        """Declared constant, as far as a file can hold it."""
+        return needed(self.request.lipschitz)
 
     @property
     def weight(self) -> fmpq:
@@ -68,22 +70,31 @@ class Study:
         return self.bounds.L1 is not None or self.bounds.floor is not None
 
     @property
+    def closed(self) -> bool:
+        """Whether a gain within bounds attains a positive limit: at the decay 0 the inequality is strict."""
+        return bool(self.unit.alpha > 0)
+
+    @property
     def disturbed(self) -> bool:
-        """Whether there is a w, and a z on which it acts."""
-        return bool(self.unit.plant.B.shape[1] and self.unit.H.shape[0])
+        """Whether there is a w; otherwise gamma means nothing."""
+        return bool(self.unit.plant.B.shape[1])
+
+    def obstacle(self) -> Diagnosis:
+        """Why no gain will do, as far as it is seen before any search; empty if nothing stands in the way."""
+        return gate(self.engine, self.unit, self.request, self.relaxation)
 
     def constant_of(self, xi: float) -> float:
         """Constant of a l = 1 / xi for f as a whole."""
-        return 1 / (recast(in_floats(self.unit), NormBound).lipschitz * xi)
+        return 1 / (norm_of(in_floats(self.unit)) * xi)
 
     def attenuation(self, constant: float, kind: type[Lipschitz] | None = None, L: Array | None = None) -> Lipschitz:
         """Inequalities of the relaxation with w and z for a constant, in doubles; for a gain in rationals, or any."""
         family = replace(recast(self.unit, kind or KINDS[self.relaxation]), L1=None if L is None else -L)
         return in_floats(family).stretched(constant)
 
-    def stretch(self, L: Array | None = None, relaxation: str = "") -> Stretch:
+    def stretch(self, L: Array | None = None) -> Stretch:
         """Search for the largest constant, without w and z, for a gain or over all."""
-        kind = Lipschitz if (relaxation or self.relaxation) == "s-procedure" else NormBound
+        kind = Lipschitz if self.relaxation == "s-procedure" else NormBound
         return Stretch(self.engine, in_floats(replace(recast(self.unit, kind), L1=None if L is None else -L).silent()))
 
     def proved(
@@ -125,15 +136,15 @@ class Study:
             return {name: values[name] for name in names}
         fixed = in_floats(family)
         into = float(np.linalg.norm(fixed.plant.Bf, 2))
-        whole = recast(fixed, NormBound)
-        scale = np.linalg.norm(values["P"], 2) * into**2 / whole.lipschitz if whole.lipschitz else 1.0
+        whole = norm_of(fixed)
+        scale = np.linalg.norm(values["P"], 2) * into**2 / whole if whole else 1.0
         return {name: np.array([[scale]]) for name in names}
 
     def first(self, candidates: Iterable[tuple[Array, Proved | None]]) -> LipschitzDesign:
         """The first gain with a proof; or else the last one, uncertified."""
         made = LipschitzDesign("uncertified")
         for L, proved in candidates:
-            made = LipschitzDesign("certified" if proved else "uncertified", {"L": in_floats(L)}, proved)
+            made = LipschitzDesign.of(L, proved)
             if proved:
                 break
         return made

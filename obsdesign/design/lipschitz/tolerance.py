@@ -41,8 +41,7 @@ def largest_of(study: Study, L: Array) -> LipschitzDesign:
     best = largest_constant(study.engine, study.unit, study.relaxation)
     limit = {"lipschitz": best.value, "attained": best.attained}
     notes = (ANY,) if found == math.inf else ()
-    status = "certified" if proved else "uncertified"
-    return LipschitzDesign(status, {"L": in_floats(L)}, proved, limit=limit, notes=notes)
+    return LipschitzDesign.of(L, proved, limit=limit, notes=notes)
 
 
 def gamma_of(study: Study, L: Array) -> LipschitzDesign:
@@ -58,16 +57,15 @@ def gamma_of(study: Study, L: Array) -> LipschitzDesign:
     family = study.attenuation(float(constant))
     limit = settled(study.engine, family, study.engine.minimise(family.least_gamma()))
     best = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-    status = "certified" if proved else "uncertified"
-    made = LipschitzDesign(status, {"L": in_floats(L)}, proved, limit={**best, "attained": best.get("gamma") == 0})
-    return replace(made, admissible=more(study, L, proved))
+    limits = {**best, "attained": best.get("gamma") == 0}
+    return LipschitzDesign.of(L, proved, limit=limits, admissible=more(study, L, proved))
 
 
 def more(study: Study, L: Array, proved: Proved | None) -> Proved | None:
     """Largest constant, above one that is proved, that the s-procedure proves of gains, with a gamma of its own."""
     if proved is None:
         return None
-    _, found = tolerated(replace(study, relaxation="s-procedure"), L)
+    _, found = tolerated(replace(study, request=replace(study.request, relaxation="s-procedure")), L)
     return found if found and found.lipschitz > proved.lipschitz else None
 
 

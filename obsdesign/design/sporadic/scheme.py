@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from obsdesign.design.sporadic.landscape import Form
-from obsdesign.errors import UsageError
-from obsdesign.observers.request import SporadicRequest
+from obsdesign.observers.request import SporadicRequest, require_agreement
 from obsdesign.observers.sporadic import Sporadic
 from obsdesign.observers.sporadic_relaxations import Predictor, Proposition2, Reduced
 from obsdesign.observers.sporadic_slack import Held, Proposition3, Proposition4, Proposition5
@@ -32,8 +31,6 @@ SCHEMES = (
     Scheme("predictor", "proposition-2", Predictor, Predictor, Predictor),
     Scheme("hold", "proposition-5", Held, Held, Proposition5),
 )
-TIGHTEST = {"dynamic": "proposition-2", "predictor": "proposition-2", "hold": "proposition-5"}
-WIDER = {"dynamic": ("dynamic", "hold"), "predictor": ("predictor",), "hold": ("hold",)}  # H = 0 is one of any H
 
 
 def schemes(request: SporadicRequest) -> tuple[Scheme, ...]:
@@ -44,15 +41,5 @@ def schemes(request: SporadicRequest) -> tuple[Scheme, ...]:
     UsageError
         A relaxation fits none of the injections, or an injection none of the relaxations.
     """
-    chosen: list[Scheme] = []
-    for injection in request.injections:
-        wanted = request.relaxations or (TIGHTEST[injection],)
-        fitting = [s for name in wanted for s in SCHEMES if s.relaxation == name and s.injection in WIDER[injection]]
-        if not fitting:
-            needed = TIGHTEST[injection]
-            raise UsageError(f"observer.relaxation: {', '.join(wanted)} is not for injection {injection}; use {needed}")
-        chosen += [scheme for scheme in fitting if scheme not in chosen]
-    unused = [name for name in request.relaxations if name not in {s.relaxation for s in chosen}]
-    if unused:
-        raise UsageError(f"observer.relaxation: {unused[0]} is not for injection {', '.join(request.injections)}")
-    return tuple(chosen)
+    require_agreement(request)
+    return tuple(s for pair in request.pairs for s in SCHEMES if (s.injection, s.relaxation) == pair)

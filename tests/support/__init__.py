@@ -1,0 +1,1 @@
+"""What test files share: problems, specs, and helpers to build, run and forge them."""

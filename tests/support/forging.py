@@ -1,0 +1,40 @@
+"""Result files with other numbers in them, as one would forge them."""
+
+import hashlib
+from fractions import Fraction
+
+
+def at(content, keys):
+    """Entry at a path of keys."""
+    for key in keys:
+        content = content[key]
+    return content
+
+
+def put(content, keys, value):
+    """Replace the entry at a path of keys."""
+    at(content, keys[:-1])[keys[-1]] = value
+    return content
+
+
+def scaled(content, keys, factor):
+    """Multiply the number at a path of keys, or every entry of a list or matrix there; texts are exact numbers."""
+
+    def times(x):
+        if isinstance(x, list):
+            return [times(y) for y in x]
+        return str(Fraction(x) * Fraction(factor)) if isinstance(x, str) else x * float(Fraction(factor))
+
+    return put(content, keys, times(at(content, keys)))
+
+
+def with_spec(content, old, new):
+    """A content whose spec is changed, and whose hash says so."""
+    assert content["spec"]["text"].count(old) == 1
+    return with_text(content, content["spec"]["text"].replace(old, new))
+
+
+def with_text(content, text):
+    """A content with another spec, and its hash."""
+    content["spec"] |= {"text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+    return content

@@ -1,0 +1,68 @@
+"""Results of Lipschitz systems made by hand, of gains that are given, so that nothing is searched."""
+
+import json
+
+import numpy as np
+
+from obsdesign.artifacts import result, to_json
+from obsdesign.design.claim import claim
+from obsdesign.design.engine import Engine
+from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.lmi.formula import printed, rational
+from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.spec import loads
+
+PAIR = """
+obsdesign: 1
+name: Pair
+system: {A: [[0, 1], [-1, -1]], B: [[1, 0], [1, 0]], C: [1, 0], D: [[0, 0.2]]}
+nonlinearities:
+  - {type: {lipschitz: 0.3}, Bf: [0, 1], Cq: [1, 0]}
+  - {type: {lipschitz: 0.1}, Bf: [0, 1], Cq: [0, 1]}
+performance: {H: [[0.5, 0], [0, 0.5]]}
+observer: {type: lipschitz, objective: min-gamma, decay: 0.05}
+"""
+QUIET = """
+obsdesign: 1
+name: Quiet
+system: {A: [[0, 1], [-1, -1]], C: [1, 0]}
+nonlinearities: [{type: {lipschitz: 0.4}}]
+observer: {type: lipschitz, decay: 0.05}
+"""
+FRONT = """
+obsdesign: 1
+name: Front
+system: {A: [[0, 1], [-1, -1]], B: [1, 1], C: [1, 0], D: [0.2]}
+nonlinearities: [{type: {lipschitz: 0.4}}]
+performance: {H: [[0.5, 0], [0, 0.5]]}
+observer: {type: lipschitz, objective: pareto, weight: 0.9, decay: {min: 0.01, max: 0.1}}
+"""
+L = np.array([[1.0], [0.5]])
+QUIET_L = np.array([[4.0], [4.0]])
+
+
+def proof(spec, lipschitz, gamma, gain, decay):
+    """A constant that a gain is proved to tolerate, with gamma."""
+    plant, request = spec.augmented, spec.lipschitz
+    constants = [lipschitz * share for share in proportions(request.lipschitz)]
+    multiplier = lipschitz_multiplier(constants, [(block.nq, block.nf) for block in spec.multiplier.blocks])
+    L2 = rational(np.zeros((len(plant.Cq), len(plant.C))))
+    family = Lipschitz(plant, multiplier, spec.H, printed(decay), -printed(gain), L2)
+    certificate = claim(Engine(), family, gamma)
+    assert certificate is not None
+    assert certificate.holds
+    return Proved(lipschitz, certificate)
+
+
+def designed(text, lipschitz, gamma=1.0, gain=L, admissible=None, decay=0.05):
+    """A spec and a gain, with the constant and gamma that are claimed of it."""
+    spec = loads(text, "by-hand.yaml")
+    larger = proof(spec, *admissible, gain, decay) if admissible else None
+    proved = proof(spec, lipschitz, gamma, gain, decay)
+    limit = {"lipschitz": float("inf"), "attained": False}
+    return spec, LipschitzDesign("certified", {"L": gain}, proved, larger, limit)
+
+
+def made(*arguments, **options):
+    """Result of such a gain."""
+    return json.loads(to_json(result(*designed(*arguments, **options), "clarabel")))
