@@ -92,7 +92,7 @@ def certify(
 def rate(family: Incremental) -> Check:
     """Whether the decay rate is positive, or not negative where the family allows zero."""
     allowed = family.alpha >= 0 if family.still else family.alpha > 0
-    return Check("alpha >= 0" if family.still else "alpha > 0", allowed, approximate(family.alpha))
+    return Check("decay >= 0" if family.still else "alpha > 0", allowed, approximate(family.alpha))
 
 
 @dataclass(frozen=True)

@@ -180,7 +180,7 @@ class StateFunction:
         return np.asarray(in_floats(self.Bf) @ np.moveaxis(J, -1, 0) @ in_floats(self.Cq))
 
     def best(self, identity: Scaling) -> tuple[fmpq, ...]:
-        """T with the largest ratio that Nelder and Mead's search finds, in 3 digits; the identity if it is as good."""
+        """T with the largest ratio that the search of Nelder and Mead finds from the identity, in 3 digits."""
         from scipy.optimize import minimize
 
         free = len(identity.T) - 1
@@ -203,15 +203,14 @@ class StateFunction:
                 "fatol": 1e-3,
             },
         )
-        rounded = [fmpq(1), *(rational_number(f"{t:.3g}") for t in np.exp(found.x))]
-        return tuple(rounded) if found.fun < loss(np.zeros(free)) else identity.T
+        return fmpq(1), *(rational_number(f"{t:.3g}") for t in np.exp(found.x))
 
     def sampled_ratio(self, T: Array) -> float:
         """Admissible to sampled constant; 0 where the first is not known."""
         actual = np.linalg.norm(T[:, None] * self.samples / T, 2, axis=(1, 2)).max()
         try:
             return float(self.admissible(T) / actual)
-        except ArithmeticError:
+        except UndecidedError:
             return 0.0
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -380,13 +381,21 @@ def test_a_dash_prints_the_file_and_nothing_else():
     assert files() == ["quiet.json", "spec.yaml"]
 
 
-@pytest.mark.parametrize(("raised", "code"), [(KeyboardInterrupt, 130), (None, 4)])
-def test_a_design_that_is_stopped_leaves_nothing_behind(monkeypatch, raised, code):
-    if raised:
-        monkeypatch.setattr(
-            "obsdesign.design.lipschitz.designer.Designer.outcome", lambda _: (_ for _ in ()).throw(raised)
-        )
-    outcome, content = solved(SPEC, *(() if raised else ("--timeout", "0.002")))
+def interrupted(_):
+    """A design that the user stops."""
+    raise KeyboardInterrupt
+
+
+def endless(_):
+    """A design that takes for ever."""
+    while True:
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(("outcome_of", "code"), [(interrupted, 130), (endless, 4)])
+def test_a_design_that_is_stopped_leaves_nothing_behind(monkeypatch, outcome_of, code):
+    monkeypatch.setattr("obsdesign.design.lipschitz.designer.Designer.outcome", outcome_of)
+    outcome, content = solved(SPEC, "--timeout", "1")
     assert outcome.exit_code == code
     assert len(outcome.stderr.splitlines()) == 1
     assert content is None
