@@ -1,4 +1,4 @@
-"""What the structure of a spec allows, before any matrix inequality."""
+"""What a spec allows, before any design."""
 
 from math import isfinite
 from typing import Any
@@ -6,16 +6,18 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.design.lipschitz.limits import cancels, ceiling
+from obsdesign.design.engine import Engine
+from obsdesign.design.lipschitz.limits import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.design.sporadic.reasons import hiding_interval
 from obsdesign.diagnosis.stiffness import failing_passivity, too_stiff
+from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import invariant_zeros
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, undetectable
 from obsdesign.observers import FAMILIES
-from obsdesign.observers.lipschitz import Lipschitz, proportions
+from obsdesign.observers.lipschitz import RELAXATIONS, Lipschitz, proportions
 from obsdesign.observers.request import LipschitzRequest, Range, SporadicRequest
 from obsdesign.spec.model import Spec
 
@@ -67,7 +69,26 @@ def lipschitz(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:
         below = declared < most
         said = f"a linear f of the constant {most:.6g} hides a mode, and the declared one is {declared:g}"
         found.append(finding("ceiling", below, said, decides=levels, ceiling=most))
+    if all(f["holds"] for f in found if f["decides"]):
+        found += suprema(unit, request)
     return [*found, *(attenuation(spec, request) if plant.B.shape[1] else [])]
+
+
+def suprema(unit: Lipschitz, request: LipschitzRequest) -> list[dict[str, Any]]:
+    """Suprema of the constants for which each relaxation has a gain, and a gamma where that is asked for."""
+    engine, declared, found = Engine(), float(max(request.lipschitz)), []
+    levels = request.objective != "max-lipschitz"
+    asked = RELAXATIONS[0] if request.relaxation == "compare" else request.relaxation
+    for relaxation in RELAXATIONS:
+        try:
+            most = (largest_for_gamma if levels else largest_constant)(engine, unit, relaxation).value
+        except UndecidedError:
+            continue
+        bound, numbers = (f"below {most:.8g}", {"supremum": most}) if isfinite(most) else ("of any size", {})
+        said = f"{relaxation}: there are gains for constants {bound}, and the declared one is {declared:g}"
+        decides = levels and relaxation == asked
+        found.append(finding(f"supremum, {relaxation}", declared < most, said, decides=decides, **numbers))
+    return found
 
 
 def attenuation(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:

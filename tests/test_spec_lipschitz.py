@@ -376,6 +376,26 @@ def test_a_constant_above_the_ceiling_rules_a_guaranteed_gamma_out(objective, po
     assert report["possible"] is possible
 
 
+SUPREMA = {"s-procedure": 1.118034, "norm-bound": 0.80901699, "abbaszadeh": 0.27538128}
+
+
+@pytest.mark.parametrize("relaxation", SUPREMA)
+def test_the_suprema_of_all_relaxations_are_found_and_that_of_the_chosen_one_decides(relaxation):
+    report = examine(spec_of(SAME, f"decay: 0.5, objective: min-gamma, relaxation: {relaxation}", constant=0.4167))
+    found = {f["name"]: f for f in report["findings"]}
+    for name, value in SUPREMA.items():
+        assert found[f"supremum, {name}"]["supremum"] == pytest.approx(value, rel=1e-6)
+        assert found[f"supremum, {name}"]["decides"] is (name == relaxation)
+    assert report["possible"] is (relaxation != "abbaszadeh")
+
+
+def test_a_constant_that_may_be_of_any_size_has_no_supremum():
+    found = findings(spec_of("{A: [[0, 1], [-1, -1]], C: [[1, 0], [0, 1]]}", "decay: 0"))["supremum, s-procedure"]
+    assert found["holds"]
+    assert "of any size" in found["sentence"]
+    assert "supremum" not in found
+
+
 def test_a_gain_that_cancels_w_is_found():
     assert findings(spec_of(SAME, "decay: 0"))["L D = B"]["holds"]
     assert not findings(spec_of(OWN, "decay: 0"))["L D = B"]["holds"]
