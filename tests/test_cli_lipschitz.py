@@ -2,13 +2,12 @@
 
 import json
 import math
-import time
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.commands import files, run
+from support.commands import endless, files, run
 
 from obsdesign.lmi.formula import in_floats
 from obsdesign.spec import load
@@ -384,12 +383,6 @@ def test_a_dash_prints_the_file_and_nothing_else():
 def interrupted(_):
     """A design that the user stops."""
     raise KeyboardInterrupt
-
-
-def endless(_):
-    """A design that takes for ever."""
-    while True:
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize(("outcome_of", "code"), [(interrupted, 130), (endless, 4)])

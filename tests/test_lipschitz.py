@@ -505,8 +505,8 @@ def test_the_limits_do_not_depend_on_orthogonal_coordinates_and_scale_with_the_u
     faster = plant(rate * in_floats(system).A, in_floats(system).C)
     for relaxation in ("norm-bound", "s-procedure"):
         value = supremum(system, 0.1, relaxation)
-        assert supremum(turned(system, seed), 0.1, relaxation) == pytest.approx(value, rel=1e-6)
-        assert supremum(faster, 0.1 * rate, relaxation) == pytest.approx(rate * value, rel=1e-6)
+        assert supremum(turned(system, seed), 0.1, relaxation) == pytest.approx(value, rel=1e-5)
+        assert supremum(faster, 0.1 * rate, relaxation) == pytest.approx(rate * value, rel=1e-5)
     assert ceiling(unit(faster, 0.1 * rate)) == pytest.approx(rate * ceiling(unit(system, 0.1)), rel=1e-8)
 
 
@@ -516,8 +516,8 @@ def test_no_relaxation_exceeds_a_tighter_one_nor_the_ceiling(seed, k, ny, decay)
     system = drawn(np.random.default_rng(seed), k + max(ny, 1), k)
     decay = round(decay, 2)
     most, (tight, norm, paper) = ceiling(unit(system, decay)), [supremum(system, decay, name) for name in RELAXATIONS]
-    assert paper == norm <= tight * (1 + 1e-6)
-    assert tight <= most * (1 + 1e-6)
+    assert paper == norm <= tight * (1 + 1e-5)
+    assert tight <= most * (1 + 1e-5)
 
 
 @pytest.mark.parametrize("seed", range(6))

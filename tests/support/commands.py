@@ -1,5 +1,6 @@
 """The command line, run within the process."""
 
+import time
 from pathlib import Path
 
 from typer.testing import CliRunner
@@ -17,6 +18,12 @@ def run(*arguments):
 def files(folder="."):
     """Names in a folder, hidden ones too."""
     return sorted(p.name for p in Path(folder).iterdir())
+
+
+def endless(_):
+    """A design that takes for ever, in place of the outcome of a designer."""
+    while True:
+        time.sleep(0.01)
 
 
 def result_of(folder, text, name="spec"):
