@@ -8,7 +8,11 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices, two cores
 
 import pytest
+from hypothesis import settings
 from support.commands import result_of, run
+
+settings.register_profile("repeatable", derandomize=True)  # HYPOTHESIS_PROFILE=default looks elsewhere each time
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 LIMIT = 2.0  # seconds of processor time within which any result file is answered
 
