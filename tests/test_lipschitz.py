@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are
+from support.plants import plant, zeros
 
 from obsdesign.design.engine import Engine
 from obsdesign.design.lipschitz.limits import cancels, ceiling, largest_constant, largest_for_gamma
@@ -16,7 +17,6 @@ from obsdesign.design.lipschitz.reasons import gate, out_of_reach, too_small, us
 from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, he, in_floats, rational, rational_number
 from obsdesign.lmi.solve import Answer, Status
-from obsdesign.model.plant import Plant
 from obsdesign.observers.lipschitz import (
     RELAXATIONS,
     Lipschitz,
@@ -30,33 +30,6 @@ from obsdesign.observers.request import Bounds, LipschitzRequest
 
 ROOT2 = math.sqrt(2)
 HALF = "0.5"
-
-
-def zeros(*shape):
-    return rational(np.zeros(shape))
-
-
-def plant(A, C, B=None, D=None, Bf=None, Cq=None):
-    n, ny = len(A), len(C)
-    B = zeros(n, 0) if B is None else rational(B)
-    D = zeros(ny, B.shape[1]) if D is None else rational(D)
-    Bf, Cq = (rational(np.eye(n) if X is None else X) for X in (Bf, Cq))
-    nf, nq, nw = Bf.shape[1], len(Cq), B.shape[1]
-    names = tuple(f"x{i + 1}" for i in range(n))
-    return Plant(
-        rational(A),
-        Bf,
-        B,
-        Cq,
-        zeros(nq, nf),
-        zeros(nq, nw),
-        rational(C),
-        zeros(ny, nf),
-        D,
-        names,
-        ("w",) * nw,
-        ("y",) * ny,
-    )
 
 
 def family(cls, system, constant, decay, H=HALF, sizes=None):
@@ -499,14 +472,15 @@ def turned(system, seed):
 
 
 @settings(max_examples=15, deadline=None)
+@example(14946, 2, 0.01)  # a constant that is small beside the data
 @given(st.integers(0, 10**6), st.integers(1, 2), st.sampled_from([0.01, 3.0, 500.0]))
 def test_the_limits_do_not_depend_on_orthogonal_coordinates_and_scale_with_the_unit_of_time(seed, k, rate):
     system = drawn(np.random.default_rng(seed), k + 1, k)
     faster = plant(rate * in_floats(system).A, in_floats(system).C)
     for relaxation in ("norm-bound", "s-procedure"):
         value = supremum(system, 0.1, relaxation)
-        assert supremum(turned(system, seed), 0.1, relaxation) == pytest.approx(value, rel=1e-5)
-        assert supremum(faster, 0.1 * rate, relaxation) == pytest.approx(rate * value, rel=1e-5)
+        assert supremum(turned(system, seed), 0.1, relaxation) == pytest.approx(value, rel=1e-6)
+        assert supremum(faster, 0.1 * rate, relaxation) == pytest.approx(rate * value, rel=1e-6)
     assert ceiling(unit(faster, 0.1 * rate)) == pytest.approx(rate * ceiling(unit(system, 0.1)), rel=1e-8)
 
 
@@ -516,8 +490,8 @@ def test_no_relaxation_exceeds_a_tighter_one_nor_the_ceiling(seed, k, ny, decay)
     system = drawn(np.random.default_rng(seed), k + max(ny, 1), k)
     decay = round(decay, 2)
     most, (tight, norm, paper) = ceiling(unit(system, decay)), [supremum(system, decay, name) for name in RELAXATIONS]
-    assert paper == norm <= tight * (1 + 1e-5)
-    assert tight <= most * (1 + 1e-5)
+    assert paper == norm <= tight * (1 + 1e-6)
+    assert tight <= most * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.sporadic import DESIGN, OSCILLATOR_V
 
-from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.plot.hybrid import hybrid_figure, hybrid_sheet, lowest
 from obsdesign.simulate.hybrid import Sampling, simulate_sporadic
 from obsdesign.spec import loads
@@ -17,23 +17,13 @@ observer: {type: l2, L2: 0, alpha: 0.1}
 system: {A: [[0, 1], [-4, 0]], B: [[1], [0]], C: [[1, 0]], states: [angle, speed], units: {angle: rad}}
 simulation: {horizon: 8, x0: [1, 1], w: ["where(t < 2, 1, 0)"], points: 200}
 """
-GAINS = {"L": np.array([[2.067], [-3]]), "H": np.array([[-1.384]])}
-GUARANTEE = SporadicGuarantee(
-    gamma=36.0,
-    decay=0.05,
-    delta=2.995,
-    T1=0.205,
-    T2=0.41,
-    P1=np.array([[10.1234, -13.8493], [-13.8493, 20.6754]]),
-    P2=np.array([[49.1878]]),
-)
 
 
-def sheet(sampling, guarantee=GUARANTEE, horizon=8.0):
+def sheet(sampling, guarantee=OSCILLATOR_V, horizon=8.0):
     """Spec, run and figure."""
     spec = loads(SPEC)
     spec = replace(spec, simulation=replace(spec.simulation, horizon=horizon))
-    run = simulate_sporadic(spec, GAINS, sampling, guarantee)
+    run = simulate_sporadic(spec, DESIGN, sampling, guarantee)
     return spec, run, hybrid_sheet(spec, run, guarantee)
 
 
@@ -67,10 +57,10 @@ def test_every_panel_says_what_it_shows():
 
 def test_a_figure_is_a_png_that_is_the_same_every_time():
     spec, run, _ = sheet(Sampling(0.205, 0.41))
-    first = hybrid_figure(spec, run, GUARANTEE)
+    first = hybrid_figure(spec, run, OSCILLATOR_V)
     assert first[:8] == b"\x89PNG\r\n\x1a\n"
     assert b"Software" not in first
-    assert hybrid_figure(spec, run, GUARANTEE) == first
+    assert hybrid_figure(spec, run, OSCILLATOR_V) == first
 
 
 def test_the_estimate_is_marked_where_a_measurement_is_received():
@@ -93,7 +83,7 @@ def test_states_and_theta_of_a_run_that_escapes_are_readable_where_they_begin():
     steps = replace(run.steps, theta=run.steps.theta + 1 + np.exp(4 * run.steps.t)[:, None])
     escaped = replace(run, z=run.z + growth, zhat=run.zhat + growth, steps=steps, status="escape")
     for each, scale in ((run, "linear"), (escaped, "asinh")):
-        panels = hybrid_sheet(spec, each, GUARANTEE).axes
+        panels = hybrid_sheet(spec, each, OSCILLATOR_V).axes
         assert [panels[k].get_yscale() for k in (0, 1, 3)] == [scale] * 3
 
 
@@ -146,7 +136,7 @@ def test_a_sampling_within_its_limits_shades_nothing():
 
 
 def test_a_broken_bound_is_said_in_the_title():
-    _, _, figure = sheet(Sampling(0.205, 0.41), replace(GUARANTEE, gamma=0.1))
+    _, _, figure = sheet(Sampling(0.205, 0.41), replace(OSCILLATOR_V, gamma=0.1))
     assert "VIOLATED" in figure.get_suptitle()
 
 

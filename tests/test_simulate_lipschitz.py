@@ -72,7 +72,8 @@ def test_the_plant_escapes_shortly_before_its_solution_ends(escape):
 def test_a_run_that_escapes_holds_everything_up_to_then(escape):
     spec, found = escape
     assert found.t[-1] <= found.time < found.t[-1] + 4 / 1999
-    assert found.steps.t[-1] == pytest.approx(found.time, abs=1e-5)
+    before, last = found.steps.t[-2:]
+    assert last < found.time <= last + 2 * (last - before)
     assert np.isfinite(found.table()[1]).all()
     assert np.abs(found.steps.xi[-1]).max() > 1e7
     figure = run_sheet(spec, found, None)

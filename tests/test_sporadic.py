@@ -68,8 +68,8 @@ L2_ROBOT = np.array([[0.8079, 0.2555], [0.2071, 0.0550], [0.7609, 0.7714]])
 L_ARM = np.array([[9.328, 1], [-48.78, 22.11], [-0.0524, 3.199], [19.41, -0.9032]])
 
 
-def least_gamma(relaxation, kappa=None):
-    answer = minimise(relaxation.least_gamma(kappa))
+def least_gamma(relaxation):
+    answer = minimise(relaxation.least_gamma())
     assert answer.status is Status.OPTIMAL
     return math.sqrt(answer.objective)
 
@@ -192,7 +192,7 @@ def test_proposition_5_loses_nothing_without_its_slack_variables(family):
 def test_no_relaxation_is_below_the_limit_and_its_gains_keep_its_promise(kind):
     family = oscillator(4.5, 0.3)
     relaxation = kind(family)
-    answer = minimise(relaxation.least_gamma(50.0))
+    answer = minimise(relaxation.least_gamma(relaxation.bound(50.0)))
     gamma = math.sqrt(answer.objective)
     assert gamma >= least_gamma(Reduced(family)) * (1 - 1e-6)
     assert least_gamma(Given(family, *relaxation.gains(answer.values))) <= gamma * (1 + 1e-5)
@@ -217,17 +217,12 @@ def test_the_bound_on_the_gain_is_sharper_than_the_usual_one(kappa, printed):
 
     assert min(usual(Proposition2(family)) for family in families) == pytest.approx(printed, rel=5e-3)
     relaxation = Proposition2(families[1])
-    answer = minimise(relaxation.least_gamma(kappa))
+    answer = minimise(relaxation.least_gamma(relaxation.bound(kappa)))
     assert math.sqrt(answer.objective) < 0.9 * printed
     assert np.linalg.norm(relaxation.gains(answer.values)[0], 2) < kappa
-    centered = minimise(relaxation.least_gamma(kappa, answer.values["P1"]))
+    centered = minimise(relaxation.least_gamma(relaxation.bound(kappa, answer.values["P1"])))
     assert centered.objective < answer.objective
     assert np.linalg.norm(relaxation.gains(centered.values)[0], 2) <= kappa * (1 + 1e-6)
-
-
-def test_gains_are_unknown_to_what_has_none():
-    with pytest.raises(NotImplementedError):
-        Reduced(arm(5.0, 0.1)).gains({})
 
 
 # Certificates

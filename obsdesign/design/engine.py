@@ -17,9 +17,11 @@ class Engine:
         self.report = report
         self.solves = 0
 
-    def minimise(self, problem: Problem, start: Values | None = None, reduced: Reduced | None = None) -> Answer:
+    def minimise(
+        self, problem: Problem, start: Values | None = None, reduced: Reduced | None = None, *, precise: bool = False
+    ) -> Answer:
         """Optimum of a problem."""
-        return self.counted(minimise(problem, self.solver, start, reduced))
+        return self.counted(minimise(problem, self.solver, start, reduced, precise=precise))
 
     def widest(self, problem: Problem, start: Values | None = None) -> Answer:
         """Point of largest margin."""

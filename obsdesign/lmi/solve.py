@@ -56,12 +56,18 @@ def reduction(problem: Problem) -> Reduced:
 
 
 def minimise(
-    problem: Problem, solver: str = "clarabel", start: Values | None = None, reduced: Reduced | None = None
+    problem: Problem,
+    solver: str = "clarabel",
+    start: Values | None = None,
+    reduced: Reduced | None = None,
+    *,
+    precise: bool = False,
 ) -> Answer:
     """Solve a problem; what was projected out is zero in the answer.
 
     A start is the solution of a problem nearby. In its scaling one solve is believed, where otherwise two in
-    different scalings must agree. A reduction that is known already is not made again.
+    different scalings must agree. A reduction that is known already is not made again. A precise optimum is solved anew
+    where its slack is the identity: an objective that is small beside the data is then as accurate as they are.
 
     Raises
     ------
@@ -74,6 +80,9 @@ def minimise(
     search = Search(call(solver))
     z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
     status, z = search.optimum(reduced.program, z)
+    if precise and status is Status.OPTIMAL:
+        polished, closer = search.sweep(reduced.program, z, dense)
+        z = closer if polished is Status.OPTIMAL else z
     return answer(problem, reduced, status, z, search)
 
 

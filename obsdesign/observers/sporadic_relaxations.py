@@ -6,6 +6,7 @@ Each relaxation states (28) at s = exp(delta tau), s = 1 and s = r, for a fixed 
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -37,27 +38,6 @@ class Relaxation(ABC):
     def further(self) -> tuple[Unknown, ...]:
         """Unknowns besides P1, P2 and the multiplier."""
 
-    def gains(self, values: Values) -> Gains:
-        """L and H of a solution."""
-        raise NotImplementedError(f"{type(self).__name__} has no gains as unknowns")
-
-    def factor(self, v: Values) -> Array:
-        """X with X'L = J."""
-        raise NotImplementedError(f"{type(self).__name__} has no gains as unknowns")
-
-    def bounded(self, v: Values, kappa: float, center: Array | None = None) -> Inequality:
-        """[S, J; J', kappa^2 I] >= 0 with S <= X'X and J = X'L, which implies L'L <= J'S^-1 J <= kappa^2 I.
-
-        X'X >= X'Z + Z'X - Z'Z for any center Z, with equality for Z = X. Without a center, Z = t I: the matrix is
-        divided by t, and t is an unknown; it is smaller than X + X', so that X is regular.
-        """
-        X, square = self.factor(v), kappa**2 * np.eye(len(self.family.plant.C))
-        if center is None:
-            S, square = he(X) - v["t"] * np.eye(self.family.plant.n), v["t"] * square
-        else:
-            S = he(center.T @ X) - center.T @ center
-        return Inequality("|L| <= kappa", -symmetric([[S, v["J"]], [square]]))
-
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
         """P1, P2, the multiplier, and the further ones."""
@@ -76,19 +56,19 @@ class Relaxation(ABC):
 
     # Problems
 
-    def least_gamma(self, kappa: float | None = None, center: Array | None = None) -> Problem:
-        """Minimise mu = gamma^2, for |L| <= kappa if that is given; P1, P2 >= 0 are closed by the solver."""
+    def least_gamma(self, bound: "Bound | None" = None) -> Problem:
+        """Minimise mu = gamma^2, for a bound on |L| if that is given; P1, P2 >= 0 are closed by the solver."""
 
         def inequalities(v: Values) -> list[Inequality]:
             rows = self.inequalities({**v, "weight": ONE})
             if not self.family.plant.B.shape[1]:
                 rows.append(Inequality("mu >= 0", -v["mu"]))
-            return rows if kappa is None else [*rows, self.bounded(v, kappa, center)]
+            return rows if bound is None else [*rows, bound.inequality(v)]
 
-        unknowns = *self.unknowns, *self.scale(kappa is not None and center is None), Unknown("mu", (1, 1))
+        unknowns = *self.unknowns, *(bound.unknowns if bound else ()), Unknown("mu", (1, 1))
         return Problem(unknowns, inequalities, lambda v: v["mu"])
 
-    def elastic(self, kappa: float | None = None) -> Problem:
+    def elastic(self, bound: "Bound | None" = None) -> Problem:
         """Minimise what is missing for the inequalities without w and z (Corollary 1): feasible iff it is negative.
 
         P1 and P2 have a trace of the order of 1 together, in the units in which they are of the same size.
@@ -102,23 +82,57 @@ class Relaxation(ABC):
             relaxed = [Inequality(f.name, f.matrix - v["missing"] * np.eye(f.matrix.shape[-1])) for f in flows]
             size = trace(v["P1"]) + root * trace(v["P2"])
             sizes = Inequality("size >= n", n * ONE - size), Inequality("size <= 2 n", size - 2 * n * ONE)
-            gain = [] if kappa is None else [self.bounded(v, kappa)]
+            gain = [] if bound is None else [bound.inequality(v)]
             return [*relaxed, *rest, *sizes, *gain]
 
-        unknowns = *self.unknowns, *self.scale(kappa is not None), Unknown("missing", (1, 1))
+        unknowns = *self.unknowns, *(bound.unknowns if bound else ()), Unknown("missing", (1, 1))
         return Problem(unknowns, inequalities, lambda v: v["missing"])
 
     def scaled(self, problem: Problem, program: Program) -> tuple[Program, Array]:  # noqa: ARG002
         """Rows and coordinates of one of the problems in units in which a solver gets far; z = T scaled z."""
         return balance(program)
 
-    def scale(self, needed: bool) -> tuple[Unknown, ...]:
-        """The unknown t of `bounded`."""
-        return (Unknown("t", (1, 1)),) if needed else ()
-
     def witness(self, gamma: float) -> Problem:
         """The inequalities for a gamma."""
         return Problem(self.unknowns, lambda v: self.inequalities({**v, "weight": ONE, "mu": gamma**2 * ONE}))
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A convex bound on |L|, with the unknowns that it needs."""
+
+    inequality: Callable[[Values], Inequality]
+    unknowns: tuple[Unknown, ...] = ()
+
+
+class WithGains(Relaxation):
+    """A relaxation whose solutions hold the gains, as L and as J = X'L."""
+
+    @abstractmethod
+    def gains(self, values: Values) -> Gains:
+        """L and H of a solution."""
+
+    @abstractmethod
+    def factor(self, v: Values) -> Array:
+        """X with X'L = J."""
+
+    def bound(self, kappa: float, center: Array | None = None) -> Bound:
+        """[S, J; J', kappa^2 I] >= 0 with S <= X'X and J = X'L, which implies L'L <= J'S^-1 J <= kappa^2 I.
+
+        X'X >= X'Z + Z'X - Z'Z for any center Z, with equality for Z = X. Without a center, Z = t I: the matrix is
+        divided by t, and t is an unknown; it is smaller than X + X', so that X is regular.
+        """
+        square, eye = kappa**2 * np.eye(len(self.family.plant.C)), np.eye(self.family.plant.n)
+
+        def inequality(v: Values) -> Inequality:
+            X = self.factor(v)
+            if center is None:
+                S, right = he(X) - v["t"] * eye, v["t"] * square
+            else:
+                S, right = he(center.T @ X) - center.T @ center, square
+            return Inequality("|L| <= kappa", -symmetric([[S, v["J"]], [right]]))
+
+        return Bound(inequality, (Unknown("t", (1, 1)),) if center is None else ())
 
 
 def trace(X: Array) -> Array:
@@ -136,7 +150,7 @@ class Reduced(Relaxation):
         return self.family.without_gains(v, s)
 
 
-class Proposition2(Relaxation):
+class Proposition2(WithGains):
     """(34), with J = P1 L and Y' = P2 (C L + H)."""
 
     @property
@@ -190,7 +204,3 @@ class Given(Relaxation):
     def flow(self, v: Values, s: float) -> Array:
         """M of (30)."""
         return self.family.for_gains(v, s, self.L, self.H)
-
-    def gains(self, values: Values) -> Gains:  # noqa: ARG002
-        """The given ones."""
-        return self.L, self.H

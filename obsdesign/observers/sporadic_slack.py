@@ -14,7 +14,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array, Problem, Unknown, Values, block_diagonal, he, symmetric
 from obsdesign.lmi.probe import Program
 from obsdesign.lmi.reduce import balance, scaled_coordinates
-from obsdesign.observers.sporadic_relaxations import Gains, Relaxation
+from obsdesign.observers.sporadic_relaxations import Gains, Relaxation, WithGains
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,10 @@ class Slacked(Relaxation):
         ny, n = self.family.plant.C.shape
         return np.eye(n, n + ny), np.eye(ny, n + ny, k=n)
 
+
+class SlackedWithGains(Slacked, WithGains):
+    """Factors that are tied to each other so that X'L = J, U'H = W."""
+
     def slack(self, v: Values, *, output: bool = False) -> Slack:
         """X for e (and U for d), with X'L = J and U'H = W: F_r = [A - L C, L; -H C, H]."""
         e, d = self.selectors
@@ -95,7 +99,7 @@ class Slacked(Relaxation):
         return v["X"]
 
 
-class Proposition3(Slacked):
+class Proposition3(SlackedWithGains):
     """(44)."""
 
     steep = True
@@ -136,7 +140,7 @@ class Proposition4(Proposition3):
         return (self.slack(v, output=True),) * 2
 
 
-class Held(Slacked):
+class Held(SlackedWithGains):
     """Proposition 5, H = 0, without its slack variables."""
 
     steep = True
@@ -152,7 +156,7 @@ class Held(Slacked):
         return (self.slack(v),) * 2
 
 
-class Proposition5(Slacked):
+class Proposition5(SlackedWithGains):
     """(46)."""
 
     steep = True
@@ -192,7 +196,3 @@ class Theorem3(Slacked):
         letter = "X" if s == 1 else "Y"
         a, b = (Slack(X, X.mT @ F) for X in (v[f"{letter}a"], v[f"{letter}b"]))
         return a, b
-
-    def gains(self, values: Values) -> Gains:  # noqa: ARG002
-        """The given ones."""
-        return self.L, self.H

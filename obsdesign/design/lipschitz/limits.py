@@ -9,8 +9,8 @@ from flint import fmpq_mat
 
 from obsdesign.design.engine import Engine
 from obsdesign.errors import UndecidedError
-from obsdesign.lmi.formula import Array, in_floats
-from obsdesign.lmi.solve import Status
+from obsdesign.lmi.formula import Array, Problem, in_floats
+from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
 from obsdesign.observers.incremental import ONE
@@ -77,8 +77,7 @@ def theorem2(engine: Engine, unit: Lipschitz) -> Supremum:
     if unseen.order == 1:
         attained = fixed.alpha > 0 and not unseen.W.any()
         return Supremum(unseen.closed, attained, "(|w| - nu'w) / 2, C nu = 0, w = (A + decay I) nu")
-    answer = engine.minimise(unseen.problem())
-    solved(answer.status)
+    answer = optimum(engine, unseen.problem())
     return Supremum(max(-answer.objective / 2, 0.0), fixed.alpha > 0 and unseen.regular(answer.values))
 
 
@@ -93,8 +92,7 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     if len(core.shares) == len(core.system.A) == 1:
         value, decays = core.closed
         return Supremum(value, attainable and decays, "least size of a linear f that hides a mode")
-    answer = engine.minimise(core.largest([ONE] * len(core.shares)))
-    solved(answer.status)
+    answer = optimum(engine, core.largest([ONE] * len(core.shares)))
     value = core.constant(answer.objective)
     if len(core.shares) > 1:
         return Supremum(widened(engine, core, value))
@@ -127,10 +125,18 @@ def widened(engine: Engine, core: Core, value: float) -> float:
     return value
 
 
-def solved(status: Status) -> None:
-    """Refuse an answer that is none."""
-    if status is not Status.OPTIMAL:
+def optimum(engine: Engine, problem: Problem) -> Answer:
+    """Optimum of a reduced problem.
+
+    Raises
+    ------
+    UndecidedError
+        It was not solved.
+    """
+    answer = engine.minimise(problem, precise=True)
+    if answer.status is not Status.OPTIMAL:
         raise UndecidedError("the largest Lipschitz constant over all gains was not found: its problem was not solved")
+    return answer
 
 
 def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supremum:

@@ -21,7 +21,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.observers.request import Range
 from obsdesign.observers.sporadic import Sporadic
 from obsdesign.observers.sporadic_certificate import SporadicCertificate, certify_sporadic
-from obsdesign.observers.sporadic_relaxations import Given, Relaxation
+from obsdesign.observers.sporadic_relaxations import Given, WithGains
 
 CENTERINGS = 6  # of the bound on |L| about the solution, which makes it tight there
 SETTLED = 0.01  # relative change of gamma below which they end
@@ -62,7 +62,7 @@ class Candidate:
 
     delta: float
     gamma: float
-    relaxation: Relaxation
+    relaxation: WithGains
     values: Values
 
     @property
@@ -71,13 +71,13 @@ class Candidate:
         return float(np.linalg.norm(self.relaxation.gains(self.values)[0], 2))
 
 
-def bounded(engine: Engine, relaxation: Relaxation, kappa: float) -> Candidate | None:
+def bounded(engine: Engine, relaxation: WithGains, kappa: float) -> Candidate | None:
     """Least gamma with |L| <= kappa at one delta: the bound is centered about the last solution until that settles."""
-    best = solve_once(engine, relaxation, relaxation.least_gamma(kappa))
+    best = solve_once(engine, relaxation, relaxation.least_gamma(relaxation.bound(kappa)))
     if not best.found:
         return None
     for _ in range(CENTERINGS):
-        problem = relaxation.least_gamma(kappa, relaxation.factor(best.values))
+        problem = relaxation.least_gamma(relaxation.bound(kappa, relaxation.factor(best.values)))
         better = solve_once(engine, relaxation, problem)
         if not better.found or better.objective > best.objective:
             break
@@ -95,7 +95,7 @@ def within(landscape: Landscape, T2: float, exponent: float | None = None) -> Ca
     delta, gamma = landscape.least_gamma(T2, exponent)
     if math.isinf(gamma):
         return None
-    return bounded(landscape.engine, landscape.relaxation(delta, T2), landscape.kappa)
+    return bounded(landscape.engine, landscape.with_gains(delta, T2), landscape.kappa)
 
 
 class Smallest:
@@ -105,7 +105,7 @@ class Smallest:
     gamma is not.
     """
 
-    def __init__(self, engine: Engine, relaxation: Relaxation, goal: float) -> None:
+    def __init__(self, engine: Engine, relaxation: WithGains, goal: float) -> None:
         self.engine, self.relaxation, self.goal = engine, relaxation, goal
         self.best: Candidate | None = None
 
@@ -142,12 +142,12 @@ def smallest(
     landscape: Landscape, T2: float, goal: float, delta: float, kappa: float, *, thorough: bool
 ) -> Candidate | None:
     """Gains of small norm that reach a gamma: at a delta, and then at the best delta for a bound of that size."""
-    first = Smallest(landscape.engine, landscape.relaxation(delta, T2), goal).search(kappa)
+    first = Smallest(landscape.engine, landscape.with_gains(delta, T2), goal).search(kappa)
     if first is None or not first.size or not thorough:
         return first
     sized = replace(landscape, kappa=first.size, pieces=None)
     better, _ = sized.least_gamma(T2, delta * T2)
-    second = Smallest(landscape.engine, landscape.relaxation(better, T2), goal).search(first.size)
+    second = Smallest(landscape.engine, landscape.with_gains(better, T2), goal).search(first.size)
     return second if second and second.size < first.size else first
 
 

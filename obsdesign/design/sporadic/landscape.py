@@ -17,7 +17,7 @@ from obsdesign.lmi.reduce import reduce
 from obsdesign.lmi.solve import Search, call, violation
 from obsdesign.observers.request import Range
 from obsdesign.observers.sporadic import Sporadic
-from obsdesign.observers.sporadic_relaxations import Relaxation
+from obsdesign.observers.sporadic_relaxations import Bound, Relaxation, WithGains
 
 Form = Callable[[Sporadic], Relaxation]
 STEEPER = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
@@ -112,6 +112,23 @@ class Landscape:
         """The family at one point."""
         return replace(self.family, delta=delta, ratio=math.exp(delta * T2))
 
+    def with_gains(self, delta: float, T2: float) -> WithGains:
+        """The relaxation at one point, of a form that has the gains in it."""
+        relaxation = self.relaxation(delta, T2)
+        assert isinstance(relaxation, WithGains)
+        return relaxation
+
+    def least(self, relaxation: Relaxation) -> Problem:
+        """Least gamma within the bound on |L|."""
+        return relaxation.least_gamma(self.bound(relaxation))
+
+    def bound(self, relaxation: Relaxation) -> Bound | None:
+        """Bound on |L|, if there is one: the form has the gains in it then."""
+        if self.kappa is None:
+            return None
+        assert isinstance(relaxation, WithGains)
+        return relaxation.bound(self.kappa)
+
     # Functions of delta
 
     def gamma(self, delta: float, T2: float) -> float:
@@ -119,7 +136,7 @@ class Landscape:
         if delta * T2 > LARGEST:
             return math.inf
         if self.pieces is None:
-            self.pieces = Pieces(lambda d, r: self.form(replace(self.family, delta=d, ratio=r)).least_gamma(self.kappa))
+            self.pieces = Pieces(lambda d, r: self.least(self.form(replace(self.family, delta=d, ratio=r))))
         relaxation, program = self.relaxation(delta, T2), self.pieces.at(delta, math.exp(delta * T2))
         return root(solve_once(self.engine, relaxation, self.pieces.problem, program))
 
@@ -128,7 +145,7 @@ class Landscape:
         if delta * T2 > LARGEST:
             return math.inf
         relaxation = self.relaxation(delta, T2)
-        return solve_once(self.engine, relaxation, relaxation.elastic(self.kappa)).objective
+        return solve_once(self.engine, relaxation, relaxation.elastic(self.bound(relaxation))).objective
 
     # Minima over delta
 
