@@ -24,7 +24,8 @@ class Reconstruction:
 class Guarantee:
     """What holds along the error equations, with V = e' P e.
 
-    Family l2: V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0, and gamma^2 = mu2 / mu1. Family linf:
+    Families l2 and lipschitz: V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0, and gamma^2 = mu2 / mu1; for lipschitz
+    mu1 = 1, alpha is the decay, and where that is zero the inequality is strict. Family linf:
     V' <= -2 alpha (V - mu1 |v|^2) and |z|^2 <= mu2 V, and gamma^2 = mu1 mu2.
     """
 

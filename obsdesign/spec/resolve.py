@@ -1,21 +1,22 @@
 """From the models of the format to the types of the design and of the simulation."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from obsdesign.errors import Problem
+from obsdesign.lmi.formula import Array
 from obsdesign.observers.request import LipschitzRequest, Request, SporadicRequest
 from obsdesign.spec.document import Document, Loc, Number, described
-from obsdesign.spec.families import LipschitzObserver, SporadicObserver
-from obsdesign.spec.generator import read_disturbance
+from obsdesign.spec.families import LipschitzObserver, Observer, SporadicObserver
+from obsdesign.spec.generator import Exogenous, read_disturbance
 from obsdesign.spec.lipschitz import as_lipschitz, is_lipschitz, read_lipschitz, require_lipschitz
-from obsdesign.spec.model import Spec
+from obsdesign.spec.model import Nonlinearity, Spec
 from obsdesign.spec.names import numbered, read_parameters
 from obsdesign.spec.observer import read_incremental, require_reconstructible
 from obsdesign.spec.performance import read_performance
-from obsdesign.spec.plant import read_plant
+from obsdesign.spec.plant import Reading, read_plant
 from obsdesign.spec.schema import File
 from obsdesign.spec.sporadic import read_sporadic, require_sporadic
 from obsdesign.spec.trial import read_simulation
@@ -55,22 +56,10 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
-    augmented = Axis(total(layout.states, exogenous.xm), "augmented state")
-    q = layout.q.of(total(layout.q, exogenous.q))
     blocks = [block for block in (*plant.nonlinearities, *exogenous.nonlinearities) if block is not None]
-    observer: Request | SporadicRequest | LipschitzRequest | None = None
-    if isinstance(file.observer, SporadicObserver):
-        observer = read_sporadic(reader, file.observer, augmented, layout.outputs)
-        require_sporadic(reader, plant.plant, exogenous.generator)
-    elif isinstance(file.observer, LipschitzObserver):
+    if isinstance(file.observer, LipschitzObserver):
         blocks = as_lipschitz(reader, plant.nonlinearities, exogenous.nonlinearities)
-        constants = tuple(constant for block in blocks for constant in block.lipschitz)
-        observer = read_lipschitz(reader, file.observer, augmented, layout.outputs, constants)
-        require_lipschitz(reader, observer, plant.plant, exogenous.generator, H)
-    elif file.observer:
-        observer = read_incremental(reader, file.observer, augmented, layout.outputs, q)
-        if observer.reconstruct:
-            require_reconstructible(reader, observer, plant.plant, exogenous.generator)
+    observer = read_observer(reader, file.observer, plant, exogenous, blocks, H) if file.observer else None
     simulation = read_simulation(
         reader, file.simulation, layout, exogenous.xm, exogenous.v, sporadic=isinstance(file.observer, SporadicObserver)
     )
@@ -101,6 +90,32 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
         expect=expect,
         notes=tuple(reader.notes),
     )
+
+
+def read_observer(
+    reader: Reader,
+    section: Observer | SporadicObserver | LipschitzObserver,
+    plant: Reading,
+    exogenous: Exogenous,
+    blocks: Sequence[Nonlinearity],
+    H: Array,
+) -> Request | SporadicRequest | LipschitzRequest:
+    """Request of the family that a section names, held against what the family knows."""
+    layout, generator = plant.layout, exogenous.generator
+    states = Axis(total(layout.states, exogenous.xm), "augmented state")
+    if isinstance(section, SporadicObserver):
+        require_sporadic(reader, plant.plant, generator)
+        return read_sporadic(reader, section, states, layout.outputs)
+    if isinstance(section, LipschitzObserver):
+        constants = tuple(constant for block in blocks for constant in block.lipschitz)
+        lipschitz = read_lipschitz(reader, section, states, layout.outputs, constants)
+        require_lipschitz(reader, lipschitz, plant.plant, generator, H)
+        return lipschitz
+    q = layout.q.of(total(layout.q, exogenous.q))
+    incremental = read_incremental(reader, section, states, layout.outputs, q)
+    if incremental.reconstruct:
+        require_reconstructible(reader, incremental, plant.plant, generator)
+    return incremental
 
 
 def total(plant: Axis, model: Axis) -> Size:
