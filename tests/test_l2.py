@@ -502,7 +502,7 @@ def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():
 
 def test_max_alpha_leaves_open_what_no_solve_decided(monkeypatch):
     undecided = Answer(Status.UNDECIDED)
-    monkeypatch.setattr("obsdesign.design.engine.minimise", lambda *_: undecided)
-    monkeypatch.setattr("obsdesign.design.engine.widest", lambda *_: undecided)
+    monkeypatch.setattr("obsdesign.design.engine.minimise", lambda *_, **__: undecided)
+    monkeypatch.setattr("obsdesign.design.engine.widest", lambda *_, **__: undecided)
     with pytest.raises(UndecidedError):
         design(bearing("{min: 0.1, max: 200}", objective="max-alpha"))
