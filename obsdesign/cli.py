@@ -16,9 +16,9 @@ from typer.core import TyperGroup
 from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
 
 if TYPE_CHECKING:
-    from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
+    from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+    from obsdesign.reading import Spec
     from obsdesign.simulate import HybridRun, Run
-    from obsdesign.spec import Spec
 
     Guaranteed = Guarantee | SporadicGuarantee | None  # what gains are proved to achieve
 
@@ -81,9 +81,10 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.artifacts import require_writable, to_json, write_whole
-    from obsdesign.spec import load
-    from obsdesign.tables import design_table, run_table
+    from obsdesign.files import require_writable, to_json, write_whole
+    from obsdesign.reading import load
+    from obsdesign.tables.design import design_table
+    from obsdesign.tables.run import run_table
 
     with limited(timeout):
         problem = load(spec)
@@ -125,8 +126,8 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.artifacts import require_writable
-    from obsdesign.tables import run_table
+    from obsdesign.files import require_writable
+    from obsdesign.tables.run import run_table
 
     with limited(timeout):
         source = source or newest(quiet)
@@ -147,7 +148,7 @@ def simulate(
 def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Say what the structure of a spec allows, before any design."""
     from obsdesign.examine import examine
-    from obsdesign.spec import load
+    from obsdesign.reading import load
 
     with limited(timeout):
         report = examine(load(spec))
@@ -174,8 +175,8 @@ def lipschitz(
 ) -> None:
     """Prove bounds of the Lipschitz constant of every f of a spec on its region."""
     from obsdesign.constants import constants, require_finite
-    from obsdesign.spec import load
-    from obsdesign.tables import constants_table
+    from obsdesign.reading import load
+    from obsdesign.tables.constants import constants_table
 
     with limited(timeout):
         problem = load(spec)
@@ -198,9 +199,9 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Prove the claim of a gains file anew, or that there is no solution; exactly and without a solver."""
-    from obsdesign.artifacts import checks
-    from obsdesign.spec import load
-    from obsdesign.verification import prove
+    from obsdesign.files import checks
+    from obsdesign.files.verification import prove
+    from obsdesign.reading import load
 
     with limited(timeout):
         proof = prove(gains, load(spec) if spec else None)
@@ -220,7 +221,7 @@ def verify(
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of a spec file."""
-    from obsdesign.spec import json_schema
+    from obsdesign.reading import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2))
 
@@ -230,8 +231,8 @@ def schema() -> None:
 
 def rescaled(problem: "Spec", T: str) -> dict[str, Any]:
     """Constants in scaled coordinates: those that are given, or the best that are found."""
-    from obsdesign.design.engine import Engine
-    from obsdesign.scaling import scaling
+    from obsdesign.dissipation.engine import Engine
+    from obsdesign.families.lipschitz.coordinates import scaling
 
     return scaling(problem, Engine(), T.split(",") if T else None)
 
@@ -278,8 +279,8 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
 
 def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, Any]]:
     """Design of a spec, and its result."""
-    from obsdesign.artifacts import result
-    from obsdesign.design import design
+    from obsdesign.files.result import result
+    from obsdesign.work import design
 
     with progress(quiet) as report:
         made = design(problem, solver, report)
@@ -288,8 +289,8 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, An
 
 def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Guaranteed"]:
     """Spec, gains and guarantee of what is to be simulated; a spec without gains is solved first."""
-    from obsdesign.spec import load
-    from obsdesign.verification import recorded
+    from obsdesign.files.verification import recorded
+    from obsdesign.reading import load
 
     if not is_result(source):
         problem = load(source)
@@ -306,7 +307,7 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Ma
 
 def proved_of(problem: "Spec", made: Any) -> "Guaranteed":
     """What the gains of a design are proved to achieve of the plant of the spec, as a run is held against it."""
-    from obsdesign.design import LipschitzDesign
+    from obsdesign.work import LipschitzDesign
 
     if made.certificate is None or not made.certificate.holds:
         return None
@@ -324,7 +325,7 @@ def simulated(
     quiet: bool,
 ) -> Mapping[str, Any]:
     """Run, write samples and figure, return the summary."""
-    from obsdesign.artifacts import csv, write_all
+    from obsdesign.files import csv, write_all
     from obsdesign.plot import run_figure
     from obsdesign.simulate import simulate as run_of
 
@@ -343,7 +344,7 @@ def simulated(
 
 def plot_curve(content: Mapping[str, Any], path: str, quiet: bool) -> None:
     """Figure of the points of a search."""
-    from obsdesign.artifacts import write_whole
+    from obsdesign.files import write_whole
     from obsdesign.plot import curves_figure, front_figure, surface_figure, tradeoff_figure
 
     search = content.get("search", {})

@@ -8,7 +8,7 @@ from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
 from obsdesign.nonlinearities.evidence.automatic import proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.restriction import Restriction
-from obsdesign.spec.model import Nonlinearity, Spec
+from obsdesign.spec import Nonlinearity, Spec
 
 
 def constants(spec: Spec) -> dict[str, Any]:

@@ -6,20 +6,22 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz.limits import cancels, ceiling, largest_constant, largest_for_gamma
-from obsdesign.design.sporadic.reasons import hiding_interval
-from obsdesign.diagnosis.stiffness import failing_passivity, too_stiff
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError
+from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
+from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, proportions
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
+from obsdesign.families.sporadic.reasons import hiding_interval
+from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import invariant_zeros
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, undetectable
-from obsdesign.observers import FAMILIES
-from obsdesign.observers.lipschitz import RELAXATIONS, Lipschitz, proportions
-from obsdesign.observers.request import LipschitzRequest, Range, SporadicRequest
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 
 def examine(spec: Spec) -> dict[str, Any]:
@@ -155,7 +157,7 @@ def steep(spec: Spec, alpha: fmpq) -> list[dict[str, Any]]:
     """What nonlinearities without an upper slope bound rule out."""
     request = spec.incremental
     gain = request.gains["L2"] if request.gains else request.L2
-    family = in_floats(FAMILIES[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
+    family = in_floats(THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
     answer = too_stiff(family) or failing_passivity(spec, family)
     return [finding(answer["condition"], False, answer["reason"], decides=True)] if answer else []
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from obsdesign.design import design
-from obsdesign.design.engine import Engine
-from obsdesign.design.gain import searchable
-from obsdesign.design.incremental import accuracy
-from obsdesign.design.incremental.accuracy import accurate, conditions
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.gain import searchable
+from obsdesign.families.incremental import accuracy
+from obsdesign.families.incremental.accuracy import accurate, conditions
+from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.lmi.formula import in_floats, rational_number
-from obsdesign.observers import FAMILIES
-from obsdesign.spec import load, loads
+from obsdesign.reading import load, loads
+from obsdesign.work import design
 
 SPECS = Path(__file__).parent.parent / "specs"
 PENDULUM = """
@@ -47,7 +47,7 @@ def asked(plant, family="l2", gamma="0.1", L2="0", **further):
 def family_of(spec, alpha=None):
     request = spec.observer
     alpha = request.alpha if alpha is None else alpha
-    return FAMILIES[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, request.L2)
+    return THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, request.L2)
 
 
 def closed_form(made):

@@ -136,7 +136,7 @@ def test_a_solver_that_is_not_installed_is_a_mistake_of_one_line():
 
 
 def test_a_timeout_leaves_the_question_open_and_the_folder_empty(monkeypatch):
-    monkeypatch.setattr("obsdesign.design.incremental.designer.Designer.outcome", endless)
+    monkeypatch.setattr("obsdesign.families.incremental.design.Designer.outcome", endless)
     outcome = run("solve", CART, "--timeout", "1")
     assert_refused(outcome, "not finished after 1 s", "--timeout", code=4)
     assert len(outcome.stderr.splitlines()) == 1
@@ -491,7 +491,7 @@ def test_every_mistake_of_a_spec_has_its_line():
 # Interrupts
 
 
-@pytest.mark.parametrize("where", ["obsdesign.design.design", "obsdesign.artifacts.files.os.replace"])
+@pytest.mark.parametrize("where", ["obsdesign.work.design", "obsdesign.files.write.os.replace"])
 def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
     def interrupted(*_args, **_options):
         raise KeyboardInterrupt

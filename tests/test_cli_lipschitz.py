@@ -10,7 +10,7 @@ import pytest
 from support.commands import endless, files, run
 
 from obsdesign.lmi.formula import in_floats
-from obsdesign.spec import load
+from obsdesign.reading import load
 
 SPEC = """
 obsdesign: 1
@@ -387,7 +387,7 @@ def interrupted(_):
 
 @pytest.mark.parametrize(("outcome_of", "code"), [(interrupted, 130), (endless, 4)])
 def test_a_design_that_is_stopped_leaves_nothing_behind(monkeypatch, outcome_of, code):
-    monkeypatch.setattr("obsdesign.design.lipschitz.designer.Designer.outcome", outcome_of)
+    monkeypatch.setattr("obsdesign.families.lipschitz.design.Designer.outcome", outcome_of)
     outcome, content = solved(SPEC, "--timeout", "1")
     assert outcome.exit_code == code
     assert len(outcome.stderr.splitlines()) == 1

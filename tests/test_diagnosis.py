@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from flint import fmpq
 
-from obsdesign.design import design
-from obsdesign.diagnosis.absence import absence, refuted
-from obsdesign.diagnosis.extent import largest_class, reduced
+from obsdesign.families.incremental.absence import absence, refuted
+from obsdesign.families.incremental.extent import largest_class, reduced
+from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.lmi.solve import Status, widest
-from obsdesign.observers import FAMILIES
-from obsdesign.observers.l2 import L2
-from obsdesign.spec import load, loads
+from obsdesign.reading import load, loads
+from obsdesign.work import design
 
 SPECS = Path(__file__).parent.parent / "specs"
 BEARING = (SPECS / "corless2019-magnetic-bearing.yaml").read_text().partition("observer:")[0]
@@ -47,7 +47,7 @@ def diagnosed(text, **request):
 def feasible(spec):
     """Whether the inequality of a spec has a solution with another multiplier."""
     r = spec.observer
-    family = FAMILIES[r.type](spec.augmented, spec.multiplier, spec.H, r.alpha, None, r.L2)
+    family = THEOREMS[r.type](spec.augmented, spec.multiplier, spec.H, r.alpha, None, r.L2)
 
     def decide(multiplier):
         return widest(in_floats(replace(family, multiplier=multiplier)).feasible()).status is Status.OPTIMAL

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from obsdesign.examine import examine
-from obsdesign.spec import load, loads
+from obsdesign.reading import load, loads
 
 SPECS = Path(__file__).parent.parent / "specs"
 EXAMPLES = {  # plants of which arbitrary accuracy was proved, or refuted, by hand

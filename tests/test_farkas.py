@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from obsdesign.diagnosis.absence import question, refuted
+from obsdesign.families.incremental.absence import question, refuted
+from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.linf import Linf
 from obsdesign.lmi.faces import refutation, simplest
 from obsdesign.lmi.farkas import CONSTANT, check, constraints
 from obsdesign.lmi.formula import Inequality, Unknown, in_floats, rational, rational_number, symmetric
@@ -17,9 +19,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.nonlinearities.slope import slope
-from obsdesign.observers.l2 import L2
-from obsdesign.observers.linf import Linf
-from obsdesign.spec import load
+from obsdesign.reading import load
 
 SPECS = Path(__file__).parent.parent / "specs"
 

@@ -12,18 +12,18 @@ from flint import fmpq, fmpq_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from obsdesign.certificate import certify
-from obsdesign.design import design
-from obsdesign.design.gain import searchable
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.certificate import certify
+from obsdesign.dissipation.gain import searchable
+from obsdesign.dissipation.inequality import shifted_plant, unshifted
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.incremental.l2 import L2
 from obsdesign.lmi.formula import identity, in_floats, rational, rational_number
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.reduce import balance, reduce
 from obsdesign.lmi.solve import Answer, Status, minimise, widest, with_clarabel
-from obsdesign.observers.incremental import shifted_plant, unshifted
-from obsdesign.observers.l2 import L2
-from obsdesign.observers.request import Bounds
-from obsdesign.spec import load, loads
+from obsdesign.reading import load, loads
+from obsdesign.work import design
 
 SPECS = Path(__file__).parent.parent / "specs"
 GOLDEN = (1 + math.sqrt(5)) / 2
@@ -502,7 +502,7 @@ def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():
 
 def test_max_alpha_leaves_open_what_no_solve_decided(monkeypatch):
     undecided = Answer(Status.UNDECIDED)
-    monkeypatch.setattr("obsdesign.design.engine.minimise", lambda *_, **__: undecided)
-    monkeypatch.setattr("obsdesign.design.engine.widest", lambda *_, **__: undecided)
+    monkeypatch.setattr("obsdesign.dissipation.engine.minimise", lambda *_, **__: undecided)
+    monkeypatch.setattr("obsdesign.dissipation.engine.widest", lambda *_, **__: undecided)
     with pytest.raises(UndecidedError):
         design(bearing("{min: 0.1, max: 200}", objective="max-alpha"))

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
 
-from obsdesign.certificate import certify
-from obsdesign.design import design
+from obsdesign.dissipation.certificate import certify
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import in_floats, rational
-from obsdesign.spec import loads
+from obsdesign.reading import loads
+from obsdesign.work import design
 
 # The cubic example (47)
 

@@ -10,11 +10,11 @@ import pytest
 from support.commands import run
 from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
 
-from obsdesign.design import design
-from obsdesign.design.engine import Engine
-from obsdesign.design.incremental.decay import Decay
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.incremental.decay import Decay
 from obsdesign.lmi.formula import rational_number
-from obsdesign.spec import loads
+from obsdesign.reading import loads
+from obsdesign.work import design
 
 
 def curve(family, low, high, points):

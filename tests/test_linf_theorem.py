@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import null_space
 from support.linf import family_of, least_gamma
 
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 EYE, K, W = np.eye(2), np.array([[0.2, 0.3], [-0.1, 0.1]]), np.array([[0.5, 0.1], [0, 0.4]])
 VERTICES = [np.array(V) for V in ([[0.5, 0], [0, 0.2]], [[0, 0.5], [-0.5, 0]], [[-0.3, 0.1], [0.2, -0.4]])]

@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are
 from support.plants import plant, zeros
 
-from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz.limits import cancels, ceiling, largest_constant, largest_for_gamma
-from obsdesign.design.lipschitz.reasons import gate, out_of_reach, too_small, useless
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError
-from obsdesign.lmi.formula import Inequality, Problem, Unknown, he, in_floats, rational, rational_number
-from obsdesign.lmi.solve import Answer, Status
-from obsdesign.observers.lipschitz import (
+from obsdesign.families.lipschitz.reasons import gate, out_of_reach, too_small, useless
+from obsdesign.families.lipschitz.relaxations import (
     RELAXATIONS,
     Lipschitz,
     NormBound,
@@ -26,7 +24,10 @@ from obsdesign.observers.lipschitz import (
     lipschitz_multiplier,
     proportions,
 )
-from obsdesign.observers.request import Bounds, LipschitzRequest
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
+from obsdesign.lmi.formula import Inequality, Problem, Unknown, he, in_floats, rational, rational_number
+from obsdesign.lmi.solve import Answer, Status
 
 ROOT2 = math.sqrt(2)
 HALF = "0.5"

@@ -8,21 +8,22 @@ import pytest
 from flint import fmpq
 from support.plants import plant, zeros
 
-from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz.attenuation import Level
-from obsdesign.design.lipschitz.compare import compared
-from obsdesign.design.lipschitz.front import Optimum
-from obsdesign.design.lipschitz.limits import ceiling, largest_constant, largest_for_gamma
-from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
-from obsdesign.design.lipschitz.pareto import Spot, absent, alike, knee
-from obsdesign.design.lipschitz.reasons import hidden_mode
-from obsdesign.design.lipschitz.study import Study
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.lipschitz.claim import needed
+from obsdesign.families.lipschitz.compare import compared
+from obsdesign.families.lipschitz.front import Optimum
+from obsdesign.families.lipschitz.min_gamma import Level
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.pareto import Spot, absent, alike, knee
+from obsdesign.families.lipschitz.reasons import hidden_mode
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, lipschitz_multiplier
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.lipschitz.study import Study
+from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma
 from obsdesign.lmi.formula import printed, rational, rational_number
 from obsdesign.lmi.solve import Status
-from obsdesign.observers.lipschitz import RELAXATIONS, Lipschitz, lipschitz_multiplier
-from obsdesign.observers.lipschitz_claim import needed
-from obsdesign.observers.request import Bounds, LipschitzRequest
 
 
 def unit(system, decay="0", sizes=None):

@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.commands import run
 
-from obsdesign.design.engine import Engine
+from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, parse
+from obsdesign.families.lipschitz.coordinates import scaling
 from obsdesign.nonlinearities.evidence.automatic import proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.norm import enclosed, largest_norm, radius_norm, uncoupled
 from obsdesign.nonlinearities.evidence.restriction import Restriction
-from obsdesign.scaling import scaling
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 NAMES = ("q", "q1", "q2", "q3", "t", "a", "b")
 POLYNOMIAL = ("q1**3", "-6*q1**5 - 6*q1**2*q2 - 2*q1**4 - 2*q1**2")

@@ -9,13 +9,14 @@ import pytest
 from flint import fmpq
 from support.plants import plant, zeros
 
-from obsdesign.certificate import certify
-from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz import design_lipschitz
+from obsdesign.dissipation.bounds import Bounds, Range
+from obsdesign.dissipation.certificate import certify
+from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UsageError
+from obsdesign.families.lipschitz.design import design_lipschitz
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.lmi.formula import in_floats, printed, rational, rational_number
-from obsdesign.observers.lipschitz import RELAXATIONS, Lipschitz, lipschitz_multiplier, proportions
-from obsdesign.observers.request import Bounds, LipschitzRequest, Range
 
 ROOM = 1 + 1e-4  # accuracy of a limit
 

@@ -9,9 +9,10 @@ import pytest
 from flint import fmpq
 from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed
 
-from obsdesign.artifacts import result, to_json
-from obsdesign.design.lipschitz.outcome import LipschitzDesign
-from obsdesign.spec import loads
+from obsdesign.families.lipschitz.outcome import LipschitzDesign
+from obsdesign.files import to_json
+from obsdesign.files.result import result
+from obsdesign.reading import loads
 
 INFINITE = {"lipschitz": math.inf, "attained": False}
 UNBOUNDED = {"unbounded": True, "attained": False}

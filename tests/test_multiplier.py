@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.multipliers import ROTATION, assembled, exactly, made, matrices
 
-from obsdesign.design import design
 from obsdesign.errors import UsageError
+from obsdesign.families.incremental.l2 import L2
 from obsdesign.lmi.formula import Inequality, in_floats, rational
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import combine
-from obsdesign.observers.l2 import L2
-from obsdesign.spec import load
+from obsdesign.reading import load
+from obsdesign.work import design
 
 SPECS = Path(__file__).parent.parent / "specs"
 

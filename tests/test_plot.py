@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.plot import run_figure, tradeoff_figure
 from obsdesign.plot.axis import CLOSEST, growing_axis, linear_threshold, number, symlog_axis
 from obsdesign.plot.layout import ROW, legend_above
 from obsdesign.plot.panels import Curve, limits
 from obsdesign.plot.run import run_sheet
 from obsdesign.plot.tradeoff import curves_sheet, tradeoff_sheet
+from obsdesign.reading import loads
 from obsdesign.simulate import simulate
-from obsdesign.spec import loads
 
 HEAD = "obsdesign: 1\nname: Cost $5\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 MASS = """

@@ -7,8 +7,8 @@ import pytest
 from support.sporadic import DESIGN, OSCILLATOR_V
 
 from obsdesign.plot.hybrid import hybrid_figure, hybrid_sheet, lowest
+from obsdesign.reading import loads
 from obsdesign.simulate.hybrid import Sampling, simulate_sporadic
-from obsdesign.spec import loads
 
 SPEC = """
 obsdesign: 1

@@ -11,14 +11,11 @@ from flint import fmpq
 from scipy.integrate import solve_ivp
 from support.commands import run
 
-from obsdesign.certificate import certify, prove_slope, reconstructed
-from obsdesign.design import design
-from obsdesign.design.engine import Engine
-from obsdesign.design.incremental.reconstruct import slope_proof
-from obsdesign.lmi.formula import in_floats, rational
-from obsdesign.nonlinearities import TEMPLATES
-from obsdesign.observers.linf import Linf
-from obsdesign.observers.reconstruction import (
+from obsdesign.dissipation.certificate import certify, prove_slope, reconstructed
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.incremental.linf import Linf
+from obsdesign.families.incremental.reconstruct import slope_proof
+from obsdesign.families.incremental.reconstruction import (
     ARGUMENT,
     DRIFT,
     RATE_D,
@@ -30,7 +27,10 @@ from obsdesign.observers.reconstruction import (
     norm_above,
     slopes,
 )
-from obsdesign.spec import loads
+from obsdesign.lmi.formula import in_floats, rational
+from obsdesign.nonlinearities import TEMPLATES
+from obsdesign.reading import loads
+from obsdesign.work import design
 
 MATCHED = """
 obsdesign: 1

@@ -16,7 +16,7 @@ from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.claims import Hull, Quadratic, claims
 from obsdesign.nonlinearities.evidence.refutation import counterexample
 from obsdesign.nonlinearities.evidence.restriction import Restriction
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 NAMES = ("q", "q1", "q2", "t", "y1")
 ONE = fmpq(1)

@@ -8,11 +8,11 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.errors import UsageError
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.reading import load
 from obsdesign.simulate import Run, simulate
-from obsdesign.spec import load
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 BEARING = "specs/corless2019-magnetic-bearing.yaml"
 L2 = np.array([[0.0, -110.0]])

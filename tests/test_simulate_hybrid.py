@@ -9,12 +9,12 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from support.sporadic import DESIGN, LINK, OSCILLATOR, PREDICTOR, free, gains, paper, read
 
+from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
-from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.simulate.hybrid import Sampling, Schedule, simulate_sporadic
 from obsdesign.simulate.hybrid.system import Hybrid
-from obsdesign.spec.model import Noise
+from obsdesign.spec import Noise
 
 IDLE = OSCILLATOR + "nonlinearities: [{f: 0*q, type: {lipschitz: 1}, Bf: [0, 1], Cq: [1, 0]}]"  # not solved as linear
 ROBOT = """

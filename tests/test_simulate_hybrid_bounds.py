@@ -9,7 +9,7 @@ from support.sporadic import DESIGN, LINK, LINK_V, OSCILLATOR, OSCILLATOR_V, PRE
 
 from obsdesign.expressions import parse
 from obsdesign.simulate.hybrid import Sampling, Schedule, simulate_sporadic
-from obsdesign.spec.model import Noise
+from obsdesign.spec import Noise
 
 
 def holds(run):

@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.reading import loads
 from obsdesign.simulate import simulate
-from obsdesign.spec import loads
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 HEAD = "obsdesign: 1\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 NO_L2 = np.zeros((0, 1))

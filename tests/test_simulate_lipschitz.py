@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.plot.run import run_sheet
+from obsdesign.reading import loads
 from obsdesign.simulate import simulate
-from obsdesign.spec import loads
 
 POLYNOMIAL = """\
 obsdesign: 1

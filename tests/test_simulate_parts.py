@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.expressions import parse
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.reading import loads
 from obsdesign.simulate.coupled import Coupled
 from obsdesign.simulate.integrate import Flow, Segment, Tolerance, integrate
 from obsdesign.simulate.scenario import scenario, switch_times
 from obsdesign.simulate.stack import Loop, Stack, Term, substitutions
-from obsdesign.spec import loads
 
 HEAD = "obsdesign: 1\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 TWO_STATES = "A: [[0, 1], [-2, -3]], B: [[0, 1], [1, 0]], C: [[1, 0], [0, 1]], D: [[0.2, 0], [0, 0.1]]"

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from obsdesign.observers.guarantee import Guarantee, Reconstruction
+from obsdesign.dissipation.guarantee import Guarantee, Reconstruction
 from obsdesign.plot.run import run_sheet
+from obsdesign.reading import loads
 from obsdesign.simulate import simulate
-from obsdesign.spec import loads
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 HEAD = "obsdesign: 1\nname: Reconstruction\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 CUBIC = """

@@ -12,10 +12,10 @@ from flint import fmpq
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from obsdesign.dissipation.bounds import Range
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
-from obsdesign.observers.request import Range
-from obsdesign.spec import json_schema, load, loads
+from obsdesign.reading import json_schema, load, loads
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = str(ROOT / "specs" / "corless2019-magnetic-bearing.yaml")

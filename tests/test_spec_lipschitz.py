@@ -7,11 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.wrong_specs import problem_of, wrong_in
 
+from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.errors import UsageError
 from obsdesign.examine import examine
-from obsdesign.observers.lipschitz import lipschitz_multiplier
-from obsdesign.observers.request import Bounds, LipschitzRequest, Range
-from obsdesign.spec import json_schema, loads
+from obsdesign.families.lipschitz.relaxations import lipschitz_multiplier
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.reading import json_schema, loads
 
 BASE = """\
 obsdesign: 1

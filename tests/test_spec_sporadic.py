@@ -7,9 +7,10 @@ from flint import fmpq
 from support.commands import run
 from support.wrong_specs import problem_of, wrong_in
 
+from obsdesign.dissipation.bounds import Range
 from obsdesign.errors import UsageError
-from obsdesign.observers.request import Range, SporadicRequest
-from obsdesign.spec import loads
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.reading import loads
 
 BASE = """\
 obsdesign: 1

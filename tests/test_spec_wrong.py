@@ -3,7 +3,7 @@
 import pytest
 from support.wrong_specs import problems_of, wrong_in
 
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 BASE = """\
 obsdesign: 1

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from obsdesign.errors import UsageError
-from obsdesign.spec import Spec, load, loads
+from obsdesign.reading import Spec, load, loads
 
 PLAIN = """\
 obsdesign: 1
@@ -190,7 +190,7 @@ def test_a_file_without_permission_is_refused(tmp_path, monkeypatch):
 MEASURED = """
 import resource, sys
 from obsdesign.errors import UsageError
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 try:
     loads(sys.stdin.read())
 except UsageError as error:

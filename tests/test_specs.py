@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from obsdesign.artifacts import result
-from obsdesign.design import design
-from obsdesign.design.gain import searchable
+from obsdesign.dissipation.bounds import Bounds, Range
+from obsdesign.dissipation.gain import searchable
+from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.request import Request
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.files.result import result
 from obsdesign.lmi.solve import Status, minimise
-from obsdesign.observers.l2 import L2
-from obsdesign.observers.request import Bounds, LipschitzRequest, Range, Request, SporadicRequest
+from obsdesign.reading import load
 from obsdesign.simulate import simulate
-from obsdesign.spec import load
+from obsdesign.work import design
 
 ROOT = Path(__file__).parent.parent / "specs"
 NAMES = [str(p.relative_to(ROOT).with_suffix("")) for p in sorted(ROOT.glob("**/*.yaml"))]

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from obsdesign.errors import UsageError
+from obsdesign.families.sporadic.certificate import certify_sporadic, exponential
+from obsdesign.families.sporadic.relaxations import Given, Predictor, Proposition2, Reduced
+from obsdesign.families.sporadic.slack import Held, Proposition3, Proposition4, Proposition5, Theorem3
+from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, in_floats, rational, rational_number, symmetric
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.lipschitz import lipschitz
-from obsdesign.observers.sporadic import Sporadic
-from obsdesign.observers.sporadic_certificate import certify_sporadic, exponential
-from obsdesign.observers.sporadic_relaxations import Given, Predictor, Proposition2, Reduced
-from obsdesign.observers.sporadic_slack import Held, Proposition3, Proposition4, Proposition5, Theorem3
 
 LINEAR = Multiplier(())
 

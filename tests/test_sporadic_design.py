@@ -8,20 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from obsdesign.design.engine import Engine
-from obsdesign.design.sporadic import design_sporadic
-from obsdesign.design.sporadic.gains import Setting
-from obsdesign.design.sporadic.scan import Valley, edge
-from obsdesign.design.sporadic.scheme import schemes
-from obsdesign.design.sporadic.study import Study
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UsageError
+from obsdesign.families.sporadic.certificate import certify_sporadic
+from obsdesign.families.sporadic.design import design_sporadic
+from obsdesign.families.sporadic.gains import Setting
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.scan import Valley, edge
+from obsdesign.families.sporadic.scheme import schemes
+from obsdesign.families.sporadic.study import Study
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.slope import slope
-from obsdesign.observers.request import Range, SporadicRequest
-from obsdesign.observers.sporadic_certificate import certify_sporadic
-from obsdesign.spec import load
+from obsdesign.reading import load
 
 SPECS = Path(__file__).parent.parent / "specs"
 OSCILLATOR, ROBOT, ARM = (

@@ -2,7 +2,7 @@
 
 import itertools
 
-from obsdesign.tables import design_table
+from obsdesign.tables.design import design_table
 
 OBSERVER = {"type": "lipschitz", "relaxation": "compare", "L": [[3.0], [4.0]], "poles": [[-1.0, 2.0], [-1.0, -2.0]],
             "fastest": 2.236, "largest_step": 1.2, "noise_gain": {"x1": 0.5}, "condition_P": 7.0}  # fmt: skip

@@ -11,9 +11,9 @@ from support.commands import run
 from support.forging import put, with_spec
 
 from obsdesign.errors import UsageError
-from obsdesign.observers.l2 import L2
-from obsdesign.spec import load
-from obsdesign.verification import ResultFile, verify
+from obsdesign.families.incremental.l2 import L2
+from obsdesign.files.verification import ResultFile, verify
+from obsdesign.reading import load
 
 
 @pytest.fixture(scope="session")

@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from support.forging import at, put, scaled, with_spec
 from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made
 
-from obsdesign.artifacts import result, to_json
 from obsdesign.cli import proved_of
-from obsdesign.verification import recorded
+from obsdesign.files import to_json
+from obsdesign.files.result import result
+from obsdesign.files.verification import recorded
 
 
 @pytest.fixture(scope="module")

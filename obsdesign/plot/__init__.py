@@ -1,13 +1,13 @@
 """Figures of runs, and of trade-off curves and surfaces, as PNG."""
 
-from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
 from obsdesign.plot import run as continuous
 from obsdesign.plot.front import front_figure
 from obsdesign.plot.hybrid import hybrid_figure
 from obsdesign.plot.surface import surface_figure
 from obsdesign.plot.tradeoff import curves_figure, tradeoff_figure
 from obsdesign.simulate import HybridRun, Run
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 __all__ = ["curves_figure", "front_figure", "run_figure", "surface_figure", "tradeoff_figure"]
 

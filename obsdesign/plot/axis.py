@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.canvas import COLORS, log_ticks
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

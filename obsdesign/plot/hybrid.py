@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.plot.axis import plain, time_axis
 from obsdesign.plot.canvas import COLORS, png, style
 from obsdesign.plot.layout import Panel, compose, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
 from obsdesign.plot.run import LINE
 from obsdesign.simulate.hybrid import HybridRun, Schedule
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import growing_axis, linear_threshold, number, symlog_axis, time_axis, with_unit
 from obsdesign.plot.canvas import COLORS
 from obsdesign.plot.layout import legend_above, shared
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.observers.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.plot.axis import number, plain, with_unit
 from obsdesign.plot.canvas import png, style
 from obsdesign.plot.layout import Panel, compose, legend_below, shared
@@ -14,7 +14,7 @@ from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Errors, Lev
 from obsdesign.simulate import Run
 from obsdesign.simulate.bounds import LAST
 from obsdesign.simulate.validity import limited
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,13 +4,15 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import Guarantee, SporadicGuarantee
-from obsdesign.observers.request import LipschitzRequest, Range, SporadicRequest
 from obsdesign.simulate import simulation
 from obsdesign.simulate.hybrid import HybridRun, Sampling, simulate_sporadic
 from obsdesign.simulate.run import Run
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 __all__ = ["HybridRun", "Run", "simulate"]
 

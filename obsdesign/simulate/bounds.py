@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import Guarantee
 
 ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality
 RESOLVED = 1e-9  # of the largest error: what the integration tells from zero

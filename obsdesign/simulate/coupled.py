@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, block_diagonal, in_floats
 from obsdesign.model.plant import Plant
-from obsdesign.observers.guarantee import Guarantee
 from obsdesign.simulate.integrate import Flow, Vector
 from obsdesign.simulate.scenario import Scenario
 from obsdesign.simulate.stack import Loop, Stack, Term
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 INTEGRALS = 3  # of |z|^2, of |v|^2, and the bound on V
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import Guarantee
 from obsdesign.simulate.bounds import Errors, bound, fine_grid, table
 
 JUMP = 1e-9  # of w against its size: smaller is rounding

@@ -5,14 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.lmi.formula import Array, in_floats
-from obsdesign.observers.guarantee import Guarantee
 from obsdesign.simulate.bounds import Errors, largest_so_far, storage
 from obsdesign.simulate.coupled import Coupled, Instant
 from obsdesign.simulate.integrate import Trajectory
 from obsdesign.simulate.run import Samples
 from obsdesign.simulate.validity import Leaving, leavings
-from obsdesign.spec.model import Spec
+from obsdesign.spec import Spec
 
 
 class Record:

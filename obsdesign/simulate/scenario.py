@@ -14,7 +14,7 @@ from obsdesign.model.disturbance import augment
 from obsdesign.model.plant import Plant
 from obsdesign.simulate.integrate import Segment, Vector
 from obsdesign.simulate.stack import Stack, Term
-from obsdesign.spec.model import Simulation, Spec
+from obsdesign.spec import Simulation, Spec
 
 SWITCH_GRID = 20_000  # cells in which the sign of a switching function is watched
 NOISE_SAMPLES = 1_000_000

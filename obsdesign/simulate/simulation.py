@@ -4,16 +4,16 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import Guarantee
 from obsdesign.simulate.coupled import Coupled
 from obsdesign.simulate.integrate import Tolerance, Vector, finite, integrate
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
 from obsdesign.simulate.scenario import scenario
 from obsdesign.simulate.summary import summarise
-from obsdesign.spec.model import Simulation, Spec
+from obsdesign.spec import Simulation, Spec
 
 RTOL = 1e-8
 RTOL_NOISE = 1e-6  # every noise sample is a restart, and more digits would be digits of the noise

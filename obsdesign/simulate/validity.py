@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.spec.model import Nonlinearity
+from obsdesign.spec import Nonlinearity
 
 Side = Literal["plant", "estimate"]
 

@@ -1,7 +1,1 @@
-"""Results and runs as text for a terminal."""
-
-from obsdesign.tables.constants import constants_table
-from obsdesign.tables.design import design_table
-from obsdesign.tables.run import run_table
-
-__all__ = ["constants_table", "design_table", "run_table"]
+"""What a terminal shows: designs, runs and constants as text."""

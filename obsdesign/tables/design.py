@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from obsdesign.tables import incremental, lipschitz, sporadic
+from obsdesign.families.incremental import table as incremental
+from obsdesign.families.lipschitz import table as lipschitz
+from obsdesign.families.sporadic import table as sporadic
 from obsdesign.tables.text import aligned, limit_text
 
 GAINS = {"sporadic": sporadic.gains, "lipschitz": lipschitz.gains}  # what an engineer asks first of them

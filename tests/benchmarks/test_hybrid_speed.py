@@ -9,8 +9,8 @@ import pytest
 from support.sporadic import DESIGN, HEAD, LINK, OSCILLATOR, PREDICTOR
 
 from obsdesign.expressions import parse
+from obsdesign.reading import loads
 from obsdesign.simulate.hybrid import Sampling, simulate_sporadic
-from obsdesign.spec import loads
 
 CASES = {  # spec, gains, T2, measurements, seconds
     "linear": (OSCILLATOR, DESIGN, 0.41, 127, 0.05),

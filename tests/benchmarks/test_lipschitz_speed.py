@@ -6,8 +6,8 @@ from statistics import median
 
 import pytest
 
-from obsdesign.design import design
-from obsdesign.spec import load
+from obsdesign.reading import load
+from obsdesign.work import design
 
 SPECS = Path(__file__).parents[2] / "specs"
 LARGEST = {"abbaszadeh2010-polynomial-front": 3.0, "abbaszadeh2010-polynomial-surface": 15.0}  # s

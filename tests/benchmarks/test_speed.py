@@ -15,13 +15,13 @@ from statistics import median
 import numpy as np
 import pytest
 
-from obsdesign.design import design
-from obsdesign.design.gain import searchable
+from obsdesign.dissipation.gain import searchable
+from obsdesign.families.incremental.l2 import L2
+from obsdesign.files.verification import verify
 from obsdesign.lmi.reduce import between
 from obsdesign.lmi.solve import minimise, reduction
-from obsdesign.observers.l2 import L2
-from obsdesign.spec import load
-from obsdesign.verification import verify
+from obsdesign.reading import load
+from obsdesign.work import design
 
 SPECS = Path(__file__).parents[2] / "specs"
 BEARING = SPECS / "corless2019-magnetic-bearing.yaml"
@@ -104,7 +104,8 @@ def test_help_starts_fast(benchmark):
 
 
 def test_a_proof_of_order_8_takes_less_than_50_ms(benchmark, tmp_path):
-    from obsdesign.artifacts import result, to_json, write_whole
+    from obsdesign.files import to_json, write_whole
+    from obsdesign.files.result import result
 
     spec = load(str(BEARING))
     path = tmp_path / "gains.json"

@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from obsdesign.design.engine import Engine
-from obsdesign.design.sporadic import design_sporadic
-from obsdesign.design.sporadic.gains import Setting
-from obsdesign.design.sporadic.scheme import schemes
-from obsdesign.design.sporadic.study import Study
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.sporadic.design import design_sporadic
+from obsdesign.families.sporadic.gains import Setting
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.scheme import schemes
+from obsdesign.families.sporadic.study import Study
 from obsdesign.lmi.formula import in_floats, rational_number
-from obsdesign.observers.request import Range, SporadicRequest
 
 SPEC = Path(__file__).parents[2] / "specs" / "ferrante2019-manipulator.yaml"
 INTERVALS = np.linspace(0.01, 0.3, 20)
@@ -40,7 +41,7 @@ def processor_time(run):
 @pytest.fixture(scope="module")
 def spec():
     """The flexible link with the Lipschitz constant 3.3 of the published grid."""
-    from obsdesign.spec import loads
+    from obsdesign.reading import loads
 
     return loads(SPEC.read_text().replace("lipschitz: 3.33", "lipschitz: 3.3").replace("f: 3.33*", "f: 3.3*"))
 

@@ -2,11 +2,11 @@
 
 import math
 
-from obsdesign.design.gain import searchable
+from obsdesign.dissipation.gain import searchable
+from obsdesign.families.incremental.linf import Linf
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.solve import Status, minimise
-from obsdesign.observers.linf import Linf
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 CUBIC = """
 obsdesign: 1

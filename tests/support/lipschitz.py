@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 
-from obsdesign.artifacts import result, to_json
-from obsdesign.design.claim import claim
-from obsdesign.design.engine import Engine
-from obsdesign.design.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.dissipation.claim import claim
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.relaxations import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.files import to_json
+from obsdesign.files.result import result
 from obsdesign.lmi.formula import printed, rational
-from obsdesign.observers.lipschitz import Lipschitz, lipschitz_multiplier, proportions
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 PAIR = """
 obsdesign: 1

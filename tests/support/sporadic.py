@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.expressions import parse
-from obsdesign.observers.guarantee import SporadicGuarantee
+from obsdesign.reading import loads
 from obsdesign.simulate.hybrid import Sampling
-from obsdesign.spec import loads
 
 HEAD = "obsdesign: 1\nname: test\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from obsdesign.errors import UsageError
-from obsdesign.spec import loads
+from obsdesign.reading import loads
 
 JARGON = (
     *("pydantic", "Input should", "validation error", "http", "instance of", "Traceback", "\n"),

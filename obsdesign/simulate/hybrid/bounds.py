@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.simulate.bounds import Errors, bound, tightest
 
 

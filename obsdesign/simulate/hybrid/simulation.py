@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array
-from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.simulate.hybrid import exact, smooth
 from obsdesign.simulate.hybrid.record import Record
 from obsdesign.simulate.hybrid.run import HybridRun
@@ -15,7 +15,7 @@ from obsdesign.simulate.hybrid.sampling import Sampling, Schedule, schedule
 from obsdesign.simulate.hybrid.summary import summarise
 from obsdesign.simulate.hybrid.system import Hybrid
 from obsdesign.simulate.integrate import Vector, finite
-from obsdesign.spec.model import Simulation, Spec
+from obsdesign.spec import Simulation, Spec
 
 
 def simulate_sporadic(

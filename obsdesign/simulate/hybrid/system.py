@@ -5,16 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, in_floats
-from obsdesign.observers.guarantee import SporadicGuarantee
 from obsdesign.simulate.coupled import block_terms
 from obsdesign.simulate.hybrid.sampling import Schedule
 from obsdesign.simulate.integrate import Flow, Vector
 from obsdesign.simulate.scenario import switch_times
 from obsdesign.simulate.stack import Stack, Term
-from obsdesign.spec.model import Simulation, Spec
+from obsdesign.spec import Simulation, Spec
 
 COUNTED = 4  # integrals of |yp|^2 and of |w|^2, b, and j
 

@@ -1,0 +1,59 @@
+"""What a request may hold of any family: ranges that are searched, bounds that a design keeps, and the slack."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.errors import Problem, UsageError
+
+SLACK = fmpq(1, 20)
+
+
+@dataclass(frozen=True)
+class Range:
+    """An interval that is searched."""
+
+    low: fmpq
+    high: fmpq
+    points: int = 25
+    log: bool = False
+
+    def grid(self) -> tuple[fmpq, ...]:
+        """The points, ends included, as the exact values of doubles with 12 digits."""
+        low, high = float(self.low), float(self.high)
+        inner = (np.geomspace if self.log else np.linspace)(low, high, self.points)[1:-1]
+        return (self.low, *(fmpq(*float(f"{x:.12g}").as_integer_ratio()) for x in inner), self.high)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Largest gain, storage function and performance level that a design may use; None is no bound."""
+
+    L1: fmpq | None = None
+    norm: Literal["spectral", "frobenius"] = "spectral"  # of L1
+    P: fmpq | None = None  # P <= p I
+    gamma: fmpq | None = None
+    floor: fmpq | None = None  # P >= t I
+
+
+class Conflicting(Protocol):
+    """A request whose keys may not go together."""
+
+    def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Keys that do not go together, and why, with what to do instead."""
+
+
+def require_agreement(request: Conflicting) -> None:
+    """Refuse a request whose keys do not go together.
+
+    Raises
+    ------
+    UsageError
+        One problem for each key, as the reader of a spec reports them with their places.
+    """
+    problems = [Problem(why, key=".".join(("observer", *keys))) for keys, why in request.conflicts()]
+    if problems:
+        raise UsageError(*problems)

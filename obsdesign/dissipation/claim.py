@@ -1,0 +1,66 @@
+"""From gains to a proved claim: the solver proposes P and the scales, rationals decide."""
+
+import math
+from collections.abc import Sequence
+
+from flint import fmpq
+
+from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.decimals import round_up, square_below
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.inequality import Incremental
+from obsdesign.lmi.formula import Values, in_floats, printed, rational
+from obsdesign.lmi.probe import probe
+from obsdesign.lmi.proof import complete, rounded
+from obsdesign.lmi.reduce import reduce
+from obsdesign.lmi.solve import MARGIN, Status
+
+BACKOFFS = (1e-4, 1e-3, 1e-2, 1e-1)  # of the least gamma that given gains achieve
+DIGITS = (12, 17)  # of the witness
+
+
+def claim(
+    engine: Engine, family: Incremental, gamma: float, start: Values | None = None, largest: fmpq | None = None
+) -> Certificate | None:
+    """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds.
+
+    Parameters
+    ----------
+    largest
+        Bound on the eigenvalues of P, if there is one.
+    """
+    problem = in_floats(family).witness(gamma, largest)
+    wide = engine.widest(problem, start)
+    if wide.objective <= MARGIN and start is not None:
+        wide = engine.widest(problem)
+    if wide.objective <= 0:
+        return None
+    level = printed(gamma)
+    mu = square_below(level)
+    solved = {name: rational(value) for name, value in family.normal(rational([[mu]])).items()}
+    reduced = reduce(probe(problem))
+    certificate = None
+    for digits in DIGITS:
+        values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
+        values = complete(
+            lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
+        )
+        certificate = certify(family, level, fmpq(1), mu, family.stated(values, mu), largest)
+        if certificate.holds:
+            break
+    return certificate
+
+
+def best_claim(engine: Engine, family: Incremental) -> tuple[Status, Certificate | None]:
+    """Whether given gains achieve anything, and the certificate of nearly the least gamma that they achieve."""
+    least = engine.minimise(in_floats(family).least_gamma())
+    if least.status is not Status.OPTIMAL:
+        return least.status, None
+    root = math.sqrt(max(least.objective, 0.0)) or 1e-9
+    claims: Sequence[float] = [round_up(root * (1 + backoff), 6) for backoff in BACKOFFS]
+    certificate = None
+    for gamma in claims:
+        certificate = claim(engine, family, gamma)
+        if certificate and certificate.holds:
+            break
+    return least.status, certificate

@@ -1,0 +1,201 @@
+"""Small gains: the least |L1| that reaches a gamma, and L2 where it is free.
+
+Under the convex bound |L1| <= kappa (t I <= P, [P, Y; Y', kappa^2 t I] >= 0) the least gamma, or another objective,
+falls with kappa and is reliable to compute over many decades; minimising the bound itself at a given gamma is not.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.decimals import significant
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.inequality import Incremental, unshifted
+from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
+from obsdesign.lmi.solve import Answer, Status
+
+DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
+KAPPAS = 12  # bounds that are tried for the smallest gain
+STRIDE = 4  # down from a bound that will do, until one will not
+NEAR = 1.15  # ratio of two of them between which the smallest is
+ROOM = 2e-3  # of gamma, left to the rounding of the gain
+ROUNDING = 1e-5  # of a bound on L1, likewise
+WIDEST = 2  # convex bounds beyond the bound on |L1| that are tried
+WIDENINGS = 3  # attempts at a convex bound whose gain comes nearer to the bound that was asked for
+
+Solve = Callable[[Bounds, Values | None], Answer]  # least objective within bounds, from the solution of one nearby
+
+
+def searchable(family: Incremental) -> Incremental:
+    """Same problem in doubles; where L2 is found, for f - K q."""
+    return in_floats(family) if family.L2 is not None else in_floats(family).shifted()
+
+
+def least(engine: Engine, family: Incremental) -> Solve:
+    """Least gamma^2 of a family within bounds."""
+    return lambda bounds, start: engine.minimise(family.least_gamma(bounds), start)
+
+
+def within(engine: Engine, family: Incremental, bounds: Bounds) -> Answer:
+    """Least gamma^2 within bounds."""
+    return bounded(least(engine, family), bounds)
+
+
+def bounded(solve: Solve, bounds: Bounds) -> Answer:
+    """Least objective within bounds; the convex bound on |L1| is widened while the gain it gives stays inside."""
+    if bounds.L1 is None:
+        return solve(bounds, None)
+    size = allowed = limit_of(bounds)
+    best = solve(sized(bounds, size), None)
+    for _ in range(WIDENINGS if best.status is Status.OPTIMAL else 0):
+        found = norm(best.values, bounds)
+        if not found:
+            break
+        size *= allowed / found
+        wider = solve(sized(bounds, size), best.values)
+        if wider.status is not Status.OPTIMAL or norm(wider.values, bounds) > allowed:
+            break
+        best = wider
+    return best
+
+
+def small_gains(
+    engine: Engine, family: Incremental, gamma: float, bounds: Bounds
+) -> Iterator[tuple[Incremental, Values]]:
+    """Families with both gains, of small norm and in more and more digits, and the P and scales they come from.
+
+    Parameters
+    ----------
+    family
+        In rationals; L2 may be free.
+    gamma
+        Level to reach, with some room.
+    """
+    for fixed in with_L2(engine, family, gamma, bounds):
+        values = smallest(engine, in_floats(fixed), gamma, bounds)
+        if values is None:
+            continue
+        for L1 in rounded_gains(values, bounds):
+            yield replace(fixed, L1=L1), values
+
+
+def rounded_gains(values: Values, bounds: Bounds) -> Iterator[Array]:
+    """L1 = P^-1 Y in more and more digits, as rationals, where it is within its bound."""
+    for digits in DIGITS:
+        L1 = significant(gain(values), digits)
+        if bounds.L1 is None or size_of(L1, bounds) <= float(bounds.L1):
+            yield printed(L1)
+
+
+def with_L2(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Iterator[Incremental]:
+    """Families with L2 = R / lambda, back from the loop shift, in more and more digits; or the family itself."""
+    if family.L2 is not None:
+        yield family
+        return
+    values = smallest(engine, searchable(family), gamma, bounds)
+    if values is None:
+        return
+    for digits in DIGITS:
+        yield replace(family, L2=printed(significant(feedback(family, values), digits)))
+
+
+def feedback(family: Incremental, values: Values) -> Array:
+    """L2 = R / lambda, back from the loop shift."""
+    blocks = family.multiplier.scaled_blocks()
+    plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
+    scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], [len(b.M11) for b in blocks])
+    return unshifted(values["R"] / scales[:, None], plant, K)
+
+
+def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Values | None:
+    """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found."""
+    wide = engine.widest(family.witness(gamma))
+    if wide.status is not Status.OPTIMAL:
+        return None
+    return descended(least(engine, family), (gamma * (1 - ROOM)) ** 2, wide.values, bounds)
+
+
+def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values | None:
+    """P, Y, .. of a gain of small norm whose objective is at most a goal; None if none was found.
+
+    The smallest kappa is found to `NEAR` by bisection of its logarithm, from the gain of the widest margin down.
+    """
+    allowed = limit_of(bounds)
+    values = wide if norm(wide, bounds) <= allowed and bounds.floor is None else None
+    ladder = Ladder(goal=goal, high=min(norm(wide, bounds), WIDEST * allowed))
+    start: Values | None = None
+    while (kappa := ladder.next()) is not None:
+        answer = solve(sized(bounds, kappa), start)
+        reached = max(answer.objective, 0.0) if answer.status is Status.OPTIMAL else math.inf
+        fits = answer.status is Status.OPTIMAL and norm(answer.values, bounds) <= allowed
+        if ladder.tell(kappa, reached, fits=fits):
+            start = answer.values
+            values = start if fits else values
+    return values
+
+
+@dataclass
+class Ladder:
+    """Search for the smallest kappa whose least objective is at most a goal."""
+
+    goal: float
+    high: float  # where to begin; then the smallest that is known to do
+    low: float = 0.0  # the largest that is known not to
+    level: float | None = None  # objective at high
+    fits: bool = False  # the gain at high is within its bound
+    tried: int = 0
+
+    def next(self) -> float | None:
+        """Next kappa to try; None at the end."""
+        self.tried += 1
+        if self.tried > KAPPAS or (self.low and self.fits and self.high <= NEAR * self.low):
+            return None
+        if self.level is None:
+            return self.high if not self.low else 2 * self.low
+        if self.low:
+            return math.sqrt(self.low * self.high)
+        return self.high / STRIDE
+
+    def tell(self, kappa: float, reached: float, *, fits: bool) -> bool:
+        """Take the objective of a kappa into account, and say whether it will do."""
+        if reached <= self.goal:
+            self.high, self.level, self.fits = kappa, reached, fits
+            return True
+        self.low = kappa
+        return False
+
+
+def limit_of(bounds: Bounds) -> float:
+    """Largest norm of L1 before it is rounded."""
+    return math.inf if bounds.L1 is None else float(bounds.L1) * (1 - ROUNDING)
+
+
+def sized(bounds: Bounds, size: float) -> Bounds:
+    """Bounds with another size of L1."""
+    return replace(bounds, L1=rational_number(repr(size)))
+
+
+def gain(values: Values) -> Array:
+    """L1 = P^-1 Y."""
+    return np.linalg.solve(values["P"], values["Y"])
+
+
+def norm(values: Values, bounds: Bounds) -> float:
+    """Norm of L1 in which it is bounded."""
+    return size_of(gain(values), bounds)
+
+
+def size_of(L1: Array, bounds: Bounds) -> float:
+    """Spectral or Frobenius norm."""
+    return float(np.linalg.norm(L1, 2 if bounds.norm == "spectral" else "fro"))
+
+
+def doubles(family: Incremental) -> dict[str, Array]:
+    """Both gains as doubles, which print as the decimals that were proved."""
+    fixed = in_floats(family)
+    assert fixed.L1 is not None
+    assert fixed.L2 is not None
+    return {"L1": fixed.L1, "L2": fixed.L2}

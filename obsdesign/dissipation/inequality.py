@@ -1,0 +1,347 @@
+"""Observers of plants with incremental multipliers: what the families l2 and linf share.
+
+The observer of the plant (10) of Corless and Chakrabarty (2019) is a copy of it with two correction terms,
+
+    xihat' = A xihat + Bf f(t, y, qhat) + g + L1 (yhat - y)
+    qhat   = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y)
+    yhat   = C xihat + Df f(t, y, qhat) + gy.
+
+With e = xihat - xi, V = e' P e and Y = P L1, the inequality (13) says that along the error equations
+
+    V' + 2 alpha V + z' W z - m |v|^2 <= 0,    z = H e,
+
+and a family says what W, m and P have to be.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import (
+    Array,
+    Inequality,
+    Injection,
+    Problem,
+    Unknown,
+    Values,
+    block_diagonal,
+    he,
+    identity,
+    symmetric,
+)
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.plant import Plant
+
+ONE = np.ones((1, 1))
+EQUATIONS = (
+    "xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y), "
+    "qhat = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y), "
+    "yhat = C xihat + Df f(t, y, qhat) + gy, e = xihat - xi, z = H e"
+)
+SMALL = "P <= p I"
+LARGE = "P >= t I"
+LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to the mean eigenvalue of P
+LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
+
+
+@dataclass(frozen=True)
+class Incremental(ABC):
+    """One instance of a family's inequalities: fixed alpha, and each gain given or (None) to be found.
+
+    Where L2 is found, the unknown is R = lambda L2, block by block; this needs M11 >= 0, which the loop shift
+    f -> f - K q provides (`shifted`).
+    """
+
+    name: ClassVar[str]  # of the family in a spec
+    decrease: ClassVar[str]  # the dissipation inequality in words
+    meaning: ClassVar[str]  # of gamma
+    promise: ClassVar[str]
+    rises: ClassVar[bool]  # whether the least gamma never decreases with alpha
+    still: ClassVar[bool] = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
+
+    plant: Plant
+    multiplier: Multiplier
+    H: Array  # (nz, n)
+    alpha: Any  # 1/s
+    L1: Array | None = None  # (n, ny)
+    L2: Array | None = None  # (nq, ny)
+
+    @abstractmethod
+    def theorem(self, v: Values) -> tuple[Inequality, ...]:
+        """The inequalities of the family for P, Y (or L1), the multiplier, mu1, mu2 (and R where L2 is free)."""
+
+    @abstractmethod
+    def normal(self, mu: Array) -> Values:
+        """Return mu1 and mu2 as the solver has them, for gamma^2 = mu and P of a size that does not depend on mu."""
+
+    @abstractmethod
+    def stated(self, values: Values, mu: fmpq) -> Values:
+        """P and the multiplier of the claim mu1 = 1, mu2 = mu, from those for `normal`."""
+
+    @abstractmethod
+    def limited(self, P: Array, mu: Array, largest: Any) -> Array:
+        """Return what must be <= 0 for the P of the claim to be at most `largest` I."""
+
+    @staticmethod
+    @abstractmethod
+    def room(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
+        """What must be >= 0 for mu1 and mu2 to prove gamma; `promise` says it in words."""
+
+    @staticmethod
+    @abstractmethod
+    def statement(gamma: float, alpha: float) -> str:
+        """Guarantee in words, with the observer written out."""
+
+    def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
+        """(13) for the weight of |z|^2 and the supply m, strict for alpha = 0; P > 0; membership of the multiplier."""
+        v = {**v, "Y": v["Y"] if self.L1 is None else v["P"] @ self.L1}
+        dissipation = self.dissipation_with_free_L2 if self.L2 is None else self.dissipation
+        return [
+            Inequality(
+                self.decrease,
+                dissipation(v, weight * (self.H.mT @ self.H), supply),
+                strict=self.still and not self.alpha,
+            ),
+            Inequality("P > 0", -v["P"], strict=True),
+            *self.multiplier.inequalities(v),
+        ]
+
+    def dissipation(self, v: Values, Q: Array, m: Array) -> Array:
+        """V' + 2 alpha V + e' Q e - m |v|^2 in (e, f, v), with q = Ge e + Gf f + Gv v."""
+        p, P, Y = self.plant, v["P"], v["Y"]
+        M11, M12, M22 = self.multiplier.matrix(v)
+        Ge, Gf, Gv = (self.argument(v, *pair) for pair in ((p.Cq, p.C), (p.Dqf, p.Df), (-p.Dq, -p.D)))
+        return symmetric(
+            [
+                [
+                    he(P @ p.A + Y @ p.C) + 2 * self.alpha * P + Q + Ge.mT @ M11 @ Ge,
+                    P @ p.Bf + Y @ p.Df + Ge.mT @ (M11 @ Gf + M12),
+                    -(P @ p.B + Y @ p.D) + Ge.mT @ M11 @ Gv,
+                ],
+                [Gf.mT @ M11 @ Gf + he(Gf.mT @ M12) + M22, (Gf.mT @ M11 + M12.mT) @ Gv],
+                [Gv.mT @ M11 @ Gv - m * identity(p.B.shape[1], p.B)],
+            ]
+        )
+
+    def dissipation_with_free_L2(self, v: Values, Q: Array, m: Array) -> Array:
+        """Same in (e, f, v, u), Remark 3: lambda q = Ge e + Gf f + Gv v, M11 = lambda U U' by a Schur complement."""
+        p, P, Y = self.plant, v["P"], v["Y"]
+        blocks = self.multiplier.scaled_blocks()
+        scale = [v[u.name] for u in self.multiplier.unknowns()]
+        M12 = block_diagonal([b.M12 for b in blocks])
+        M22 = block_diagonal([s * b.M22 for s, b in zip(scale, blocks, strict=True)])
+        U = free_factor(self.multiplier)
+        Ge, Gf, Gv = (self.argument(v, *pair) for pair in ((p.Cq, p.C), (p.Dqf, p.Df), (-p.Dq, -p.D)))
+        return symmetric(
+            [
+                [
+                    he(P @ p.A + Y @ p.C) + 2 * self.alpha * P + Q,
+                    P @ p.Bf + Y @ p.Df + Ge.mT @ M12,
+                    -(P @ p.B + Y @ p.D),
+                    Ge.mT @ U,
+                ],
+                [he(Gf.mT @ M12) + M22, M12.mT @ Gv, Gf.mT @ U],
+                [-m * identity(p.B.shape[1], p.B), Gv.mT @ U],
+                [
+                    -block_diagonal(
+                        [s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)]
+                    )
+                ],
+            ]
+        )
+
+    def argument(self, v: Values, direct: Array, output: Array) -> Array:
+        """How a signal reaches q: direct + L2 output; where L2 is free, lambda times that."""
+        if self.L2 is not None:
+            return np.asarray(direct + self.L2 @ output)
+        blocks = zip(self.multiplier.unknowns(), self.multiplier.scaled_blocks(), strict=True)
+        scales = block_diagonal([v[unknown.name] * np.eye(len(block.M11)) for unknown, block in blocks])
+        return np.asarray(scales @ direct + v["R"] @ output)
+
+    def slowest_pole(self) -> complex:
+        """Slowest pole of the error for given gains and f = K q, K the member of the class; in doubles.
+
+        e' = (A + L1 C) e + (Bf + L1 Df) f~ with f~ = (I - K D)^-1 K (Cq + L2 C) e, D = Dqf + L2 Df.
+        """
+        p, K = self.plant, self.multiplier.member
+        assert self.L1 is not None
+        assert self.L2 is not None
+        F = np.linalg.solve(np.eye(len(K)) - K @ (p.Dqf + self.L2 @ p.Df), K @ (p.Cq + self.L2 @ p.C))
+        poles = np.linalg.eigvals(p.A + self.L1 @ p.C + (p.Bf + self.L1 @ p.Df) @ F)
+        return complex(max(poles, key=lambda pole: pole.real))
+
+    # Problems for the solver, in doubles
+
+    def least_gamma(self, bounds: Bounds | None = None) -> Problem:
+        """Minimise mu = gamma^2; P >= 0 is closed by the solver, so that the optimum is the infimum.
+
+        With bounds, also P <= p I, P >= t I and, for |L1| <= kappa, `gain` with a floor of its own and square kappa^2.
+        """
+
+        def bounded(v: Values) -> list[Inequality]:
+            rows = []
+            if bounds and bounds.P is not None:
+                rows.append(Inequality(SMALL, self.limited(v["P"], v["mu"], float(bounds.P))))
+            if bounds and bounds.floor is not None:
+                rows.append(Inequality(LARGE, float(bounds.floor) * self.eye - v["P"]))
+            if bounds and bounds.L1 is not None:
+                rows += self.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
+            return rows
+
+        limited = bounds is not None and bounds.L1 is not None
+        unknowns = [Unknown("mu", (1, 1)), *(self.gain_unknowns("t", bounds) if bounds and limited else [])]
+        injection = None if limited or self.L1 is not None else self.injection
+        return self.problem(unknowns, self.leveled, bounded, minimise="mu", injection=injection)
+
+    def feasible(self) -> Problem:
+        """The theorem for some gamma."""
+        injection = None if self.L1 is not None else self.injection
+        return self.problem([Unknown("mu", (1, 1))], self.leveled, injection=injection)
+
+    def witness(self, gamma: float | None, largest: Any = None) -> Problem:
+        """The theorem for a gamma, or for some gamma, with nothing projected out; and P <= p I for the largest p."""
+        if gamma is None:
+            return replace(self.feasible(), injection=None)
+        mu = gamma**2 * ONE
+
+        def bounded(v: Values) -> list[Inequality]:
+            return [] if largest is None else [Inequality(SMALL, self.limited(v["P"], mu, float(largest)))]
+
+        return self.problem([], lambda v: {**v, **self.normal(mu)}, bounded)
+
+    def leveled(self, v: Values) -> Values:
+        """Complete unknowns by mu1 and mu2."""
+        return {**v, **self.normal(v["mu"])}
+
+    def problem(
+        self,
+        unknowns: Sequence[Unknown],
+        complete: Callable[[Values], Values],
+        bounded: Callable[[Values], Sequence[Inequality]] = lambda _: (),
+        minimise: str | None = None,
+        injection: Injection | None = None,
+    ) -> Problem:
+        """The theorem, with what `complete` derives from the unknowns and with further inequalities."""
+        p = self.plant
+        gains = [] if self.L1 is not None else [Unknown("Y", p.C.mT.shape)]
+        gains += [] if self.L2 is not None else [Unknown("R", (p.Cq.shape[0], p.C.shape[0]))]
+        return Problem(
+            (Unknown("P", p.A.shape, symmetric=True), *gains, *self.auxiliary, *unknowns),
+            lambda v: (*self.theorem(complete(v)), *self.usable_scales(v), *bounded(v)),
+            (lambda v: v[minimise]) if minimise else None,
+            injection,
+        )
+
+    @property
+    def auxiliary(self) -> tuple[Unknown, ...]:
+        """Unknowns besides P and the gains: what determines the multiplier."""
+        return self.multiplier.unknowns()
+
+    def usable_scales(self, v: Values) -> list[Inequality]:
+        """Where L2 = R / lambda is free, LEAST_SCALE <= lambda / (tr P / n) <= LARGEST_SCALE."""
+        if self.L2 is not None:
+            return []
+        mean = np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
+        return [
+            Inequality(name, bound)
+            for u in self.multiplier.unknowns()
+            for name, bound in (
+                (f"{u.name} > 0", LEAST_SCALE * mean - v[u.name]),
+                (f"{u.name} bounded", v[u.name] - LARGEST_SCALE * mean),
+            )
+        ]
+
+    def gain(self, v: Values, floor: Array, square: Array) -> list[Inequality]:
+        """Floor I <= P and [P, Y; Y', W] >= 0: L1'L1 floor <= L1'P L1 <= W, with W <= square I or tr W <= square."""
+        rows = [Inequality("P >= t I", floor * self.eye - v["P"])]
+        if "W" not in v:
+            W = square * np.eye(self.plant.C.shape[0])
+            return [*rows, Inequality("[P, Y; Y', s I] >= 0", -symmetric([[v["P"], v["Y"]], [W]]))]
+        trace = np.trace(v["W"], axis1=-2, axis2=-1)[..., None, None]
+        return [
+            *rows,
+            Inequality("[P, Y; Y', W] >= 0", -symmetric([[v["P"], v["Y"]], [v["W"]]])),
+            Inequality("tr W <= s", trace - square),
+        ]
+
+    def gain_unknowns(self, name: str, bounds: Bounds) -> list[Unknown]:
+        """Unknowns of `gain`."""
+        ny = self.plant.C.shape[0]
+        return [
+            Unknown(name, (1, 1)),
+            *([Unknown("W", (ny, ny), symmetric=True)] if bounds.norm == "frobenius" else []),
+        ]
+
+    @property
+    def eye(self) -> Array:
+        """Identity of the order of P."""
+        return np.eye(self.plant.n)
+
+    @property
+    def injection(self) -> Injection | None:
+        """Y enters (13) as He([I; 0] Y [C Df -D])."""
+        p = self.plant
+        extra = 0 if self.L2 is not None else free_factor(self.multiplier).shape[1]
+        right = np.hstack([p.C, p.Df, -p.D, np.zeros((p.C.shape[0], extra))])
+        return Injection("Y", np.eye(right.shape[1], p.n), right)
+
+    def shifted(self) -> Self:
+        """Same problem for f - K q, K the member of the class: then M11 >= 0.
+
+        With W = (I - K Dqf)^-1, f = (I - K Dqf)^-1 (K Cq x + f~ + K Dq w).
+        """
+        p, K = self.plant, self.multiplier.member
+        return replace(self, plant=shifted_plant(p, K), multiplier=self.multiplier.shifted())
+
+
+def unshifted(L2: Array, plant: Plant, K: Array) -> Array:
+    """L2 for f of the L2 found for f - K q: L2n = X (I - Df K X)^-1 with X = (I - Dqf K)^-1 L2."""
+    X = np.linalg.solve(np.eye(len(L2)) + L2 @ plant.Df @ K, L2)
+    return np.asarray((np.eye(len(L2)) - plant.Dqf @ K) @ X)
+
+
+def free_factor(multiplier: Multiplier) -> Array:
+    """U with M11 = U U' for unit scales, block by block; a block with M11 = 0 has no columns."""
+    return block_diagonal([square_root(b.M11) for b in multiplier.scaled_blocks()])
+
+
+def square_root(M: Array) -> Array:
+    """U with M = U U', its columns as many as the rank.
+
+    Raises
+    ------
+    UsageError
+        If M is not positive semidefinite: the multiplier does not allow a free L2.
+    """
+    values, vectors = np.linalg.eigh(M)
+    scale = np.abs(values).max(initial=0)
+    if (values < -1e-12 * scale).any():
+        raise UsageError("observer.L2: a free L2 needs a multiplier with M11 >= 0; give L2 as a matrix")
+    keep = values > 1e-12 * scale
+    return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
+
+
+def shifted_plant(plant: Plant, K: Array) -> Plant:
+    """Plant with f = K q + f~, so that f = (I - K Dqf)^-1 (f~ + K (Cq x + Dq w)) and q = W (Cq x + Dqf f~ + Dq w)."""
+    p = plant
+    W = np.linalg.inv(np.eye(p.Cq.shape[0]) - p.Dqf @ K)
+    Cq, Dqf, Dq = W @ p.Cq, W @ p.Dqf, W @ p.Dq
+    through = np.eye(K.shape[0]) + K @ Dqf
+    return replace(
+        p,
+        A=p.A + p.Bf @ K @ Cq,
+        Bf=p.Bf @ through,
+        B=p.B + p.Bf @ K @ Dq,
+        Cq=Cq,
+        Dqf=Dqf,
+        Dq=Dq,
+        C=p.C + p.Df @ K @ Cq,
+        Df=p.Df @ through,
+        D=p.D + p.Df @ K @ Dq,
+    )

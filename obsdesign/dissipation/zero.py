@@ -1,0 +1,71 @@
+"""Limits of zero: the least gamma falls without end as the gain grows."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.inequality import Incremental
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import rational_number
+from obsdesign.lmi.solve import Answer, Status
+
+TABLE = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # gains of the table that a limit of zero is answered with
+SUSPECT = 1e-3  # a gamma below this may be a limit of zero: the table decides
+ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
+SHARE = 1e-3  # .. and that is certified in its place
+STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
+
+
+def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[float, float], ...]:
+    """Table (largest |L1|, gamma) if gamma falls towards zero as the gain grows; else nothing."""
+    if limit.status is Status.OPTIMAL and limit.objective > SUSPECT**2:
+        return ()
+    rows = []
+    for size in TABLE:
+        answer = engine.minimise(family.least_gamma(Bounds(L1=rational_number(str(size)))))
+        if answer.status is Status.OPTIMAL:
+            rows.append((size, math.sqrt(max(answer.objective, 0.0))))
+    fall = np.diff(np.log([gamma for _, gamma in rows[-4:]]))
+    steady = len(fall) == STEADY and fall.max() < math.log(0.8) and fall[-1] < 0.9 * fall[0]
+    return tuple(rows) if steady else ()
+
+
+def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | None:
+    """Level to certify where a finite gain cancels the disturbance, so that the limit is zero but for rounding.
+
+    Then gamma can be as small as one likes, and the level is a small share of that of the solution of widest margin.
+    """
+    least = max(limit.objective, 0.0)
+    if least > SUSPECT**2:
+        return None
+    wide = engine.widest(family.witness(None))
+    if wide.status is not Status.OPTIMAL:
+        return None
+    reference = math.sqrt(wide.values["mu"].item())
+    return SHARE * reference if math.sqrt(least) <= ROUNDED * reference else None
+
+
+def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:
+    """Same answer, with the objective 0 where a finite gain cancels the disturbance and the rest is rounding."""
+    if answer.status is Status.INFEASIBLE or cancelled(engine, family, answer) is None:
+        return answer
+    return replace(answer, status=Status.OPTIMAL, objective=0.0)
+
+
+def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
+    """Refusal of min-gamma where the infimum is zero."""
+    first = (
+        f"observer.objective: the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
+        "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
+    )
+    return tabulated(first, "L1", "gamma", rows)
+
+
+def tabulated(first: str, gain: str, quantity: str, rows: Sequence[tuple[float, float]]) -> UsageError:
+    """Refusal with a table of a quantity against the norm of a gain."""
+    return UsageError(first, *(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows))

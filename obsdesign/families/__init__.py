@@ -1,0 +1,1 @@
+"""Families of observers, a folder each."""

@@ -1,0 +1,343 @@
+"""From a request for an observer with the gains L1 and L2 (families l2, linf) to certified gains."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.certificate import Certificate
+from obsdesign.dissipation.claim import best_claim, claim
+from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
+from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.zero import SHARE, cancelled, falling, unbounded
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.incremental.accuracy import accurate
+from obsdesign.families.incremental.decay import Decay, Point
+from obsdesign.families.incremental.extent import largest_class
+from obsdesign.families.incremental.linf import Linf
+from obsdesign.families.incremental.reasons import why_not
+from obsdesign.families.incremental.reconstruct import reconstruct
+from obsdesign.families.incremental.reconstruction import left_inverse
+from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
+from obsdesign.lmi.solve import Status
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.structure import undetectable
+from obsdesign.spec import Spec
+
+FLAT = 1e-5  # relative difference of two gammas that are taken as equal
+
+
+@dataclass(frozen=True)
+class Design:
+    """Outcome for a spec: certified or uncertified gains, or why there are none."""
+
+    status: str  # certified | uncertified | infeasible
+    gains: dict[str, Array] = field(default_factory=dict)  # doubles, to be read as the decimals they print
+    certificate: Certificate | None = None
+    limit: dict[str, Any] = field(default_factory=dict)
+    limit_bounded: dict[str, Any] = field(default_factory=dict)
+    points: tuple[dict[str, Any], ...] = ()
+    diagnosis: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    solves: int = 0
+    time_s: float = 0.0
+
+
+class Designer:
+    """The steps of one design."""
+
+    def __init__(self, spec: Spec, engine: Engine) -> None:
+        self.spec, self.engine = spec, engine
+        self.request = spec.incremental.printed()
+        alpha = self.request.alpha
+        self.range = alpha if isinstance(alpha, Range) else None
+        self.lowest: fmpq = alpha.low if isinstance(alpha, Range) else alpha
+        given = self.request.gains or {}
+        kind, L2 = THEOREMS[self.request.type], given.get("L2", self.request.L2)
+        self.family = kind(spec.augmented, spec.multiplier, spec.H, self.lowest, given.get("L1"), L2)
+        self.decay = Decay(engine, self.family, self.request.bounds)
+        self.notes: list[str] = []
+        self.points: list[Point] = []
+        self.cancelled: float | None = None  # level to certify where the limit is zero at a finite gain
+
+    def outcome(self) -> Design:
+        """Gates that need no solver, then the objective."""
+        if self.family.plant.B.shape[1] == 0 and self.request.objective in {"min-gamma", "pareto", "gamma"}:
+            raise UsageError("observer.objective: no disturbance acts on this plant; choose feasibility or max-alpha")
+        hidden = undetectable(
+            in_floats(self.family.plant), in_floats(self.family.multiplier.member), float(self.lowest)
+        )
+        if hidden:
+            return self.infeasible(self.lowest)
+        if self.request.gains:
+            return self.analysis(self.searched())
+        if self.request.objective == "max-alpha":
+            return self.fastest()
+        return self.accurate() or self.at(self.searched())
+
+    def accurate(self) -> Design | None:
+        """Gains in closed form for `objective: {gamma: ..}`, where nothing bounds them and the plant admits them."""
+        gamma, outputs = self.request.gamma, [in_floats(self.family).H]
+        if gamma is None or self.decay.restricting is not None:
+            return None
+        if self.request.reconstruct:
+            inverse = left_inverse(self.family.plant.B)
+            outputs += [in_floats(inverse @ self.family.plant.A), in_floats(inverse)]
+        grid = self.range.grid() if self.range else (self.lowest,)
+        found = [solution for alpha in grid if (solution := accurate(self.engine, replace(self.family, alpha=alpha)))]
+        if not found:
+            return None
+        best = min(found, key=lambda solution: float(np.linalg.norm(solution.L1(float(gamma), outputs), 2)))
+        made = self.proved(((family, None) for family in best.gains(float(gamma), outputs)), float(gamma))
+        if made.status != "certified":
+            return None
+        size = float(np.linalg.norm(made.gains["L1"], 2))
+        self.notes.append(
+            f"any gamma can be reached, at |L1| of the order of 1 / gamma^2 at most: in closed form |L1| = {size:.4g} "
+            f"for gamma = {float(gamma):g}; with `bounds: {{L1: ..}}` smaller gains are searched"
+        )
+        return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
+
+    # One alpha
+
+    def at(self, alpha: fmpq) -> Design:
+        """Design for one alpha: the limit, the bounded limit, gains, proof."""
+        family = replace(self.family, alpha=alpha)
+        search = searchable(family)
+        self.engine.report(0.7, "limit")
+        limits, gamma = self.limits(search, alpha)
+        if gamma is None:
+            return self.infeasible(alpha, limits)
+        target = self.target(search, gamma)
+        if self.request.bounds.gamma is not None:
+            target = min(target, float(self.request.bounds.gamma))
+        if target < gamma:
+            return self.infeasible(alpha, {"gamma": {"asked": target, "least": gamma}, **limits})
+        self.engine.report(0.8, "smallest gain")
+        made = self.gains(family, target)
+        return replace(made, **limits, points=tuple(self.points), notes=tuple(self.notes))
+
+    def limits(self, search: Incremental, alpha: fmpq) -> tuple[dict[str, Any], float | None]:
+        """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
+        answer = self.engine.minimise(search.least_gamma())
+        if answer.status is Status.INFEASIBLE:
+            return {}, None
+        table = falling(self.engine, search, answer)
+        if not table:
+            self.cancelled = cancelled(self.engine, search, answer)
+        if answer.status is Status.OPTIMAL or table or self.cancelled:
+            gamma = 0.0 if table else self.level(answer.objective)
+            limits: dict[str, Any] = {"limit": {"gamma": gamma, "attained": False}}
+        elif self.request.objective in {"feasibility", "max-alpha"} or self.decay.restricting:
+            gamma, limits = 0.0, {"limit": {"attained": False}}
+            if self.request.objective not in {"feasibility", "max-alpha"}:
+                self.notes.append(f"the least gamma over all gains was not found: {answer.raw}")
+        else:
+            raise UndecidedError(f"the least gamma at alpha = {float(alpha):g} was not found: {answer.raw}")
+        if self.decay.restricting is None:
+            if table and self.request.objective in {"min-gamma", "pareto"}:
+                raise unbounded(alpha, table)
+            return limits, gamma
+        bounded = within(self.engine, search, self.request.bounds)
+        if bounded.status is Status.INFEASIBLE:
+            return {"bounds": "no gain within the bounds satisfies the inequality", **limits}, None
+        if bounded.status is not Status.OPTIMAL:
+            if table and self.request.bounds.L1 is None:
+                raise unbounded(alpha, table)
+            raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.raw}")
+        gamma = self.level(bounded.objective)
+        return {**limits, "limit_bounded": {"gamma": gamma, "attained": True}}, gamma
+
+    def level(self, square: float) -> float:
+        """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
+        gamma = math.sqrt(max(square, 0.0))
+        return 0.0 if self.cancelled and gamma < SHARE * self.cancelled else gamma
+
+    def target(self, search: Incremental, gamma: float) -> float:
+        """Gamma to be certified, rounded down to 6 digits so that it stays within the slack of the limit.
+
+        Where the objective is not gamma, it is `moderate`.
+        """
+        bounds = self.request.bounds
+        if self.request.gamma is not None:
+            return float(self.request.gamma)
+        if self.request.objective in {"feasibility", "max-alpha"}:
+            if bounds.gamma is not None:
+                return float(bounds.gamma)
+            gamma = max(gamma, self.moderate(search))
+        if gamma == 0 and self.cancelled:
+            self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
+            return round_up(self.cancelled, 6)
+        return max(round_down(gamma * (1 + float(self.request.slack)), 6), round_up(gamma, 6))
+
+    def moderate(self, search: Incremental) -> float:
+        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
+        wide = self.engine.widest(search.witness(None))
+        if wide.status is not Status.OPTIMAL:
+            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.raw}")
+        size = 2 * norm(wide.values, self.request.bounds)
+        answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
+        level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
+        return math.sqrt(max(level, 0.0))
+
+    def gains(self, family: Incremental, gamma: float) -> Design:
+        """Gains of small norm that reach gamma, rounded and proved."""
+        made = self.proved(small_gains(self.engine, family, gamma, self.request.bounds), gamma)
+        if not made.gains:
+            raise UndecidedError(f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}")
+        return made
+
+    def proved(self, candidates: Iterable[tuple[Incremental, Values | None]], gamma: float) -> Design:
+        """Return the first of some candidates that is proved to reach gamma; or else the last of them, uncertified."""
+        made = Design("uncertified")
+        for candidate, values in candidates:
+            certificate = claim(self.engine, candidate, gamma, values, self.request.bounds.P)
+            made = Design("uncertified", doubles(candidate), certificate)
+            if certificate and certificate.holds:
+                return self.completed(candidate, replace(made, status="certified"))
+        return made
+
+    def completed(self, family: Incremental, made: Design) -> Design:
+        """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
+        if not self.request.reconstruct or made.certificate is None or not isinstance(family, Linf):
+            return made
+        self.engine.report(0.9, "reconstruction of w")
+        bound = reconstruct(self.engine, self.spec, family)
+        if isinstance(bound, str):
+            self.notes.append(f"nothing is proved of |what - w|: {bound}; gamma is certified all the same")
+            return made
+        if any(block.f is None for block in self.spec.nonlinearities):
+            self.notes.append("the bound on |what - w| takes f to depend on q only, since it is not given")
+        return replace(made, certificate=replace(made.certificate, reconstruction=bound))
+
+    # Many alphas
+
+    def searched(self) -> fmpq:
+        """Alpha of the shipped design: the number that is asked for, or one of the range.
+
+        Where the least gamma never decreases with alpha, min-gamma takes the lower end; where alpha competes with it,
+        the minimum of the curve, or the fastest decay where the curve is flat there. Pareto takes the fastest decay
+        within the slack of the least gamma.
+        """
+        objective, rises = self.request.objective, self.family.rises
+        if self.range is None or (rises and (objective in {"feasibility", "gamma"} or self.request.gains)):
+            return self.lowest
+        self.points = list(self.decay.curve(self.range.grid()))
+        if not rises and objective != "pareto":
+            self.points = sorted([*self.points, *self.decay.lowest(self.points)], key=lambda point: point["alpha"])
+        known = [point for point in self.points if "gamma" in point]
+        if not known:
+            return self.lowest
+        best = min(known, key=lambda point: point["gamma"])
+        if rises and objective != "pareto":
+            best = self.points[0]
+        else:
+            level = best["gamma"] * (1 + (float(self.request.slack) if objective == "pareto" else FLAT))
+            best = max((point for point in known if point["gamma"] <= level), key=lambda point: point["alpha"])
+        self.notes.append(self.choice(best["alpha"]))
+        return rational_number(repr(best["alpha"]))
+
+    def choice(self, alpha: float) -> str:
+        """Why this alpha, in words."""
+        if self.request.objective == "pareto":
+            return (
+                f"alpha = {alpha:g} is the fastest decay of the curve with a least gamma within the slack of its least"
+            )
+        if self.family.rises:
+            return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
+        return f"alpha = {alpha:g} has the least gamma of the range, by a grid and a golden section"
+
+    def fastest(self) -> Design:
+        """Largest alpha by bisection on feasibility; the shipped one is within the slack of it."""
+        low, high = (self.range.low, self.range.high) if self.range else (self.lowest, self.lowest)
+        feasible, unknown = self.decay.feasible(low)
+        if not feasible:
+            if unknown:
+                raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided")
+            return self.infeasible(low)
+        attained, _ = self.decay.feasible(high)
+        limit = float(high) if attained else self.decay.largest(float(low), float(high))
+        if attained:
+            self.notes.append(f"every alpha of the range is feasible, up to {float(high):g}")
+        shipped = max(limit / (1 + float(self.request.slack)), float(low))
+        alpha = high if attained and not self.request.slack else rational_number(str(round_down(shipped, 6)))
+        made = self.at(max(alpha, low))
+        return replace(made, limit={"alpha": limit, "attained": attained} if made.limit else {})
+
+    # Analysis
+
+    def analysis(self, alpha: fmpq) -> Design:
+        """Certify given gains, for the least gamma that they achieve."""
+        family = replace(self.family, alpha=alpha)
+        slowest = in_floats(family).slowest_pole()
+        if slowest.real > -float(alpha):
+            change = f"grows at the rate {slowest.real:.6g}"
+            if slowest.real <= 0:
+                change = f"decays at the rate {-slowest.real:.6g} only"
+            return self.infeasible(alpha, {"gains": f"for an f that the types allow, an error {change}"})
+        status, certificate = best_claim(self.engine, family)
+        if status is Status.INFEASIBLE:
+            return self.infeasible(alpha, {"gains": "no storage function of Theorem 1 proves these gains"})
+        proved = certificate is not None and certificate.holds
+        made = Design("certified" if proved else "uncertified", doubles(family), certificate)
+        made = self.completed(family, made)
+        limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
+        known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
+        return replace(made, limit={**known, "attained": False}, points=tuple(self.points), notes=tuple(self.notes))
+
+    # Answers without gains
+
+    def infeasible(self, alpha: fmpq, known: dict[str, Any] | None = None) -> Design:
+        """Answer with the reason, in the terms of the model."""
+        self.engine.report(0.9, "diagnosis")
+        found = known or {}
+        limits = {name: found[name] for name in ("limit", "limit_bounded") if name in found}
+        found = {name: value for name, value in found.items() if name not in limits}
+        largest = self.decay.largest_below(alpha) if not found else None
+        diagnosis = why_not(self.spec, replace(self.family, alpha=alpha), largest, found)
+        if not found and diagnosis["condition"] != "detectability":
+            diagnosis = self.with_class(alpha, diagnosis)
+        return Design("infeasible", diagnosis=diagnosis, points=tuple(self.points), notes=tuple(self.notes), **limits)
+
+    def with_class(self, alpha: fmpq, diagnosis: dict[str, Any]) -> dict[str, Any]:
+        """Diagnosis with the largest class of one nonlinearity that is feasible at alpha, if one is to blame."""
+
+        def feasible(multiplier: Multiplier) -> bool:
+            return replace(self.decay, family=replace(self.family, multiplier=multiplier)).feasible(alpha)[0]
+
+        found = largest_class(self.spec, feasible)
+        if not found:
+            return diagnosis
+        largest = ", ".join(f"{name} {shown(value)}" for name, value in found["feasible"].items())
+        hint = f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}"
+        return {
+            **diagnosis,
+            "nonlinearity": found["nonlinearity"],
+            "feasible": {**diagnosis["feasible"], **found["feasible"]},
+            "suggestion": f"{diagnosis['suggestion']}; {hint}",
+        }
+
+
+def shown(value: Any) -> str:
+    """Number, or list of numbers, in few digits."""
+    return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"
+
+
+def design_incremental(spec: Spec, engine: Engine) -> Design:
+    """Design, or analyze, an observer with the gains L1 and L2.
+
+    Raises
+    ------
+    UsageError
+        The limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free L2.
+    UndecidedError
+        The solver found neither a solution nor that there is none.
+    """
+    return Designer(spec, engine).outcome()

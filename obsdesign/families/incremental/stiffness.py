@@ -1,0 +1,157 @@
+"""Nonlinearities without an upper slope bound: f = K q is one of them for every K >= 0, which costs two conditions."""
+
+import numpy as np
+
+from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.lmi.formula import Array
+from obsdesign.model.multiplier import Scaled
+from obsdesign.model.pencil import text
+from obsdesign.model.structure import Mode, stiff_modes
+from obsdesign.spec import Spec
+
+
+def stiff_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
+    """Blocks with M11 = M22 = 0 that no loop and no output involves: number, block, components of q and of f."""
+    p, q, f = family.plant, 0, 0
+    found: list[tuple[int, Scaled, slice, slice]] = []
+    for i, block in enumerate(family.multiplier.blocks):
+        rows, columns = slice(q, q + block.nq), slice(f, f + block.nf)
+        q, f = rows.stop, columns.stop
+        through = np.vstack([p.Dqf[:, columns], p.Df[:, columns]])
+        if isinstance(block, Scaled) and is_monotone(block) and p.Bf[:, columns].any() and not through.any():
+            found.append((i, block, rows, columns))
+    return found
+
+
+def is_monotone(block: Scaled) -> bool:
+    """Whether the inequality is dq' M12 df >= 0."""
+    return bool(block.M12.any()) and not block.M11.any() and not block.M22.any()
+
+
+def may_rest(family: Incremental) -> bool:
+    """Whether f = 0 is in every class, so that the inequalities hold along errors that only some blocks act on."""
+    blocks = family.multiplier.blocks
+    return all(isinstance(b, Scaled) and np.linalg.eigvalsh(b.M11).min(initial=0.0) >= 0 for b in blocks)
+
+
+def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
+    """Blocks with M22 = M11 = 0 force P Bf + lambda M12' (Cq + L2 C) .. = 0, and with it two necessary conditions.
+
+    With G = Cq + L2 C, P Bf + lambda G' M12 = 0 and P > 0:
+
+    - Bf' P Bf > 0 needs M12' G Bf < 0 (in its symmetric part, as below), and so lambda > 0;
+    - where C Bf = 0, the error e = Bf d is not corrected by any L1, and e' P (A + alpha I) e <= 0 there needs
+      M12' G (A + alpha I) Bf >= 0.
+
+    Bf must have full column rank; nothing is said otherwise, nor where L2 is free.
+    """
+    p, alpha = family.plant, float(family.alpha)
+    if family.L2 is None:
+        return None
+    for i, block, rows, columns in stiff_blocks(family):
+        Bf, G = p.Bf[:, columns], p.Cq[rows] + family.L2[rows] @ p.C
+        if np.linalg.matrix_rank(Bf) < Bf.shape[1]:
+            continue
+        must = f"{block_name(spec, i)} has no upper slope bound, so P Bf + lambda (Cq + L2 C)' = 0 must hold"
+        largest = extreme(block.M12.T @ G @ Bf)
+        if largest >= 0:
+            return {
+                "condition": "passivity",
+                "reason": f"{must} with P > 0 and lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here it is "
+                + shown(largest, Bf),
+                "value": largest,
+                "feasible": {},
+                "suggestion": "choose L2 with (Cq + L2 C) Bf < 0, or `L2: free`",
+            }
+        smallest = -extreme(-block.M12.T @ G @ (p.A @ Bf + alpha * Bf))
+        if may_rest(family) and not (p.C @ Bf).any() and smallest < 0:
+            return slow_injection(must, family, block, rows, columns, smallest)
+    return None
+
+
+def slow_injection(
+    must: str, family: Incremental, block: Scaled, rows: slice, columns: slice, smallest: float
+) -> Diagnosis:
+    """Answer that the errors along Bf, which y does not show at once, decay too slowly."""
+    p, alpha = family.plant, float(family.alpha)
+    Bf, Cq = p.Bf[:, columns], p.Cq[rows]
+    needed = "(Cq + L2 C)(A + alpha I) Bf >= 0"
+    found: Diagnosis = {"condition": "passivity", "value": smallest, "feasible": {}}
+    if Bf.shape[1] == 1 and p.C.shape[0] == 1 and (gain := (block.M12.T @ p.C @ p.A @ Bf).item()):
+        constant, slope = (-(block.M12.T @ Cq @ X).item() / gain for X in (p.A @ Bf, Bf))
+        side, bound = ("<=" if gain < 0 else ">="), constant + slope * alpha
+        needed += f", that is L2 {side} {affine(constant, slope)}"
+        found["feasible"] = {f"L2_{'most' if gain < 0 else 'least'}": bound + 0.0}
+        found["suggestion"] = f"choose L2 {side} {bound + 0.0:g}, or `L2: free`"
+    else:
+        found["suggestion"] = "choose another L2, or `L2: free`, or a smaller alpha"
+    mode = slowest(family)
+    limit = f"; and {allowed(mode)}: {remaining(mode)}" if mode else ""
+    here = f"here it is {shown(smallest, Bf)}"
+    found["reason"] = f"{must}; y does not show an error along Bf, which decays only if {needed}; {here}{limit}"
+    return found
+
+
+def slowest(family: Incremental) -> Mode | None:
+    """Slowest mode that remains where df is whatever keeps dq at zero, whatever the gains: see `stiff_modes`."""
+    blocks = stiff_blocks(family)
+    if not blocks or not may_rest(family):
+        return None
+    q = np.concatenate([np.r_[rows] for _, _, rows, _ in blocks])
+    f = np.concatenate([np.r_[columns] for _, _, _, columns in blocks])
+    return next(iter(stiff_modes(family.plant, q, f)), None)
+
+
+def remaining(mode: Mode) -> str:
+    """Mode in words."""
+    along = ", ".join(name for name, entry in mode.along if abs(entry) >= 0.01)
+    return f"the mode lambda = {text(mode.eigenvalue)} along {along} remains for steep slopes whatever the gains"
+
+
+def allowed(mode: Mode) -> str:
+    """Decay rates that a mode allows, in words."""
+    limit = -mode.eigenvalue.real
+    return f"alpha <= {limit:g}" if limit > 0 else "no alpha > 0"
+
+
+def too_stiff(family: Incremental) -> Diagnosis | None:
+    """Modes that remain for steep slopes and are slower than alpha."""
+    mode, alpha = slowest(family), float(family.alpha)
+    if mode is None or -mode.eigenvalue.real >= alpha:
+        return None
+    limit = -mode.eigenvalue.real
+    return {
+        "condition": "zero dynamics",
+        "reason": f"{remaining(mode)}, because a nonlinearity has no upper slope bound: it allows {allowed(mode)}, and "
+        f"alpha = {alpha:g} was asked for",
+        "mode": described(mode),
+        "feasible": {"alpha": limit} if limit > 0 else {},
+        "suggestion": f"ask for alpha at most {limit:g}" if limit > 0 else "bound the slope, or measure another state",
+    }
+
+
+def extreme(X: Array) -> float:
+    """Largest eigenvalue of the symmetric part."""
+    return float(np.linalg.eigvalsh(X + X.T).max()) / 2
+
+
+def shown(value: float, Bf: Array) -> str:
+    """Write a number, or what it is of a matrix."""
+    return f"{value:g}" if Bf.shape[1] == 1 else f"a matrix with the eigenvalue {value:g}"
+
+
+def affine(constant: float, slope: float) -> str:
+    """Write constant + slope alpha."""
+    product = {1.0: "alpha", -1.0: "-alpha"}.get(slope, f"{slope:g} alpha")
+    if not constant:
+        return product if slope else "0"
+    if not slope:
+        return f"{constant:g}"
+    return f"{constant:g} {'-' if slope < 0 else '+'} {product.removeprefix('-')}"
+
+
+def block_name(spec: Spec, index: int) -> str:
+    """Nonlinearity that block `index` of the multiplier belongs to."""
+    owners = [n for n in spec.nonlinearities for _ in n.multiplier.blocks]
+    return f"the nonlinearity {spec.nonlinearities.index(owners[index]) + 1} ({owners[index].type})"

@@ -1,0 +1,1 @@
+"""Observers of Lipschitz systems, Abbaszadeh and Marquez (2010)."""

@@ -1,0 +1,61 @@
+"""Relaxation compare: every relaxation of one request, side by side."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.lipschitz.outcome import LipschitzDesign
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS
+from obsdesign.families.lipschitz.request import LipschitzRelaxation
+from obsdesign.lmi.formula import approximate
+
+
+def compared(design: Callable[[LipschitzRelaxation], LipschitzDesign]) -> LipschitzDesign:
+    """Design of the tightest relaxation that has one, with a row for each.
+
+    Parameters
+    ----------
+    design
+        Outcome of a relaxation.
+
+    Raises
+    ------
+    UsageError, UndecidedError
+        No relaxation has a design, and for this one that is not because there is none.
+    """
+    rows, outcomes, notes = [], [], []
+    error: UsageError | UndecidedError | None = None
+    for relaxation in RELAXATIONS:
+        try:
+            made = design(relaxation)
+        except (UsageError, UndecidedError) as raised:
+            error = error or raised
+            status = "refused" if isinstance(raised, UsageError) else "undecided"
+            said = [" ".join(problem.message.split()) for problem in raised.problems]
+            rows.append({"relaxation": relaxation, "status": status, "reason": said[0]})
+            notes.append(f"{relaxation} is {status}: {'; '.join(said)}")
+            continue
+        outcomes.append(made)
+        rows.append(row(relaxation, made))
+    best = next((made for made in outcomes if made.status == "certified"), None)
+    if best is None and error:
+        raise error
+    made = best or outcomes[0]
+    return replace(made, comparison=tuple(rows), notes=(*made.notes, *notes))
+
+
+def row(relaxation: str, made: LipschitzDesign) -> dict[str, Any]:
+    """What became of one relaxation."""
+    found: dict[str, Any] = {"relaxation": relaxation, "status": made.status, "limit": made.limit}
+    if made.proved:
+        found["certified"] = {
+            "lipschitz": approximate(made.proved.lipschitz),
+            "gamma": approximate(made.proved.certificate.gamma),
+            "L": float(np.linalg.norm(made.gains["L"], 2)),
+        }
+    if made.diagnosis:
+        found["reason"] = made.diagnosis["reason"]
+    return found

@@ -1,0 +1,75 @@
+"""Analysis: the constant that given gains tolerate, and the gamma that they have."""
+
+import math
+from dataclasses import replace
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.claim import BACKOFFS
+from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.zero import settled
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.reasons import useless
+from obsdesign.families.lipschitz.study import Study
+from obsdesign.families.lipschitz.suprema import largest_constant
+from obsdesign.lmi.formula import Array, in_floats, printed
+from obsdesign.lmi.solve import Status
+
+BEYOND = 1e3  # times the declared constant, or 1: what is proved of gains that tolerate any
+ANY = "the gains tolerate any Lipschitz constant; the one certified is an example"
+
+
+def tolerated(study: Study, L: Array) -> tuple[float, Proved | None]:
+    """Largest constant of the relaxation for gains, in rationals, and a proof of nearly that; (0, None) if none."""
+    stretch = study.stretch(L)
+    answer = stretch.least(Bounds())
+    if answer.status is not Status.OPTIMAL:
+        return 0.0, None
+    limit = stretch.constant(answer)
+    most = BEYOND * max(float(study.declared), 1.0) if limit == math.inf else limit
+    for backoff in BACKOFFS:
+        proved = study.proved(L, printed(round_down(most * (1 - backoff), 6)))
+        if proved:
+            return limit, proved
+    return limit, None
+
+
+def largest_of(study: Study, L: Array) -> LipschitzDesign:
+    """Certify nearly the largest constant that gains tolerate."""
+    found, proved = tolerated(study, L)
+    if not found:
+        return refused(study, L, None)
+    best = largest_constant(study.engine, study.unit, study.relaxation)
+    limit = {"lipschitz": best.value, "attained": best.attained}
+    notes = (ANY,) if found == math.inf else ()
+    return LipschitzDesign.of(L, proved, limit=limit, notes=notes)
+
+
+def gamma_of(study: Study, L: Array) -> LipschitzDesign:
+    """Certify nearly the least gamma that gains have, in the relaxation, at the declared constant."""
+    constant = study.declared
+    answer = study.engine.minimise(study.attenuation(float(constant), L=L).least_gamma())
+    if answer.status is not Status.OPTIMAL:
+        _, known = tolerated(study, L)
+        return refused(study, L, float(known.lipschitz) if known else None)
+    root = math.sqrt(max(answer.objective, 0.0)) or 1e-9
+    tried = (study.proved(L, constant, round_up(root * (1 + backoff), 6)) for backoff in BACKOFFS)
+    proved = next((proof for proof in tried if proof), None)
+    family = study.attenuation(float(constant))
+    limit = settled(study.engine, family, study.engine.minimise(family.least_gamma()))
+    best = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
+    limits = {**best, "attained": best.get("gamma") == 0}
+    return LipschitzDesign.of(L, proved, limit=limits, admissible=more(study, L, proved))
+
+
+def more(study: Study, L: Array, proved: Proved | None) -> Proved | None:
+    """Largest constant, above one that is proved, that the s-procedure proves of gains, with a gamma of its own."""
+    if proved is None:
+        return None
+    _, found = tolerated(replace(study, request=replace(study.request, relaxation="s-procedure")), L)
+    return found if found and found.lipschitz > proved.lipschitz else None
+
+
+def refused(study: Study, L: Array, known: float | None) -> LipschitzDesign:
+    """Answer that gains achieve nothing."""
+    family = replace(study.unit, L1=-L).stretched(study.declared)
+    return LipschitzDesign("infeasible", {"L": in_floats(L)}, diagnosis=useless(family, float(study.declared), known))

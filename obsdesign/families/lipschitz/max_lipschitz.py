@@ -1,0 +1,85 @@
+"""Objective max-lipschitz: the largest constant, and a small gain that nearly tolerates it."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.decimals import round_down
+from obsdesign.dissipation.gain import ROOM, bounded, descended, rounded_gains
+from obsdesign.dissipation.zero import TABLE, tabulated
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.reasons import too_small
+from obsdesign.families.lipschitz.study import Study, out_of_bounds
+from obsdesign.families.lipschitz.suprema import largest_constant
+from obsdesign.lmi.formula import Array, printed, rational_number
+from obsdesign.lmi.solve import Status
+
+DIGITS = 6  # of a shipped constant
+
+
+def largest(study: Study) -> LipschitzDesign:
+    """Design for the largest constant within the bounds, and a gamma that its gain has."""
+    supremum = largest_constant(study.engine, study.unit, study.relaxation)
+    limits: dict[str, Any] = {"limit": {"lipschitz": supremum.value, "attained": supremum.attained}}
+    best = supremum.value
+    if study.restricted:
+        found = bounded(study.stretch().least, study.bounds)
+        if out_of_bounds(found):
+            return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
+        if found.status is not Status.OPTIMAL:
+            raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.raw}")
+        best = study.stretch().constant(found)
+        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
+    if best == math.inf:
+        raise unlimited(study)
+    constant = printed(round_down(best / (1 + study.slack), DIGITS))
+    made = study.first(small_gains(study, constant))
+    if not made.gains:
+        raise UndecidedError(f"no gain was found for the Lipschitz constant {float(constant):g}")
+    notes = () if constant >= study.declared else (short(study, constant),)
+    return replace(made, notes=notes, **limits)
+
+
+def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Proved | None]]:
+    """Gains of small norm for a constant, in more and more digits, and their proofs."""
+    stretch = study.stretch()
+    wide = stretch.wide(float(constant))
+    if wide.status is not Status.OPTIMAL:
+        return
+    goal = float(constant) * (1 + ROOM)
+    values = descended(stretch.reaching(goal), stretch.objective(goal), wide.values, study.bounds)
+    for L1 in rounded_gains(values, study.bounds) if values else ():
+        yield -L1, study.proved(-L1, constant)
+
+
+def short(study: Study, constant: fmpq) -> str:
+    """Warning that the constant of f is beyond what is certified, and what may help."""
+    hints = ["ask for a smaller decay"] if study.unit.alpha else []
+    hints += ["allow a larger gain"] if study.restricted else []
+    hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
+    return (
+        f"warning: the certified Lipschitz constant {float(constant):g} is below the declared "
+        f"{float(study.declared):g}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
+    )
+
+
+def unlimited(study: Study) -> UsageError:
+    """Refusal where the constant grows without end, with the gain or without."""
+    stretch = study.stretch()
+    rows = []
+    for size in TABLE:
+        answer = stretch.least(Bounds(L1=rational_number(str(size))))
+        if answer.status is Status.OPTIMAL and stretch.constant(answer) < math.inf:
+            rows.append((size, stretch.constant(answer)))
+    return tabulated(
+        "observer.objective: there is no largest Lipschitz constant: it grows without bound with the gain; choose "
+        "`bounds: {L: ..}` from this table, or objective min-gamma",
+        "L",
+        "lipschitz",
+        rows,
+    )

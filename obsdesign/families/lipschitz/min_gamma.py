@@ -1,0 +1,122 @@
+"""Objective min-gamma: the least gamma at the declared constant."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.gain import rounded_gains, smallest, within
+from obsdesign.dissipation.zero import SHARE, cancelled, falling, settled, tabulated
+from obsdesign.errors import UndecidedError
+from obsdesign.families.lipschitz.given_gains import more
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.reasons import out_of_reach, too_small
+from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
+from obsdesign.families.lipschitz.study import Study, out_of_bounds
+from obsdesign.families.lipschitz.suprema import cancels
+from obsdesign.lmi.formula import Array, printed
+from obsdesign.lmi.solve import Answer, Status
+
+CANCELS = (
+    "L D = B has a solution: a finite gain keeps w from the error, gamma = 0 is attained and nothing is left to do"
+)
+
+
+@dataclass(frozen=True)
+class Level:
+    """Least gamma over some gains, and where the limit is zero at a finite gain the level to certify in its place."""
+
+    gamma: float
+    instead: float | None = None
+
+    @property
+    def attained(self) -> bool:
+        """Whether a finite gain has it, for the limit over all gains."""
+        return self.instead is not None
+
+    def target(self, slack: float) -> float:
+        """Gamma to be certified, within the slack of the least."""
+        if self.instead:
+            return round_up(self.instead, 6)
+        return max(round_down(self.gamma * (1 + slack), 6), round_up(self.gamma, 6))
+
+
+def least_gamma(study: Study) -> LipschitzDesign:
+    """Design for the least gamma within the bounds."""
+    family = study.attenuation(float(study.declared))
+    limit = limit_of(study, family)
+    limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "widened": widened(study)}
+    if study.restricted:
+        answer = settled(study.engine, family, within(study.engine, family, study.bounds))
+        if out_of_bounds(answer):
+            return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
+        if answer.status is not Status.OPTIMAL:
+            raise UndecidedError(f"the least gamma within the bounds was not found: {answer.raw}")
+        limit = level_of(answer, limit.instead)
+        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
+    asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
+    if asked < limit.gamma:
+        reason = out_of_reach(asked, limit.gamma, float(study.declared))
+        return LipschitzDesign("infeasible", diagnosis=reason, **limits)
+    target = min(limit.target(study.slack), asked)
+    made = study.first(small_gains(study, family, study.declared, target))
+    if not made.gains:
+        raise UndecidedError(f"no gain was found for gamma = {target:g}")
+    notes = (CANCELS,) if limit.instead and cancels(study.unit.plant) else ()
+    return replace(made, admissible=more(study, printed(made.gains["L"]), made.proved), notes=notes, **limits)
+
+
+def limit_of(study: Study, family: Lipschitz) -> Level:
+    """Least gamma over all gains.
+
+    Raises
+    ------
+    UsageError
+        It falls to zero as the gain grows, and nothing bounds the gain.
+    UndecidedError
+        It was not found.
+    """
+    answer = study.engine.minimise(family.least_gamma())
+    rows = falling(study.engine, family, answer)
+    if rows and not study.restricted:
+        raise tabulated(
+            "observer.objective: the least gamma is 0, with a gain that grows without bound; choose "
+            "`bounds: {L: ..}` from this table",
+            "L",
+            "gamma",
+            rows,
+        )
+    if rows:
+        return Level(0.0)
+    instead = cancelled(study.engine, family, answer) if answer.status is not Status.INFEASIBLE else None
+    if answer.status is not Status.OPTIMAL and not instead:
+        raise UndecidedError(f"the least gamma was not found: {answer.raw or answer.status}")
+    return level_of(answer, instead)
+
+
+def level_of(answer: Answer, instead: float | None) -> Level:
+    """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
+    gamma = math.sqrt(max(answer.objective, 0.0))
+    return Level(0.0, instead) if instead and gamma < SHARE * instead else Level(gamma)
+
+
+def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Proved | None]]:
+    """Gains of small norm that reach a gamma in a family, in more and more digits, and their proofs."""
+    values = smallest(study.engine, family, gamma, study.bounds)
+    for L1 in rounded_gains(values, study.bounds) if values else ():
+        yield -L1, study.proved(-L1, constant, gamma, values)
+
+
+def widened(study: Study) -> dict[str, float]:
+    """Least gamma over all constants from the declared one on, and its constant; where Theorem 3 is not monotone."""
+    if study.relaxation != "abbaszadeh":
+        return {}
+    family = study.attenuation(float(study.declared), Theorem4)
+    answer = study.engine.minimise(family.least_gamma())
+    if answer.status is not Status.OPTIMAL:
+        return {}
+    constant = study.constant_of(answer.values["xi"].item())
+    return {"lipschitz": constant, "gamma": math.sqrt(max(answer.objective, 0.0))}

@@ -1,0 +1,221 @@
+"""Objective pareto: gains within the slack of the limit for one weight, or for each point of a curve or surface."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.decimals import round_down
+from obsdesign.dissipation.gain import size_of
+from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
+from obsdesign.errors import UndecidedError
+from obsdesign.families.lipschitz.front import Front, Optimum, front, weighted
+from obsdesign.families.lipschitz.min_gamma import small_gains
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.reasons import too_small
+from obsdesign.families.lipschitz.study import Study
+from obsdesign.lmi.formula import Array, Values, in_floats, printed
+from obsdesign.lmi.solve import Status
+
+ROOMY = 2  # times the least gamma, where it has no weight
+SAME = 1e-4  # relative difference of two limits that count as one point
+ARBITRARY = {0.0: "lipschitz", 1.0: "gamma"}  # what has no weight
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Constant and gamma to be certified, within the slack of an objective."""
+
+    constant: fmpq
+    gamma: float
+
+
+def goal(front: Front, optimum: Optimum) -> Goal:
+    """Half of the slack goes into the constant, and the rest into gamma.
+
+    Where gamma has no weight it is twice the least for the constant; where it would be zero, a share of
+    that of the solution of widest margin.
+    """
+    study, weight = front.study, optimum.weight
+    half = 1 + (study.slack / 2 if 0 < weight < 1 else study.slack if weight else 0.0)
+    constant = max(study.declared, printed(round_down(optimum.lipschitz / half, 6)))
+    if weight == 1:
+        answer = study.engine.minimise(front.family(float(constant)).least_gamma(front.bounds))
+        if answer.status is not Status.OPTIMAL:
+            raise UndecidedError(f"no gamma was found for the Lipschitz constant {float(constant):g}")
+        square = answer.objective * ROOMY**2
+    else:
+        total = (1 + study.slack) * optimum.objective
+        square = (total - weighted(weight, float(constant), 0.0)) / (1 - weight)
+    gamma = round_down(math.sqrt(max(square, 0.0)), 6)
+    return Goal(constant, gamma if gamma > SUSPECT else visible(front, constant, gamma))
+
+
+def visible(front: Front, constant: fmpq, gamma: float) -> float:
+    """Gamma, or where it is zero but for rounding a share of that of the solution of widest margin."""
+    wide = front.study.engine.widest(front.family(float(constant)).witness(None))
+    reference = math.sqrt(wide.values["mu"].item()) if wide.status is Status.OPTIMAL else 0.0
+    return gamma if gamma > ROUNDED * reference else round_down(SHARE * reference, 6)
+
+
+def weighed(study: Study) -> LipschitzDesign:
+    """Design for one weight: the limit over all gains, the one within the bounds, a small gain and its proof."""
+    weight = float(study.weight)
+    best = certain(front(study, Bounds()).optimum(weight), weight)
+    limits: dict[str, Any] = {"limit": best.numbers}
+    searched = front(study, study.bounds)
+    if study.restricted:
+        inside = searched.optimum(weight)
+        if inside is Status.INFEASIBLE:
+            return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
+        best = certain(inside, weight)
+        limits["limit_bounded"] = {**best.numbers, "attained": study.closed}
+    aim = goal(searched, best)
+    made = study.first(small_gains(study, searched.family(float(aim.constant)), aim.constant, aim.gamma))
+    if not made.gains:
+        raise UndecidedError(f"no gain was found for lipschitz = {float(aim.constant):g} and gamma = {aim.gamma:g}")
+    return replace(made, notes=arbitrary(weight), **limits)
+
+
+def certain(found: Optimum | Status, weight: float) -> Optimum:
+    """Limit for a weight.
+
+    Raises
+    ------
+    UndecidedError
+        It was not found.
+    """
+    if isinstance(found, Status):
+        raise UndecidedError(f"the least objective for the weight {weight:g} was not found: {found}")
+    return found
+
+
+def arbitrary(weight: float) -> tuple[str, ...]:
+    """Note on what has no weight."""
+    if weight not in ARBITRARY:
+        return ()
+    return (f"at the weight {weight:g} {ARBITRARY[weight]} is arbitrary: the one certified is that of the gain",)
+
+
+# Curves and surfaces
+
+
+@dataclass(frozen=True)
+class Spot:
+    """One point of a curve, and its certified gain."""
+
+    weight: float
+    decay: float
+    optimum: Optimum | Status = Status.INFEASIBLE
+    L: Array | None = None  # in rationals
+    proved: Proved | None = None
+    corner: bool = False
+
+    def point(self, norm: Bounds) -> dict[str, Any]:
+        """Numbers for a result file."""
+        place = {"weight": self.weight, "decay": self.decay}
+        if isinstance(self.optimum, Status):
+            return {**place, "status": str(self.optimum)}
+        numbers = {key: value for key, value in self.optimum.numbers.items() if value != math.inf}
+        status = "certified" if self.proved else "uncertified"
+        known = {**place, **numbers, "corner": self.corner, "status": status}
+        if self.proved is None or self.L is None:
+            return known
+        claimed = {"lipschitz": float(self.proved.lipschitz), "gamma": float(self.proved.certificate.gamma)}
+        return {**known, "certified": {**claimed, "L": size_of(in_floats(self.L), norm)}}
+
+
+def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> LipschitzDesign:
+    """Certified points for weights and decays; the knee of the curve at the least decay that has one is shipped."""
+    if len(decays) == 1:
+        blocked = study.obstacle()
+        if blocked:
+            return LipschitzDesign("infeasible", diagnosis=blocked)
+    curves = []
+    for i, decay in enumerate(decays):
+        study.engine.report(i / len(decays), f"decay = {float(decay):.4g}")
+        curves.append(list(curve(replace(study, unit=replace(study.unit, alpha=decay)), weights)))
+    points = tuple(spot.point(study.bounds) for spots in curves for spot in spots)
+    candidates = next((spots for spots in curves if any(spot.proved for spot in spots)), [])
+    if not candidates:
+        return replace(absent(study, curves), points=points)
+    best = knee(candidates)
+    assert isinstance(best.optimum, Optimum)
+    assert best.L is not None
+    note = (
+        f"shipped: the knee of the curve at the decay {best.decay:g}, weight {best.weight:g}, where gamma over the "
+        "largest of the curve and the least lipschitz of the curve over lipschitz have the least sum"
+    )
+    return LipschitzDesign.of(best.L, best.proved, limit=best.optimum.numbers, points=points, notes=(note,))
+
+
+def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> LipschitzDesign:
+    """Answer that no point has a solution.
+
+    Raises
+    ------
+    UndecidedError
+        There may be one.
+    """
+    if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
+        raise UndecidedError("no point was certified")
+    blocked = study.obstacle()
+    return LipschitzDesign("infeasible", diagnosis=blocked or too_small(study.bounds))
+
+
+def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
+    """Points of one decay, corners marked."""
+    decay = float(study.unit.alpha)
+    if study.obstacle():
+        yield from (Spot(float(weight), decay) for weight in weights)
+        return
+    line = front(study, study.bounds)
+    spots: list[Spot] = []
+    start: Values | None = None
+    for weight in map(float, weights):
+        study.engine.report(0.5, f"weight = {weight:.4g}, decay = {decay:.4g}")
+        best = line.optimum(weight, start)
+        if isinstance(best, Optimum):
+            start = best.values or start
+            spots.append(shipped(line, best, Spot(weight, decay, best)))
+        else:
+            spots.append(Spot(weight, decay, best))
+    same = [alike(one.optimum, other.optimum) for one, other in pairwise(spots)]
+    for spot, before, after in zip(spots, [False, *same], [*same, False], strict=True):
+        yield replace(spot, corner=before or after)
+
+
+def alike(one: Optimum | Status, other: Optimum | Status) -> bool:
+    """Whether two weights have the same limit point."""
+    if isinstance(one, Status) or isinstance(other, Status) or not one.weight or other.weight == 1:
+        return False
+    return bool(np.allclose((one.lipschitz, one.gamma), (other.lipschitz, other.gamma), rtol=SAME, atol=0))
+
+
+def shipped(front: Front, optimum: Optimum, spot: Spot) -> Spot:
+    """Point with a certified gain, if there is one."""
+    try:
+        aim = goal(front, optimum)
+    except UndecidedError:
+        return spot
+    certified = ((L, proved) for L, proved in front.gains(aim.constant, aim.gamma) if proved)
+    L, proved = next(certified, (None, None))
+    return replace(spot, L=L, proved=proved)
+
+
+def knee(spots: Sequence[Spot]) -> Spot:
+    """Certified point with the least sum of gamma and 1 / lipschitz, each relative to its largest on the curve."""
+    known = [(spot, spot.proved) for spot in spots if spot.proved and 0 < spot.weight < 1]
+    known = known or [(spot, spot.proved) for spot in spots if spot.proved]
+    gamma = max(float(proved.certificate.gamma) for _, proved in known)
+    constant = min(float(proved.lipschitz) for _, proved in known)
+
+    def cost(proved: Proved) -> float:
+        return float(proved.certificate.gamma) / gamma + constant / float(proved.lipschitz)
+
+    return min(known, key=lambda pair: cost(pair[1]))[0]

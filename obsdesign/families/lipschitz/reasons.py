@@ -1,0 +1,207 @@
+"""Why there is no observer of a Lipschitz system, in the terms of the model, and what would be possible."""
+
+from dataclasses import replace
+from math import inf, isfinite
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.lipschitz.closed_forms import norm_of
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, seen, theorem2
+from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.lmi.formula import in_floats
+from obsdesign.model.pencil import text
+from obsdesign.model.structure import decay_limit, undetectable
+
+ELSEWHERE = "; s-procedure and norm-bound need no such thing"
+
+
+def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str) -> Diagnosis:
+    """Answer that no gain will do, from closed forms where there are any; empty if nothing stands in the way.
+
+    Parameters
+    ----------
+    engine
+        Solves for the limits that have no closed form.
+    unit
+        The family for the constant 1, at the least decay that is asked for.
+    request
+        Objective and declared constants: max-lipschitz needs detectability only.
+    relaxation
+        One of `RELAXATIONS`.
+    """
+    found = hidden_mode(unit)
+    if found or request.objective == "max-lipschitz":
+        return found
+    declared = float(max(request.lipschitz))
+    if relaxation == "abbaszadeh":
+        found = without_constant(unit, declared, request.objective) or printed_theorems(engine, unit, declared)
+    return found or too_large(engine, unit, declared, relaxation)
+
+
+def hidden_mode(unit: Lipschitz) -> Diagnosis:
+    """Answer that a mode is undetectable at the rate; empty if none is. The linear member of the class is f = 0."""
+    fixed = in_floats(unit)
+    modes = undetectable(fixed.plant, fixed.multiplier.member, fixed.alpha)
+    if not modes:
+        return {}
+    limit = decay_limit(fixed.plant, fixed.multiplier.member)
+    return {
+        "condition": "detectability",
+        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {fixed.alpha:g}",
+        "mode": described(modes[0]),
+        "feasible": {"decay_below": limit} if limit > 0 else {},
+        "suggestion": f"ask for a decay below {limit:g}" if limit > 0 else "measure another state",
+    }
+
+
+def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:
+    """Answer that Theorem 3 divides by the constant; empty if it can. In Theorem 4 it is free."""
+    if declared * norm_of(in_floats(unit)) or objective != "min-gamma":
+        return {}
+    return {
+        "condition": "lipschitz",
+        "reason": f"the Lipschitz constant of f is 0, and Theorem 3 divides by it{ELSEWHERE}",
+        "lipschitz": {"asked": declared},
+        "feasible": {},
+        "suggestion": "try relaxation s-procedure or norm-bound, or declare a constant above 0",
+    }
+
+
+def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagnosis:
+    """Answer that Theorems 3 and 4 have no solution for any constant; empty if they have."""
+    h, best = seen(in_floats(unit)), theorem2(engine, unit).value
+    room = 2 * (1 - h) * best
+    if h < 1 < room:
+        return {}
+    found = others(engine, unit, declared, "abbaszadeh")
+    if h >= 1:
+        return {
+            "condition": "sigma(H)",
+            "reason": f"Theorems 3 and 4 need sigma(H) < 1, and it is {h**0.5:.8g}{ELSEWHERE}",
+            "sigma_H": h**0.5,
+            "relaxations": found,
+            "feasible": {"sigma_H_below": 1.0},
+            "suggestion": f"{instead(found)}, or scale H, and with it gamma, down",
+        }
+    return {
+        "condition": "room",
+        "reason": f"Theorems 3 and 4 need 2 (1 - sigma(H)^2) l > 1 for the l = {best:.8g} that Theorem 2 admits, "
+        f"and it is {room:.8g}: they have no solution for any Lipschitz constant{ELSEWHERE}",
+        "room": room,
+        "relaxations": found,
+        "feasible": {},
+        "suggestion": instead(found),
+    }
+
+
+def too_large(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> Diagnosis:
+    """Answer that the declared constant is not below the largest; empty if it is."""
+    supremum = largest_for_gamma(engine, unit, relaxation)
+    if declared < supremum.value:
+        return {}
+    most = ceiling(unit)
+    form = f": {supremum.closed}" if supremum.closed else ""
+    reason = f"the declared Lipschitz constant {declared:.8g} is not below {supremum.value:.8g}, the supremum of "
+    found: Diagnosis = {
+        "condition": "lipschitz",
+        "reason": f"{reason}{relaxation} over all gains{form}",
+        "lipschitz": {"asked": declared, "supremum": supremum.value},
+        "feasible": {"lipschitz_below": supremum.value},
+    }
+    if most is not None and declared > most:
+        found["reason"] += f"; above {most:.8g} a linear f hides a mode, and no gain of any method can do it"
+        found["ceiling"] = most
+    rivals = others(engine, unit, declared, relaxation)
+    hints = [f"declare a constant below {supremum.value:.8g}"]
+    if rivals:
+        found["relaxations"] = rivals
+        hints.insert(0, instead(rivals))
+    slower = largest_for_gamma(engine, replace(unit, alpha=0 * unit.alpha), relaxation).value if unit.alpha else 0.0
+    if slower > declared:
+        hints.append("ask for a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
+    return {**found, "suggestion": ", or ".join(hints)}
+
+
+def others(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> dict[str, dict[str, Any]]:
+    """Limits of the tighter relaxations that admit the declared constant, the loosest first."""
+    tighter = reversed(RELAXATIONS[: RELAXATIONS.index(relaxation)])
+    limits = {name: largest_constant(engine, unit, name).value for name in tighter}
+    return {
+        name: {"unbounded": True} if limit == inf else {"lipschitz_below": limit}
+        for name, limit in limits.items()
+        if limit > declared
+    }
+
+
+def instead(relaxations: dict[str, dict[str, Any]]) -> str:
+    """Suggestion of these relaxations."""
+    if not relaxations:
+        return "no other relaxation admits the declared constant"
+    named = [
+        f"{name} ({'any constant' if 'unbounded' in found else 'up to {:.8g}'.format(found['lipschitz_below'])})"
+        for name, found in relaxations.items()
+    ]
+    return f"try relaxation {' or '.join(named)}"
+
+
+def out_of_reach(asked: float, least: float, lipschitz: float) -> Diagnosis:
+    """Answer that gamma is bounded below what is possible."""
+    return {
+        "condition": "gamma",
+        "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
+        "gamma": {"asked": asked, "least": least},
+        "feasible": {"gamma": least},
+        "suggestion": f"allow gamma above {least:.6g}, or ask for a smaller decay",
+    }
+
+
+def too_small(bounds: Bounds) -> Diagnosis:
+    """Answer that nothing within the bounds on L and P was found."""
+    norm = "|L|_F" if bounds.norm == "frobenius" else "|L|"
+    named: dict[str, tuple[str, fmpq | None]] = {
+        "L": (f"{norm} <= {{:g}}", bounds.L1),
+        "P.min": ("P >= {:g} I", bounds.floor),
+    }
+    asked = {name: (words, float(bound)) for name, (words, bound) in named.items() if bound is not None}
+    said = " and ".join(words.format(bound) for words, bound in asked.values())
+    return {
+        "condition": "bounds",
+        "reason": f"no gain with {said} was found, and there are others that will do",
+        "bounds": {name: bound for name, (_, bound) in asked.items()},
+        "feasible": {},
+        "suggestion": "allow larger bounds, or ask for a smaller decay",
+    }
+
+
+def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diagnosis:
+    """Answer that given gains achieve nothing: too slow without f, or not proved for the declared constant.
+
+    Parameters
+    ----------
+    family
+        The problem with the gains.
+    declared, tolerated
+        The largest declared constant, and the largest that the gains were proved to tolerate, if there is one.
+    """
+    fixed = in_floats(family)
+    pole = fixed.slowest_pole()
+    slow = pole.real >= -fixed.alpha
+    if slow:
+        short = f"too slow for the decay {fixed.alpha:g}" if pole.real < 0 else "and does not decay"
+        reason = f"without f the slowest pole of the error is {text(pole)}, {short}"
+    else:
+        reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"
+    smaller = not slow and tolerated
+    return {
+        "condition": "gains",
+        "reason": reason,
+        "pole": [pole.real, pole.imag],
+        "feasible": {"lipschitz": tolerated} if smaller else {"decay_below": -pole.real} if pole.real < 0 else {},
+        "suggestion": (f"declare a constant up to {tolerated:.6g}, or " if smaller else "")
+        + "design new gains: leave `gains` out",
+    }

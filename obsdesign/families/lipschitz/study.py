@@ -1,0 +1,163 @@
+"""One request for an observer of a Lipschitz system, in the numbers of the design."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.claim import DIGITS, best_claim, claim
+from obsdesign.dissipation.decimals import square_below
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.lipschitz.claim import needed
+from obsdesign.families.lipschitz.closed_forms import norm_of
+from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.reasons import gate
+from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
+from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
+from obsdesign.families.lipschitz.stretch import Stretch
+from obsdesign.families.reasons import Diagnosis
+from obsdesign.lmi.formula import Array, Values, in_floats, printed
+from obsdesign.lmi.proof import rounded
+from obsdesign.lmi.solve import Answer, Status
+
+K = TypeVar("K", bound=Lipschitz)
+
+
+@dataclass(frozen=True)
+class Study:
+    """One relaxation at one decay.
+
+    Every constant is the largest of those of the blocks, which grow in proportion to the declared ones.
+    """
+
+    engine: Engine
+    unit: Lipschitz  # the s-procedure for the constant 1, in rationals; L1 is free
+    request: LipschitzRequest  # of one relaxation
+
+    @property
+    def relaxation(self) -> LipschitzRelaxation:
+        """One of `RELAXATIONS`."""
+        return self.request.relaxation
+
+    @property
+    def declared(self) -> fmpq:
+        """Declared constant, as far as a file can hold it."""
+        return needed(self.request.lipschitz)
+
+    @property
+    def weight(self) -> fmpq:
+        """Weight of pareto, where it is a number."""
+        weight = self.request.weight
+        assert isinstance(weight, fmpq)
+        return weight
+
+    @property
+    def slack(self) -> float:
+        """Relative slack of the objective."""
+        return float(self.request.slack)
+
+    @property
+    def bounds(self) -> Bounds:
+        """Bounds on the gain, on P and on gamma."""
+        return self.request.bounds
+
+    @property
+    def restricted(self) -> bool:
+        """Whether anything but gamma is bounded."""
+        return self.bounds.L1 is not None or self.bounds.floor is not None
+
+    @property
+    def closed(self) -> bool:
+        """Whether a gain within bounds attains a positive limit: at the decay 0 the inequality is strict."""
+        return bool(self.unit.alpha > 0)
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether there is a w; otherwise gamma means nothing."""
+        return bool(self.unit.plant.B.shape[1])
+
+    def obstacle(self) -> Diagnosis:
+        """Why no gain will do, as far as it is seen before any search; empty if nothing stands in the way."""
+        return gate(self.engine, self.unit, self.request, self.relaxation)
+
+    def constant_of(self, xi: float) -> float:
+        """Constant of a l = 1 / xi for f as a whole."""
+        return 1 / (norm_of(in_floats(self.unit)) * xi)
+
+    def attenuation(self, constant: float, kind: type[Lipschitz] | None = None, L: Array | None = None) -> Lipschitz:
+        """Inequalities of the relaxation with w and z for a constant, in doubles; for a gain in rationals, or any."""
+        family = replace(recast(self.unit, kind or KINDS[self.relaxation]), L1=None if L is None else -L)
+        return in_floats(family).stretched(constant)
+
+    def stretch(self, L: Array | None = None) -> Stretch:
+        """Search for the largest constant, without w and z, for a gain or over all."""
+        kind = Lipschitz if self.relaxation == "s-procedure" else NormBound
+        return Stretch(self.engine, in_floats(replace(recast(self.unit, kind), L1=None if L is None else -L).silent()))
+
+    def proved(
+        self, L: Array, constant: fmpq, gamma: float | None = None, values: Values | None = None
+    ) -> Proved | None:
+        """Proof that a gain (in rationals) tolerates a constant, with a gamma; None if there is none.
+
+        Parameters
+        ----------
+        gamma
+            Level to prove; None for nearly the least that the gain has.
+        values
+            A solution of the relaxation for about this gain, constant and gamma: it may be the proof already.
+        """
+        family = replace(self.unit, L1=-L).stretched(constant)
+        if not self.disturbed:
+            certificate = claim(self.engine, family, 1.0)
+        elif gamma is None:
+            _, certificate = best_claim(self.engine, family)
+        else:
+            found = self.at_once(family, gamma, values) if values else None
+            certificate = found or claim(self.engine, family, gamma)
+        return Proved(constant, certificate) if certificate and certificate.holds else None
+
+    def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
+        """Proof by the storage function of a solution and the scales that go with it."""
+        witness = {"P": values["P"], **self.scales(family, values)}
+        level = printed(gamma)
+        for digits in DIGITS:
+            certificate = certify(family, level, fmpq(1), square_below(level), rounded(witness, digits))
+            if certificate.holds:
+                return certificate
+        return None
+
+    def scales(self, family: Lipschitz, values: Values) -> dict[str, Array]:
+        """Scales of the s-procedure; where f is known by one constant, those that make 2 e'P Bf df its bound."""
+        names = [unknown.name for unknown in family.multiplier.unknowns()]
+        if names[0] in values:
+            return {name: values[name] for name in names}
+        fixed = in_floats(family)
+        into = float(np.linalg.norm(fixed.plant.Bf, 2))
+        whole = norm_of(fixed)
+        scale = np.linalg.norm(values["P"], 2) * into**2 / whole if whole else 1.0
+        return {name: np.array([[scale]]) for name in names}
+
+    def first(self, candidates: Iterable[tuple[Array, Proved | None]]) -> LipschitzDesign:
+        """The first gain with a proof; or else the last one, uncertified."""
+        made = LipschitzDesign("uncertified")
+        for L, proved in candidates:
+            made = LipschitzDesign.of(L, proved)
+            if proved:
+                break
+        return made
+
+
+def out_of_bounds(answer: Answer) -> bool:
+    """Whether no gain was found within bounds: phase I has no threshold for a set that is nearly empty."""
+    return answer.status is Status.INFEASIBLE or (
+        answer.status is Status.UNDECIDED and answer.raw == "PrimalInfeasible"
+    )
+
+
+def recast(family: Lipschitz, kind: type[K]) -> K:
+    """Same problem in another relaxation."""
+    return kind(family.plant, family.multiplier, family.H, family.alpha, family.L1, family.L2)

@@ -1,0 +1,433 @@
+"""From a request for an observer with sporadic measurements to certified gains.
+
+The limit is the infimum of gamma over all gains, or the supremum of T2 or of the decay. It is not attained as a rule
+(the gain grows without bound), so that the gains are those of the smallest |L| within the slack of it, rounded to few
+digits, and the guarantee is proved for the rounded ones, with a delta of its own.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.decimals import round_down
+from obsdesign.dissipation.engine import Engine
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.sporadic import scan
+from obsdesign.families.sporadic.certificate import SporadicCertificate
+from obsdesign.families.sporadic.gains import Gains, Setting, prove
+from obsdesign.families.sporadic.landscape import STEEPER
+from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.scheme import Scheme, schemes
+from obsdesign.families.sporadic.study import EDGE, Made, Point, Study, within_slack
+from obsdesign.lmi.formula import Array, in_floats, printed, rational
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.plant import Plant
+
+SHORTER = 1e-3  # least T2 or decay, relative to the one that is asked for, that an answer looks for
+BACKOFFS = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # from the largest T2 of given gains to one that is proved
+REFINEMENTS = 3  # bisections between the two
+LONGER = 10.0  # largest T2 that is tried for given gains, relative to the one that is asked for
+
+
+@dataclass(frozen=True)
+class SporadicDesign:
+    """Outcome of a request: certified or uncertified gains, or why there are none."""
+
+    status: str  # certified | uncertified | infeasible
+    gains: dict[str, Array] = field(default_factory=dict)  # L and H: doubles, to be read as the decimals they print
+    certificate: SporadicCertificate | None = None
+    limit: dict[str, Any] = field(default_factory=dict)
+    limit_bounded: dict[str, Any] = field(default_factory=dict)
+    longest: SporadicCertificate | None = None  # for the largest T2 that given gains are proved to tolerate
+    curves: tuple[dict[str, Any], ...] = ()  # injection, relaxation, points
+    diagnosis: Diagnosis = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    counts: dict[str, dict[str, int]] = field(default_factory=dict)  # scalar unknowns of each scheme
+    solves: int = 0
+    time_s: float = 0.0
+
+
+class Designer:
+    """The steps of one design."""
+
+    def __init__(
+        self, plant: Plant, multiplier: Multiplier, Cp: Array, request: SporadicRequest, engine: Engine
+    ) -> None:
+        self.request, self.engine = request, engine
+        self.T2, self.decay = interval(request.T2), interval(request.decay)
+        self.setting = Setting(engine, plant, multiplier, Cp, request.delta, printed(request.T1))
+        self.schemes = schemes(request)
+        self.notes: list[str] = []
+        self.require()
+        self.studies = [Study(self.setting, scheme, request) for scheme in self.schemes]
+
+    def outcome(self) -> SporadicDesign:
+        """Gates that need no solver, then the objective."""
+        plant, multiplier = self.setting.plant, self.setting.multiplier
+        T2, decay = float(self.T2.low), float(self.decay.low)
+        blocked = hidden_mode(plant, multiplier, decay) or hiding_interval(plant, multiplier, decay, T2)
+        if blocked:
+            return self.completed(SporadicDesign("infeasible", diagnosis=blocked))
+        if self.request.gains:
+            given = self.request.gains
+            return self.completed(self.analysis((printed(given["L"]), printed(given["H"]))))
+        objectives: dict[str, Callable[[], SporadicDesign]] = {
+            "max-T2": self.longest,
+            "max-decay": self.fastest,
+            "pareto": self.pareto,
+        }
+        return self.completed(objectives.get(self.request.objective, self.single)())
+
+    def completed(self, made: SporadicDesign) -> SporadicDesign:
+        """Add what every answer has."""
+        family = self.setting.family(float(self.decay.low))
+        counts = {f"{s.injection} {s.relaxation}": s.counts(family) for s in self.schemes}
+        return replace(made, notes=tuple(self.notes), counts=counts)
+
+    # Gates
+
+    def require(self) -> None:
+        """Refuse what makes no sense."""
+        plant, request = self.setting.plant, self.request
+        if any([*plant.D.flat, *plant.Df.flat]):
+            raise UsageError("system.D: measurements that arrive sporadically need D = 0 and Df = 0")
+        if not 0 < request.T1 <= self.T2.high:
+            T1, T2 = float(request.T1), float(self.T2.high)
+            raise UsageError(f"observer.T1: {T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2")
+        if self.decay.low < 0:
+            raise UsageError(f"observer.decay: {float(self.decay.low):g} is negative")
+        if request.objective in {"min-gamma", "pareto"} and not plant.B.shape[1]:
+            raise UsageError(
+                "observer.objective: no disturbance acts on this plant; choose feasibility, max-T2 or max-decay"
+            )
+        for scheme in self.schemes:
+            self.require_delta(scheme)
+        if request.gains:
+            self.require_gains(request.gains["L"], request.gains["H"])
+
+    def require_delta(self, scheme: Scheme) -> None:
+        """Refuse a range of delta that is wholly too low, and say where it is cut."""
+        steep = scheme.limit(self.setting.family(float(self.decay.low))).steep and not self.request.gains
+        least = 2 * STEEPER * float(self.decay.low)
+        if steep and float(self.request.delta.high) < least:
+            raise UsageError(
+                f"observer.delta: {scheme.relaxation} needs delta > 2 decay = {2 * float(self.decay.low):g}, "
+                f"and the range ends at {float(self.request.delta.high):g}"
+            )
+        if steep and float(self.request.delta.low) < least:
+            self.notes.append(f"{scheme.relaxation} needs delta > 2 decay: its range of delta begins at {least:g}")
+
+    def require_gains(self, L: Array, H: Array) -> None:
+        """Refuse gains of the wrong shape."""
+        ny, n = self.setting.plant.C.shape
+        for name, matrix, shape in (("L", L, (n, ny)), ("H", H, (ny, ny))):
+            if np.shape(matrix) != shape:
+                raise UsageError(
+                    f"observer.gains.{name}: expected a {shape[0]}x{shape[1]} matrix, one column an output"
+                )
+
+    # One T2 and one decay
+
+    def single(self) -> SporadicDesign:
+        """Least gamma, or feasibility, at the lowest T2 and decay that are asked for."""
+        if isinstance(self.request.T2, Range) or isinstance(self.request.decay, Range):
+            self.notes.append(
+                "the least gamma never decreases with T2 or decay: the lower ends of the ranges are taken"
+            )
+        T2, decay = printed(max(self.T2.low, self.request.T1)), printed(self.decay.low)
+        found = [study.at(T2, decay) for study in self.studies]
+        best = self.best(found, lambda made: made.level)
+        if math.isinf(found[best].gamma):
+            return self.infeasible(self.studies[best], float(T2), float(decay))
+        return self.shipped(found[best], {"gamma": found[best].gamma, "attained": False})
+
+    def shipped(self, made: Made, limit: dict[str, Any]) -> SporadicDesign:
+        """Design of what was made.
+
+        Raises
+        ------
+        UndecidedError
+            There is a limit, and no gains were found near it.
+        """
+        if made.status == "undecided":
+            raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
+        bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True}
+        return SporadicDesign(
+            made.status,
+            in_doubles(made.gains),
+            made.certificate,
+            limit=limit,
+            limit_bounded=bounded,
+            diagnosis=made.diagnosis,
+        )
+
+    def best(self, found: Sequence[Any], size: Callable[[Any], float]) -> int:
+        """Index of the least, the first if several are."""
+        return min(range(len(found)), key=lambda i: size(found[i]))
+
+    def infeasible(self, study: Study, T2: float, decay: float) -> SporadicDesign:
+        """Answer that there are no gains, with what would be feasible."""
+        self.engine.report(0.9, "diagnosis")
+        if study.missing(T2, decay) < 0:
+            raise UndecidedError(f"the least gamma at T2 = {T2:g} with decay {decay:g} was not found")
+        largest = study.longest(SHORTER * T2, T2, decay)
+        fastest = study.fastest(T2, SHORTER * decay, decay) if decay else None
+        form = f"{study.scheme.relaxation} with injection {study.scheme.injection}"
+        return SporadicDesign("infeasible", diagnosis=too_long(T2, decay, largest, fastest, form))
+
+    # Largest T2 or decay
+
+    def longest(self) -> SporadicDesign:
+        """Largest T2, by what is missing for feasibility."""
+        decay = float(self.decay.low)
+        low, high = float(max(self.T2.low, self.request.T1)), float(self.T2.high)
+        blind = self.blind()
+        if blind:
+            return blind
+        made = self.farthest(
+            "T2",
+            low,
+            high,
+            lambda study, bounded: study.longest(low, high, decay, bounded=bounded),
+            lambda T2: (T2, printed(self.decay.low)),
+        )
+        if made.limit.get("attained"):
+            self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
+        return made
+
+    def fastest(self) -> SporadicDesign:
+        """Largest decay, likewise."""
+        T2 = printed(max(self.T2.low, self.request.T1))
+        low, high = float(self.decay.low), float(self.decay.high)
+        return self.farthest(
+            "decay",
+            low,
+            high,
+            lambda study, bounded: study.fastest(float(T2), low, high, bounded=bounded),
+            lambda decay: (T2, decay),
+        )
+
+    def farthest(
+        self,
+        name: str,
+        low: float,
+        high: float,
+        search: Callable[[Study, bool], float | None],
+        place: Callable[[fmpq], tuple[fmpq, fmpq]],
+    ) -> SporadicDesign:
+        """Design near the largest value that any of the schemes reaches."""
+        reached = [search(study, False) for study in self.studies]
+        best = self.best(reached, lambda value: -math.inf if value is None else -value)
+        study, limit = self.studies[best], reached[best]
+        if limit is None:
+            T2, decay = place(printed(low))
+            return self.infeasible(study, float(T2), float(decay))
+        limits: dict[str, Any] = {"limit": {name: limit, "attained": limit == high}}
+        if study.kappa is not None or study.cap is not None:
+            limit = search(study, True)
+            if limit is None:
+                diagnosis = {
+                    "condition": "bounds",
+                    "reason": f"no {name} of the range can be reached within the bounds",
+                    "feasible": {},
+                    "suggestion": "allow larger bounds",
+                }
+                return SporadicDesign("infeasible", diagnosis=diagnosis, **limits)
+            limits["limit_bounded"] = {name: limit, "attained": limit == high}
+        self.engine.report(0.8, "gains")
+        found = study.at(*place(within_slack(limit, low, self.request.slack)))
+        if math.isinf(found.gamma):
+            raise UndecidedError(f"solutions seem to end at {name} = {limit:g}, but no gains were found near it")
+        return replace(self.shipped(found, {}), **{"limit_bounded": {}, **limits})
+
+    def blind(self) -> SporadicDesign | None:
+        """L = 0 and H = 0 for the largest T2, where the error decays without any measurement; None if it does not."""
+        T2, decay = printed(self.T2.high), printed(self.decay.low)
+        nothing = (
+            rational(np.zeros(self.setting.plant.C.mT.shape)),
+            rational(np.zeros((len(self.setting.plant.C),) * 2)),
+        )
+        exponents = Range(2 * decay + 1 / (10 * T2), 2 * decay + 10 / T2)
+        certificate = prove(replace(self.setting, delta=exponents), nothing, T2, decay)
+        if not certificate or not certificate.holds:
+            return None
+        self.notes.append(
+            "the error decays at this rate without any measurement: T2 is unbounded, and no gain is needed"
+        )
+        limit = {"T2": float(T2), "attained": True, "unbounded": True}
+        return SporadicDesign("certified", in_doubles(nothing), certificate, limit)
+
+    # Curves
+
+    def pareto(self) -> SporadicDesign:
+        """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
+        T2, decay = self.request.T2, self.request.decay
+        if not isinstance(T2, Range) and not isinstance(decay, Range):
+            raise UsageError("observer.objective: pareto needs a range of T2 or of decay; give {min: .., max: ..}")
+        curves, made = [], []
+        for study in self.studies:
+            points = self.curve(study)
+            curves.append(
+                {
+                    "injection": study.scheme.injection,
+                    "relaxation": study.scheme.relaxation,
+                    "points": [point for point, _ in points],
+                }
+            )
+            made += [(study, point, m) for point, m in points if m.status == "certified"]
+        if not made:
+            return replace(
+                self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), curves=tuple(curves)
+            )
+        return replace(self.farthest_point(made), curves=tuple(curves))
+
+    def curve(self, study: Study) -> list[tuple[Point, Made]]:
+        """Points of one scheme over the range; above an infeasible one there is none."""
+        both = isinstance(self.request.T2, Range) and isinstance(self.request.decay, Range)
+        scanned = self.decay if isinstance(self.request.decay, Range) else self.T2
+        grid = [printed(value) for value in scanned.grid()]
+        points: list[tuple[Point, Made]] = []
+        lost = False
+        for i, value in enumerate(grid):
+            self.engine.report(0.9 * i / len(grid), f"{study.scheme.injection}, {study.scheme.relaxation}")
+            name = "decay" if scanned is self.decay else "T2"
+            if lost:
+                points.append(({name: float(value), "status": "infeasible"}, Made()))
+            elif both:
+                points.append(study.longest_point(value, self.T2))
+            elif name == "T2":
+                points.append(study.point(name, value, value, printed(self.decay.low)))
+            else:
+                points.append(study.point(name, value, printed(self.T2.low), value))
+            lost = lost or points[-1][0]["status"] == "infeasible"
+        return points
+
+    def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> SporadicDesign:
+        """Design for the farthest point with a gamma within the slack of the least."""
+        least = min(m.gamma for _, _, m in made) * (1 + float(self.request.slack))
+        near = [(study, point, m) for study, point, m in made if m.gamma <= least]
+        study, _, m = max(near, key=lambda item: item[1]["T2"] if "T2" in item[1] else item[1]["decay"])
+        assert m.certificate
+        T2, decay = m.certificate.T2, m.certificate.family.decay
+        self.notes.append(
+            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: the largest of all points whose "
+            "limit of gamma is within the slack of the least"
+        )
+        again = study.at(T2, decay, (m.delta, m.gamma))
+        best = again if again.status == "certified" else m
+        return self.shipped(best, {"gamma": best.gamma, "attained": False})
+
+    # Analysis
+
+    def analysis(self, gains: Gains) -> SporadicDesign:
+        """Certify given gains, for the least gamma that they achieve, and the T2 that they tolerate.
+
+        For max-T2 and max-decay, within the slack of the largest value for which Theorem 2 has a solution.
+        """
+        decay, T2 = printed(self.decay.low), printed(max(self.T2.low, self.request.T1))
+        tolerated, objective = self.tolerated(gains, float(T2), float(decay)), self.request.objective
+        limit: dict[str, Any] = {}
+        if objective == "max-T2" and tolerated is not None:
+            limit = {"T2": min(tolerated, float(self.T2.high))}
+            T2 = within_slack(limit["T2"], float(T2), self.request.slack)
+        if objective == "max-decay" and tolerated is not None:
+            limit = {"decay": self.sustained(gains, float(T2))}
+            decay = within_slack(limit["decay"], float(decay), self.request.slack)
+        certificate = prove(self.setting, gains, T2, decay)
+        if certificate is None:
+            diagnosis = useless(float(T2), float(decay), tolerated)
+            return SporadicDesign("infeasible", in_doubles(gains), diagnosis=diagnosis)
+        if not limit:
+            _, gamma = self.studies[0].confirmed(float(T2), float(decay))
+            limit = {"gamma": gamma} if math.isfinite(gamma) else {}
+        return SporadicDesign(
+            "certified" if certificate.holds else "uncertified",
+            in_doubles(gains),
+            certificate,
+            limit={**limit, "attained": False},
+            longest=self.longest_proof(gains, tolerated or 0.0, decay),
+        )
+
+    def longest_proof(self, gains: Gains, edge: float, decay: fmpq) -> SporadicCertificate | None:
+        """Proof for the longest T2 that is found, below the edge where solutions end numerically."""
+        above, proof = edge, None
+        for backoff in BACKOFFS if edge else ():
+            T2 = printed(round_down(edge * (1 - backoff), 6))
+            proof = self.proof_at(gains, T2, decay)
+            if proof:
+                break
+            above = float(T2)
+        for _ in range(REFINEMENTS if proof else 0):
+            assert proof is not None
+            middle = printed(round_down((float(proof.T2) + above) / 2, 6))
+            longer = self.proof_at(gains, middle, decay)
+            proof, above = (longer, above) if longer else (proof, float(middle))
+        return proof
+
+    def proof_at(self, gains: Gains, T2: fmpq, decay: fmpq) -> SporadicCertificate | None:
+        """Proof of given gains for a T2, at any gamma; None if there is none."""
+        certificate = prove(self.setting, gains, T2, decay)
+        return certificate if certificate and certificate.holds else None
+
+    def tolerated(self, gains: Gains, T2: float, decay: float) -> float | None:
+        """Largest T2 for which Theorem 2 has a solution with given gains, at any gamma; numerical."""
+        landscape = self.setting.analysis(gains, decay)
+        low, high = SHORTER * T2, max(LONGER * T2, float(self.T2.high))
+        if landscape.least_missing(low) >= 0:
+            return None
+        if landscape.least_missing(high) < 0:
+            return high
+        return scan.edge(landscape.least_missing, low, high, EDGE * T2)
+
+    def sustained(self, gains: Gains, T2: float) -> float:
+        """Largest decay of the range for which it has one; numerical."""
+
+        def missing(decay: float) -> float:
+            return self.setting.analysis(gains, decay).least_missing(T2)
+
+        low, high = float(self.decay.low), float(self.decay.high)
+        if missing(low) >= 0:
+            return low
+        return high if missing(high) < 0 else scan.edge(missing, low, high, EDGE * high)
+
+
+def interval(value: fmpq | Range) -> Range:
+    """Number as a range of itself."""
+    return value if isinstance(value, Range) else Range(value, value)
+
+
+def in_doubles(gains: Gains | None) -> dict[str, Array]:
+    """Both gains as doubles, which print as the decimals that were proved."""
+    return dict(zip(("L", "H"), in_floats(gains), strict=True)) if gains else {}
+
+
+def design_sporadic(
+    plant: Plant, multiplier: Multiplier, H: Array, request: SporadicRequest, engine: Engine
+) -> SporadicDesign:
+    """Design, or analyze, an observer for sporadic measurements.
+
+    Parameters
+    ----------
+    plant, multiplier, H
+        The problem, in rationals: D = 0 and Df = 0; z = H e.
+    request
+        T1, T2, decay, delta, injections, relaxations, objective, bounds, and gains to be analyzed.
+    engine
+        Solver, report of progress, and the count of solves.
+
+    Raises
+    ------
+    UsageError
+        The measurement has a direct term, T1 > T2, a range of delta that its relaxation cannot use, gains of the wrong
+        shape, a relaxation of another injection, or min-gamma without a disturbance.
+    UndecidedError
+        The solver found neither a solution nor that there is none.
+    """
+    return Designer(plant, multiplier, H, request, engine).outcome()

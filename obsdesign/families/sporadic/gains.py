@@ -1,0 +1,227 @@
+"""Small gains, their analysis with a delta of their own, and the proof for the rounded ones."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.decimals import round_up, significant, square_below
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.gain import DIGITS
+from obsdesign.families.sporadic.certificate import SporadicCertificate, certify_sporadic
+from obsdesign.families.sporadic.landscape import LARGEST, Landscape, root, solve_once
+from obsdesign.families.sporadic.relaxations import Given, WithGains
+from obsdesign.families.sporadic.scan import edge
+from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational, rational_number
+from obsdesign.lmi.probe import probe
+from obsdesign.lmi.proof import complete, rounded
+from obsdesign.lmi.reduce import reduce
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.plant import Plant
+
+CENTERINGS = 6  # of the bound on |L| about the solution, which makes it tight there
+SETTLED = 0.01  # relative change of gamma below which they end
+STRIDE = 4.0  # between bounds on |L|, until one will do and another will not
+STRIDES = 12
+NEAR = 0.1  # logarithm of the ratio of two such bounds between which the smallest is
+ROUNDING = 1e-5  # of a bound on |L|, left to the rounding of the gain
+BACKOFFS = (1e-4, 1e-3, 1e-2)  # of the least gamma that gains achieve
+WITNESS = (12, 17)  # digits
+TINY = 1e-300
+Gains = tuple[Array, Array]  # L, H
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The problem, in rationals, and where delta is searched."""
+
+    engine: Engine
+    plant: Plant
+    multiplier: Multiplier
+    Cp: Array
+    delta: Range
+    T1: fmpq
+
+    def family(self, decay: float) -> Sporadic:
+        """The family for a rate, in doubles, at no delta yet."""
+        return Sporadic(in_floats(self.plant), in_floats(self.multiplier), in_floats(self.Cp), decay, 0.0, 1.0)
+
+    def analysis(self, gains: Gains, decay: float) -> Landscape:
+        """Theorem 2 for given gains, which needs delta > 0 only."""
+        L, H = in_floats(gains)
+        return Landscape(self.engine, self.family(decay), lambda family: Given(family, L, H), self.delta)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A solution of a relaxation with gains in it."""
+
+    delta: float
+    gamma: float
+    relaxation: WithGains
+    values: Values
+
+    @property
+    def size(self) -> float:
+        """|L|."""
+        return float(np.linalg.norm(self.relaxation.gains(self.values)[0], 2))
+
+
+def bounded(engine: Engine, relaxation: WithGains, kappa: float) -> Candidate | None:
+    """Least gamma with |L| <= kappa at one delta: the bound is centered about the last solution until that settles."""
+    best = solve_once(engine, relaxation, relaxation.least_gamma(relaxation.bound(kappa)))
+    if not best.found:
+        return None
+    for _ in range(CENTERINGS):
+        problem = relaxation.least_gamma(relaxation.bound(kappa, relaxation.factor(best.values)))
+        better = solve_once(engine, relaxation, problem)
+        if not better.found or better.objective > best.objective:
+            break
+        settled = better.objective > (1 - SETTLED) ** 2 * best.objective
+        best = better
+        if settled:
+            break
+    return Candidate(relaxation.family.delta, root(best), relaxation, best.values)
+
+
+def within(landscape: Landscape, T2: float, exponent: float | None = None) -> Candidate | None:
+    """Least gamma with |L| <= kappa, the bound of the landscape, over delta."""
+    if landscape.kappa is None:
+        return None
+    delta, gamma = landscape.least_gamma(T2, exponent)
+    if math.isinf(gamma):
+        return None
+    return bounded(landscape.engine, landscape.with_gains(delta, T2), landscape.kappa)
+
+
+class Smallest:
+    """Search for the smallest bound on |L| whose least gamma is at most a goal, at one delta.
+
+    The least gamma falls as the bound grows, and is reliable to compute over many decades; minimizing |L| at a given
+    gamma is not.
+    """
+
+    def __init__(self, engine: Engine, relaxation: WithGains, goal: float) -> None:
+        self.engine, self.relaxation, self.goal = engine, relaxation, goal
+        self.best: Candidate | None = None
+
+    def excess(self, small: float) -> float:
+        """Logarithm of gamma / goal as an increasing function of -log kappa."""
+        found = bounded(self.engine, self.relaxation, math.exp(-small))
+        value = math.log(max(found.gamma, TINY) / self.goal) if found else math.inf
+        if found and value < 0 and (self.best is None or found.size < self.best.size):
+            self.best = found
+        return value
+
+    def search(self, kappa: float) -> Candidate | None:
+        """Search from a bound up, or down; None if no bound will do."""
+        step = math.log(STRIDE)
+        low = high = -math.log(kappa)
+        reached = self.excess(low) < 0
+        for _ in range(STRIDES):
+            if reached:
+                high += step
+                if self.excess(high) >= 0:
+                    break
+                low = high
+            else:
+                low -= step
+                if self.excess(low) < 0:
+                    break
+                high = low
+        if self.best is not None and high > low:
+            edge(self.excess, low, high, NEAR)
+        return self.best
+
+
+def smallest(
+    landscape: Landscape, T2: float, goal: float, delta: float, kappa: float, *, thorough: bool
+) -> Candidate | None:
+    """Gains of small norm that reach a gamma: at a delta, and then at the best delta for a bound of that size."""
+    first = Smallest(landscape.engine, landscape.with_gains(delta, T2), goal).search(kappa)
+    if first is None or not first.size or not thorough:
+        return first
+    sized = replace(landscape, kappa=first.size, pieces=None)
+    better, _ = sized.least_gamma(T2, delta * T2)
+    second = Smallest(landscape.engine, landscape.with_gains(better, T2), goal).search(first.size)
+    return second if second and second.size < first.size else first
+
+
+def roundings(candidate: Candidate, kappa: float | None) -> Iterator[Gains]:
+    """Gains of a candidate in more and more digits, in rationals."""
+    L, H = candidate.relaxation.gains(candidate.values)
+    for digits in DIGITS:
+        rough = significant(L, digits)
+        if kappa is None or float(np.linalg.norm(rough, 2)) <= kappa:
+            yield printed(rough), printed(significant(H, digits))
+
+
+def prove(
+    setting: Setting, gains: Gains, T2: fmpq, decay: fmpq, near: float | None = None
+) -> SporadicCertificate | None:
+    """Certificate of nearly the least gamma that gains (in rationals) achieve; the last attempt if none holds."""
+    landscape = setting.analysis(gains, float(decay))
+    delta, gamma = landscape.least_gamma(float(T2), None if near is None else near * float(T2))
+    if math.isinf(gamma):
+        return None
+    certificate = None
+    for backoff in BACKOFFS:
+        level = round_up(gamma * (1 + backoff), 6) if setting.plant.B.shape[1] else 0.0
+        certificate = claim(setting, gains, T2, decay, rational_number(repr(delta)), printed(level))
+        if certificate and certificate.holds:
+            break
+    return certificate
+
+
+def claim(
+    setting: Setting, gains: Gains, T2: fmpq, decay: fmpq, delta: fmpq, gamma: fmpq
+) -> SporadicCertificate | None:
+    """Certificate that gains reach gamma, at a delta; the last attempt if none holds."""
+    if float(delta * T2) > LARGEST:
+        return None
+    landscape = setting.analysis(gains, float(decay))
+    problem = landscape.relaxation(float(delta), float(T2)).witness(float(gamma))
+    wide = setting.engine.widest(problem)
+    if wide.objective <= 0:
+        return None
+    mu, reduced = square_below(gamma), reduce(probe(problem))
+    exact = Sporadic(setting.plant, setting.multiplier, setting.Cp, decay, delta, rational_number(math.exp(delta * T2)))
+    fixed = {"mu": rational([[mu]]), "weight": rational([[1]])}
+    certificate = None
+    for digits in WITNESS:
+        values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
+        values = complete(
+            lambda v: exact.theorem({**v, **fixed}, *gains), problem.unknowns, values, reduced.rows, reduced.pivots
+        )
+        certificate = certify_sporadic(
+            setting.plant,
+            setting.multiplier,
+            setting.Cp,
+            gains,
+            (setting.T1, T2),
+            decay,
+            delta,
+            gamma,
+            mu,
+            values,
+        )
+        if certificate.holds:
+            break
+    return certificate
+
+
+def reaching(
+    setting: Setting, candidate: Candidate, T2: fmpq, decay: fmpq, gamma: float, kappa: float | None
+) -> tuple[Gains | None, SporadicCertificate | None]:
+    """Rounded gains of a candidate that are proved to reach gamma, and their certificate; or else the last attempt."""
+    made: tuple[Gains | None, SporadicCertificate | None] = (None, None)
+    for gains in roundings(candidate, kappa):
+        certificate = prove(setting, gains, T2, decay, candidate.delta)
+        made = gains, certificate
+        if certificate and certificate.holds and float(certificate.gamma) <= gamma:
+            break
+    return made

@@ -1,0 +1,118 @@
+"""Why there is no observer for sporadic measurements, in the terms of the model, and what would be possible."""
+
+import math
+
+import numpy as np
+
+from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.pencil import text
+from obsdesign.model.plant import Plant
+from obsdesign.model.structure import decay_limit, linear, undetectable
+
+HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
+
+
+def hidden_mode(plant: Plant, multiplier: Multiplier, decay: float) -> Diagnosis:
+    """Answer that a mode is undetectable at the rate; empty if none is."""
+    fixed, member = in_floats(plant), in_floats(multiplier.member)
+    modes = undetectable(fixed, member, decay)
+    if not modes:
+        return {}
+    limit = decay_limit(fixed, member)
+    return {
+        "condition": "detectability",
+        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate lambda_t = {decay:g}",
+        "mode": described(modes[0]),
+        "feasible": {"decay_below": limit} if limit > 0 else {},
+        "suggestion": f"ask for a decay below {limit:g}" if limit > 0 else "measure another state",
+    }
+
+
+def hiding_interval(plant: Plant, multiplier: Multiplier, decay: float, T2: float) -> Diagnosis:
+    """Answer that measurements at a constant interval of at most T2 cannot tell two modes apart; empty if none does.
+
+    Modes with eigenvalues that differ by 2 pi i k / T grow alike from one measurement to the next. If a combination of
+    them is not seen, C v = 0, no observer whatsoever makes it decay; and (28) speaks of every interval in (0, T2].
+    """
+    system = linear(in_floats(plant), in_floats(multiplier.member))
+    values, vectors = np.linalg.eig(system.A)
+    slow = values.real >= -decay - 1e-12 * np.abs(values).max(initial=1.0)
+    intervals = sorted(
+        2 * math.pi / float(abs(a.imag - b.imag))
+        for i, a in enumerate(values)
+        for b in values[:i]
+        if abs(a.real - b.real) <= HIDDEN * max(1.0, abs(a)) and abs(a.imag - b.imag) > HIDDEN * max(1.0, abs(a))
+    )
+    for T in (T for T in intervals if T <= T2):
+        for i in np.flatnonzero(slow):
+            turns = (values - values[i]) * T / (2j * math.pi)
+            alike = np.abs(turns - np.round(turns.real)) <= HIDDEN * max(1.0, float(np.abs(turns).max(initial=0.0)))
+            if unseen(system.C, vectors[:, alike]):
+                return hides(values[alike], T)
+    return {}
+
+
+def unseen(C: Array, V: Array) -> bool:
+    """Whether a combination of the columns of V is mapped to zero."""
+    seen = C @ V / (np.linalg.norm(C, 2) or 1.0)
+    return bool(np.linalg.matrix_rank(seen, tol=HIDDEN) < V.shape[1])
+
+
+def hides(values: Array, T: float) -> Diagnosis:
+    """Answer that an interval hides the difference of modes."""
+    found = " and ".join(text(complex(value)) for value in values)
+    return {
+        "condition": "sampling",
+        "reason": f"measurements every T = {T:.6g} are pathological: they cannot tell the modes at {found} apart",
+        "interval": T,
+        "feasible": {"T2_below": T},
+        "suggestion": f"ask for T2 well below {T:.6g}, or measure another state",
+    }
+
+
+def too_long(T2: float, decay: float, largest: float | None, fastest: float | None, form: str) -> Diagnosis:
+    """Answer that the inequalities have no solution, with the largest T2 and decay that do."""
+    reason = f"{form} has no solution for T2 = {T2:g} with decay {decay:g}, whatever the gain from w"
+    feasible = {name: value for name, value in (("T2", largest), ("decay", fastest)) if value is not None}
+    hints = [f"ask for {name} at most {value * (1 - 1e-3):.4g}" for name, value in feasible.items()]
+    hints.append("try another range of delta, or another relaxation or injection")
+    return {
+        "condition": "inequality",
+        "reason": reason + (f"; the largest T2 is {largest:.5g}" if largest is not None else ""),
+        "feasible": feasible,
+        "suggestion": ", or ".join(hints),
+    }
+
+
+def out_of_reach(asked: float, least: float) -> Diagnosis:
+    """Answer that gamma is bounded below what is possible."""
+    return {
+        "condition": "gamma",
+        "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
+        "gamma": {"asked": asked, "least": least},
+        "feasible": {"gamma": least},
+        "suggestion": f"allow gamma above {least:.6g}, or ask for a smaller T2",
+    }
+
+
+def too_small(kappa: float, T2: float) -> Diagnosis:
+    """Answer that no gain within the bound was found."""
+    return {
+        "condition": "bounds",
+        "reason": f"no gain with |L| <= {kappa:g} was found for T2 = {T2:g}, and there are larger ones that will do",
+        "feasible": {},
+        "suggestion": "allow a larger |L|, or ask for a smaller T2",
+    }
+
+
+def useless(T2: float, decay: float, tolerated: float | None) -> Diagnosis:
+    """Answer that given gains achieve nothing."""
+    shorter = f"ask for T2 at most {tolerated * (1 - 1e-3):.4g}" if tolerated else "ask for a smaller decay"
+    return {
+        "condition": "gains",
+        "reason": f"no storage function of Theorem 2 proves these gains for T2 = {T2:g} with decay {decay:g}",
+        "feasible": {"T2": tolerated} if tolerated else {},
+        "suggestion": f"{shorter}, or design new gains: leave `gains` out",
+    }

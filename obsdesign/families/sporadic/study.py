@@ -1,0 +1,253 @@
+"""What one injection and relaxation can do: limits, edges of feasibility, and certified gains."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.decimals import round_down
+from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.sporadic.certificate import SporadicCertificate
+from obsdesign.families.sporadic.gains import ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
+from obsdesign.families.sporadic.landscape import Form, Landscape
+from obsdesign.families.sporadic.reasons import out_of_reach, too_small
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.scan import edge
+from obsdesign.families.sporadic.scheme import Scheme
+from obsdesign.lmi.formula import in_floats, rational_number
+from obsdesign.lmi.solve import Status
+
+MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
+ROOM = 2e-3  # of gamma, left to the rounding of the gains
+LEAST = 1e-6  # gamma that gains are searched for, where it is zero
+EDGE = 5e-5  # relative, of a largest T2 or decay
+Point = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Made:
+    """Gains for one T2 and decay, or why there are none."""
+
+    gamma: float = math.inf  # the limit over all gains
+    delta: float = 0.0
+    bounded: float | None = None  # the limit within a bound on |L|
+    gains: Gains | None = None
+    certificate: SporadicCertificate | None = None
+    diagnosis: Diagnosis = field(default_factory=dict)
+
+    @property
+    def status(self) -> str:
+        """Whether there are gains, and whether they are proved."""
+        if self.diagnosis or math.isinf(self.gamma):
+            return "infeasible"
+        if self.gains is None:
+            return "undecided"
+        return "certified" if self.certificate and self.certificate.holds else "uncertified"
+
+    @property
+    def level(self) -> float:
+        """Least gamma of the gains that are allowed."""
+        return self.gamma if self.bounded is None else self.bounded
+
+    @property
+    def size(self) -> float:
+        """|L|."""
+        return float(np.linalg.norm(in_floats(self.gains)[0], 2)) if self.gains else math.inf
+
+
+class Study:
+    """One scheme, whose searches remember where the last one ended."""
+
+    def __init__(self, setting: Setting, scheme: Scheme, request: SporadicRequest) -> None:
+        self.setting, self.scheme, self.request = setting, scheme, request
+        self.landscapes: dict[tuple[Form, float, float | None], Landscape] = {}
+        self.exponent: float | None = None  # delta T2 of the last optimum
+        self.around: float | None = None  # and of that with |L| bounded
+        self.size: float | None = None  # |L| of the last gains
+
+    @property
+    def kappa(self) -> float | None:
+        """Largest |L| before it is rounded."""
+        bound = self.request.largest_gain
+        return None if bound is None else float(bound) * (1 - ROUNDING)
+
+    @property
+    def cap(self) -> float | None:
+        """Largest gamma."""
+        bound = self.request.largest_gamma
+        return None if bound is None else float(bound)
+
+    def landscape(self, form: Form, decay: float, kappa: float | None = None) -> Landscape:
+        """A relaxation at one decay."""
+        key = form, decay, kappa
+        if key not in self.landscapes:
+            self.landscapes[key] = Landscape(
+                self.setting.engine, self.setting.family(decay), form, self.setting.delta, kappa
+            )
+        return self.landscapes[key]
+
+    # Limits
+
+    def least_gamma(self, T2: float, decay: float) -> tuple[float, float]:
+        """Best delta and the infimum of gamma over all gains; infinite if there is none."""
+        landscape = self.landscape(self.scheme.limit, decay)
+        delta, gamma = landscape.least_gamma(T2, self.exponent)
+        if math.isfinite(gamma) and landscape.missing(delta, T2) >= 0:  # only with a singular P1
+            return delta, math.inf
+        if math.isfinite(gamma):
+            self.exponent = delta * T2
+            gamma = gamma if self.setting.plant.B.shape[1] else 0.0
+        return delta, gamma
+
+    def confirmed(self, T2: float, decay: float) -> tuple[float, float]:
+        """Same, by solves in different scalings that agree."""
+        delta, gamma = self.least_gamma(T2, decay)
+        if math.isfinite(gamma) and self.setting.plant.B.shape[1]:
+            relaxation = self.landscape(self.scheme.limit, decay).relaxation(delta, T2)
+            answer = self.setting.engine.minimise(relaxation.least_gamma())
+            if answer.status is Status.OPTIMAL:
+                gamma = math.sqrt(max(answer.objective, 0.0))
+        return delta, gamma
+
+    def missing(self, T2: float, decay: float, *, bounded: bool = False) -> float:
+        """Negative where there are gains, of any size and for any gamma, or else within the bounds."""
+        if not bounded:
+            return self.shortage(self.landscape(self.scheme.limit, decay), T2)
+        landscape = self.landscape(self.scheme.gains, decay, self.kappa)
+        if self.kappa is None:
+            landscape = self.landscape(self.scheme.limit, decay)
+        if self.cap is None:
+            return self.shortage(landscape, T2)
+        _, gamma = landscape.least_gamma(T2, self.exponent)
+        return math.log(gamma / self.cap) if math.isfinite(gamma) and gamma > 0 else gamma - 1.0
+
+    def shortage(self, landscape: Landscape, T2: float) -> float:
+        """What is missing, from where the last search ended."""
+        landscape.exponent = self.exponent
+        value = landscape.least_missing(T2)
+        self.exponent = landscape.exponent
+        return value
+
+    def longest(self, low: float, high: float, decay: float, *, bounded: bool = False) -> float | None:
+        """Largest T2 in an interval; None if there is none."""
+        return self.farthest(lambda T2: self.missing(T2, decay, bounded=bounded), low, high)
+
+    def fastest(self, T2: float, low: float, high: float, *, bounded: bool = False) -> float | None:
+        """Largest decay in an interval; None if there is none."""
+        return self.farthest(lambda decay: self.missing(T2, decay, bounded=bounded), low, high)
+
+    def farthest(self, function: Callable[[float], float], low: float, high: float) -> float | None:
+        """Largest argument at which a function is negative."""
+        self.exponent = None
+        if function(low) >= 0:
+            return None
+        if function(high) < 0:
+            return high
+        return edge(function, low, high, EDGE * high)
+
+    # Gains
+
+    def at(self, T2: fmpq, decay: fmpq, limit: tuple[float, float] | None = None) -> Made:
+        """Gains for one T2 and decay.
+
+        With the best delta and the least gamma there given, for a point of a curve, the gains are allowed to be larger
+        than necessary within the bound on them.
+        """
+        report = self.setting.engine.report if limit is None else lambda *_: None
+        report(0.3, f"limit for T2 = {float(T2):g}")
+        delta, gamma = limit or self.confirmed(float(T2), float(decay))
+        made, start = Made(gamma, delta), None
+        if math.isinf(gamma):
+            return made
+        if self.kappa is not None:
+            start = within(self.landscape(self.scheme.gains, float(decay), self.kappa), float(T2), self.around)
+            if start is None:
+                return replace(made, diagnosis=too_small(float(self.request.largest_gain or 0), float(T2)))
+            self.around = start.delta * float(T2)
+            made = replace(made, bounded=max(start.gamma, gamma))
+        if self.cap is not None and made.level > self.cap:
+            return replace(made, diagnosis=out_of_reach(self.cap, made.level))
+        target = self.target(made.level)
+        report(0.7, f"gains for T2 = {float(T2):g}")
+        chosen = start if start and limit else self.small(made, start, float(T2), float(decay), target, limit is None)
+        if chosen is None:
+            return made
+        gains, certificate = reaching(self.setting, chosen, T2, decay, target, self.kappa)
+        return replace(made, gains=gains, certificate=certificate)
+
+    def small(
+        self, made: Made, start: Candidate | None, T2: float, decay: float, target: float, thorough: bool
+    ) -> Candidate | None:
+        """Gains of small norm that reach a gamma."""
+        room = min(ROOM, max(target / made.level - 1, 0.0) / 3) if made.level else 0.0
+        delta = start.delta if start else made.delta
+        size = self.kappa or self.size or float(np.linalg.norm(in_floats(self.setting.plant.A), 2)) or 1.0
+        landscape = self.landscape(self.scheme.gains, decay)
+        found = smallest(landscape, T2, target * (1 - room), delta, size, thorough=thorough)
+        if found is None or (self.kappa is not None and found.size > self.kappa):
+            found = start
+        self.size = found.size if found else self.size
+        return found
+
+    def target(self, base: float) -> float:
+        """Gamma to be certified: within the slack of the least, or a moderate one where gamma is not the objective.
+
+        Without w any will do.
+        """
+        if not self.setting.plant.B.shape[1]:
+            return 1.0
+        wanted = 1 + float(self.request.slack)
+        if self.request.objective not in {"min-gamma", "pareto"}:
+            wanted = max(wanted, MODERATE)
+        target = max(base * wanted, LEAST)
+        return target if self.cap is None else min(target, self.cap)
+
+    # Curves
+
+    def point(self, name: str, value: fmpq, T2: fmpq, decay: fmpq) -> tuple[Point, Made]:
+        """Limit and certified gains of one point of a curve of gamma."""
+        delta, gamma = self.least_gamma(float(T2), float(decay))
+        if math.isinf(gamma):
+            return {name: float(value), "status": self.verdict(T2, decay)}, Made()
+        made = self.at(T2, decay, (delta, gamma))
+        return {name: float(value), "gamma": gamma, "delta": delta, **described(made)}, made
+
+    def verdict(self, T2: fmpq, decay: fmpq) -> str:
+        """Whether a point without a solution has none."""
+        return "infeasible" if self.missing(float(T2), float(decay)) >= 0 else "undecided"
+
+    def longest_point(self, decay: fmpq, interval: Range) -> tuple[Point, Made]:
+        """Largest T2 for one decay, and certified gains for one within the slack of it."""
+        low, high = float(interval.low), float(interval.high)
+        limit = self.longest(low, high, float(decay), bounded=self.cap is not None)
+        if limit is None:
+            return {"decay": float(decay), "status": "infeasible"}, Made()
+        T2 = within_slack(limit, low, self.request.slack)
+        made = self.at(T2, decay)
+        return {"decay": float(decay), "T2": limit, "delta": made.delta, **described(made)}, made
+
+
+def within_slack(limit: float, low: float, slack: fmpq) -> fmpq:
+    """Decimal within the slack of a largest value, and not below the lowest."""
+    return rational_number(repr(max(round_down(limit / (1 + float(slack)), 6), low)))
+
+
+def described(made: Made) -> Point:
+    """Certified gains of a point."""
+    if made.diagnosis:
+        return {"status": "optimal", "reason": made.diagnosis["reason"]}
+    known: Point = {"status": made.status}
+    if made.certificate and made.certificate.holds:
+        c = made.certificate
+        known["certified"] = {
+            "gamma": float(c.gamma),
+            "T2": float(c.T2),
+            "decay": float(c.family.decay),
+            "delta": float(c.family.delta),
+            "L": made.size,
+        }
+    return known

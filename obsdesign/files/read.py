@@ -1,0 +1,171 @@
+"""Result files, read exactly; and what one is proved to say."""
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from flint import fmpq, fmpz
+
+from obsdesign.dissipation.certificate import Certificate
+from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.errors import UsageError
+from obsdesign.families.sporadic.certificate import SporadicCertificate
+from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
+from obsdesign.lmi.proof import Check
+from obsdesign.reading import loads
+from obsdesign.spec import Spec
+
+LARGEST = 64 * 2**20  # bytes
+LONGEST = 100_000  # characters of one number
+LARGEST_POWER = 400  # of ten
+NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
+
+
+class ResultFile:
+    """A result file, read exactly.
+
+    Raises
+    ------
+    UsageError
+        If it is unreadable, no result of this format, or holds what is no number where one must stand.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.content = self.read()
+        if self.content.get("obsdesign") != "1":
+            raise self.wrong("obsdesign", "not a result of format 1")
+        self.spec = self.embedded()
+
+    def read(self) -> dict[str, Any]:
+        """JSON with every number kept as the text that was written."""
+        try:
+            raw = Path(self.path).read_bytes()
+        except OSError as error:
+            raise UsageError(f"{self.path}: cannot be read: {error.strerror}") from None
+        if len(raw) > LARGEST:
+            raise UsageError(f"{self.path}: larger than {LARGEST} bytes")
+        try:
+            content = json.loads(raw, parse_float=str, parse_int=str, parse_constant=self.no_number)
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"{self.path}: not JSON: {error}") from None
+        if not isinstance(content, dict):
+            raise UsageError(f"{self.path}: not a result file: an object is expected")
+        return content
+
+    def no_number(self, text: str) -> None:
+        """Refuse NaN and infinities."""
+        raise UsageError(f"{self.path}: {text} is no number; a result holds finite numbers only")
+
+    def wrong(self, key: str, message: str) -> UsageError:
+        """Error about one key."""
+        return UsageError(f"{self.path}: {key}: {message}")
+
+    def at(self, *keys: str) -> Any:
+        """Entry at a path of keys, which must exist."""
+        value: Any = self.content
+        for i, key in enumerate(keys):
+            if not isinstance(value, dict) or key not in value:
+                raise self.wrong(".".join(keys[: i + 1]), "missing")
+            value = value[key]
+        return value
+
+    def embedded(self) -> Spec:
+        """Spec that travels in the file, if its hash is right."""
+        from obsdesign.files import digest
+
+        text, found = self.at("spec", "text"), self.at("spec", "sha256")
+        try:
+            right = isinstance(text, str) and digest(text) == found
+        except UnicodeEncodeError:
+            raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
+        if not right:
+            raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
+        return loads(text, f"{self.path} (spec.text)")
+
+    def number(self, *keys: str) -> fmpq:
+        """Exact value of one number."""
+        return self.exact(self.at(*keys), ".".join(keys))
+
+    def numbers(self, *keys: str) -> list[fmpq]:
+        """Exact values of one number or of a list of them."""
+        found = self.at(*keys)
+        return [self.exact(x, ".".join(keys)) for x in (found if isinstance(found, list) else [found])]
+
+    def matrix(self, shape: tuple[int, int], *keys: str) -> Array:
+        """Exact matrix of a given shape."""
+        rows, name = self.at(*keys), ".".join(keys)
+        regular = isinstance(rows, list) and all(isinstance(r, list) and len(r) == shape[1] for r in rows)
+        if not regular or len(rows) != shape[0]:
+            raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix")
+        entries = [[self.exact(x, name) for x in row] for row in rows]
+        return rational(np.array(entries, dtype=object).reshape(shape))
+
+    def unknowns(self, unknowns: Iterable[Unknown], *keys: str) -> dict[str, Array]:
+        """Exact values of unknowns: a number for a 1x1 one, else rows."""
+        values = {}
+        for unknown in unknowns:
+            path = (*keys, unknown.name)
+            if unknown.shape == (1, 1):
+                values[unknown.name] = rational([[self.number(*path)]])
+                continue
+            values[unknown.name] = matrix = self.matrix(unknown.shape, *path)
+            if unknown.symmetric and (matrix != matrix.T).any():
+                raise self.wrong(".".join(path), "not symmetric")
+        return values
+
+    def matrices(self, *keys: str) -> dict[str, Array]:
+        """Exact square matrices by name, of whatever size they have."""
+        made = {}
+        for name, rows in self.table(*keys).items():
+            size = len(rows) if isinstance(rows, list) else 0
+            made[name] = self.matrix((size, size), *keys, name)
+        return made
+
+    def table(self, *keys: str) -> dict[str, Any]:
+        """Object at a path of keys."""
+        found = self.at(*keys)
+        if not isinstance(found, dict):
+            raise self.wrong(".".join(keys), "expected an object")
+        return found
+
+    def exact(self, text: Any, name: str) -> fmpq:
+        """Rational of a decimal or of "p/q"."""
+        try:
+            if not isinstance(text, str) or len(text) > LONGEST or not NUMBER.fullmatch(text):
+                raise ValueError
+            if "/" in text:
+                return fmpq(*(fmpz(part) for part in text.split("/")))
+            decimal = Decimal(text)
+            if abs(decimal.adjusted()) > LARGEST_POWER:
+                raise ValueError
+            return rational_number(Fraction(decimal))
+        except (ValueError, ArithmeticError):
+            raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What a file claims, in words, and the conditions that were checked of it."""
+
+    claim: str
+    checks: tuple[Check, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the claim is proved."""
+        return all(check.holds for check in self.checks)
+
+
+@dataclass(frozen=True)
+class Verified(Proof):
+    """A guarantee that was read and checked, and its certificate."""
+
+    certificate: Certificate | SporadicCertificate
+    guarantee: Guarantee | SporadicGuarantee | None  # None: the claim is not about the plant of the spec

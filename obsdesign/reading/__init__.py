@@ -1,0 +1,54 @@
+"""Specs: from a YAML text to one estimation problem, or to everything that is wrong with it.
+
+document.py   YAML text to nodes with line and column, within safe limits
+schema.py     the models of the format (structure only), and its JSON Schema
+structure.py  a document against the models
+resolve.py    the models to the types of model.py: exact values, derived sizes, names
+"""
+
+import os
+
+from obsdesign.errors import UsageError
+from obsdesign.reading.document import compose, read
+from obsdesign.reading.resolve import resolve
+from obsdesign.reading.schema import json_schema
+from obsdesign.reading.structure import validate
+from obsdesign.spec import Noise, Nonlinearity, Simulation, Spec
+
+__all__ = ["Noise", "Nonlinearity", "Simulation", "Spec", "json_schema", "load", "loads"]
+
+
+def load(path: str | os.PathLike[str]) -> Spec:
+    """Read a spec from a file.
+
+    Raises
+    ------
+    UsageError
+        One problem for everything that is wrong, with file, line, column and key.
+    """
+    path = os.fspath(path)
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        shown = path.encode(errors="backslashreplace").decode()
+        raise UsageError(f"{shown}: the name of the file is not valid UTF-8; rename it") from None
+    return loads(read(path), path)
+
+
+def loads(text: str, path: str = "<text>") -> Spec:
+    """Read a spec from its text.
+
+    Parameters
+    ----------
+    text
+        YAML, at most 4 MiB.
+    path
+        What messages call it.
+
+    Raises
+    ------
+    UsageError
+        One problem for everything that is wrong, with file, line, column and key.
+    """
+    document = compose(text, path)
+    return resolve(document, *validate(document))

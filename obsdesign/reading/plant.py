@@ -1,0 +1,205 @@
+"""The plant of a spec: sizes from its matrices, then every matrix checked against them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.expressions import Expression
+from obsdesign.lmi.formula import Array, rational
+from obsdesign.model.disturbance import empty
+from obsdesign.model.plant import Plant
+from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
+from obsdesign.reading.document import Loc
+from obsdesign.reading.names import Names, read_names
+from obsdesign.reading.schema import Nonlinearity as Section
+from obsdesign.reading.schema import System
+from obsdesign.reading.values import Axis, Entries, Reader, Size, counted
+from obsdesign.spec import Nonlinearity
+
+X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")
+Q, F = Axis(None, "component of q"), Axis(None, "component of f")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes and names of a plant, open where an earlier error leaves them open."""
+
+    states: Axis = X
+    outputs: Axis = Y
+    w: Axis = W
+    q: Axis = Q
+    f: Axis = F
+    names: Names | None = None
+
+    def known(self, *kinds: str) -> tuple[str, ...] | None:
+        """Return t and the names of these kinds of signals."""
+        if self.names is None:
+            return None
+        return ("t", *(name for kind in kinds for name in getattr(self.names, kind)))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read of a plant, with stand-ins after an error."""
+
+    layout: Layout
+    plant: Plant | None = None
+    gx: tuple[Expression, ...] = ()
+    gy: tuple[Expression, ...] = ()
+    gq: tuple[Expression, ...] = ()
+    nonlinearities: tuple[Nonlinearity | None, ...] = ()
+
+
+def read_plant(
+    reader: Reader, system: System | None, sections: Sequence[Section] | None, *, identity: bool = False
+) -> Reading:
+    """Plant, known terms and nonlinearities; a section is None if its structure is wrong.
+
+    Parameters
+    ----------
+    identity
+        Whether a Bf or Cq that is missing is the identity, instead of zero.
+    """
+    if system is None:
+        return Reading(Layout())
+    matrices = {key: reader.entries(getattr(system, key), ("system", key)) for key in ("A", "B", "C", "D")}
+    n = order(reader, matrices["A"], len(system.states or ["x1"]))
+    ny = matrices["C"].shape(None, n)[0] or matrices["D"].shape()[0] or len(system.outputs or ["y1"])
+    parts = [read_part(reader, section, i, n, ny, identity=identity) for i, section in enumerate(sections or ())]
+    layout = lay_out(reader, system, matrices, (n, ny), parts if sections is not None else None)
+    plant = read_matrices(reader, layout, matrices, parts)
+    known = layout.known("outputs", "inputs")
+    gx = reader.expressions(system.gx, ("system", "gx"), layout.states, known)
+    gy = reader.expressions(system.gy, ("system", "gy"), layout.outputs, layout.known("inputs"))
+    gq = [e for part in parts for e in reader.expressions(part.gq, (*part.block.loc, "gq"), part.q, known)]
+    blocks = tuple(read_nonlinearity(reader, part.block, known) for part in parts)
+    return Reading(layout, plant, gx, gy, tuple(gq), blocks)
+
+
+def order(reader: Reader, A: Entries, otherwise: Size) -> Size:
+    """Return the size of A, or `otherwise` if A is just 0; None if A is not square."""
+    if A.zero:
+        return otherwise
+    if A.values.size == 1:
+        return 1
+    rows, columns = A.shape()
+    if A.ragged:
+        return None
+    if not rows or rows != columns:
+        reader.wrong(A.loc, f"expected a square matrix, found {A}")
+        return None
+    return rows
+
+
+@dataclass(frozen=True)
+class Part:
+    """One block f_i and how it is connected."""
+
+    block: Block
+    matrices: Mapping[str, Entries]
+    gq: str | Sequence[str] | None
+
+    @property
+    def q(self) -> Axis:
+        """Components of its argument."""
+        return Q.of(self.block.nq)
+
+    @property
+    def f(self) -> Axis:
+        """Components of its value."""
+        return F.of(self.block.nf)
+
+
+def read_part(reader: Reader, section: Section, i: int, n: Size, ny: Size, *, identity: bool = False) -> Part:
+    """One block, with its sizes from its own matrices."""
+    loc = ("nonlinearities", i)
+    matrices = {key: reader.entries(getattr(section, key), (*loc, key)) for key in ("Bf", "Cq", "Dqf", "Dq", "Df")}
+    if identity and n:
+        matrices |= {key: Entries((*loc, key), rational(np.eye(n))) for key in left_out(reader, section, loc, n)}
+    nf = matrices["Bf"].shape(n)[1] or matrices["Df"].shape(ny)[1]
+    nq = matrices["Cq"].shape(None, n)[0] or matrices["Dqf"].shape()[0] or matrices["Dq"].shape()[0]
+    if isinstance(section.gq, list):
+        nq = nq or len(section.gq)
+    return Part(read_block(reader, section, loc, nq, nf), matrices, section.gq)
+
+
+def left_out(reader: Reader, section: Section, loc: Loc, n: int) -> list[str]:
+    """Which of Bf and Cq are missing and can be the identity; Bf cannot where f has another size than the state."""
+    missing = [key for key in ("Bf", "Cq") if getattr(section, key) is None]
+    count = len(section.f) if isinstance(section.f, list) else 1
+    if "Bf" in missing and section.f is not None and count != n:
+        components = counted(count, "component")
+        reader.wrong((*loc, "Bf"), f"is missing, and f has {components}, not one for each of {n} states; give Bf")
+        missing.remove("Bf")
+    return missing
+
+
+def lay_out(
+    reader: Reader,
+    system: System,
+    matrices: Mapping[str, Entries],
+    sizes: tuple[Size, int],
+    parts: Sequence[Part] | None,
+) -> Layout:
+    """Sizes and names of the whole plant.
+
+    Parameters
+    ----------
+    sizes
+        Number of states, and of outputs.
+    parts
+        The blocks f_i; None if their structure is wrong.
+    """
+    x, y = X.of(sizes[0]), Y.of(sizes[1])
+    w = W.of(exogenous_inputs(matrices, parts or (), x, y))
+    q, f = Q, F
+    if parts is not None:
+        q, f = Q.of(sum(part.block.nq for part in parts)), F.of(sum(part.block.nf for part in parts))
+    elif not w.size:
+        w = W
+    reader.limit(y.size, "outputs", ("system", "outputs"))
+    reader.limit(q.size, "components of q", ("nonlinearities",))
+    reader.limit(f.size, "components of f", ("nonlinearities",))
+    guess = len(system.states or ()) or max(matrices["A"].values.shape, default=1) or 1
+    names = read_names(reader, system, x if x.size else X.of(guess), y, w)
+    return Layout(x, y if matrices["C"].fits(Y, x) else Y, w, q, f, names)
+
+
+def exogenous_inputs(matrices: Mapping[str, Entries], parts: Sequence[Part], x: Axis, y: Axis) -> Size:
+    """Count the exogenous inputs, from the first matrix that says it; None if that one is wrong."""
+    candidates = [(matrices["B"], x), (matrices["D"], y), *((p.matrices["Dq"], p.q) for p in parts)]
+    for entries, rows in candidates:
+        count = entries.shape(rows.size)[1]
+        if count is not None:
+            return count if entries.fits(rows, W) else None
+    return 0
+
+
+def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], parts: Sequence[Part]) -> Plant:
+    """Every matrix in its size, the blocks f_i side by side."""
+    x, y, w = layout.states, layout.outputs, layout.w
+    names = layout.names or Names((), (), (), ())
+
+    def across(key: str, rows: Axis) -> Array:
+        blocks = [reader.matrix(part.matrices[key], rows, part.f) for part in parts]
+        return np.hstack([empty(rows.size or 0, 0), *blocks])
+
+    def down(key: str, columns: Axis) -> Array:
+        blocks = [reader.matrix(part.matrices[key], part.q, columns) for part in parts]
+        return np.vstack([empty(0, columns.size or 0), *blocks])
+
+    return Plant(
+        A=reader.matrix(whole["A"], x, x),
+        Bf=across("Bf", x),
+        B=reader.matrix(whole["B"], x, w),
+        Cq=down("Cq", x),
+        Dqf=down("Dqf", layout.f),
+        Dq=down("Dq", w),
+        C=reader.matrix(whole["C"], y, x),
+        Df=across("Df", y),
+        D=reader.matrix(whole["D"], y, w),
+        states=names.states,
+        exogenous=names.w,
+        outputs=names.outputs,
+    )

@@ -1,0 +1,79 @@
+"""The region on which the type of a nonlinearity holds."""
+
+from collections.abc import Mapping, Sequence
+from math import inf
+
+from obsdesign.expressions import Expression
+from obsdesign.expressions.interval import point
+from obsdesign.nonlinearities.evidence.restriction import Range
+from obsdesign.reading.document import Loc
+from obsdesign.reading.kinds import INFINITE
+from obsdesign.reading.names import arguments
+from obsdesign.reading.schema import Function
+from obsdesign.reading.values import Reader
+from obsdesign.reading.words import unknown
+
+MINUS_INFINITE = ("-.inf", "-.Inf", "-.INF")
+
+
+def read_region(
+    reader: Reader, section: Function, loc: Loc, nq: int, f: Sequence[Expression] | None, known: Sequence[str]
+) -> dict[str, Range]:
+    """Ranges of the variables that are limited; a single component of q is q1.
+
+    Parameters
+    ----------
+    f, known
+        The function, and what it may depend on besides its argument.
+    """
+    given = written_regions(section, loc)
+    if not given:
+        return {}
+    for place, _ in given[1:]:
+        reader.wrong(place, "the region is given twice; give it once", at_key=True)
+    place, written = given[0]
+    used = known if f is None else [name for name in known if any(name in g.names for g in f)]
+    region: dict[str, Range] = {}
+    for name, ends in written.items():
+        here, variable = (*place, name), "q1" if name == "q" and nq == 1 else name
+        if name not in (*arguments(nq), *known):
+            reader.wrong(here, unknown("variable", name, (*arguments(nq), *used), {}), at_key=True)
+        elif name not in (*arguments(nq), *used):
+            reader.wrong(here, f"f does not depend on {name}; leave it out", at_key=True)
+        elif variable in region:
+            reader.wrong(here, "q and q1 are the same; give one of them", at_key=True)
+        else:
+            region[variable] = read_range(reader, ends, here)
+    return region
+
+
+def written_regions(section: Function, loc: Loc) -> Sequence[tuple[Loc, Mapping[str, Sequence[str]]]]:
+    """Regions of a block with their places; there should be one at most."""
+    found = []
+    if not isinstance(section.type, str):
+        if section.type.auto is not None and section.type.auto.region is not None:
+            found.append(((*loc, "type", "auto", "region"), section.type.auto.region))
+        if section.type.region is not None:
+            found.append(((*loc, "type", "region"), section.type.region))
+    if section.region is not None:
+        found.append(((*loc, "region"), section.region))
+    return found
+
+
+def read_range(reader: Reader, ends: Sequence[str], loc: Loc) -> Range:
+    """Limits as doubles, rounded outward."""
+    before = len(reader.problems)
+    low = read_end(reader, ends[0], (*loc, 0))
+    high = read_end(reader, ends[1], (*loc, 1))
+    if len(reader.problems) == before and not low[1] < high[0]:
+        reader.wrong(loc, f"{ends[0]} is not below {ends[1]}; give [low, high]")
+    return low[0], high[1]
+
+
+def read_end(reader: Reader, text: str, loc: Loc) -> Range:
+    """Double below and double above a limit, which may be infinite."""
+    if text in INFINITE or text in MINUS_INFINITE:
+        end = inf if text in INFINITE else -inf
+        return end, end
+    tight = point(reader.number(text, loc))
+    return float(tight.low), float(tight.high)

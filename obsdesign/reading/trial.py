@@ -1,0 +1,122 @@
+"""The simulation section of a spec: how to try the observer."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.reading import schema
+from obsdesign.reading.document import Loc
+from obsdesign.reading.plant import Layout
+from obsdesign.reading.values import Axis, Reader, counted
+from obsdesign.spec import Noise, Simulation, Vector
+
+MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output
+MAX_POINTS = 10**6
+SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys of the family sporadic
+
+
+def read_simulation(
+    reader: Reader, section: schema.Simulation | None, layout: Layout, xm: Axis, v: Axis, *, sporadic: bool = False
+) -> Simulation | None:
+    """Return the trial; None if there is none.
+
+    Parameters
+    ----------
+    sporadic
+        Whether measurements arrive sporadically, so that the section may say when.
+    """
+    if section is None:
+        return None
+    loc: Loc = ("simulation",)
+    sporadic = sporadic or not reader.clean(("observer",))  # a wrong observer may be one of any family
+    horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
+    known = layout.known("states")
+    if section.w is not None and section.v is not None:
+        reader.wrong((*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model")
+    xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm)
+    size = (layout.states.size or 0) + (xm.size or 0)
+    w = None if section.w is None else reader.expressions(section.w, (*loc, "w"), layout.w, known)
+    if not sporadic:
+        refuse_sampling(reader, section)
+    inputs = Axis(None if layout.names is None else len(layout.names.inputs), "input")
+    return Simulation(
+        horizon=float(horizon),
+        x0=read_state(reader, section.x0, (*loc, "x0"), layout.states, xm),
+        xhat0=np.concatenate([xhat0, np.zeros(max(size - len(xhat0), 0))]),
+        w=w,
+        v=reader.expressions(section.v, (*loc, "v"), v, ("t",)) if w is None else None,
+        u=reader.expressions(section.u, (*loc, "u"), inputs, known),
+        noise=read_noise(reader, section.noise, layout.outputs, horizon, sporadic=sporadic),
+        seed=reader.integer(section.seed, (*loc, "seed"), 0, 0, 2**63 - 1),
+        points=reader.integer(section.points, (*loc, "points"), 2000, 2, MAX_POINTS),
+        sampling=read_sampling(reader, section.sampling),
+        period=None if section.period is None else float(reader.number(section.period, (*loc, "period"), "> 0")),
+        dropout=read_dropout(reader, section.dropout),
+        theta0=None if section.theta0 is None else read_theta(reader, section.theta0, layout.outputs),
+    )
+
+
+def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
+    """Refuse the keys of another family."""
+    for key in SAMPLING:
+        if getattr(section, key) is not None:
+            reader.wrong(("simulation", key), "belongs to observer.type sporadic", at_key=True)
+
+
+def read_sampling(reader: Reader, written: str | schema.Law | None) -> str | Expression:
+    """When measurements arrive: periodic, random, or a law."""
+    if isinstance(written, schema.Law):
+        laws = reader.expressions(written.law, ("simulation", "sampling", "law"), Axis(1, "law"), ("t",))
+        return laws[0] if laws else "periodic"
+    return written or "periodic"
+
+
+def read_dropout(reader: Reader, written: str | None) -> float:
+    """Share of the measurements that are lost."""
+    loc: Loc = ("simulation", "dropout")
+    share = reader.number(written or "0", loc, ">= 0")
+    if share >= 1 and reader.clean(loc):
+        reader.wrong(loc, f"{float(share):g} is no share below 1; give a number in [0, 1)")
+    return float(share)
+
+
+def read_theta(reader: Reader, written: str | list[str], outputs: Axis) -> Vector:
+    """Correction before the first measurement."""
+    return reader.vector(reader.entries(written, ("simulation", "theta0")), outputs).astype(float)
+
+
+def read_state(reader: Reader, written: str | Sequence[str] | None, loc: Loc, x: Axis, xm: Axis) -> Vector:
+    """State at the beginning, of the plant or of the augmented plant."""
+    entries = reader.entries(written, loc)
+    if x.size is not None and xm.size:
+        total = x.size + xm.size
+        each = f"{x.each}, or {total} with those of the disturbance model"
+        x = replace(x, size=total if entries.values.size == total > 1 else x.size, each=each)
+    return reader.vector(entries, x).astype(float)
+
+
+def read_noise(
+    reader: Reader, section: schema.Noise | None, outputs: Axis, horizon: fmpq, *, sporadic: bool
+) -> Noise | None:
+    """Measurement noise; where measurements arrive sporadically it needs no period."""
+    if section is None:
+        return None
+    loc: Loc = ("simulation", "noise")
+    if section.period is None and not sporadic:
+        reader.wrong((*loc, "period"), "is required")
+    period = horizon if section.period is None else reader.number(section.period, (*loc, "period"), "> 0")
+    if horizon > MAX_PERIODS * period:
+        reader.wrong((*loc, "period"), f"more than {MAX_PERIODS:,} periods in the horizon; give a longer period")
+    place = (*loc, "amplitude")
+    if isinstance(section.amplitude, str):
+        amplitude = [reader.number(section.amplitude, place, ">= 0")] * (outputs.size or 0)
+    else:
+        reader.limit(len(section.amplitude), "amplitudes", place)
+        amplitude = [reader.number(a, (*place, i), ">= 0") for i, a in enumerate(section.amplitude)]
+        if not outputs.admits(len(amplitude)):
+            expected = f"expected {counted(outputs.size, 'number')} ({outputs})"
+            reader.wrong(place, f"{expected}, found {len(amplitude)}")
+    return Noise(section.type, np.array([float(a) for a in amplitude]), float(period))

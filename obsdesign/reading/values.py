@@ -1,0 +1,251 @@
+"""Entries of a spec to exact rationals, matrices that fit, and expressions.
+
+A `Reader` collects what is wrong and goes on with a stand-in (1 for a number, 0 for a matrix), so that all
+errors of a file are found at once. A size that an earlier error leaves open is None, and then anything fits.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NoReturn
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.errors import Problem, UsageError
+from obsdesign.expressions import Expression, ExpressionError, constant, parse
+from obsdesign.lmi.formula import Array
+from obsdesign.reading.document import DATE, MAX_PROBLEMS, NOT_FINITE, Document, Loc, described, dotted
+
+ZERO, ONE = fmpq(0), fmpq(1)
+MAX_SIZE = 400  # of a signal, such as the augmented state
+
+Size = int | None
+Sign = Literal["any", ">= 0", "> 0"]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """How many rows, columns or items there must be, and what each of them stands for."""
+
+    size: Size
+    each: str
+
+    def __str__(self) -> str:
+        return f"one for each {self.each}"
+
+    def of(self, size: Size) -> "Axis":
+        """Return the same axis with another size."""
+        return replace(self, size=size)
+
+    def admits(self, count: int) -> bool:
+        """Whether there can be so many."""
+        return self.size is None or self.size == count
+
+
+SINGLE = Axis(1, "vector")
+
+
+@dataclass(frozen=True)
+class Entries:
+    """A matrix as it is written: a number, a vector, or rows (an array of 0, 1 or 2 dimensions)."""
+
+    loc: Loc
+    values: Array
+    ragged: bool = False  # the rows have different lengths, which was said already
+
+    @property
+    def zero(self) -> bool:
+        """Whether it is the number 0, which stands for a zero matrix of any size."""
+        return self.values.ndim == 0 and self.values[()] == 0
+
+    def shape(self, rows: Size = None, columns: Size = None) -> tuple[Size, Size]:
+        """Rows and columns, from those that are known and from what is written."""
+        if self.zero:
+            return rows, columns
+        if self.values.ndim == 2:
+            return self.values.shape[0], self.values.shape[1]
+        count = self.values.size
+        fitting = {(i, j) for i, j in ((1, count), (count, 1)) if rows in (None, i) and columns in (None, j)}
+        return fitting.pop() if len(fitting) == 1 else (rows, columns)
+
+    def fits(self, rows: Axis, columns: Axis) -> bool:
+        """Whether it can be read as a matrix of this size."""
+        shape = self.values.shape
+        if self.zero or self.ragged:
+            return True
+        if self.values.size == 0:
+            return 0 in (rows.size, columns.size) or None in (rows.size, columns.size)
+        if len(shape) == 2:
+            return rows.admits(shape[0]) and columns.admits(shape[1])
+        count = self.values.size
+        return (rows.admits(count) and columns.admits(1)) or (rows.admits(1) and columns.admits(count))
+
+    def mismatch(self, rows: Axis, columns: Axis) -> str:
+        """Say which size was expected and which was found."""
+        found, axes = self.values.shape, {"row": rows, "column": columns}
+        wrong = [
+            f"{counted(axis.size, unit)} ({axis})"
+            for (unit, axis), count in zip(axes.items(), found if len(found) == 2 else (None, None), strict=True)
+            if axis.size is not None and axis.size != count
+        ]
+        return f"expected {' and '.join(wrong)}, found {self}"
+
+    def __str__(self) -> str:
+        if self.values.ndim == 0:
+            return "a number"
+        if self.values.ndim == 1:
+            return f"a vector of {self.values.size}"
+        return "x".join(map(str, self.values.shape))
+
+
+def counted(count: int | None, unit: str) -> str:
+    """Count with its unit in the singular or plural."""
+    return f"{count} {unit}" if count == 1 else f"{count} {unit}s"
+
+
+class Reader:
+    """Reads values and collects what is wrong and what a user should know."""
+
+    def __init__(self, document: Document, problems: list[Problem]) -> None:
+        self.document = document
+        self.problems = problems
+        self.notes: list[str] = []
+        self.parameters: dict[str, fmpq] = {}
+        self.exact: dict[str, fmpq] = {}  # values of the texts read so far
+
+    def wrong(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> None:
+        """Note that something is wrong; stop where too much is."""
+        self.problems.append(self.document.problem(loc, message, at_key=at_key, column=column))
+        if len(self.problems) > MAX_PROBLEMS:
+            self.stop()
+
+    def clean(self, loc: Loc) -> bool:
+        """Whether nothing was wrong there so far."""
+        return not any(
+            f"{problem.key}.".startswith((f"{dotted(loc)}.", f"{dotted(loc)}[")) for problem in self.problems
+        )
+
+    def limit(self, count: Size, what: str, loc: Loc) -> None:
+        """Stop at a size that no design can deal with, before there are matrices of it."""
+        if count is not None and count > MAX_SIZE:
+            self.wrong(loc, f"{count} {what}; at most {MAX_SIZE} are allowed")
+            self.stop()
+
+    def stop(self) -> NoReturn:
+        """Raise what was found wrong, in the order of the file."""
+        problems = sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column))
+        if len(problems) > MAX_PROBLEMS:
+            problems = [*problems[:MAX_PROBLEMS], Problem("and more", self.document.path)]
+        raise UsageError(*problems)
+
+    def number(self, text: str, loc: Loc, sign: Sign = "any") -> fmpq:
+        """Exact value of a number or of arithmetic over the parameters.
+
+        An irrational value is replaced by its correctly rounded double, with a note.
+        """
+        try:
+            value = self.value(text, loc)
+        except ExpressionError as error:
+            self.wrong(loc, error.message, column=error.column)
+            return ONE
+        if (sign == "> 0" and value <= 0) or (sign == ">= 0" and value < 0):
+            self.wrong(loc, f"{described(text)} is not allowed; give a number {sign}")
+            return ONE
+        return value
+
+    def value(self, text: str, loc: Loc) -> fmpq:
+        """Exact value, or `ExpressionError`."""
+        if text not in self.exact:
+            if NOT_FINITE.fullmatch(text):
+                raise ExpressionError(f"{text} is not a finite number")
+            if DATE.fullmatch(text):
+                raise ExpressionError(f"expected a number, found {described(text)}, which reads as a date or a time")
+            self.exact[text], was_rounded = constant(text, self.parameters)
+            if was_rounded:
+                double = float(self.exact[text])
+                self.notes.append(f"{dotted(loc)} = {described(text)} is read as the double {double!r}")
+        return self.exact[text]
+
+    def integer(self, text: str | None, loc: Loc, default: int, low: int, high: int) -> int:
+        """Whole number in a range."""
+        if text is None:
+            return default
+        before = len(self.problems)
+        value = self.number(text, loc)
+        if len(self.problems) == before and not (value.q == 1 and low <= value <= high):
+            self.wrong(loc, f"{described(text)} is not allowed; give a whole number from {low} to {high}")
+            return default
+        return int(value.p)
+
+    def entries(self, value: Any, loc: Loc) -> Entries:
+        """Values of a matrix that may be a number, a vector or rows; zero if it is missing."""
+        if value is None:
+            return Entries(loc, np.array(ZERO))
+        if isinstance(value, str):
+            return Entries(loc, np.array(self.number(value, loc)))
+        self.limit(len(value), "rows or entries", loc)
+        if not any(isinstance(row, list) for row in value):
+            items = [self.number(entry, (*loc, i)) for i, entry in enumerate(value)]
+            return Entries(loc, np.array(items, dtype=object))
+        return self.rows(value, loc)
+
+    def rows(self, value: Sequence[Sequence[str]], loc: Loc) -> Entries:
+        """Rows of the same length; what is missing in a row is zero."""
+        lengths = [len(row) for row in value]
+        self.limit(max(lengths), "entries in a row", loc)
+        ((usual, _),) = Counter(lengths).most_common(1)
+        matrix = np.full((len(value), usual), ZERO, dtype=object)
+        for i, row in enumerate(value):
+            if len(row) != usual:
+                self.wrong((*loc, i), f"expected a row of {usual} like the others, found a row of {len(row)}")
+            for j, entry in enumerate(row[:usual]):
+                matrix[i, j] = self.number(entry, (*loc, i, j))
+        return Entries(loc, matrix, ragged=min(lengths) < max(lengths))
+
+    def matrix(self, entries: Entries, rows: Axis, columns: Axis) -> Array:
+        """Matrix of the size that there must be."""
+        size = rows.size or 0, columns.size or 0
+        if not entries.fits(rows, columns):
+            self.wrong(entries.loc, entries.mismatch(rows, columns))
+        elif not entries.zero and not entries.ragged and None not in (rows.size, columns.size):
+            return entries.values.reshape(size)
+        return np.full(size, ZERO, dtype=object)
+
+    def vector(self, entries: Entries, axis: Axis) -> Array:
+        """Vector with so many entries; the number 0 is zero."""
+        if entries.fits(axis, SINGLE):
+            return self.matrix(entries, axis, SINGLE).ravel()
+        self.wrong(entries.loc, f"expected {counted(axis.size, 'number')} ({axis}), found {entries}")
+        return np.full(axis.size or 0, ZERO, dtype=object)
+
+    def expressions(
+        self, value: str | Sequence[str] | None, loc: Loc, axis: Axis, names: Collection[str] | None
+    ) -> tuple[Expression, ...]:
+        """As many expressions; none at all, or the number 0, is zero.
+
+        Parameters
+        ----------
+        names
+            Those that may occur; None if an earlier error leaves them open.
+        """
+        if value is None or value == "0":
+            return (Expression.number(0),) * (axis.size or 0)
+        texts = [value] if isinstance(value, str) else value
+        if not axis.admits(len(texts)):
+            self.wrong(loc, f"expected {counted(axis.size, 'expression')} ({axis}), found {len(texts)}")
+            return ()
+        if names is None:
+            return ()
+        places = [loc] if isinstance(value, str) else [(*loc, i) for i in range(len(texts))]
+        return tuple(self.expression(text, place, names) for text, place in zip(texts, places, strict=True))
+
+    def expression(self, text: str, loc: Loc, names: Collection[str]) -> Expression:
+        """Expression of the given names."""
+        try:
+            if NOT_FINITE.fullmatch(text) or DATE.fullmatch(text):
+                raise ExpressionError(f"expected an expression, found {described(text)}")
+            return parse(text, names, self.parameters)
+        except ExpressionError as error:
+            self.wrong(loc, error.message, column=error.column)
+            return Expression.number(0)

@@ -1,0 +1,151 @@
+"""A spec, read: everything about one estimation problem in the types of the design and of the simulation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.families.incremental.request import Request
+from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.lmi.formula import Array
+from obsdesign.model.disturbance import Generator, augment
+from obsdesign.model.plant import Plant
+from obsdesign.nonlinearities import Multiplier, combine
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Nonlinearity:
+    """One block f_i(t, y, q_i) of f."""
+
+    type: str  # as written in the spec, for tables and messages
+    nq: int
+    multiplier: Multiplier
+    f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
+    region: tuple[Range, ...] | None = None  # of each component of q_i, where the type holds; None: all
+    others: Mapping[str, Range] = field(default_factory=dict)  # of other variables of f (t, outputs, inputs), likewise
+    lipschitz: tuple[
+        fmpq, ...
+    ] = ()  # constant of f_i, or one for each component that has its own; none is known: empty
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Measurement noise held constant over each period (s)."""
+
+    type: Literal["uniform", "gaussian"]
+    amplitude: Vector  # (ny,), half width or standard deviation
+    period: float
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How to try the observer."""
+
+    horizon: float
+    x0: Vector  # (n,) or (n + nm,)
+    xhat0: Vector  # (n + nm,)
+    w: tuple[Expression, ...] | None  # of t and the states; None: v drives the disturbance model
+    v: tuple[Expression, ...] | None  # of t
+    u: tuple[Expression, ...]  # of t and the states
+    noise: Noise | None
+    seed: int
+    points: int
+    sampling: str | Expression = "periodic"  # of measurements that arrive sporadically; or random, or a law of t
+    period: float | None = None  # s, of the periodic law; None: T2
+    dropout: float = 0.0  # share of these measurements that are lost
+    theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One estimation problem."""
+
+    name: str
+    source: str
+    description: str
+    text: str  # the file, whole
+    path: str  # as typed
+    plant: Plant  # (1)
+    generator: Generator  # (2)
+    model_states: tuple[str, ...]  # names of xm
+    drives: tuple[str, ...]  # names of v
+    inputs: tuple[str, ...]  # names of the known inputs u
+    units: Mapping[str, str]
+    nonlinearities: tuple[Nonlinearity, ...]  # the plant's, then the disturbance model's
+    gx: tuple[Expression, ...]  # (n,) known terms, of t, the outputs and the inputs
+    gq: tuple[Expression, ...]  # (nq of the plant,)
+    gy: tuple[Expression, ...]  # (ny,) of t and the inputs
+    H: Array  # (nz, n + nm): z = H e
+    H_names: tuple[str, ...]
+    observer: Request | SporadicRequest | LipschitzRequest
+    simulation: Simulation | None
+    expect: Mapping[str, Any]
+    notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+
+    @property
+    def incremental(self) -> Request:
+        """Request for an observer with the gains L1 and L2."""
+        assert isinstance(self.observer, Request)
+        return self.observer
+
+    @property
+    def sporadic(self) -> SporadicRequest:
+        """Request for an observer whose measurements arrive sporadically."""
+        assert isinstance(self.observer, SporadicRequest)
+        return self.observer
+
+    @property
+    def lipschitz(self) -> LipschitzRequest:
+        """Request for an observer of a Lipschitz system."""
+        assert isinstance(self.observer, LipschitzRequest)
+        return self.observer
+
+    @property
+    def reconstructs(self) -> bool:
+        """Whether the observer estimates w by pinv(B) L1 (yhat - y)."""
+        return isinstance(self.observer, Request) and self.observer.reconstruct
+
+    @property
+    def drive(self) -> str:
+        """Letter of what drives the augmented plant, as the paper of the family has it."""
+        return "w" if isinstance(self.observer, LipschitzRequest) and not len(self.generator.Am) else "v"
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether anything drives the augmented plant; otherwise gamma means nothing."""
+        return bool(self.augmented.B.shape[1])
+
+    @cached_property
+    def augmented(self) -> Plant:
+        """The plant with the disturbance model appended, (10)."""
+        return augment(self.plant, self.generator, self.model_states, self.drives)
+
+    @cached_property
+    def multiplier(self) -> Multiplier:
+        """What the design may assume of f = (f_1, .., f_k)."""
+        return combine(block.multiplier for block in self.nonlinearities)
+
+    @property
+    def validity(self) -> str | None:
+        """Where the types hold, and with them every guarantee: a clause for a sentence; None: everywhere."""
+        clauses = [clause for i in range(len(self.nonlinearities)) for clause in self.limits(i)]
+        return f"as long as {' and '.join(clauses)}" if clauses else None
+
+    def limits(self, i: int) -> list[str]:
+        """What must hold for the type of one nonlinearity."""
+        block = self.nonlinearities[i]
+        whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
+        own = ["q"] if block.nq == 1 else [f"q{k + 1}" for k in range(block.nq)]
+        known = zip(own, block.region or (), strict=False)
+        limited = [(f"{q}{whose} and its estimate stay", limits) for q, limits in known]
+        limited += [(f"{name} stays", limits) for name, limits in block.others.items()]
+        return [f"{what} in [{low:g}, {high:g}]" for what, (low, high) in limited if (low, high) != EVERYWHERE]
