@@ -16,7 +16,7 @@ from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.families.sporadic.reasons import hiding_interval
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.lmi.formula import Array, Float, in_floats
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import invariant_zeros
 from obsdesign.model.plant import Plant
@@ -53,7 +53,7 @@ def sampled(spec: Spec, request: SporadicRequest) -> list[dict[str, Any]]:
     hiding = hiding_interval(plant, multiplier, decay, max(T2, float(request.T1)))
     seen = f"no interval up to T2 = {T2:g} hides the difference of two modes"
     return [
-        *detectability(in_floats(plant), in_floats(multiplier.member), decay, "lambda_t"),
+        *detectability(plant.doubles, in_floats(multiplier.member), decay, "lambda_t"),
         finding("sampling", not hiding, hiding.get("reason", seen), decides=True),
     ]
 
@@ -61,7 +61,7 @@ def sampled(spec: Spec, request: SporadicRequest) -> list[dict[str, Any]]:
 def lipschitz(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:
     """Detectability at the decay that is asked for, constants that no gain can exceed, sigma(H), and L D = B."""
     decay = request.decay.low if isinstance(request.decay, Range) else request.decay
-    plant, K = in_floats(spec.augmented), in_floats(spec.multiplier.member)
+    plant, K = spec.augmented.doubles, in_floats(spec.multiplier.member)
     found = detectability(plant, K, float(decay), "decay")
     unit = Lipschitz.of(spec.augmented, spec.multiplier, proportions(request.lipschitz), spec.H, decay)
     most = ceiling(unit) if all(f["holds"] for f in found) else None
@@ -106,7 +106,7 @@ def attenuation(spec: Spec, request: LipschitzRequest) -> list[dict[str, Any]]:
     ]
 
 
-def detectability(plant: Plant, K: Array, rate: float, name: str) -> list[dict[str, Any]]:
+def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list[dict[str, Any]]:
     """Modes that no output shows, and the decay rate that they leave."""
     limit = decay_limit(plant, K)
     found = [
@@ -121,8 +121,8 @@ def detectability(plant: Plant, K: Array, rate: float, name: str) -> list[dict[s
 
 def continuous(spec: Spec) -> list[dict[str, Any]]:
     """Detectability, Condition 1, zeros, arbitrary accuracy and loops."""
-    plant, multiplier = in_floats(spec.plant), in_floats(spec.multiplier)
-    augmented = in_floats(spec.augmented)
+    plant, multiplier = spec.plant.doubles, in_floats(spec.multiplier)
+    augmented = spec.augmented.doubles
     K = multiplier.member
     alpha = spec.incremental.alpha
     findings = detectability(augmented, K, float(alpha.low if isinstance(alpha, Range) else alpha), "alpha")
@@ -144,9 +144,9 @@ def continuous(spec: Spec) -> list[dict[str, Any]]:
         )
     findings += [*steep(spec, alpha.low if isinstance(alpha, Range) else alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
-    if spec.incremental.L2 is not None or spec.incremental.gains:
-        L2 = in_floats(spec.incremental.gains["L2"] if spec.incremental.gains else spec.incremental.L2)
-        loops["observer"] = augmented.Dqf + L2 @ augmented.Df
+    L2 = spec.incremental.gains["L2"] if spec.incremental.gains else spec.incremental.L2
+    if L2 is not None:
+        loops["observer"] = augmented.Dqf + in_floats(L2) @ augmented.Df
     for name, D in loops.items():
         verdict = well_posed(D, multiplier)
         findings.append(finding(f"loop of the {name}", verdict.unique, f"{name}: {verdict.sentence}"))
@@ -164,7 +164,7 @@ def steep(spec: Spec, alpha: fmpq) -> list[dict[str, Any]]:
 
 def attainable(spec: Spec) -> list[dict[str, Any]]:
     """What any gamma > 0 needs (Theorem 2, Lemma 5), slopes without a bound, and what the reconstruction of w needs."""
-    augmented, B = in_floats(spec.augmented), in_floats(spec.plant.B)
+    augmented, B = spec.augmented.doubles, spec.plant.doubles.B
     request, found = spec.incremental, []
     gain = request.gains["L2"] if request.gains else request.L2
     if augmented.B.shape[1]:

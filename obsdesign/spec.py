@@ -13,7 +13,7 @@ from obsdesign.expressions import Expression
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
@@ -74,7 +74,7 @@ class Spec:
     description: str
     text: str  # the file, whole
     path: str  # as typed
-    plant: Plant  # (1)
+    plant: Plant[Exact]  # (1)
     generator: Generator  # (2)
     model_states: tuple[str, ...]  # names of xm
     drives: tuple[str, ...]  # names of v
@@ -125,7 +125,7 @@ class Spec:
         return bool(self.augmented.B.shape[1])
 
     @cached_property
-    def augmented(self) -> Plant:
+    def augmented(self) -> Plant[Exact]:
         """The plant with the disturbance model appended, (10)."""
         return augment(self.plant, self.generator, self.model_states, self.drives)
 

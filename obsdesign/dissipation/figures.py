@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.plant import Plant
 
 RUNGE_KUTTA = 2.78  # on the negative real axis, the stability limit of the classical fourth-order method
 FREQUENCIES = 400
 
 
-def figures(plant: Plant, L1: Array, P: Array | None) -> dict[str, Any]:
+def figures(plant: Plant[Float], L1: Array, P: Array | None) -> dict[str, Any]:
     """Poles, the fastest of them, the largest step of a fixed-step observer, noise gains, condition of P.
 
     Returns

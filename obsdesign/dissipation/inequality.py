@@ -65,7 +65,7 @@ class Incremental(ABC):
     rises: ClassVar[bool]  # whether the least gamma never decreases with alpha
     still: ClassVar[bool] = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
 
-    plant: Plant
+    plant: Plant[Array]
     multiplier: Multiplier
     H: Array  # (nz, n)
     alpha: Any  # 1/s
@@ -300,7 +300,7 @@ class Incremental(ABC):
         return replace(self, plant=shifted_plant(p, K), multiplier=self.multiplier.shifted())
 
 
-def unshifted(L2: Array, plant: Plant, K: Array) -> Array:
+def unshifted(L2: Array, plant: Plant[Array], K: Array) -> Array:
     """L2 for f of the L2 found for f - K q: L2n = X (I - Df K X)^-1 with X = (I - Dqf K)^-1 L2."""
     X = np.linalg.solve(np.eye(len(L2)) + L2 @ plant.Df @ K, L2)
     return np.asarray((np.eye(len(L2)) - plant.Dqf @ K) @ X)
@@ -327,7 +327,7 @@ def square_root(M: Array) -> Array:
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
 
 
-def shifted_plant(plant: Plant, K: Array) -> Plant:
+def shifted_plant(plant: Plant[Array], K: Array) -> Plant[Array]:
     """Plant with f = K q + f~, so that f = (I - K Dqf)^-1 (f~ + K (Cq x + Dq w)) and q = W (Cq x + Dqf f~ + Dq w)."""
     p = plant
     W = np.linalg.inv(np.eye(p.Cq.shape[0]) - p.Dqf @ K)

@@ -17,6 +17,8 @@ import numpy.typing as npt
 from flint import fmpq
 
 Array = npt.NDArray[Any]
+Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
+Float = npt.NDArray[np.float64]  # of doubles: what a solver takes, and what judges structure
 Values = Mapping[str, Array]
 T = TypeVar("T")
 

@@ -27,14 +27,39 @@ class Check:
 
 
 def prove(inequalities: Sequence[Inequality]) -> tuple[Check, ...]:
-    """Decide every inequality exactly."""
+    """Decide every inequality exactly.
+
+    Raises
+    ------
+    TypeError
+        An entry is no rational: what a double stands for is known up to rounding only, so that nothing of it is a proof
+        (a defect of the caller).
+    """
     return tuple(Check(i.name, holds(i), margin(i.matrix)) for i in inequalities)
 
 
 def holds(inequality: Inequality) -> bool:
-    """Whether the matrix is negative semidefinite, or definite if the inequality is strict."""
+    """Whether the matrix is negative semidefinite, or definite if the inequality is strict.
+
+    Raises
+    ------
+    TypeError
+        An entry is no rational.
+    """
+    require_rational(inequality)
     signs = pivots(-inequality.matrix)
     return signs is not None and (min(signs, default=1) > 0 or not inequality.strict)
+
+
+def require_rational(inequality: Inequality) -> None:
+    """Refuse a matrix with an entry that is no rational."""
+    for place, entry in np.ndenumerate(inequality.matrix):
+        if not isinstance(entry, fmpq):
+            where = ", ".join(str(i + 1) for i in place)
+            raise TypeError(
+                f"the proof of {inequality.name!r} takes rationals only, and the entry at ({where}) is {entry!r}, "
+                f"of type {type(entry).__name__}"
+            )
 
 
 def pivots(matrix: Array) -> list[int] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, block_diagonal, rational, zeros
+from obsdesign.lmi.formula import Array, Exact, block_diagonal, rational, zeros
 from obsdesign.model.plant import Plant
 
 
@@ -110,7 +110,7 @@ def stack(generators: Sequence[Generator]) -> Generator:
     return Generator(**blocks, inverse=tuple(c for g in generators for c in g.inverse))
 
 
-def augment(plant: Plant, model: Generator, names: tuple[str, ...], drives: tuple[str, ...]) -> Plant:
+def augment(plant: Plant[Exact], model: Generator, names: tuple[str, ...], drives: tuple[str, ...]) -> Plant[Exact]:
     """Append a disturbance model to a plant: xi = (x, xm), driven by v, with f = (f1, f2) and q = (q1, q2).
 
     Parameters

@@ -1,31 +1,35 @@
 """The plant (1) of Corless and Chakrabarty (2019), which is also the shape of the augmented plant (10)."""
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar, cast
 
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Float, in_floats
+
+N = TypeVar("N", bound=Array)
 
 
 @dataclass(frozen=True)
-class Plant:
+class Plant(Generic[N]):
     """Plant with exogenous input w, nonlinear blocks f(q) and measured output y.
 
     x' = A x + Bf f + gx + B w
     q  = Cq x + Dqf f + gq + Dq w
     y  = C x + Df f + gy + D w
 
-    All matrices are exact (arrays of rationals) as they come from a spec; `in_floats(plant)` reads them as doubles.
+    All matrices are exact as they come from a spec, `Plant[Exact]`; `plant.doubles` reads them as doubles,
+    `Plant[Float]`. A formula takes either, `Plant[Array]`.
     The known terms gx, gq, gy cancel in the error equations and stay with the simulation.
     """
 
-    A: Array  # (n, n)
-    Bf: Array  # (n, nf)
-    B: Array  # (n, nw)
-    Cq: Array  # (nq, n)
-    Dqf: Array  # (nq, nf)
-    Dq: Array  # (nq, nw)
-    C: Array  # (ny, n)
-    Df: Array  # (ny, nf)
-    D: Array  # (ny, nw)
+    A: N  # (n, n)
+    Bf: N  # (n, nf)
+    B: N  # (n, nw)
+    Cq: N  # (nq, n)
+    Dqf: N  # (nq, nf)
+    Dq: N  # (nq, nw)
+    C: N  # (ny, n)
+    Df: N  # (ny, nf)
+    D: N  # (ny, nw)
     states: tuple[str, ...]
     exogenous: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -34,3 +38,8 @@ class Plant:
     def n(self) -> int:
         """Number of states."""
         return int(self.A.shape[0])
+
+    @property
+    def doubles(self) -> "Plant[Float]":
+        """Same plant in doubles."""
+        return cast("Plant[Float]", in_floats(self))

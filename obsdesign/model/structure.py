@@ -1,6 +1,6 @@
 """What the structure of a problem decides before any matrix inequality: hidden modes, ranks, zeros.
 
-Corless and Chakrabarty (2019), section 4. All functions read plants in doubles, `in_floats(plant)`.
+Corless and Chakrabarty (2019), section 4. All functions read plants in doubles, `plant.doubles`.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.pencil import (
     TOLERANCE,
@@ -100,7 +100,7 @@ def mode(eigenvalue: complex, vector: Array, states: tuple[str, ...]) -> Mode:
     return Mode(eigenvalue, tuple((states[i], complex(v[i])) for i in order if abs(v[i]) > TOLERANCE))
 
 
-def linear(plant: Plant, K: Array) -> System:
+def linear(plant: Plant[Float], K: Array) -> System:
     """Linear plant, from w (or v) to y, that f = K q makes of a plant.
 
     q = Cq x + Dqf f + Dq w gives f = (I - K Dqf)^-1 K (Cq x + Dq w).
@@ -127,7 +127,7 @@ def linear(plant: Plant, K: Array) -> System:
     )
 
 
-def undetectable(plant: Plant, K: Array, decay: float = 0.0) -> tuple[Mode, ...]:
+def undetectable(plant: Plant[Float], K: Array, decay: float = 0.0) -> tuple[Mode, ...]:
     """Modes that no observer makes decay faster than exp(-decay t), whatever its gains.
 
     The plant with f = K q is one of those that the observer must serve. If v is an unobservable eigenvector
@@ -145,7 +145,7 @@ def undetectable(plant: Plant, K: Array, decay: float = 0.0) -> tuple[Mode, ...]
     return modes(system.A, system.C, plant.states, decay)
 
 
-def decay_limit(plant: Plant, K: Array) -> float:
+def decay_limit(plant: Plant[Float], K: Array) -> float:
     """Supremum of the rates of decay that detectability allows: infinite if no mode is hidden."""
     return min((-m.eigenvalue.real for m in undetectable(plant, K, inf)), default=inf)
 
@@ -171,7 +171,7 @@ class RankTest:
         return f"Condition 1 {verdict} at lambda = {text(self.eigenvalue)}: {rank}"
 
 
-def condition1(plant: Plant, Am: Array) -> tuple[RankTest, ...]:
+def condition1(plant: Plant[Float], Am: Array) -> tuple[RankTest, ...]:
     """Condition 1 at each eigenvalue of Am with Re lambda >= 0; a complex one stands for its conjugate.
 
     With (A, C) and (Am, Cm) detectable it is sufficient for the augmented plant to be detectable (Lemma 3),
@@ -192,7 +192,7 @@ def condition1(plant: Plant, Am: Array) -> tuple[RankTest, ...]:
     )
 
 
-def stiff_modes(plant: Plant, q: Array, f: Array) -> tuple[Mode, ...]:
+def stiff_modes(plant: Plant[Float], q: Array, f: Array) -> tuple[Mode, ...]:
     """Modes of the error that no gain moves if some components of f have no upper slope bound.
 
     For df = K dq with K -> infinity in these components, dq = 0 there while df is whatever that takes. A mode with dy =
@@ -223,7 +223,7 @@ class Condition:
     numbers: dict[str, Any]
 
 
-def accuracy(plant: Plant, L2: Array | None, model: Generator) -> tuple[Condition, ...]:
+def accuracy(plant: Plant[Float], L2: Array | None, model: Generator) -> tuple[Condition, ...]:
     """Conditions for any gamma > 0 to be possible: (25) of Theorem 2, Lemmas 4 and 5, of Corless and Chakrabarty.
 
     P B + Y D = C'F' with F D = 0 and F Df = 0 needs rank T C B N = rank B N, where the rows of T span the combinations
@@ -271,7 +271,7 @@ def zeros_condition(zeros: Zeros, unstable: list[complex]) -> Condition:
     return Condition("zeros", zeros.left_invertible and not unstable, sentence, numbers)
 
 
-def argument_condition(plant: Plant, L2: Array | None) -> tuple[Condition, ...]:
+def argument_condition(plant: Plant[Float], L2: Array | None) -> tuple[Condition, ...]:
     """(25b), where v acts on q."""
     if not plant.Dq.any():
         return ()

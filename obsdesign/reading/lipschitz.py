@@ -9,7 +9,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.families.lipschitz.relaxations import lipschitz_multiplier
 from obsdesign.families.lipschitz.request import LipschitzRequest
-from obsdesign.lmi.formula import Array, rational
+from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
 from obsdesign.reading import families
@@ -127,7 +127,7 @@ def read_as_lipschitz(reader: Reader, block: Nonlinearity, place: Loc) -> Nonlin
 
 
 def require_lipschitz(
-    reader: Reader, request: LipschitzRequest, plant: Plant | None, generator: Generator | None, H: Array
+    reader: Reader, request: LipschitzRequest, plant: Plant[Exact] | None, generator: Generator | None, H: Array
 ) -> None:
     """Refuse what the family does not know: no f, f of f or of w, f in y, no z, and an objective about no w."""
     if plant is None or generator is None:

@@ -9,7 +9,7 @@ from obsdesign.dissipation.bounds import SLACK, Bounds, Range
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
 from obsdesign.reading import families
@@ -54,7 +54,9 @@ def require_agreement(reader: Reader, request: SporadicRequest | LipschitzReques
             reader.wrong(("observer", *keys), why, at_key=True)
 
 
-def require_reconstructible(reader: Reader, request: Request, plant: Plant | None, generator: Generator | None) -> None:
+def require_reconstructible(
+    reader: Reader, request: Request, plant: Plant[Exact] | None, generator: Generator | None
+) -> None:
     """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
     loc: Loc = ("observer", "reconstruct")
     if request.type != "linf":

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, rational
+from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
@@ -44,7 +44,7 @@ class Reading:
     """What was read of a plant, with stand-ins after an error."""
 
     layout: Layout
-    plant: Plant | None = None
+    plant: Plant[Exact] | None = None
     gx: tuple[Expression, ...] = ()
     gy: tuple[Expression, ...] = ()
     gq: tuple[Expression, ...] = ()
@@ -176,7 +176,7 @@ def exogenous_inputs(matrices: Mapping[str, Entries], parts: Sequence[Part], x: 
     return 0
 
 
-def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], parts: Sequence[Part]) -> Plant:
+def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], parts: Sequence[Part]) -> Plant[Exact]:
     """Every matrix in its size, the blocks f_i side by side."""
     x, y, w = layout.states, layout.outputs, layout.w
     names = layout.names or Names((), (), (), ())

@@ -6,7 +6,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.families.sporadic.request import INJECTIONS, SporadicRequest
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
 from obsdesign.reading.document import Loc
@@ -110,7 +110,7 @@ def read_gains(
     }
 
 
-def require_sporadic(reader: Reader, plant: Plant | None, generator: Generator | None) -> None:
+def require_sporadic(reader: Reader, plant: Plant[Exact] | None, generator: Generator | None) -> None:
     """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
     if generator is not None and len(generator.Am):
         reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out")

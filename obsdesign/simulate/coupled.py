@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, block_diagonal, in_floats
+from obsdesign.lmi.formula import Array, Float, block_diagonal
 from obsdesign.model.plant import Plant
 from obsdesign.simulate.integrate import Flow, Vector
 from obsdesign.simulate.scenario import Scenario
@@ -182,7 +182,7 @@ def reconstructor(spec: Spec, L1: Array) -> Array:
     """pinv(B) L1, (nw, ny), which makes what of yhat - y; no rows if w is not to be reconstructed."""
     if not spec.reconstructs:
         return np.zeros((0, L1.shape[1]))
-    return np.asarray(np.linalg.pinv(in_floats(spec.plant).B) @ L1)
+    return np.asarray(np.linalg.pinv(spec.plant.doubles.B) @ L1)
 
 
 def supply(guarantee: Guarantee) -> float:
@@ -190,7 +190,7 @@ def supply(guarantee: Guarantee) -> float:
     return 2 * guarantee.alpha * guarantee.mu1 if guarantee.family == "linf" else guarantee.mu2
 
 
-def linear(plant: Plant, L1: Array, L2: Array) -> Array:
+def linear(plant: Plant[Float], L1: Array, L2: Array) -> Array:
     """Linear part of (xi', e', a, ahat - a) as a matrix on (xi, v, e, noise)."""
     n, ny, nq = plant.n, len(plant.outputs), len(plant.Cq)
     truth = np.block([[plant.A, plant.B], [plant.C, plant.D], [plant.Cq, plant.Dq]])

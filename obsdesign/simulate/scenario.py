@@ -9,7 +9,7 @@ import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, identity, in_floats, zeros
+from obsdesign.lmi.formula import Array, Exact, Float, identity, zeros
 from obsdesign.model.disturbance import augment
 from obsdesign.model.plant import Plant
 from obsdesign.simulate.integrate import Segment, Vector
@@ -33,7 +33,7 @@ class Scenario:
       disturbance model, whose true state stays zero. `unmodeled` says why.
     """
 
-    plant: Plant  # in doubles; states (x, xm)
+    plant: Plant[Float]  # in doubles; states (x, xm)
     n: int  # states of the plant alone
     u: tuple[Expression, ...]
     xm: tuple[Expression, ...] | None
@@ -107,7 +107,7 @@ def scenario(spec: Spec, simulation: Simulation) -> Scenario:
     if missing:
         raise UsageError(f"nonlinearities[{missing[0]}] has no `f`, which a simulation needs (a design does not)")
     xm, v, unmodeled = disturbance(spec, simulation)
-    plant = in_floats(beside(spec) if unmodeled else spec.augmented)
+    plant = (beside(spec) if unmodeled else spec.augmented).doubles
     noise, period = noise_samples(simulation, len(plant.outputs))
     n, horizon = spec.plant.n, simulation.horizon
     return Scenario(plant, n, simulation.u, xm, v, unmodeled, noise, period, horizon)
@@ -131,7 +131,7 @@ def disturbance(
     return xm, v, ""
 
 
-def beside(spec: Spec) -> Plant:
+def beside(spec: Spec) -> Plant[Exact]:
     """Augmented plant with w entering beside the disturbance model, which nothing drives."""
     model, nw = spec.generator, len(spec.plant.exogenous)
     Bm, Dq2 = (zeros((len(M), nw), like=[model.Dm]) for M in (model.Bm, model.Dq2))

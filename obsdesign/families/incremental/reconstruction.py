@@ -26,7 +26,7 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.families.incremental.linf import Linf
-from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, identity, rational_number, symmetric, zeros
+from obsdesign.lmi.formula import Array, Exact, Inequality, Unknown, Values, identity, rational_number, symmetric, zeros
 from obsdesign.lmi.proof import holds
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -83,7 +83,7 @@ def slopes(multiplier: Multiplier) -> dict[str, Slope]:
     return {SLOPE: Slope(multiplier, centered=False), VARIATION: Slope(multiplier, centered=True)}
 
 
-def obstacle(plant: Plant, slope: fmpq | None) -> str | None:
+def obstacle(plant: Plant[Exact], slope: fmpq | None) -> str | None:
     """Why Theorem 4 does not apply, apart from the dependence of f on more than q."""
     if not plant.Bf.shape[1]:
         return None

@@ -6,7 +6,7 @@ from obsdesign.dissipation.certificate import Certificate, Reconstructed, statem
 from obsdesign.dissipation.figures import figures
 from obsdesign.families.incremental.design import Design
 from obsdesign.files.text import checks, rows, written
-from obsdesign.lmi.formula import approximate, in_floats
+from obsdesign.lmi.formula import approximate
 from obsdesign.spec import Spec
 
 
@@ -33,7 +33,7 @@ def observer(spec: Spec, design: Design) -> dict[str, Any]:
         "type": spec.observer.type,
         "L1": L1.tolist(),
         "L2": L2.tolist(),
-        **figures(in_floats(spec.augmented), L1, P),
+        **figures(spec.augmented.doubles, L1, P),
     }
 
 

@@ -22,7 +22,7 @@ from obsdesign.families.lipschitz.relaxations import Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling
-from obsdesign.lmi.formula import Array, printed
+from obsdesign.lmi.formula import Array, Exact, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -31,7 +31,7 @@ from obsdesign.model.plant import Plant
 class Designer:
     """From a request to its outcome; the plant and H in rationals."""
 
-    plant: Plant
+    plant: Plant[Exact]
     multiplier: Multiplier
     H: Array
     request: LipschitzRequest
@@ -73,7 +73,7 @@ class Designer:
 
 
 def design_lipschitz(
-    plant: Plant, multiplier: Multiplier, H: Array, request: LipschitzRequest, engine: Engine
+    plant: Plant[Exact], multiplier: Multiplier, H: Array, request: LipschitzRequest, engine: Engine
 ) -> LipschitzDesign:
     """Design, or analyze, an observer of a Lipschitz system.
 

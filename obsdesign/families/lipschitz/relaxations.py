@@ -41,6 +41,7 @@ from obsdesign.families.incremental.l2 import L2
 from obsdesign.families.lipschitz.request import LipschitzRelaxation
 from obsdesign.lmi.formula import (
     Array,
+    Exact,
     Inequality,
     Problem,
     Unknown,
@@ -70,7 +71,7 @@ class Lipschitz(L2):
     @classmethod
     def of(
         cls,
-        plant: Plant,
+        plant: Plant[Exact],
         multiplier: Multiplier,
         constants: Sequence[fmpq],
         H: Array,

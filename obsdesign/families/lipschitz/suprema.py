@@ -12,7 +12,7 @@ from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, norm_of, regular, unstructured
 from obsdesign.families.lipschitz.relaxations import Lipschitz, NormBound
-from obsdesign.lmi.formula import Array, Problem, in_floats
+from obsdesign.lmi.formula import Array, Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
@@ -175,7 +175,7 @@ def ceiling(unit: Lipschitz) -> float | None:
     return least_undetecting(fixed) / norm_of(fixed)
 
 
-def cancels(plant: Plant) -> bool:
+def cancels(plant: Plant[Exact]) -> bool:
     """Whether there is w, and a finite gain keeps it from the error: L D = B has a solution, in rationals."""
     if not plant.B.shape[1]:
         return False

@@ -9,7 +9,7 @@ from obsdesign.dissipation.certificate import lipschitz_claim
 from obsdesign.dissipation.figures import figures
 from obsdesign.families.incremental import written as incremental
 from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
-from obsdesign.lmi.formula import approximate, in_floats
+from obsdesign.lmi.formula import approximate
 from obsdesign.spec import Spec
 
 
@@ -40,7 +40,7 @@ def observer(spec: Spec, design: LipschitzDesign) -> dict[str, Any]:
         "type": spec.observer.type,
         "relaxation": spec.lipschitz.relaxation,
         "L": L.tolist(),
-        **figures(in_floats(spec.augmented), -L, P),
+        **figures(spec.augmented.doubles, -L, P),
     }
 
 

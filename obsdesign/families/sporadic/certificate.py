@@ -9,7 +9,7 @@ from flint import arb, fmpq
 from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic
-from obsdesign.lmi.formula import Array, Values, approximate, in_floats, rational
+from obsdesign.lmi.formula import Array, Exact, Values, approximate, in_floats, rational
 from obsdesign.lmi.proof import Check, prove
 from obsdesign.model import loop
 from obsdesign.model.multiplier import Multiplier
@@ -126,7 +126,7 @@ def exponential(exponent: fmpq) -> fmpq:
 
 
 def certify_sporadic(
-    plant: Plant,
+    plant: Plant[Exact],
     multiplier: Multiplier,
     Cp: Array,
     gains: tuple[Array, Array],

@@ -26,7 +26,7 @@ from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, to
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.scheme import Scheme, schemes
 from obsdesign.families.sporadic.study import EDGE, Made, Point, Study, within_slack
-from obsdesign.lmi.formula import Array, in_floats, printed, rational
+from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -58,7 +58,7 @@ class Designer:
     """The steps of one design."""
 
     def __init__(
-        self, plant: Plant, multiplier: Multiplier, Cp: Array, request: SporadicRequest, engine: Engine
+        self, plant: Plant[Exact], multiplier: Multiplier, Cp: Array, request: SporadicRequest, engine: Engine
     ) -> None:
         self.request, self.engine = request, engine
         self.T2, self.decay = interval(request.T2), interval(request.decay)
@@ -409,7 +409,7 @@ def in_doubles(gains: Gains | None) -> dict[str, Array]:
 
 
 def design_sporadic(
-    plant: Plant, multiplier: Multiplier, H: Array, request: SporadicRequest, engine: Engine
+    plant: Plant[Exact], multiplier: Multiplier, H: Array, request: SporadicRequest, engine: Engine
 ) -> SporadicDesign:
     """Design, or analyze, an observer for sporadic measurements.
 

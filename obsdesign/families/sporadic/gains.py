@@ -16,7 +16,7 @@ from obsdesign.families.sporadic.landscape import LARGEST, Landscape, root, solv
 from obsdesign.families.sporadic.relaxations import Given, WithGains
 from obsdesign.families.sporadic.scan import edge
 from obsdesign.families.sporadic.theorem import Sporadic
-from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational, rational_number
+from obsdesign.lmi.formula import Array, Exact, Values, in_floats, printed, rational, rational_number
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
@@ -40,7 +40,7 @@ class Setting:
     """The problem, in rationals, and where delta is searched."""
 
     engine: Engine
-    plant: Plant
+    plant: Plant[Exact]
     multiplier: Multiplier
     Cp: Array
     delta: Range
@@ -48,7 +48,7 @@ class Setting:
 
     def family(self, decay: float) -> Sporadic:
         """The family for a rate, in doubles, at no delta yet."""
-        return Sporadic(in_floats(self.plant), in_floats(self.multiplier), in_floats(self.Cp), decay, 0.0, 1.0)
+        return Sporadic(self.plant.doubles, in_floats(self.multiplier), in_floats(self.Cp), decay, 0.0, 1.0)
 
     def analysis(self, gains: Gains, decay: float) -> Landscape:
         """Theorem 2 for given gains, which needs delta > 0 only."""

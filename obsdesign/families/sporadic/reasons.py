@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from obsdesign.families.reasons import Diagnosis, described
-from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.lmi.formula import Array, Exact, in_floats
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import text
 from obsdesign.model.plant import Plant
@@ -14,9 +14,9 @@ from obsdesign.model.structure import decay_limit, linear, undetectable
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
 
 
-def hidden_mode(plant: Plant, multiplier: Multiplier, decay: float) -> Diagnosis:
+def hidden_mode(plant: Plant[Exact], multiplier: Multiplier, decay: float) -> Diagnosis:
     """Answer that a mode is undetectable at the rate; empty if none is."""
-    fixed, member = in_floats(plant), in_floats(multiplier.member)
+    fixed, member = plant.doubles, in_floats(multiplier.member)
     modes = undetectable(fixed, member, decay)
     if not modes:
         return {}
@@ -30,13 +30,13 @@ def hidden_mode(plant: Plant, multiplier: Multiplier, decay: float) -> Diagnosis
     }
 
 
-def hiding_interval(plant: Plant, multiplier: Multiplier, decay: float, T2: float) -> Diagnosis:
+def hiding_interval(plant: Plant[Exact], multiplier: Multiplier, decay: float, T2: float) -> Diagnosis:
     """Answer that measurements at a constant interval of at most T2 cannot tell two modes apart; empty if none does.
 
     Modes with eigenvalues that differ by 2 pi i k / T grow alike from one measurement to the next. If a combination of
     them is not seen, C v = 0, no observer whatsoever makes it decay; and (28) speaks of every interval in (0, T2].
     """
-    system = linear(in_floats(plant), in_floats(multiplier.member))
+    system = linear(plant.doubles, in_floats(multiplier.member))
     values, vectors = np.linalg.eig(system.A)
     slow = values.real >= -decay - 1e-12 * np.abs(values).max(initial=1.0)
     intervals = sorted(

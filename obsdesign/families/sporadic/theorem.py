@@ -54,7 +54,7 @@ class Sporadic:
     `ratio` is exp(delta T2), or in rationals a number that is not below it.
     """
 
-    plant: Plant  # Df = 0 and D = 0
+    plant: Plant[Array]  # Df = 0 and D = 0
     multiplier: Multiplier
     Cp: Array  # (nz, n)
     decay: Any  # lambda_t, 1/s

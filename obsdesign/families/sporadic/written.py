@@ -9,7 +9,7 @@ import numpy as np
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.design import SporadicDesign
 from obsdesign.files.text import checks, rows, written
-from obsdesign.lmi.formula import approximate, in_floats
+from obsdesign.lmi.formula import approximate
 from obsdesign.spec import Spec
 
 
@@ -54,7 +54,7 @@ def multipliers(spec: Spec, L: np.ndarray, H: np.ndarray, intervals: tuple[float
     """
     from scipy.linalg import expm
 
-    plant = in_floats(spec.augmented)
+    plant = spec.augmented.doubles
     n, ny = L.shape
     flow = np.block([[plant.A, -L], [np.zeros((ny, n)), H]])
     found = {}

@@ -8,7 +8,7 @@ import numpy as np
 from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.lmi.formula import Array
 from obsdesign.simulate.coupled import block_terms
 from obsdesign.simulate.hybrid.sampling import Schedule
 from obsdesign.simulate.integrate import Flow, Vector
@@ -73,7 +73,7 @@ class Hybrid:
     ) -> None:
         require_simulable(spec)
         self.spec, self.schedule, self.noise, self.guarantee = spec, schedule, noise, guarantee
-        self.plant = in_floats(spec.plant)
+        self.plant = spec.plant.doubles
         self.L, self.H, self.Cp = gains["L"], gains["H"], spec.H.astype(float)
         self.n, self.ny, self.nw = self.plant.n, len(self.plant.outputs), self.plant.B.shape[1]
         nq = len(self.plant.Cq)
