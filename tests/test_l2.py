@@ -21,7 +21,8 @@ from obsdesign.families.incremental.l2 import L2
 from obsdesign.lmi.formula import identity, in_floats, rational, rational_number
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.reduce import balance, reduce
-from obsdesign.lmi.solve import Answer, Status, minimise, widest, with_clarabel
+from obsdesign.lmi.solve import Answer, Status, minimise, widest
+from obsdesign.lmi.solvers import Ending, with_clarabel
 from obsdesign.reading import load, loads
 from obsdesign.work import design
 
@@ -135,7 +136,7 @@ def test_the_bearing_needs_injection_of_the_right_sign(injection):
 
 def test_without_the_equalities_the_solver_calls_an_infeasible_problem_solved():
     program = probe(searchable(family_of(bearing(L2="[[0, 0]]"))).least_gamma())
-    assert with_clarabel(balance(program)[0])[0] == "Solved"
+    assert with_clarabel(balance(program)[0])[0] is Ending.SOLVED
     assert "P > 0 cannot hold" in reduce(program).contradiction
 
 

@@ -154,9 +154,9 @@ def test_the_solvers_agree(name, through, monkeypatch):
     problem = bounded_problem(solved(name)[0])
     direct = minimise(problem)
     if through == "cvxpy":
-        from obsdesign.lmi import solve
+        from obsdesign.lmi import solve, solvers
 
-        monkeypatch.setattr(solve, "call", lambda _: solve.through_cvxpy("clarabel"))
+        monkeypatch.setattr(solve, "call", lambda _: solvers.through_cvxpy("clarabel"))
     other = minimise(problem, through)
     assert (direct.status, other.status) == (Status.OPTIMAL, Status.OPTIMAL)
     assert other.objective == pytest.approx(direct.objective, rel=1e-3)

@@ -19,7 +19,7 @@ from obsdesign.lmi.formula import Array, Unknown, rational, rational_number, zer
 from obsdesign.lmi.probe import Block, Program
 from obsdesign.lmi.proof import Formula
 from obsdesign.lmi.reduce import power_of_two
-from obsdesign.lmi.solve import Solver, call
+from obsdesign.lmi.solvers import Solver, call
 
 DIGITS = (2, 4, 8, 12)  # of the multipliers
 SWEEPS = 6  # scalings in which a center is computed

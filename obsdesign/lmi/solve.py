@@ -1,21 +1,18 @@
-"""The only code that knows a solver: a problem in, an answer with a status out.
+"""A problem in, an answer with a status out.
 
 "Optimal" is never a proof here: what a solver returns is a proposal, and `proof` decides.
 """
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cache
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
 from obsdesign.lmi.reduce import Reduced, balance, dense, diagonal, reduce
+from obsdesign.lmi.solvers import Ending, Solver, call
 
 MARGIN = 1e-8  # phase I: a largest normalised margin above this is feasible
 NOISE = 1e-9  # .. and one below this is none (solver noise is about 5e-11)
@@ -42,11 +39,16 @@ class Answer:
     status: Status
     objective: float = 0.0
     values: dict[str, Array] = field(default_factory=dict)
-    raw: str = ""  # what the solver said, or the contradiction that was found before it ran
+    ending: Ending = Ending.SOLVED  # of the last solve
+    contradiction: str = ""  # that was found before any solve
     solves: int = 0
 
+    @property
+    def reason(self) -> str:
+        """Why there is no optimum, in words."""
+        return self.contradiction or str(self.ending)
 
-Solver = Callable[[Program], tuple[str, Array]]  # raw status and z
+
 Scaling = Callable[[Program, Array], tuple[Program, Array]]  # about a point; z = T scaled z
 
 
@@ -76,7 +78,7 @@ def minimise(
     """
     reduced = reduced or reduction(problem)
     if reduced.contradiction:
-        return Answer(Status.INFEASIBLE, raw=reduced.contradiction)
+        return Answer(Status.INFEASIBLE, contradiction=reduced.contradiction)
     search = Search(call(solver))
     z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
     status, z = search.optimum(reduced.program, z)
@@ -94,7 +96,7 @@ def widest(problem: Problem, solver: str = "clarabel", start: Values | None = No
     """
     reduced = reduction(problem)
     if reduced.contradiction:
-        return Answer(Status.INFEASIBLE, raw=reduced.contradiction)
+        return Answer(Status.INFEASIBLE, contradiction=reduced.contradiction)
     search = Search(call(solver))
     z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
     t, z = search.margin(reduced.program, z)
@@ -105,7 +107,7 @@ def answer(problem: Problem, reduced: Reduced, status: Status, z: Array, search:
     """Return to the terms of the problem."""
     objective = reduced.program.constant + float(reduced.program.cost @ z)
     values = matrices(problem.unknowns, reduced.point(z))
-    return Answer(status, objective, values, search.raw, search.solves)
+    return Answer(status, objective, values, search.ending, solves=search.solves)
 
 
 class Search:
@@ -114,14 +116,14 @@ class Search:
     def __init__(self, solver: Solver) -> None:
         self.solver = solver
         self.solves = 0
-        self.raw = ""
+        self.ending = Ending.SOLVED
 
-    def solve(self, program: Program) -> tuple[str, Array]:
+    def solve(self, program: Program) -> tuple[Ending, Array]:
         """One call of the solver, with a cost of unit size: its gap has an absolute tolerance."""
         self.solves += 1
         largest = np.abs(program.cost).max(initial=0.0) or 1.0
-        self.raw, z = self.solver(replace(program, cost=program.cost / largest))
-        return self.raw, z
+        self.ending, z = self.solver(replace(program, cost=program.cost / largest))
+        return self.ending, z
 
     def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:
         """Optimum in diagonal scalings or else in dense ones; infeasible only if phase I finds no margin in either."""
@@ -144,14 +146,14 @@ class Search:
         found: list[tuple[float, Array]] = []
         z = np.zeros(len(program.cost))
         for _ in range(SWEEPS):
-            raw, y = self.solve(scaled)
+            ending, y = self.solve(scaled)
             z = T @ y
-            if raw == SOLVED and violation(scaled, y) <= VIOLATION:
+            if ending is Ending.SOLVED and violation(scaled, y) <= VIOLATION:
                 found.append((float(program.cost @ z) + program.constant, z))
                 believed = len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE)
                 if believed or (start is not None and self.solves == 1):
                     return Status.OPTIMAL, z
-            elif not found and raw != SOLVED and self.solves == 1 and start is None:
+            elif not found and ending is not Ending.SOLVED and self.solves == 1 and start is None:
                 break
             if not np.isfinite(z).all() or not z.any():
                 break
@@ -168,19 +170,19 @@ class Search:
             center = point if again else begin
             scaled, T = scale(lifted, center) if center.any() else balance(lifted)
             for sweep in range(SWEEPS):
-                raw, x = self.solve(with_margin(scaled))
+                ending, x = self.solve(with_margin(scaled))
                 if not np.isfinite(x).all() or not x[:-1].any():
                     break
                 t, center = float(x[-1]), T @ x[:-1]
                 improved = t > 1.5 * max(best, 0.0)
-                if t > best and (raw == SOLVED or (raw == ALMOST and t > MARGIN)):
+                if t > best and (ending is Ending.SOLVED or (ending is Ending.INACCURATE and t > MARGIN)):
                     best, point = t, center
                 if not improved and (best > MARGIN or sweep >= PATIENCE):
                     break
                 scaled, T = scale(lifted, center)
             if best > WIDE:
                 break
-        if best <= MARGIN and raw == BROKEN:
+        if best <= MARGIN and ending is Ending.FAILED:
             best = -np.inf
         return best, point[:-1] / point[-1] if point[-1] > 0 else point[:-1]
 
@@ -218,109 +220,3 @@ def with_margin(program: Program) -> Program:
     total[0] = -float(sum(b.order for b in program.blocks))
     cost = np.append(np.zeros(len(program.cost)), -1.0)
     return Program(cost, 0.0, (*blocks, Block("normalised", total, strict=False)))
-
-
-# Clarabel, called with the probed matrices
-
-SOLVED, ALMOST, BROKEN = "Solved", "AlmostSolved", "NumericalError"
-
-
-class Columns(NamedTuple):
-    """A sparse matrix by columns in the form that Clarabel reads; saves importing scipy.sparse."""
-
-    shape: tuple[int, int]
-    data: Array
-    indices: Array
-    indptr: Array
-    has_canonical_format: bool = True
-    has_sorted_indices: bool = True
-
-
-def columns(dense: Array) -> Columns:
-    """Compress a dense matrix."""
-    across, down = np.nonzero(dense.T)
-    counts = np.bincount(across, minlength=dense.shape[1])
-    return Columns(dense.shape, dense[down, across], down, np.concatenate([[0], np.cumsum(counts)]))
-
-
-@cache
-def triangle_of(order: int) -> tuple[Array, Array, Array]:
-    """Columns, rows and weights of the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
-    column, row = np.tril_indices(order)
-    return column, row, np.where(row == column, 1.0, np.sqrt(2.0))
-
-
-def triangle(block: Block) -> Array:
-    """Return [-b, A] with b - A z in the triangle cone."""
-    column, row, weight = triangle_of(block.order)
-    return weight[:, None] * block.terms[:, row, column].T
-
-
-def with_clarabel(program: Program) -> tuple[str, Array]:
-    """Clarabel without chordal decomposition; with it once more before a point is called infeasible or unsolved."""
-    raw, z = clarabel_once(program, chordal=False)
-    if raw == SOLVED:
-        return raw, z
-    again, other = clarabel_once(program, chordal=True)
-    return (again, other) if again == SOLVED else (raw, z)
-
-
-def clarabel_once(program: Program, *, chordal: bool) -> tuple[str, Array]:
-    """One call."""
-    import clarabel
-
-    blocks = sorted(program.blocks, key=lambda b: b.order > 1)
-    scalars = sum(b.order == 1 for b in blocks)
-    cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
-    cones += [clarabel.PSDTriangleConeT(b.order) for b in blocks[scalars:]]
-    rows = np.concatenate([triangle(b) for b in blocks])
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.chordal_decomposition_enable = chordal
-    size = len(program.cost)
-    settings.max_iter = 100
-    P = columns(np.zeros((size, size)))
-    solution = clarabel.DefaultSolver(P, program.cost, columns(rows[:, 1:]), -rows[:, 0], cones, settings).solve()
-    return str(solution.status), np.array(solution.x)
-
-
-def through_cvxpy(name: str) -> Solver:
-    """Any other solver, given the same probed matrices through cvxpy.
-
-    Raises
-    ------
-    UsageError
-        If cvxpy does not know the solver or it is not installed.
-    """
-    import cvxpy as cp
-
-    installed = cp.installed_solvers()
-    if name.upper() not in installed:
-        raise UsageError(f"--solver {name}: not installed; available: clarabel, {', '.join(sorted(installed))}")
-
-    def solve(program: Program) -> tuple[str, Array]:
-        z = cp.Variable(len(program.cost))
-        constraints = []
-        for block in program.blocks:
-            k = block.order
-            flat = block.terms.reshape(-1, k * k).T
-            F = cp.reshape(flat[:, 1:] @ z + flat[:, 0], (k, k), order="C")
-            constraints.append((F + F.T) / 2 << 0)
-        model = cp.Problem(cp.Minimize(program.cost @ z), constraints)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # what cvxpy warns of is in the status
-                model.solve(solver=name.upper())
-        except cp.SolverError:
-            return BROKEN, np.zeros(len(program.cost))
-        raw = {"optimal": SOLVED, "optimal_inaccurate": ALMOST, "solver_error": BROKEN}.get(model.status, model.status)
-        return raw, z.value if z.value is not None else np.zeros(len(program.cost))
-
-    return solve
-
-
-def call(name: str) -> Solver:
-    """Solver of a name."""
-    return with_clarabel if name.lower() == "clarabel" else through_cvxpy(name)

@@ -48,5 +48,5 @@ def family_of(spec, alpha=None):
 
 def least_gamma(family):
     answer = minimise(searchable(family).least_gamma())
-    assert answer.status is Status.OPTIMAL, answer.raw
+    assert answer.status is Status.OPTIMAL, answer.reason
     return math.sqrt(answer.objective)

@@ -138,9 +138,9 @@ class Designer:
         elif self.request.objective in {"feasibility", "max-alpha"} or self.decay.restricting:
             gamma, limits = 0.0, {"limit": {"attained": False}}
             if self.request.objective not in {"feasibility", "max-alpha"}:
-                self.notes.append(f"the least gamma over all gains was not found: {answer.raw}")
+                self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
         else:
-            raise UndecidedError(f"the least gamma at alpha = {float(alpha):g} was not found: {answer.raw}")
+            raise UndecidedError(f"the least gamma at alpha = {float(alpha):g} was not found: {answer.reason}")
         if self.decay.restricting is None:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
@@ -151,7 +151,7 @@ class Designer:
         if bounded.status is not Status.OPTIMAL:
             if table and self.request.bounds.L1 is None:
                 raise unbounded(alpha, table)
-            raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.raw}")
+            raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.reason}")
         gamma = self.level(bounded.objective)
         return {**limits, "limit_bounded": {"gamma": gamma, "attained": True}}, gamma
 
@@ -181,7 +181,7 @@ class Designer:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
         wide = self.engine.widest(search.witness(None))
         if wide.status is not Status.OPTIMAL:
-            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.raw}")
+            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.reason}")
         size = 2 * norm(wide.values, self.request.bounds)
         answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
         level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()

@@ -32,7 +32,7 @@ def largest(study: Study) -> LipschitzDesign:
         if out_of_bounds(found):
             return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
         if found.status is not Status.OPTIMAL:
-            raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.raw}")
+            raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.reason}")
         best = study.stretch().constant(found)
         limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
     if best == math.inf:

@@ -54,7 +54,7 @@ def least_gamma(study: Study) -> LipschitzDesign:
         if out_of_bounds(answer):
             return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
         if answer.status is not Status.OPTIMAL:
-            raise UndecidedError(f"the least gamma within the bounds was not found: {answer.raw}")
+            raise UndecidedError(f"the least gamma within the bounds was not found: {answer.reason}")
         limit = level_of(answer, limit.instead)
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
@@ -93,7 +93,7 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
         return Level(0.0)
     instead = cancelled(study.engine, family, answer) if answer.status is not Status.INFEASIBLE else None
     if answer.status is not Status.OPTIMAL and not instead:
-        raise UndecidedError(f"the least gamma was not found: {answer.raw or answer.status}")
+        raise UndecidedError(f"the least gamma was not found: {answer.reason}")
     return level_of(answer, instead)
 
 

@@ -23,6 +23,7 @@ from obsdesign.families.reasons import Diagnosis
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
+from obsdesign.lmi.solvers import Ending
 
 K = TypeVar("K", bound=Lipschitz)
 
@@ -154,7 +155,7 @@ class Study:
 def out_of_bounds(answer: Answer) -> bool:
     """Whether no gain was found within bounds: phase I has no threshold for a set that is nearly empty."""
     return answer.status is Status.INFEASIBLE or (
-        answer.status is Status.UNDECIDED and answer.raw == "PrimalInfeasible"
+        answer.status is Status.UNDECIDED and answer.ending is Ending.INFEASIBLE
     )
 
 

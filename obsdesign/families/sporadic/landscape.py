@@ -17,7 +17,8 @@ from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, matrices, probe
 from obsdesign.lmi.reduce import reduce
-from obsdesign.lmi.solve import Search, call, violation
+from obsdesign.lmi.solve import Search, violation
+from obsdesign.lmi.solvers import Ending, call
 
 Form = Callable[[Sporadic], Relaxation]
 STEEPER = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
@@ -47,9 +48,9 @@ def solve_once(engine: Engine, relaxation: Relaxation, problem: Problem, program
         return Optimum()
     scaled, T = relaxation.scaled(problem, reduced.program)
     search = Search(call(engine.solver))
-    raw, y = search.solve(scaled)
+    ending, y = search.solve(scaled)
     engine.solves += 1
-    if "Infeasible" in raw or not np.isfinite(y).all() or violation(scaled, y) > VIOLATION:
+    if ending in {Ending.INFEASIBLE, Ending.IMPROPER} or not np.isfinite(y).all() or violation(scaled, y) > VIOLATION:
         return Optimum()
     z = T @ y
     objective = reduced.program.constant + float(reduced.program.cost @ z)

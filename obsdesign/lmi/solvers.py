@@ -1,0 +1,149 @@
+"""The only code that knows a solver: a program in, how the solve ended and a point out."""
+
+import warnings
+from collections.abc import Callable
+from enum import StrEnum
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array
+from obsdesign.lmi.probe import Block, Program
+
+
+class Ending(StrEnum):
+    """How one solve ended, in words that say why an optimum was not believed where it was the last."""
+
+    SOLVED = "solves in different scalings do not agree"
+    INACCURATE = "it was solved to a low accuracy only"
+    INFEASIBLE = "a solver takes it for infeasible, but the largest margin does not decide it"
+    IMPROPER = "it seems to be infeasible or unbounded, as far as a solver tells"
+    STALLED = "the search for its optimum made no progress"
+    FAILED = "the search for its optimum broke down numerically"
+
+
+Solver = Callable[[Program], tuple[Ending, Array]]  # and z
+
+CLARABEL = {
+    "Solved": Ending.SOLVED,
+    "AlmostSolved": Ending.INACCURATE,
+    "PrimalInfeasible": Ending.INFEASIBLE,
+    "AlmostPrimalInfeasible": Ending.IMPROPER,
+    "DualInfeasible": Ending.IMPROPER,
+    "AlmostDualInfeasible": Ending.IMPROPER,
+    "NumericalError": Ending.FAILED,
+}  # any other: it stalled
+
+
+class Columns(NamedTuple):
+    """A sparse matrix by columns in the form that Clarabel reads; saves importing scipy.sparse."""
+
+    shape: tuple[int, int]
+    data: Array
+    indices: Array
+    indptr: Array
+    has_canonical_format: bool = True
+    has_sorted_indices: bool = True
+
+
+def columns(dense: Array) -> Columns:
+    """Compress a dense matrix."""
+    across, down = np.nonzero(dense.T)
+    counts = np.bincount(across, minlength=dense.shape[1])
+    return Columns(dense.shape, dense[down, across], down, np.concatenate([[0], np.cumsum(counts)]))
+
+
+@cache
+def triangle_of(order: int) -> tuple[Array, Array, Array]:
+    """Columns, rows and weights of the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
+    column, row = np.tril_indices(order)
+    return column, row, np.where(row == column, 1.0, np.sqrt(2.0))
+
+
+def triangle(block: Block) -> Array:
+    """Return [-b, A] with b - A z in the triangle cone."""
+    column, row, weight = triangle_of(block.order)
+    return weight[:, None] * block.terms[:, row, column].T
+
+
+def with_clarabel(program: Program) -> tuple[Ending, Array]:
+    """Clarabel without chordal decomposition; with it once more before a point is called infeasible or unsolved."""
+    ending, z = clarabel_once(program, chordal=False)
+    if ending is Ending.SOLVED:
+        return ending, z
+    again, other = clarabel_once(program, chordal=True)
+    return (again, other) if again is Ending.SOLVED else (ending, z)
+
+
+def clarabel_once(program: Program, *, chordal: bool) -> tuple[Ending, Array]:
+    """One call."""
+    import clarabel
+
+    blocks = sorted(program.blocks, key=lambda b: b.order > 1)
+    scalars = sum(b.order == 1 for b in blocks)
+    cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
+    cones += [clarabel.PSDTriangleConeT(b.order) for b in blocks[scalars:]]
+    rows = np.concatenate([triangle(b) for b in blocks])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False
+    settings.chordal_decomposition_enable = chordal
+    size = len(program.cost)
+    settings.max_iter = 100
+    P = columns(np.zeros((size, size)))
+    solution = clarabel.DefaultSolver(P, program.cost, columns(rows[:, 1:]), -rows[:, 0], cones, settings).solve()
+    return CLARABEL.get(str(solution.status), Ending.STALLED), np.array(solution.x)
+
+
+CVXPY = {
+    "optimal": Ending.SOLVED,
+    "optimal_inaccurate": Ending.INACCURATE,
+    "infeasible": Ending.INFEASIBLE,
+    "infeasible_inaccurate": Ending.IMPROPER,
+    "infeasible_or_unbounded": Ending.IMPROPER,
+    "unbounded": Ending.IMPROPER,
+    "unbounded_inaccurate": Ending.IMPROPER,
+    "solver_error": Ending.FAILED,
+}
+
+
+def through_cvxpy(name: str) -> Solver:
+    """Any other solver, given the same probed matrices through cvxpy.
+
+    Raises
+    ------
+    UsageError
+        If cvxpy does not know the solver or it is not installed.
+    """
+    import cvxpy as cp
+
+    installed = cp.installed_solvers()
+    if name.upper() not in installed:
+        raise UsageError(f"--solver {name}: not installed; available: clarabel, {', '.join(sorted(installed))}")
+
+    def solve(program: Program) -> tuple[Ending, Array]:
+        z = cp.Variable(len(program.cost))
+        constraints = []
+        for block in program.blocks:
+            k = block.order
+            flat = block.terms.reshape(-1, k * k).T
+            F = cp.reshape(flat[:, 1:] @ z + flat[:, 0], (k, k), order="C")
+            constraints.append((F + F.T) / 2 << 0)
+        model = cp.Problem(cp.Minimize(program.cost @ z), constraints)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what cvxpy warns of is in the status
+                model.solve(solver=name.upper())
+        except cp.SolverError:
+            return Ending.FAILED, np.zeros(len(program.cost))
+        return CVXPY.get(model.status, Ending.STALLED), z.value if z.value is not None else np.zeros(len(program.cost))
+
+    return solve
+
+
+def call(name: str) -> Solver:
+    """Solver of a name."""
+    return with_clarabel if name.lower() == "clarabel" else through_cvxpy(name)
