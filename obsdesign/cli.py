@@ -16,11 +16,11 @@ from typer.core import TyperGroup
 from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
 
 if TYPE_CHECKING:
-    from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+    from obsdesign.families.guarantee import Guarantee
     from obsdesign.reading import Spec
     from obsdesign.simulate import HybridRun, Run
 
-    Guaranteed = Guarantee | SporadicGuarantee | None  # what gains are proved to achieve
+    Guaranteed = Guarantee | None  # what gains are proved to achieve
 
 EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
 INTERRUPTED = 130

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import EnergyGuarantee
+from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.plot import run_figure, tradeoff_figure
 from obsdesign.plot.axis import CLOSEST, growing_axis, linear_threshold, number, symlog_axis
 from obsdesign.plot.layout import ROW, legend_above
@@ -35,7 +36,7 @@ simulation: {horizon: 5, x0: [1, 0], w: [sin(t)], points: 101}
 def mass():
     """A run of a mass with an unknown force, and what is claimed of it."""
     spec = loads(HEAD + MASS)
-    guarantee = Guarantee(gamma=2, alpha=0.05, mu1=1, mu2=4, P=np.eye(3))
+    guarantee = EnergyGuarantee(gamma=2, alpha=0.05, mu1=1, mu2=4, P=np.eye(3))
     run = simulate(spec, {"L1": np.array([[-5.0], [-8], [-6]]), "L2": np.zeros((0, 1))}, guarantee)
     return spec, run, guarantee
 
@@ -106,7 +107,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     )
     spec = loads(text)
     spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=((-1.0, 1.0),)),))
-    guarantee = Guarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1), family="linf")
+    guarantee = PeakGuarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1))
     run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
     figure = run_sheet(spec, run, guarantee)
     panels = {axes.get_ylabel(): axes for axes in figure.axes}

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.reading import load
 from obsdesign.simulate import Run, simulate
@@ -74,10 +74,10 @@ DESIGNS = {
 }
 
 
-def design(mu2: float) -> tuple[dict[str, np.ndarray], Guarantee]:
+def design(mu2: float) -> tuple[dict[str, np.ndarray], EnergyGuarantee]:
     L1, upper, _ = DESIGNS[mu2]
     P = np.triu(upper) + np.triu(upper, 1).T
-    return {"L1": np.array(L1), "L2": L2}, Guarantee(gamma=mu2**0.5, alpha=0.71, mu1=1.0, mu2=mu2, P=P)
+    return {"L1": np.array(L1), "L2": L2}, EnergyGuarantee(gamma=mu2**0.5, alpha=0.71, mu1=1.0, mu2=mu2, P=P)
 
 
 def bearing(**changes: object) -> Spec:
@@ -241,7 +241,7 @@ def test_a_discontinuous_w_is_integrated_exactly(read):
 
 def test_a_jump_of_a_model_state_jumps_the_error_and_voids_the_bounds(read):
     spec = read(SWITCHED.replace("simulation", "disturbance: integrator\nsimulation"))
-    guarantee = Guarantee(gamma=1, alpha=0.1, mu1=1, mu2=1, P=np.eye(2))
+    guarantee = EnergyGuarantee(gamma=1, alpha=0.1, mu1=1, mu2=1, P=np.eye(2))
     run = simulate(spec, gains(-3, -4), guarantee)
     before, after = np.searchsorted(run.t, [1.1 - 1e-9, 1.1 + 1e-9])
     assert run.w_error[after, 0] - run.w_error[before - 1, 0] == pytest.approx(-1, abs=0.1)
@@ -341,7 +341,7 @@ simulation: {horizon: 1, x0: [1, 0], w: [1], points: 101, seed: %d,
 
 @pytest.mark.parametrize("kind", ["uniform", "gaussian"])
 def test_noise_is_repeated_by_its_seed_and_not_covered_by_the_guarantee(read, kind):
-    guarantee = Guarantee(gamma=1, alpha=0.1, mu1=1, mu2=1, P=np.eye(3))
+    guarantee = EnergyGuarantee(gamma=1, alpha=0.1, mu1=1, mu2=1, P=np.eye(3))
     one, same, other = (simulate(read(NOISY % (s, kind)), gains(-4, 1, -3), guarantee) for s in (1, 1, 2))
     assert (one.y == same.y).all()
     assert (one.e == same.e).all()
@@ -375,7 +375,7 @@ def test_too_much_noise_is_refused(read):
 
 def test_a_w_that_depends_on_the_states_leaves_v_out(read):
     spec = read(LINEAR + "simulation: {horizon: 5, x0: [1, 0], w: [-x1**3]}")
-    run = simulate(spec, gains(-4, 1, -3), Guarantee(1, 0.1, 1, 1, np.eye(3)))
+    run = simulate(spec, gains(-4, 1, -3), EnergyGuarantee(1, 0.1, 1, 1, np.eye(3)))
     plain = solve_ivp(
         lambda _, x: [x[1], -2 * x[0] - 3 * x[1] - x[0] ** 3],
         (0, 5),
@@ -399,7 +399,7 @@ def test_a_w_of_the_states_is_its_own_v_without_a_model(read):
 system: {A: [[0]], B: [[1]], C: [[1]]}
 simulation: {horizon: 2, x0: [1], w: [-x1]}
 """)
-    run = simulate(spec, gains(-1), Guarantee(10, 0.1, 1, 100, np.eye(1)))
+    run = simulate(spec, gains(-1), EnergyGuarantee(10, 0.1, 1, 100, np.eye(1)))
     assert run.xi[:, 0] == pytest.approx(np.exp(-run.t), abs=1e-8)
     assert run.summary["v_norm2"] == pytest.approx(np.sqrt((1 - np.exp(-4)) / 2), rel=1e-7)
     assert all(b["holds"] for b in run.summary["bounds"])

@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from support.sporadic import DESIGN, LINK, OSCILLATOR, PREDICTOR, free, gains, paper, read
 
-from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
+from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.simulate.hybrid import Sampling, Schedule, simulate_sporadic
 from obsdesign.simulate.hybrid.system import Hybrid
 from obsdesign.spec import Noise

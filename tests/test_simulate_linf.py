@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import EnergyGuarantee
+from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.reading import loads
 from obsdesign.simulate import simulate
 from obsdesign.spec import Spec
@@ -27,14 +28,14 @@ def scalar(w: str, x0: float = 0.0, horizon: float = 8.0) -> Spec:
     return loads(HEAD + SCALAR.format(w=w, x0=x0, horizon=horizon))
 
 
-def certificate(a: float = RATE, alpha: float = RATE / 2, scale: float = 1.0) -> Guarantee:
+def certificate(a: float = RATE, alpha: float = RATE / 2, scale: float = 1.0) -> PeakGuarantee:
     """What is exact for e' = -a e - w, z = e, with mu1 = 1: P = 4 alpha (a - alpha), mu2 = 1 / P; false below."""
     P = 4 * alpha * (a - alpha)
     mu2 = scale / P
-    return Guarantee(gamma=mu2**0.5, alpha=alpha, mu1=1.0, mu2=mu2, P=np.array([[P]]), family="linf")
+    return PeakGuarantee(gamma=mu2**0.5, alpha=alpha, mu1=1.0, mu2=mu2, P=np.array([[P]]))
 
 
-def tried(spec: Spec, guarantee: Guarantee | None, L1: float = 1 - RATE):
+def tried(spec: Spec, guarantee: PeakGuarantee | None, L1: float = 1 - RATE):
     return simulate(spec, {"L1": np.array([[L1]]), "L2": NO_L2}, guarantee)
 
 
@@ -69,7 +70,7 @@ def test_the_largest_w_is_found_between_the_steps_and_at_a_jump():
 
 
 def test_an_l2_run_reports_suprema_beside_its_norms():
-    guarantee = replace(certificate(), family="l2")
+    guarantee = EnergyGuarantee(**vars(certificate()))
     summary = tried(scalar("exp(-t)", x0=1), guarantee).summary
     assert summary["z_sup"] == pytest.approx(1)
     assert summary["v_sup"] == pytest.approx(1)
@@ -105,7 +106,7 @@ def test_the_bounds_hold_with_a_certificate_from_a_lyapunov_equation(F, x0, B, w
     reach = X @ np.array(B)
     P = min(2 * alpha / max(reach @ reach, 1e-3), 1e3) * X  # -s I + s^2 X B B' X / (2 alpha) <= 0
     mu2 = np.linalg.norm(np.linalg.inv(P), 2)
-    guarantee = Guarantee(gamma=mu2**0.5, alpha=alpha, mu1=1.0, mu2=mu2, P=P, family="linf")
+    guarantee = PeakGuarantee(gamma=mu2**0.5, alpha=alpha, mu1=1.0, mu2=mu2, P=P)
     text = f"system: {{A: {A.tolist()}, B: [[{B[0]}], [{B[1]}]], C: [[1, 0]]}}\n"
     spec = loads(f'{HEAD}{text}simulation: {{horizon: 4, x0: {list(x0)}, w: ["{w}"], points: 41}}')
     run = simulate(spec, {"L1": L1, "L2": NO_L2}, guarantee)
@@ -125,7 +126,7 @@ def local(region: tuple[float, float] | None, **changes: object) -> Spec:
     return replace(spec, nonlinearities=blocks, simulation=replace(spec.simulation, **changes))
 
 
-def ran(spec: Spec, guarantee: Guarantee | None):
+def ran(spec: Spec, guarantee: PeakGuarantee | None):
     return simulate(spec, {"L1": np.array([[-1.0]]), "L2": np.zeros((1, 1))}, guarantee)
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
 from obsdesign.plot.run import run_sheet
 from obsdesign.reading import loads
 from obsdesign.simulate import simulate
@@ -121,7 +121,7 @@ def test_the_gain_multiplies_y_minus_yhat():
 
 def claim(decay, mu2):
     """V = e^2 has V' <= (-3 + 2 decay) V - 2 e w: with |z|^2 = e^2, mu2 >= 1 / (2 - 2 decay) will do for L = 1."""
-    return Guarantee(math.sqrt(mu2), decay, 1.0, mu2, np.eye(1), "lipschitz")
+    return LipschitzGuarantee(math.sqrt(mu2), decay, 1.0, mu2, np.eye(1))
 
 
 @pytest.mark.parametrize("decay", [0.0, 0.25])

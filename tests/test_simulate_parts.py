@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.expressions import parse
 from obsdesign.reading import loads
 from obsdesign.simulate.coupled import Coupled
@@ -49,7 +49,7 @@ def test_the_jacobian_is_the_derivative_of_the_flow(text):
         "L1": random.normal(size=(plant.n, 2)),
         "L2": 0.3 * random.normal(size=(len(plant.Cq), 2)),
     }
-    guarantee = Guarantee(gamma=1, alpha=0.3, mu1=1, mu2=1, P=np.eye(plant.n))
+    guarantee = EnergyGuarantee(gamma=1, alpha=0.3, mu1=1, mu2=1, P=np.eye(plant.n))
     system = Coupled(spec, scenario(spec, spec.simulation), gains, guarantee)
     s = random.normal(size=len(system.start(spec.simulation.x0, spec.simulation.xhat0)))
     noise = 0.1 * random.normal(size=2)

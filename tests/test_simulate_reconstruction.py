@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from obsdesign.dissipation.guarantee import Guarantee, Reconstruction
+from obsdesign.families.incremental.guarantee import PeakGuarantee, Reconstruction
 from obsdesign.plot.run import run_sheet
 from obsdesign.reading import loads
 from obsdesign.simulate import simulate
@@ -86,14 +86,14 @@ def test_the_reconstruction_of_a_sinusoid_has_the_accuracy_of_its_transfer_funct
 RATE = 4.0  # e' = -4 e - (2 + L1 / 2) w
 
 
-def proved(scale: float = 1.0) -> tuple[dict[str, np.ndarray], Guarantee]:
+def proved(scale: float = 1.0) -> tuple[dict[str, np.ndarray], PeakGuarantee]:
     """Gain of the scalar example and what Theorem 2 gives for it, made smaller by a scale."""
     L1, alpha = 1 - RATE, RATE / 2
     b = 2 + 0.5 * L1
     P = 4 * alpha * (RATE - alpha) / b**2
     size = scale * 0.5 / P**0.5  # of pinv(B) A = -1/2 and of pinv(B) = 1/2 against sqrt(P)
     bound = Reconstruction(size, size, 0.0, alpha, np.array([[P]]))
-    guarantee = Guarantee(P**-0.5, alpha, 1.0, 1 / P, np.array([[P]]), "linf", bound)
+    guarantee = PeakGuarantee(P**-0.5, alpha, 1.0, 1 / P, np.array([[P]]), bound)
     return gains(L1), guarantee
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.guarantee import Guarantee, Reconstruction
+from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import SMALL, Incremental
+from obsdesign.families.incremental.guarantee import Reconstruction
 from obsdesign.families.incremental.linf import Linf
 from obsdesign.families.incremental.reconstruction import Slope, constants, obstacle
-from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.lipschitz.claim import LipschitzClaim
 from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
 from obsdesign.lmi.proof import Check, prove
@@ -23,7 +23,7 @@ from obsdesign.spec import Spec
 class Certificate:
     """Storage function and scales, in rationals, that prove the level gamma, and what was checked of them."""
 
-    family: str
+    theorem: type[Incremental]
     alpha: fmpq
     gamma: fmpq
     mu1: fmpq
@@ -45,12 +45,12 @@ class Certificate:
             yield from self.reconstruction.conditions()
 
     @property
-    def guarantee(self) -> Guarantee:
+    def guarantee(self) -> Quadratic:
         """Guarantee in doubles."""
         P = np.vectorize(approximate, otypes=[float])(self.P)
         gamma, alpha, mu1, mu2 = map(approximate, (self.gamma, self.alpha, self.mu1, self.mu2))
         bound = self.reconstruction.bound if self.reconstruction else None
-        return Guarantee(gamma, alpha, mu1, mu2, P, self.family, bound)
+        return self.theorem.guarantee(gamma, alpha, mu1, mu2, P, bound)
 
 
 def certify(
@@ -86,7 +86,7 @@ def certify(
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
-    return Certificate(family.name, family.alpha, gamma, mu1, mu2, values["P"], multipliers, checks)
+    return Certificate(type(family), family.alpha, gamma, mu1, mu2, values["P"], multipliers, checks)
 
 
 def rate(family: Incremental) -> Check:
@@ -173,18 +173,18 @@ def reconstructed(
 
 
 def lipschitz_claim(
-    spec: Spec, lipschitz: fmpq, guarantee: Guarantee, admissible: tuple[fmpq, Guarantee] | None
+    spec: Spec, lipschitz: fmpq, guarantee: Quadratic, admissible: tuple[fmpq, Quadratic] | None
 ) -> LipschitzClaim:
     """What a Lipschitz constant, and a larger one, that are proved for a gain say of the plant of a spec."""
     drive = spec.drive if spec.disturbed else ""
     return LipschitzClaim(spec.lipschitz.lipschitz, lipschitz, guarantee, admissible, drive, spec.validity)
 
 
-def statement(spec: Spec, guarantee: Guarantee) -> str:
+def statement(spec: Spec, certificate: Certificate) -> str:
     """Guarantee of a spec's family in words, and where it holds."""
-    said = THEOREMS[guarantee.family].statement(guarantee.gamma, guarantee.alpha)
-    bound = guarantee.reconstruction
-    if bound:
+    said = certificate.theorem.statement(approximate(certificate.gamma), approximate(certificate.alpha))
+    if certificate.reconstruction:
+        bound = certificate.reconstruction.bound
         rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""
         said += (
             f"; limsup |what - w| <= {bound.w!r} sup|w| + {bound.w_rate!r} sup|w'|{rest}, what = pinv(B) L1 (yhat - y)"

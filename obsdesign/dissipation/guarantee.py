@@ -1,60 +1,97 @@
-"""What the gains of an observer are proved to achieve."""
+"""Guarantees whose storage function is V = e' P e, and what a dissipation inequality implies of a run."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
+import numpy as np
+
+from obsdesign.families.guarantee import Bound, Course, InputBound, Rates, bound, envelope, tightest
 from obsdesign.lmi.formula import Array
 
 
 @dataclass(frozen=True)
-class Reconstruction:
-    """limsup |what - w| <= w |w|_inf + w_rate |w'|_inf + x_rate |x'|_inf, for what = pinv(B) L1 (yhat - y).
+class Quadratic(ABC):
+    """Numbers of an inequality along the error equations, with V = e' P e."""
 
-    The storage functions e' P_i e of its levels are at most e' P e, and decay at the rate alpha at least: before the
-    limit, (w |e|_P + w_rate |de/dt|_P) exp(-alpha t) is added, with e and its derivative at t = 0.
-    """
-
-    w: float
-    w_rate: float  # s
-    x_rate: float
-    alpha: float  # 1/s
-    P: Array  # (n, n)
-
-
-@dataclass(frozen=True)
-class Guarantee:
-    """What holds along the error equations, with V = e' P e.
-
-    Families l2 and lipschitz: V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0, and gamma^2 = mu2 / mu1; for lipschitz
-    mu1 = 1, alpha is the decay, and where that is zero the inequality is strict. Family linf:
-    V' <= -2 alpha (V - mu1 |v|^2) and |z|^2 <= mu2 V, and gamma^2 = mu1 mu2.
-    """
+    norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
+    signals: ClassVar[str] = "square integrable"
+    symbol: ClassVar[str] = r"$\alpha$"
 
     gamma: float
-    alpha: float
+    alpha: float  # 1/s
     mu1: float
     mu2: float
     P: Array  # (n, n), positive definite
-    family: str = "l2"
-    reconstruction: Reconstruction | None = None
+    reconstruction: InputBound | None = None
+
+    @abstractmethod
+    def rates(self) -> Rates:
+        """V' <= -2 alpha V + c |v|^2."""
+
+    @abstractmethod
+    def bounds(self, course: Course) -> list[Bound]:
+        """Check what the inequality implies of a run."""
+
+    def storage(self, course: Course) -> Array:
+        """V(e(t)) = e' P e, (M,)."""
+        return np.asarray(np.einsum("ti,ij,tj->t", course.e, self.P, course.e))
 
 
 @dataclass(frozen=True)
-class SporadicGuarantee:
-    """What holds of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2.
+class EnergyGuarantee(Quadratic):
+    """V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0, and gamma^2 = mu2 / mu1.
 
-    With the error eps = z - zhat, theta~ = C eps - theta, and the time tau that is left to the next measurement,
-
-        V = eps' P1 eps + exp(delta tau) theta~' P2 theta~
-
-    satisfies V' <= -2 decay V - |yp|^2 + gamma^2 |w|^2 between measurements, and V+ <= V + exp(delta tau) eta' P2 eta
-    at each, where eta is its noise. This is Theorem 2 of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech on L2 state
-    estimation in the presence of sporadic measurements. T1 plays a part in the bound on the effect of noise only.
+    Where alpha is zero, the inequality is strict.
     """
 
-    gamma: float
-    decay: float  # 1/s
-    delta: float  # 1/s
-    T1: float  # s
-    T2: float  # s
-    P1: Array  # (n, n), positive definite
-    P2: Array  # (ny, ny), positive definite
+    rate: ClassVar[str] = "alpha"  # name of alpha
+    weight: ClassVar[str] = "/mu1"  # in words; empty where mu1 = 1
+
+    def rates(self) -> Rates:
+        """V' <= -2 alpha V + mu2 |v|^2."""
+        return Rates(self.alpha, self.mu2)
+
+    def bounds(self, course: Course) -> list[Bound]:
+        """Check the bounds that the inequality implies.
+
+        norm2(z)     <= sqrt(lmax(P) / mu1) |e(0)| + gamma norm2(v)
+        norm2(z)     <= sqrt(e(0)' P e(0) / mu1) + gamma norm2(v)
+        |e(t)|       <= exp(-alpha t) sqrt(lmax(P) / lmin(P)) |e(0)| + sqrt(mu2 / lmin(P)) norm2(v)   for all t
+        V(e(t))      <= exp(-2 alpha t) V(e(0)) + b(t)                                                for all t
+
+        The first and the third are (16) and (17) of Corless and Chakrabarty (2019), (17) with its two ratios the
+        right way up.
+        """
+        size = np.linalg.norm(course.e, axis=1)
+        spectrum = np.linalg.eigvalsh(self.P)
+        low, high = spectrum[0], spectrum[-1]
+        z, v = np.sqrt(course.z2[-1]), np.sqrt(course.v2)
+        gain = self.gamma * v[-1]
+        V = self.storage(course)
+        decay = np.exp(-self.alpha * course.t) * np.sqrt(high / low) * size[0]
+        ultimate = np.sqrt(self.mu2 / low) * v
+        rate, weight, drive = self.rate, self.weight, course.drive
+        once, twice, since = (
+            (f"exp(-{rate} t) ", f"exp(-2 {rate} t) ", f"exp(-2 {rate} (t-s)) ") if self.alpha else ("", "", "")
+        )
+        return [
+            bound(
+                f"norm2(z) <= sqrt(lmax(P){weight}) |e(0)| + gamma norm2({drive})",
+                z,
+                np.sqrt(high / self.mu1) * size[0] + gain,
+            ),
+            bound(f"norm2(z) <= sqrt(e(0)' P e(0){weight}) + gamma norm2({drive})", z, np.sqrt(V[0] / self.mu1) + gain),
+            tightest(
+                f"|e(t)| <= {once}sqrt(lmax(P)/lmin(P)) |e(0)| + sqrt(mu2/lmin(P)) norm2({drive})",
+                course.t,
+                size,
+                decay + ultimate,
+            ),
+            tightest(
+                f"sqrt(V(e(t))) <= sqrt({twice}V(e(0)) + mu2 integral {since}|{drive}(s)|^2 ds)",
+                course.t,
+                np.sqrt(V),
+                np.sqrt(envelope(self, course, V)),
+            ),
+        ]

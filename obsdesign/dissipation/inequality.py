@@ -22,6 +22,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import (
     Array,
@@ -59,6 +60,7 @@ class Incremental(ABC):
     """
 
     name: ClassVar[str]  # of the family in a spec
+    guarantee: ClassVar[type[Quadratic]]  # what it says of a run
     decrease: ClassVar[str]  # the dissipation inequality in words
     meaning: ClassVar[str]  # of gamma
     promise: ClassVar[str]

@@ -13,8 +13,8 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
 from obsdesign.errors import UsageError
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
@@ -168,4 +168,4 @@ class Verified(Proof):
     """A guarantee that was read and checked, and its certificate."""
 
     certificate: Certificate | SporadicCertificate
-    guarantee: Guarantee | SporadicGuarantee | None  # None: the claim is not about the plant of the spec
+    guarantee: Guarantee | None  # None: the claim is not about the plant of the spec

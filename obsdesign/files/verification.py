@@ -3,7 +3,7 @@
 import numpy as np
 
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.incremental import verify as incremental
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.lipschitz import verify as lipschitz
@@ -55,7 +55,7 @@ def verify(path: str, spec: Spec | None = None) -> tuple[ResultFile, Certificate
     return file, verified(file).certificate
 
 
-def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | SporadicGuarantee | None]:
+def recorded(path: str, spec: Spec | None) -> tuple[Spec, dict[str, Array], Guarantee | None]:
     """Spec, gains in doubles, and guarantee of a result file; None where nothing is claimed, or proved.
 
     Raises

@@ -1,6 +1,6 @@
 """Figures of runs, and of trade-off curves and surfaces, as PNG."""
 
-from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.plot import run as continuous
 from obsdesign.plot.front import front_figure
 from obsdesign.plot.hybrid import hybrid_figure
@@ -12,10 +12,8 @@ from obsdesign.spec import Spec
 __all__ = ["curves_figure", "front_figure", "run_figure", "surface_figure", "tradeoff_figure"]
 
 
-def run_figure(spec: Spec, run: Run | HybridRun, guarantee: Guarantee | SporadicGuarantee | None) -> bytes:
+def run_figure(spec: Spec, run: Run | HybridRun, guarantee: Guarantee | None) -> bytes:
     """Draw a run of an observer; see `run.run_figure`, `hybrid.hybrid_figure`."""
     if isinstance(run, HybridRun):
-        assert not isinstance(guarantee, Guarantee)
         return hybrid_figure(spec, run, guarantee)
-    assert not isinstance(guarantee, SporadicGuarantee)
     return continuous.run_figure(spec, run, guarantee)

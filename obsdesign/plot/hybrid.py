@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import SporadicGuarantee
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import plain, time_axis
 from obsdesign.plot.canvas import COLORS, png, style
@@ -27,7 +27,7 @@ LOST = COLORS[3]
 SHADE = "#F3D9D2"
 
 
-def hybrid_figure(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> bytes:
+def hybrid_figure(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> bytes:
     """Draw states with their estimates at the measurements, w, theta, |x|_A against its bound, and the intervals.
 
     Where a measurement is overdue, so that nothing is guaranteed any more, the panels are shaded.
@@ -41,7 +41,7 @@ def hybrid_figure(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | Non
         return png(hybrid_sheet(spec, run, guarantee))
 
 
-def hybrid_sheet(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> "Figure":
+def hybrid_sheet(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> "Figure":
     """Compose a figure of a run: rows of states, of w and theta, and of the distance and the intervals."""
     states = [Curve(name, run.z[:, i], run.zhat[:, i]) for i, name in enumerate(run.states)]
     inputs = [Curve(name, run.w[:, i], None) for i, name in enumerate(run.exogenous)]
@@ -170,7 +170,7 @@ def mark_lost(axes: "Axes", schedule: Schedule) -> None:
         axes.plot(schedule.lost, foot, "x", color=LOST, markersize=4, transform=at, label="measurement lost")
 
 
-def heading(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> str:
+def heading(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> str:
     """Name of the spec; how the run ended, what it achieved and what is proved; what is wrong with the sampling."""
     summary = run.summary
     ended = {"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
@@ -180,7 +180,8 @@ def heading(spec: Spec, run: HybridRun, guarantee: SporadicGuarantee | None) -> 
     if guarantee is None:
         facts.append("no guarantee")
     else:
-        facts += [rf"proved: $\gamma$ = {guarantee.gamma:.4g}, $\lambda$ = {guarantee.decay:.4g}", verdict(run)]
+        proved = rf"$\gamma$ = {guarantee.gamma:.4g}, {guarantee.symbol} = {guarantee.rates().alpha:.4g}"
+        facts += [f"proved: {proved}", verdict(run)]
     lines = [*wrap(plain(spec.name), LINE), ",  ".join(facts)]
     if guarantee is not None and summary["bounds_omitted"]:
         lines += wrap(plain(summary["bounds_omitted"]), LINE)

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.families.guarantee import LAST, Guarantee
 from obsdesign.plot.axis import number, plain, with_unit
 from obsdesign.plot.canvas import png, style
 from obsdesign.plot.layout import Panel, compose, legend_below, shared
 from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Errors, Level, Storage, comparisons
 from obsdesign.simulate import Run
-from obsdesign.simulate.bounds import LAST
 from obsdesign.simulate.validity import limited
 from obsdesign.spec import Spec
 
@@ -118,7 +117,7 @@ def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
     facts = [{"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]]
     if facts[0]:
         facts[0] += f" at t = {run.time:.5g} s"
-    sup = guarantee is not None and guarantee.family == "linf"
+    sup = guarantee is not None and guarantee.norm == "sup"
     for signal in ("z", spec.drive):
         key, text = (f"{signal}_sup", rf"$\sup|{signal}|$") if sup else (f"{signal}_norm2", rf"$\|{signal}\|_2$")
         if run.summary[key] is not None:
@@ -135,8 +134,8 @@ def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
 
 def proved(run: Run, guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
-    rate = "decay" if guarantee.family == "lipschitz" else r"$\alpha$"
-    decays = f"{rate} = {guarantee.alpha:.4g}" if guarantee.alpha else r"$e \rightarrow 0$"
+    alpha = guarantee.rates().alpha
+    decays = f"{guarantee.symbol} = {alpha:.4g}" if alpha else r"$e \rightarrow 0$"
     return decays if run.summary["gamma"] is None else rf"$\gamma$ = {guarantee.gamma:.4g}, {decays}"
 
 

@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from obsdesign.dissipation.bounds import Range
-from obsdesign.dissipation.guarantee import Guarantee, SporadicGuarantee
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.lipschitz.request import LipschitzRequest
+from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate import simulation
@@ -20,7 +21,7 @@ __all__ = ["HybridRun", "Run", "simulate"]
 def simulate(
     spec: Spec,
     gains: Mapping[str, Array],
-    guarantee: Guarantee | SporadicGuarantee | None,
+    guarantee: Guarantee | None,
     progress: Callable[[float], None] | None = None,
 ) -> Run | HybridRun:
     """Simulate the plant of a spec with an observer of its family; see `simulation.simulate`, `simulate_sporadic`.
@@ -31,9 +32,8 @@ def simulate(
         As the family calls them, with its signs: L1 and L2, or L, or L and H.
     """
     if isinstance(spec.observer, SporadicRequest):
-        assert not isinstance(guarantee, Guarantee)
+        assert guarantee is None or isinstance(guarantee, SporadicGuarantee)
         return simulate_sporadic(spec, gains, sampling(spec, spec.observer, guarantee), guarantee, progress)
-    assert not isinstance(guarantee, SporadicGuarantee)
     if isinstance(spec.observer, LipschitzRequest):
         gains = {"L1": -gains["L"], "L2": np.zeros((len(spec.augmented.Cq), len(spec.augmented.C)))}
     return simulation.simulate(spec, gains, guarantee, progress)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.expressions import Expression
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array, Float, block_diagonal
 from obsdesign.model.plant import Plant
 from obsdesign.simulate.integrate import Flow, Vector
@@ -45,8 +45,7 @@ class Coupled:
     error itself is integrated, since the difference of two large states has lost its digits.
 
     The flow has the state s = (integrated true states, e, integral of |z|^2, integral of |v|^2, b), with
-    b' = -2 alpha b + c |v|^2, so that V(e(t)) <= exp(-2 alpha t) V(e(0)) + b(t); c is mu2 in the families
-    l2 and lipschitz, and 2 alpha mu1 in linf.
+    b' = -2 alpha b + c |v|^2, so that V(e(t)) <= exp(-2 alpha t) V(e(0)) + b(t).
 
     Parameters
     ----------
@@ -64,7 +63,8 @@ class Coupled:
         self.scenario = scenario
         self.reconstructor = reconstructor(spec, gains["L1"])
         self.H = spec.H.astype(float)
-        self.decay, self.supply = (2 * guarantee.alpha, supply(guarantee)) if guarantee else (0.0, 0.0)
+        alpha, self.supply = guarantee.rates() if guarantee else (0.0, 0.0)
+        self.decay = 2 * alpha
         self.ns, self.end = scenario.integrated, scenario.integrated + n
         self.signals = scenario.signals()
         terms = Terms.of(spec, scenario)
@@ -183,11 +183,6 @@ def reconstructor(spec: Spec, L1: Array) -> Array:
     if not spec.reconstructs:
         return np.zeros((0, L1.shape[1]))
     return np.asarray(np.linalg.pinv(spec.plant.doubles.B) @ L1)
-
-
-def supply(guarantee: Guarantee) -> float:
-    """Return c in V' <= -2 alpha V + c |v|^2."""
-    return 2 * guarantee.alpha * guarantee.mu1 if guarantee.family == "linf" else guarantee.mu2
 
 
 def linear(plant: Plant[Float], L1: Array, L2: Array) -> Array:

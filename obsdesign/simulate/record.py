@@ -5,12 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.families.guarantee import Course, Guarantee, envelope
 from obsdesign.lmi.formula import Array, in_floats
-from obsdesign.simulate.bounds import Errors, largest_so_far, storage
 from obsdesign.simulate.coupled import Coupled, Instant
 from obsdesign.simulate.integrate import Trajectory
 from obsdesign.simulate.run import Samples
+from obsdesign.simulate.signals import largest_so_far
 from obsdesign.simulate.validity import Leaving, leavings
 from obsdesign.spec import Spec
 
@@ -61,21 +61,21 @@ class Record:
         return self.signals.rows(~self._step)
 
     @cached_property
-    def errors(self) -> Errors:
+    def course(self) -> Course:
         """Error and integrals; without a true xm only the error of the plant's states."""
         width = self.acting.n if self.acting.unmodeled else self.acting.plant.n
         e = self.s[:, self.system.ns : self.system.ns + width]
         z = np.linalg.norm(e @ self.system.H[:, :width].T, axis=1)
         v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.now.v)
-        return Errors(self.t, e, z, self.s[:, -3], self.s[:, -2], v_sup, self.s[:, -1])
+        return Course(self.t, e, z, self.s[:, -3], self.s[:, -2], v_sup, self.s[:, -1], self.spec.drive)
 
     @cached_property
     def signals(self) -> Samples:
         """States of the flow in the terms of the spec; V only where the guarantee covers the run."""
-        now, e = self.now, self.errors.e
+        now, e = self.now, self.course.e
         w = self.modeled(now.xi, now.phi) + self.direct
         what, w_error = self.estimates(w)
-        V, V_bound = storage(self.errors, self.guarantee) if self.guarantee and not self.uncovered else (None, None)
+        V = self.guarantee.storage(self.course) if self.guarantee and not self.uncovered else None
         outputs = len(self.acting.plant.outputs)
         return Samples(
             t=self.t,
@@ -91,7 +91,7 @@ class Record:
             v=None if self.acting.unmodeled else now.v,
             z=e @ self.system.H[:, : e.shape[1]].T if self.has_z else None,
             V=V,
-            V_bound=V_bound,
+            V_bound=None if V is None or self.guarantee is None else envelope(self.guarantee, self.course, V),
         )
 
     @property
@@ -145,6 +145,5 @@ class Record:
             return "the guarantee does not cover simulation.noise, which no v generates"
         steps = (after for before, after in self.breaks if self.acting.steps_of_xm(before, after).any())
         if (impulse := next(steps, None)) is not None:
-            kind = "bounded" if self.guarantee.family == "linf" else "square integrable"
-            return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {kind}"
+            return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
         return ""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import Guarantee
 from obsdesign.errors import UsageError
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.coupled import Coupled
 from obsdesign.simulate.integrate import Tolerance, Vector, finite, integrate

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.expressions import parse
+from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.reading import loads
 from obsdesign.simulate.hybrid import Sampling
 

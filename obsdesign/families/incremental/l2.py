@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental
 from obsdesign.lmi.formula import Array, Inequality, Values
 
@@ -25,6 +26,7 @@ class L2(Incremental):
     """Theorem 1, for a fixed alpha; each gain is given or (None) to be found."""
 
     name = "l2"
+    guarantee = EnergyGuarantee
     decrease = "V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0"
     meaning = "norm2(z) <= gamma norm2(v) from zero error"
     promise = "mu2 <= gamma^2 mu1"

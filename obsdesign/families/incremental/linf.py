@@ -25,6 +25,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental
+from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.lmi.formula import Array, Inequality, Values
 
 
@@ -32,6 +33,7 @@ class Linf(Incremental):
     """Theorem 1, for a fixed alpha; each gain is given or (None) to be found."""
 
     name = "linf"
+    guarantee = PeakGuarantee
     decrease = "V' + 2 alpha V - 2 alpha mu1 |v|^2 <= 0"
     meaning = "sup|z| <= gamma sup|v| from zero error"
     promise = "mu1 mu2 <= gamma^2"

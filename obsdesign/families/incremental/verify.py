@@ -31,7 +31,7 @@ def verified(file: ResultFile) -> Verified:
     """Certificate of a file that claims a guarantee, checked."""
     certificate = certified(file)
     g = certificate.guarantee
-    claim = f"gamma {g.gamma:g}, {THEOREMS[g.family].meaning}; decay rate {g.alpha:g} 1/s"
+    claim = f"gamma {g.gamma:g}, {certificate.theorem.meaning}; decay rate {g.alpha:g} 1/s"
     return Verified(claim, tuple(certificate.conditions()), certificate, g)
 
 
@@ -46,7 +46,7 @@ def certified(file: ResultFile) -> Certificate:
     certificate = read_certificate(file, family, ("guarantee",), ("certificate",), largest)
     if "reconstruction" in file.table("guarantee"):
         certificate = replace(certificate, reconstruction=read_reconstruction(file, family))
-    if file.at("guarantee", "statement") != statement(made, certificate.guarantee):
+    if file.at("guarantee", "statement") != statement(made, certificate):
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     return certificate
 

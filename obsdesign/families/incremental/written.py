@@ -41,7 +41,7 @@ def guarantee(spec: Spec, design: Design) -> dict[str, Any]:
     """What is proved, and the limit it is near to."""
     assert design.certificate
     g = design.certificate.guarantee
-    bound = g.reconstruction
+    bound = design.certificate.reconstruction and design.certificate.reconstruction.bound
     return {
         "gamma": g.gamma,
         "alpha": g.alpha,
@@ -49,7 +49,7 @@ def guarantee(spec: Spec, design: Design) -> dict[str, Any]:
         "mu2": g.mu2,
         **limits(design),
         **({"reconstruction": {"w": bound.w, "w_rate": bound.w_rate, "x_rate": bound.x_rate}} if bound else {}),
-        "statement": statement(spec, g),
+        "statement": statement(spec, design.certificate),
     }
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
-from obsdesign.dissipation.guarantee import Guarantee
+from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.families.lipschitz.relaxations import EQUATIONS, proportions
 from obsdesign.lmi.formula import printed
 
@@ -22,8 +22,8 @@ class LipschitzClaim:
 
     declared: tuple[fmpq, ...]  # constant of each block of f
     lipschitz: fmpq  # proved, the largest of those of the blocks
-    guarantee: Guarantee  # at this constant
-    admissible: tuple[fmpq, Guarantee] | None  # a larger constant that the gain tolerates too, and the guarantee there
+    guarantee: Quadratic  # at this constant
+    admissible: tuple[fmpq, Quadratic] | None  # a larger constant that the gain tolerates too, and the guarantee there
     drive: str  # letter of what drives the plant with its disturbance model; empty if nothing does
     validity: str | None  # where the declared constants hold; None: everywhere
 

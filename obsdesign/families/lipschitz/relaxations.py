@@ -38,6 +38,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
 from obsdesign.families.lipschitz.request import LipschitzRelaxation
 from obsdesign.lmi.formula import (
     Array,
@@ -64,6 +65,7 @@ class Lipschitz(L2):
     """The s-procedure, with a scale for each block. L1 = -L, and L2 = 0; `LipschitzClaim` states what it proves."""
 
     name = "lipschitz"
+    guarantee = LipschitzGuarantee
     decrease = "V' + 2 decay V + |z|^2 - mu |w|^2 <= 0"
     promise = "mu <= gamma^2"
     still = True

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, fmpq
 
-from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
+from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic
 from obsdesign.lmi.formula import Array, Exact, Values, approximate, in_floats, rational
 from obsdesign.lmi.proof import Check, prove

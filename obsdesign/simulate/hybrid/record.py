@@ -5,12 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
+from obsdesign.families.guarantee import Course, Measurements, envelope
 from obsdesign.lmi.formula import Array
-from obsdesign.simulate.bounds import Errors, largest_so_far
-from obsdesign.simulate.hybrid.bounds import Course, storage
 from obsdesign.simulate.hybrid.run import HybridSamples
 from obsdesign.simulate.hybrid.system import Hybrid
-from obsdesign.simulate.integrate import Trajectory, Vector
+from obsdesign.simulate.integrate import Trajectory
+from obsdesign.simulate.signals import largest_so_far
 from obsdesign.simulate.validity import Leaving, leavings
 
 
@@ -66,12 +66,9 @@ class Record:
         """States of the flow in the terms of the spec; V only where there is a guarantee."""
         system, t, s, n = self.system, self.t, self.s, self.system.n
         z, theta = s[:, :n], s[:, 2 * n : system.end]
-        timer = system.schedule.timer(t, self.j)
-        V, V_bound, distance_bound = (
-            storage(system.guarantee, self.eps, self.mismatch, timer, t, s[:, system.end + 2])
-            if system.guarantee
-            else (None, None, None)
-        )
+        guarantee = system.guarantee
+        V = guarantee.storage(self.course) if guarantee else None
+        V_bound = envelope(guarantee, self.course, V) if guarantee and V is not None else None
         return HybridSamples(
             t=t,
             j=self.j,
@@ -80,28 +77,36 @@ class Record:
             eps=self.eps,
             theta=theta,
             distance=np.linalg.norm(np.hstack([self.eps, self.mismatch]), axis=1),
-            timer=timer,
+            timer=self.timer,
             w=self.now.w,
             y=s[:, system.end + 4 :],
-            yp=self.eps @ system.Cp.T,
+            yp=self.yp,
             V=V,
             V_bound=V_bound,
-            distance_bound=distance_bound,
+            distance_bound=guarantee.distance_bound(V_bound) if guarantee and V_bound is not None else None,
         )
 
-    @cached_property
-    def errors(self) -> Errors:
-        """Error and integrals, with yp for z and w for v."""
-        w_sup = largest_so_far(self.system.w, self.breaks, self.t, self.now.w)
-        yp = np.linalg.norm(self.signals.yp, axis=1)
-        yp2, w2, b = self.s[:, self.system.end : self.system.end + 3].T
-        return Errors(self.t, self.eps, yp, yp2, w2, w_sup, b)
+    @property
+    def timer(self) -> Array:
+        """Time that is left to the next measurement, (M,)."""
+        return self.system.schedule.timer(self.t, self.j)
 
-    def course(self, V: Vector) -> Course:
-        """What the bounds are made of."""
-        eta_sup = np.maximum.accumulate(np.append(0.0, np.linalg.norm(self.system.noise, axis=1)))
-        kick = np.cumsum(np.append(0.0, self.system.kicks))
-        return Course(self.errors, self.signals.distance, V, eta_sup[self.j], kick[self.j])
+    @property
+    def yp(self) -> Array:
+        """Performance output Cp eps, (M, np)."""
+        return np.asarray(self.eps @ self.system.Cp.T)
+
+    @cached_property
+    def course(self) -> Course:
+        """Error and integrals, with yp for z and w for v."""
+        system = self.system
+        w_sup = largest_so_far(system.w, self.breaks, self.t, self.now.w)
+        yp = np.linalg.norm(self.yp, axis=1)
+        yp2, w2, b = self.s[:, system.end : system.end + 3].T
+        eta_sup = np.maximum.accumulate(np.append(0.0, np.linalg.norm(system.noise, axis=1)))
+        added = np.cumsum(np.append(0.0, system.kicks))
+        received = Measurements(self.mismatch, self.timer, eta_sup[self.j], added[self.j], system.schedule.crowded)
+        return Course(self.t, self.eps, yp, yp2, w2, w_sup, b, "w", received)
 
     @cached_property
     def left(self) -> tuple[Leaving, ...]:

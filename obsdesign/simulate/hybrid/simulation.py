@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
+from obsdesign.families.guarantee import SampledGuarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.hybrid import exact, smooth
 from obsdesign.simulate.hybrid.record import Record
@@ -22,7 +22,7 @@ def simulate_sporadic(
     spec: Spec,
     gains: Mapping[str, Array],
     sampling: Sampling,
-    guarantee: SporadicGuarantee | None,
+    guarantee: SampledGuarantee | None,
     progress: Callable[[float], None] | None = None,
 ) -> HybridRun:
     """Simulate the plant of a spec with the observer (4) of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech.

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.simulate.hybrid.bounds import bounds
 from obsdesign.simulate.hybrid.record import Record
 from obsdesign.simulate.summary import convergence
 from obsdesign.simulate.validity import is_local, validity
@@ -12,8 +11,8 @@ from obsdesign.simulate.validity import is_local, validity
 
 def summarise(record: Record) -> dict[str, Any]:
     """Everything that is said about a run; None where a quantity does not apply."""
-    trajectory, errors, guarantee = record.trajectory, record.errors, record.system.guarantee
-    z, v = float(np.sqrt(errors.z2[-1])), float(np.sqrt(errors.v2[-1]))
+    trajectory, course, guarantee = record.trajectory, record.course, record.system.guarantee
+    z, v = float(np.sqrt(course.z2[-1])), float(np.sqrt(course.v2[-1]))
     distance = record.signals.distance
     return {
         "status": trajectory.status,
@@ -26,7 +25,7 @@ def summarise(record: Record) -> dict[str, Any]:
         "gamma": guarantee.gamma if guarantee else None,
         "sampling": record.system.schedule.report(),
         **checks(record),
-        **convergence(errors, record.system.plant.states),
+        **convergence(course, record.system.plant.states),
         "initial_distance": float(distance[0]),
         "final_distance": float(distance[-1]),
     }
@@ -35,11 +34,11 @@ def summarise(record: Record) -> dict[str, Any]:
 def checks(record: Record) -> dict[str, Any]:
     """Bounds, as far as the guarantee holds, and where the run leaves the region of a local guarantee."""
     found: dict[str, Any] = {"bounds": [], "bounds_omitted": omitted(record)}
-    guarantee, V, schedule = record.system.guarantee, record.signals.V, record.system.schedule
-    if guarantee is not None and V is not None:
-        covered = record.course(V).before(record.until)
-        if len(covered.V) > 1:
-            found["bounds"] = bounds(covered, guarantee, schedule.crowded)
+    guarantee = record.system.guarantee
+    if guarantee is not None:
+        covered = record.course.before(record.until)
+        if len(covered.t) > 1:
+            found["bounds"] = guarantee.bounds(covered)
     if is_local(record.system.spec.nonlinearities):
         found["validity"] = validity(record.left, guarantee is not None)
     return found

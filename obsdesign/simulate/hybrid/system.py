@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import SporadicGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
+from obsdesign.families.guarantee import SampledGuarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.coupled import block_terms
 from obsdesign.simulate.hybrid.sampling import Schedule
@@ -42,8 +42,8 @@ class Hybrid:
 
         s = (z, eps, theta, integral of |yp|^2, integral of |w|^2, b, j, y)
 
-    with b' = -2 decay b + gamma^2 |w|^2 and b+ = b + exp(delta tau) eta' P2 eta, so that
-    V(t) <= exp(-2 decay t) V(0) + b(t), the number j of measurements received, and the last of them, y.
+    with b' = -2 alpha b + c |w|^2 between measurements and, at each, b+ = b + what its noise adds to V, so that
+    V(t) <= exp(-2 alpha t) V(0) + b(t), the number j of measurements received, and the last of them, y.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Hybrid:
         gains: Mapping[str, Array],
         schedule: Schedule,
         noise: Array,
-        guarantee: SporadicGuarantee | None,
+        guarantee: SampledGuarantee | None,
     ) -> None:
         require_simulable(spec)
         self.spec, self.schedule, self.noise, self.guarantee = spec, schedule, noise, guarantee
@@ -92,7 +92,7 @@ class Hybrid:
         self.f = Stack(both(block_terms(spec, known), len(known), nq), len(known) + 2 * nq)
         self.still = np.zeros(1 + self.ny)  # rates of j and y
         self.matrix, self.E = self.linear(), self.nonlinear()
-        self.decay, self.supply = (guarantee.decay, guarantee.gamma**2) if guarantee else (0.0, 0.0)
+        self.decay, self.supply = guarantee.rates() if guarantee else (0.0, 0.0)
         self.kicks = self.storage_of_noise()
 
     def linear(self) -> Array:
@@ -115,12 +115,11 @@ class Hybrid:
         return np.vstack([np.hstack([Bf, 0 * Bf]), np.hstack([Bf, -Bf]), np.zeros((self.ny, 2 * Bf.shape[1]))])
 
     def storage_of_noise(self) -> Vector:
-        """What the noise of each measurement adds to V, exp(delta tau) eta' P2 eta, (K,)."""
+        """What the noise of each measurement adds to V, (K,)."""
         if self.guarantee is None:
             return np.zeros(len(self.noise))
         count = np.arange(1, len(self.noise) + 1)
-        weight = np.exp(self.guarantee.delta * self.schedule.timer(self.schedule.received, count))
-        return np.asarray(weight * np.einsum("ki,ij,kj->k", self.noise, self.guarantee.P2, self.noise))
+        return self.guarantee.added(self.noise, self.schedule.timer(self.schedule.received, count))
 
     def start(self, z0: Vector, zhat0: Vector, theta0: Vector) -> Vector:
         """Return the initial s; y is what the observer supposes, C zhat + gy + theta."""

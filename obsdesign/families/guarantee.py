@@ -1,0 +1,167 @@
+"""What every guarantee says of a run, and the bounds that come of it."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Literal, NamedTuple, NotRequired, Protocol, TypedDict
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+
+ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality
+RESOLVED = 1e-9  # of the largest error: what the integration tells from zero
+LAST = 0.8  # of the run: the limit of an error for t -> infinity is looked for after that
+
+
+class Bound(TypedDict):
+    """A quantity of a run beside what is proved of it."""
+
+    name: str
+    value: float
+    bound: float
+    holds: bool
+    time: NotRequired[float]  # s, of a bound for all t: where it is tightest
+
+
+class Rates(NamedTuple):
+    """Numbers of b' = -2 alpha b + c |v|^2, with which V(t) <= exp(-2 alpha t) V(0) + b(t)."""
+
+    alpha: float  # 1/s
+    c: float
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What the jumps at measurements do to a run, up to each instant."""
+
+    mismatch: Array  # (M, ny): theta~ = C e - theta
+    timer: Array  # (M,), s: what is left to the next measurement
+    eta_sup: Array  # (M,): largest noise |eta|
+    added: Array  # (M,): sum of what the noise has added to V
+    crowded: float  # s, of the first measurement that follows another sooner than the guarantee expects
+
+
+@dataclass(frozen=True)
+class Course:
+    """The error along a run, with what its bounds are made of up to each instant."""
+
+    t: Array  # (M,), s
+    e: Array  # (M, n + nm)
+    z: Array  # (M,): |z|
+    z2: Array  # (M,): integral of |z|^2
+    v2: Array  # (M,): integral of |v|^2
+    v_sup: Array  # (M,): largest |v|
+    b: Array  # (M,), as in `Rates`
+    drive: str = "v"  # letter of v
+    measurements: Measurements | None = None
+
+    def before(self, time: float) -> "Course":
+        """Return the part before a time."""
+        early = self.t < time
+        part = replace(self, **arrays(self, early))
+        if self.measurements is None:
+            return part
+        return replace(part, measurements=replace(self.measurements, **arrays(self.measurements, early)))
+
+    def late(self) -> Array:
+        """Which instants belong to the last fifth of the run, (M,)."""
+        return np.asarray(self.t >= LAST * self.t[-1])
+
+
+def arrays(record: Course | Measurements, which: Array) -> dict[str, Any]:
+    """Some rows of every array of a record, by the names of its fields."""
+    columns = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {name: column[which] for name, column in columns.items() if isinstance(column, np.ndarray)}
+
+
+class InputBound(Protocol):
+    """A bound on the error what - w of an unknown input that is reconstructed."""
+
+    def check(
+        self, course: Course, limsup: float, rates: tuple[Array, Array], w_rate: float
+    ) -> tuple[dict[str, Any], Bound]:
+        """Hold the bound against limsup |what - w| of a run, given (x', e') along it, (M, n) each, and sup |w'|.
+
+        Returns
+        -------
+        tuple
+            What the bound is made of, for the summary, and the bound.
+        """
+
+
+class Guarantee(Protocol):
+    """What is proved of the gains of an observer, for every run that it covers; V is its storage function."""
+
+    norm: ClassVar[Literal["norm2", "sup"]]  # of z and v, which gamma relates
+    signals: ClassVar[str]  # v that it covers
+    symbol: ClassVar[str]  # of alpha, in mathematics of TeX
+
+    @property
+    def gamma(self) -> float:
+        """Gain from v to z."""
+
+    @property
+    def reconstruction(self) -> InputBound | None:
+        """What is proved of an unknown input that is reconstructed, if anything."""
+
+    def rates(self) -> Rates:
+        """Rate at which V decays, and what |v|^2 adds to it."""
+
+    def storage(self, course: Course) -> Array:
+        """V along a run, (M,)."""
+
+    def bounds(self, course: Course) -> list[Bound]:
+        """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest.
+
+        Parameters
+        ----------
+        course
+            Up to where the guarantee holds; at least two instants.
+        """
+
+
+class SampledGuarantee(Guarantee, Protocol):
+    """A guarantee of an observer that receives measurements T1 to T2 apart."""
+
+    @property
+    def T1(self) -> float:
+        """Shortest interval between measurements, s."""
+
+    @property
+    def T2(self) -> float:
+        """Longest interval between measurements, s."""
+
+    def added(self, eta: Array, timer: Array) -> Array:
+        """What the noise (K, ny) of measurements adds to V, (K,), for the times to the measurements after them."""
+
+    def distance_bound(self, V_bound: Array) -> Array:
+        """What a bound on V says of |x|_A, the length of (e, theta~)."""
+
+
+def envelope(guarantee: Guarantee, course: Course, V: Array) -> Array:
+    """Bound on V: exp(-2 alpha t) V(0) + b(t), (M,)."""
+    return np.asarray(np.exp(-2 * guarantee.rates().alpha * course.t) * V[0] + course.b)
+
+
+def bound(name: str, value: float, limit: float, resolved: float = 0.0) -> Bound:
+    """One bound; a value that exceeds it by no more than the integration resolves keeps it."""
+    return {
+        "name": name,
+        "value": float(value),
+        "bound": float(limit),
+        "holds": bool(value <= limit * (1 + ROUNDING) + resolved),
+    }
+
+
+def tightest(name: str, t: Array, value: Array, limit: Array, peak: float | None = None) -> Bound:
+    """Return a bound for all t > 0, at the instant where the value is the largest part of it.
+
+    Parameters
+    ----------
+    peak
+        Largest value of the run, if it is not among these.
+    """
+    after = t > 0 if t[-1] > 0 else t >= 0
+    t, value, limit = t[after], value[after], limit[after]
+    resolved = RESOLVED * (float(value.max()) if peak is None else peak)
+    i = int(np.argmax(value / np.maximum(limit + resolved, np.finfo(float).tiny)))
+    return {**bound(name, value[i], limit[i], resolved), "time": float(t[i])}

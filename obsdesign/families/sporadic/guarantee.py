@@ -1,0 +1,148 @@
+"""What is proved of an observer whose measurements arrive sporadically."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from obsdesign.families.guarantee import Bound, Course, InputBound, Measurements, Rates, bound, envelope, tightest
+from obsdesign.lmi.formula import Array
+
+
+@dataclass(frozen=True)
+class SporadicGuarantee:
+    """What holds of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2.
+
+    With the error eps = z - zhat, theta~ = C eps - theta, and the time tau that is left to the next measurement,
+
+        V = eps' P1 eps + exp(delta tau) theta~' P2 theta~
+
+    satisfies V' <= -2 decay V - |yp|^2 + gamma^2 |w|^2 between measurements, and V+ <= V + exp(delta tau) eta' P2 eta
+    at each, where eta is its noise. This is Theorem 2 of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech on L2 state
+    estimation in the presence of sporadic measurements. T1 plays a part in the bound on the effect of noise only.
+
+    Its constants are those of rho1 |x|_A^2 <= V <= rho2 |x|_A^2, where A is the set of the states with
+    eps = theta~ = 0, and |x|_A the length of (eps, theta~).
+    """
+
+    norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
+    signals: ClassVar[str] = "square integrable"
+    symbol: ClassVar[str] = r"$\lambda$"
+
+    gamma: float
+    decay: float  # 1/s
+    delta: float  # 1/s
+    T1: float  # s
+    T2: float  # s
+    P1: Array  # (n, n), positive definite
+    P2: Array  # (ny, ny), positive definite
+
+    @property
+    def reconstruction(self) -> InputBound | None:
+        """Nothing: w is not reconstructed."""
+        return None
+
+    @cached_property
+    def rho1(self) -> float:
+        """Smallest V of |x|_A = 1."""
+        return float(min(np.linalg.eigvalsh(P)[0] for P in (self.P1, self.P2)))
+
+    @cached_property
+    def omega2(self) -> float:
+        """Largest V of |theta~| = 1, eps = 0: what a noise of this size adds at most."""
+        return float(np.linalg.eigvalsh(self.P2)[-1] * np.exp(self.delta * self.T2))
+
+    @cached_property
+    def rho2(self) -> float:
+        """Largest V of |x|_A = 1."""
+        return max(float(np.linalg.eigvalsh(self.P1)[-1]), self.omega2)
+
+    def rates(self) -> Rates:
+        """V' <= -2 decay V + gamma^2 |w|^2."""
+        return Rates(self.decay, self.gamma**2)
+
+    def added(self, eta: Array, timer: Array) -> Array:
+        """What the noise (K, ny) of measurements adds to V, exp(delta tau) eta' P2 eta, (K,)."""
+        return np.asarray(np.exp(self.delta * timer) * np.einsum("ki,ij,kj->k", eta, self.P2, eta))
+
+    def storage(self, course: Course) -> Array:
+        """V along a run, (M,)."""
+        at = measurements(course)
+        V1 = np.einsum("ti,ij,tj->t", course.e, self.P1, course.e)
+        return np.asarray(V1 + self.added(at.mismatch, at.timer))
+
+    def distance_bound(self, V_bound: Array) -> Array:
+        """What a bound on V says of |x|_A."""
+        return np.asarray(np.sqrt(V_bound / self.rho1))
+
+    def bounds(self, course: Course) -> list[Bound]:
+        """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest."""
+        at, V, size = measurements(course), self.storage(course), distance(course)
+        zero_input = not course.v2[-1] and not at.eta_sup[-1]
+        early = course.t < at.crowded if at.eta_sup[-1] else np.full(len(V), True)
+        return [
+            self.decreases(course, V),
+            *([self.descends(course, V)] if zero_input else []),
+            *self.gains(course, V[0], size[0]),
+            *(self.stays(course, size, early) if early.sum() > 1 else []),
+        ]
+
+    def decreases(self, course: Course, V: Array) -> Bound:
+        """Bound V(t) by what is left of V(0) and what w and eta have added since."""
+        added = " + gamma^2 integral exp(-2 decay (t-s)) |w(s)|^2 ds" if course.v2[-1] else ""
+        noisy = measurements(course).eta_sup[-1]
+        added += " + sum exp(-2 decay (t-t_k) + delta tau) eta' P2 eta" if noisy else ""
+        limit = envelope(self, course, V)
+        return tightest(f"sqrt(V(t)) <= sqrt(exp(-2 decay t) V(0){added})", course.t, np.sqrt(V), np.sqrt(limit))
+
+    def descends(self, course: Course, V: Array) -> Bound:
+        """Bound V at zero input by the V of the instant before: V exp(2 decay t) never increases."""
+        t, root = course.t, np.sqrt(V)
+        limit = np.exp(-self.decay * np.diff(t)) * root[:-1]
+        return tightest("sqrt(V) exp(decay t) never increases", t[1:], root[1:], limit, float(root.max()))
+
+    def gains(self, course: Course, V0: float, size: float) -> list[Bound]:
+        """Bound norm2(yp), by (25) of the paper with noise, and by (ii) of its Theorem 1 with sqrt(rho2) for rho2."""
+        at = measurements(course)
+        yp, w = float(np.sqrt(course.z2[-1])), self.gamma * float(np.sqrt(course.v2[-1]))
+        noise = " + sum exp(delta tau) eta' P2 eta" if at.eta_sup[-1] else ""
+        name = f"norm2(yp) <= sqrt(V(0) + gamma^2 norm2(w)^2{noise})"
+        tight = bound(name, yp, float(np.sqrt(V0 + w**2 + at.added[-1])))
+        if noise:
+            return [tight]
+        size = float(np.sqrt(self.rho2) * size)
+        return [tight, bound("norm2(yp) <= sqrt(rho2) |x(0)|_A + gamma norm2(w)", yp, size + w)]
+
+    def stays(self, course: Course, size: Array, early: Array) -> list[Bound]:
+        """Bound |x|_A by the largest w and eta, by (23) of the paper with 1/rho1 and the tight sum of its Lemma 2.
+
+        Parameters
+        ----------
+        size
+            |x|_A, (M,).
+        early
+            Instants to which the bound applies, (M,).
+        """
+        t, w_sup, eta_sup = (column[early] for column in (course.t, course.v_sup, measurements(course).eta_sup))
+        limit = np.sqrt(self.rho2 / self.rho1) * np.exp(-self.decay * t) * size[0]
+        name = "|x(t)|_A <= sqrt(rho2/rho1) exp(-decay t) |x(0)|_A"
+        if w_sup[-1]:
+            name += " + gamma/sqrt(2 decay rho1) sup|w|"
+            limit = limit + self.gamma / np.sqrt(2 * self.decay * self.rho1) * w_sup
+        if eta_sup[-1]:
+            name += " + sqrt(omega2/rho1/(1 - exp(-2 decay T1))) sup|eta|"
+            forgotten = -np.expm1(-2 * self.decay * self.T1)
+            limit = limit + np.sqrt(self.omega2 / self.rho1 / forgotten) * eta_sup
+        return [tightest(name, t, size[early], limit)]
+
+
+def measurements(course: Course) -> Measurements:
+    """What the jumps of a run do; there is no such guarantee without."""
+    assert course.measurements
+    return course.measurements
+
+
+def distance(course: Course) -> Array:
+    """|x|_A, the length of (eps, theta~), (M,)."""
+    return np.asarray(np.linalg.norm(np.hstack([course.e, measurements(course).mismatch]), axis=1))
