@@ -5,7 +5,7 @@ from math import inf, isfinite
 from typing import Any
 
 from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
-from obsdesign.nonlinearities.evidence.automatic import proved
+from obsdesign.nonlinearities.evidence.automatic import lipschitz_proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.spec import Nonlinearity, Spec
@@ -77,7 +77,7 @@ def entry(name: str, block: Nonlinearity) -> dict[str, Any]:
     report["region"] = {f.shown(q): [end if isfinite(end) else None for end in f.box[q]] for q in used(f)}
     if block.lipschitz:
         declared = max(block.lipschitz)
-        report |= {"declared": float(declared), "proved": proved(f, "lipschitz", declared)}
+        report |= {"declared": float(declared), "proved": lipschitz_proved(f, declared)}
     return report | bounds(f, lipschitz_constant(f))
 
 

@@ -3,16 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.families.incremental.request import Request
-from obsdesign.families.lipschitz.request import LipschitzRequest
-from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.plant import Plant
@@ -20,6 +17,16 @@ from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
 
 Vector = npt.NDArray[np.float64]
+
+
+def numbered(letter: str, count: int) -> tuple[str, ...]:
+    """Default names: x1, x2, .."""
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def arguments(nq: int) -> tuple[str, ...]:
+    """Names of the argument of a nonlinearity in its expressions; a single component is also q."""
+    return ("q", "q1") if nq == 1 else numbered("q", nq)
 
 
 @dataclass(frozen=True)
@@ -65,6 +72,26 @@ class Simulation:
     theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
 
 
+class Request(Protocol):
+    """What is asked of the observer, in the numbers of the spec: what any stage may ask of any family."""
+
+    @property
+    def type(self) -> str:
+        """Value of `observer.type`."""
+
+    @property
+    def drive(self) -> str:
+        """Letter of what drives the augmented plant, as the source of the family has it: v, or w."""
+
+    @property
+    def reconstruct(self) -> bool:
+        """Whether w is estimated by pinv(B) L1 (yhat - y)."""
+
+    @property
+    def gains(self) -> Mapping[str, Array] | None:
+        """Gains to be analyzed instead of designed."""
+
+
 @dataclass(frozen=True)
 class Spec:
     """One estimation problem."""
@@ -86,38 +113,17 @@ class Spec:
     gy: tuple[Expression, ...]  # (ny,) of t and the inputs
     H: Array  # (nz, n + nm): z = H e
     H_names: tuple[str, ...]
-    observer: Request | SporadicRequest | LipschitzRequest
+    observer: Request
     simulation: Simulation | None
     expect: Mapping[str, Any]
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
 
     @property
-    def incremental(self) -> Request:
-        """Request for an observer with the gains L1 and L2."""
-        assert isinstance(self.observer, Request)
+    def incremental(self) -> Any:
+        """Request; its family knows its type."""
         return self.observer
 
-    @property
-    def sporadic(self) -> SporadicRequest:
-        """Request for an observer whose measurements arrive sporadically."""
-        assert isinstance(self.observer, SporadicRequest)
-        return self.observer
-
-    @property
-    def lipschitz(self) -> LipschitzRequest:
-        """Request for an observer of a Lipschitz system."""
-        assert isinstance(self.observer, LipschitzRequest)
-        return self.observer
-
-    @property
-    def reconstructs(self) -> bool:
-        """Whether the observer estimates w by pinv(B) L1 (yhat - y)."""
-        return isinstance(self.observer, Request) and self.observer.reconstruct
-
-    @property
-    def drive(self) -> str:
-        """Letter of what drives the augmented plant, as the paper of the family has it."""
-        return "w" if isinstance(self.observer, LipschitzRequest) and not len(self.generator.Am) else "v"
+    sporadic = lipschitz = incremental
 
     @property
     def disturbed(self) -> bool:

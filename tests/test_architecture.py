@@ -17,19 +17,18 @@ LAYERS = (
     ("cli",),
     ("files.result", "files.verification", "plot", "tables", "examine"),
     ("work", "simulate"),
+    ("families.incremental.verify", "families.lipschitz.verify", "families.sporadic.verify"),
+    ("files.read",),
+    ("reading",),
     ("families",),
-    ("dissipation.certificate", "dissipation.claim", "dissipation.gain", "dissipation.zero", "files.read", "constants"),
+    ("dissipation.certificate", "dissipation.claim", "dissipation.gain", "dissipation.zero", "constants"),
     (
         "families.incremental.theorems",
         "families.incremental.reconstruction",
         "families.lipschitz.claim",
     ),
-    ("reading",),
     ("spec",),
     (
-        "families.incremental.request",
-        "families.lipschitz.request",
-        "families.sporadic.request",
         "families.sporadic.theorem",
         "families.sporadic.certificate",
         "families.incremental.l2",
@@ -42,6 +41,7 @@ LAYERS = (
     ("nonlinearities", "dissipation"),
     ("families.guarantee",),
     ("model",),
+    ("sections",),
     ("lmi", "expressions", "files", "tables.text"),
     ("errors",),
 )
@@ -54,10 +54,9 @@ APART = {
 WALLS = {  # vendor: the only files that may import it
     "clarabel": {"lmi/solvers.py"},
     "cvxpy": {"lmi/solvers.py"},
-    "yaml": {"reading/document.py"},
+    "yaml": {"sections/document.py"},
     "matplotlib": {"plot/canvas.py"},
     "typer": {"cli.py"},
-    "pydantic": {"reading/schema.py", "reading/families.py", "reading/structure.py", "reading/forms.py"},
 }
 LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel"}  # imported only inside the functions that use them
 SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Interval, parse
 from obsdesign.nonlinearities import TEMPLATES
-from obsdesign.nonlinearities.evidence.automatic import AUTOMATIC, choose, outward, proved
-from obsdesign.nonlinearities.evidence.claims import claims
+from obsdesign.nonlinearities.evidence.automatic import choose, outward
 from obsdesign.nonlinearities.evidence.continuity import continuous
 from obsdesign.nonlinearities.evidence.enclosure import enclosure, supremum
 from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.restriction import Restriction
+
+DERIVED = {"auto": choose} | {name: type_.derive for name, type_ in TEMPLATES.items() if type_.derive}
 
 INF = np.inf
 NAMES = ("q", "q1", "q2", "q3", "t", "y1")
@@ -221,7 +222,7 @@ def test_many_entries_that_vary_give_a_lipschitz_constant():
 def test_whatever_is_derived_holds_for_every_pair(f, nq, region):
     where = on(*f, nq=nq, **region)
     choices = [choose(where)]
-    for derive in AUTOMATIC.values():
+    for derive in DERIVED.values():
         with suppress(UsageError):
             choices.append(derive(where))
     assert len(choices) > 2
@@ -230,7 +231,7 @@ def test_whatever_is_derived_holds_for_every_pair(f, nq, region):
     second[:, ::2] = first[:, ::2] + 1e-3 * (second[:, ::2] - first[:, ::2])
     at = [np.array([g.function(where.arguments)(*points) for g in where.f]) for points in (first, second)]
     for choice in choices:
-        for claim in claims(choice.name, choice.data, TEMPLATES[choice.name](choice.data, nq, len(f))):
+        for claim in TEMPLATES[choice.name].claims(choice.data, TEMPLATES[choice.name](choice.data, nq, len(f))):
             assert claim.violation((first - second).T, (at[0] - at[1]).T).min() > -1e-9
 
 
@@ -254,7 +255,7 @@ def test_entries_that_are_the_same_expression_vary_together():
 )
 def test_what_cannot_be_derived_is_refused_in_one_line(kind, f, nq, words):
     with pytest.raises(UsageError) as caught:
-        AUTOMATIC[kind](on(*f, nq=nq))
+        DERIVED[kind](on(*f, nq=nq))
     (problem,) = caught.value.problems
     assert words in problem.message
 
@@ -283,4 +284,4 @@ def test_rounding_goes_outward_and_prints_12_digits(value):
     ],
 )
 def test_only_what_holds_is_proved(f, region, name, data, holds):
-    assert proved(on(f, **region), name, data) is holds
+    assert TEMPLATES[name].proved(on(f, **region), data) is holds

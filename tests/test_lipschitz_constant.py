@@ -14,7 +14,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.lipschitz.coordinates import scaling
-from obsdesign.nonlinearities.evidence.automatic import proved
+from obsdesign.nonlinearities.evidence.automatic import lipschitz_proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.norm import enclosed, largest_norm, radius_norm, uncoupled
 from obsdesign.nonlinearities.evidence.restriction import Restriction
@@ -186,8 +186,8 @@ def test_a_finite_constant_that_is_not_proved_is_not_called_infinite(f, region):
 def test_a_declared_constant_is_proved_to_its_last_digit(k, holds):
     from obsdesign.lmi.formula import rational_number
 
-    assert proved(on("-3.33*sin(q)"), "lipschitz", rational_number(k)) is holds
-    assert proved(on("-3.33*sin(q1)", "1.5*q2", nq=2), "lipschitz", rational_number(k)) is holds
+    assert lipschitz_proved(on("-3.33*sin(q)"), rational_number(k)) is holds
+    assert lipschitz_proved(on("-3.33*sin(q1)", "1.5*q2", nq=2), rational_number(k)) is holds
 
 
 # The command

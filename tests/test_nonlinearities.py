@@ -227,7 +227,7 @@ SLOPES = {
 def test_a_library_function_satisfies_its_template_which_is_as_narrow_as_can_be(name):
     f = parse(FUNCTIONS[name].f, ["q"]).function(["q"])
     a, b = SLOPES[name]
-    M = whole(FUNCTIONS[name].template(None, 1, 1))
+    M = whole(FUNCTIONS[name](None, 1, 1))
     assert np.array_equal(M, whole(slope(bounds((a, b)), 1, 1)))
     assert smallest([M], f, 1, span=8) >= -1e-6
     assert smallest([whole(slope(bounds((a + 0.05, b)), 1, 1))], f, 1, span=8) < -1e-3

@@ -13,7 +13,7 @@ from obsdesign.expressions import Interval, parse
 from obsdesign.expressions.interval import point
 from obsdesign.lmi.formula import rational
 from obsdesign.nonlinearities import TEMPLATES
-from obsdesign.nonlinearities.evidence.claims import Hull, Quadratic, claims
+from obsdesign.nonlinearities.evidence.claims import Hull, Quadratic
 from obsdesign.nonlinearities.evidence.refutation import counterexample
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.reading import loads
@@ -28,7 +28,7 @@ def on(*f, nq=1, **region):
 
 
 def search(f, name, data):
-    return counterexample(f, name, data, TEMPLATES[name](data, f.nq, len(f.f)))
+    return counterexample(f, TEMPLATES[name].claims(data, TEMPLATES[name](data, f.nq, len(f.f))))
 
 
 def row(*entries):
@@ -44,7 +44,7 @@ def refutes(f, name, data, found):
     ends = [{name: point(x) for name, x in end.items()} for end in (found.first, found.second)]
     dq = [found.first[q] - found.second[q] for q in f.arguments]
     df = [g.enclose(ends[0]) + -g.enclose(ends[1]) for g in f.f]
-    for claim in claims(name, data, TEMPLATES[name](data, f.nq, len(f.f))):
+    for claim in TEMPLATES[name].claims(data, TEMPLATES[name](data, f.nq, len(f.f))):
         if isinstance(claim, Quadratic):
             s = [*map(point, dq), *df]
             value = Interval(np.array(0.0), np.array(0.0))

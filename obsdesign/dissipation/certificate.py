@@ -15,8 +15,7 @@ from obsdesign.families.lipschitz.claim import LipschitzClaim
 from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
 from obsdesign.lmi.proof import Check, prove
 from obsdesign.model import loop
-from obsdesign.reading.names import arguments
-from obsdesign.spec import Spec
+from obsdesign.spec import Spec, arguments
 
 
 @dataclass(frozen=True)
@@ -176,7 +175,7 @@ def lipschitz_claim(
     spec: Spec, lipschitz: fmpq, guarantee: Quadratic, admissible: tuple[fmpq, Quadratic] | None
 ) -> LipschitzClaim:
     """What a Lipschitz constant, and a larger one, that are proved for a gain say of the plant of a spec."""
-    drive = spec.drive if spec.disturbed else ""
+    drive = spec.observer.drive if spec.disturbed else ""
     return LipschitzClaim(spec.lipschitz.lipschitz, lipschitz, guarantee, admissible, drive, spec.validity)
 
 

@@ -1,15 +1,50 @@
 """What a family of observers is to the rest: all that a stage may know of it."""
 
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from obsdesign.families.asked import Estimation, ObserverSection
+    from obsdesign.sections.values import Reader
+    from obsdesign.spec import Nonlinearity, Request
 
 
 class Family(Protocol):
     """A family of observers: one object, in the `__init__.py` of its folder; its methods import what they use."""
+
+    unstructured: bool = False  # f acts on every state through every state, unless Bf and Cq are given
+    sampled: bool = False  # y is known at instants only, and `simulation:` may say at which
 
     @property
     def names(self) -> tuple[str, ...]:
         """Values of `observer.type`."""
 
     @property
-    def Section(self) -> Any:
+    def Section(self) -> "type[ObserverSection]":
         """Keys of the section `observer:`; what messages and the JSON Schema say of them comes from here."""
+
+    def nonlinearities(
+        self,
+        reader: "Reader",  # noqa: ARG002
+        plant: "Sequence[Nonlinearity | None]",
+        model: "Sequence[Nonlinearity | None]",
+    ) -> "tuple[Nonlinearity, ...]":
+        """Blocks of f as the family takes them; a block that is None was refused already.
+
+        Parameters
+        ----------
+        plant, model
+            Those of the plant and of the disturbance model.
+        """
+        return tuple(block for block in (*plant, *model) if block is not None)
+
+    def request(self, reader: "Reader", section: Any, problem: "Estimation") -> "Request":
+        """What a spec asks for, in its numbers; what the family cannot take is noted in the reader.
+
+        Parameters
+        ----------
+        section
+            Of the type `Section`.
+        problem
+            The plant and what of its error must be small, as far as they were read.
+        """

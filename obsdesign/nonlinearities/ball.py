@@ -1,8 +1,15 @@
 """Nonlinearities near a linear map."""
 
+from dataclasses import dataclass
+
+from flint import fmpq
+
 from obsdesign.lmi.formula import Array, identity
 from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.nonlinearities.data import Matrices
 from obsdesign.nonlinearities.sizes import require_shape
+from obsdesign.nonlinearities.template import Template
+from obsdesign.sections.forms import MATRIX, Section, key, required
 
 
 def ball(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
@@ -22,3 +29,14 @@ def ball(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
     require_shape("ball: K", K, nf, nq)
     require_shape("ball: W", W, len(W), nq)
     return Multiplier((Scaled(K, W.mT @ W - K.mT @ K, K.mT, -identity(nf, K)),))
+
+
+@dataclass(frozen=True)
+class Ball(Section):
+    """norm(df - K dq) <= norm(W dq)."""
+
+    K: str | list[str] | list[list[str]] | None = key(MATRIX, "nf x nq, default 0")
+    W: str | list[str] | list[list[str]] = required(MATRIX, "with nq columns")
+
+
+BALL = Template(ball, Matrices(Ball, wide=("W",)), square=False, inequalities=(("|W dq|^2 - |df - K dq|^2", fmpq(1)),))

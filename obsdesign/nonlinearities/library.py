@@ -1,42 +1,45 @@
 """Functions whose type is known: f is given, and with it the tightest template."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from typing import Any
 
 from flint import fmpq
 
 from obsdesign.model.multiplier import Multiplier
-from obsdesign.nonlinearities.monotone import monotone
+from obsdesign.nonlinearities.monotone import MONOTONE
 from obsdesign.nonlinearities.slope import slope
+from obsdesign.nonlinearities.template import Slopes, Template
 
 
 @dataclass(frozen=True)
-class Function:
-    """A scalar function, applied to each component of q, and the template of its slope."""
+class Within(Template):
+    """A scalar function, applied to each component of q, with slopes from the first to the second number."""
 
-    f: str  # expression of q
-    template: Callable[[None, int, int], Multiplier]
+    low: int = 0
+    high: int = 1
+
+    def slopes(self, data: None, nq: int) -> Slopes:  # noqa: ARG002
+        """Both bounds, attained."""
+        return [(fmpq(self.low), fmpq(self.high))] * nq
 
 
-def within(low: int, high: int) -> Callable[[None, int, int], Multiplier]:
-    """Template of the slope bound [low, high] for every component."""
-    return partial(repeated, fmpq(low), fmpq(high))
+def within(low: int, high: int, f: str) -> Within:
+    """Type of the function f(q) with slopes in [low, high]."""
 
+    def repeated(data: Any, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
+        return slope([(fmpq(low), fmpq(high))] * nq, nq, nf)
 
-def repeated(low: fmpq, high: fmpq, data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
-    """Slope in [low, high] for each of nq components."""
-    return slope([(low, high)] * nq, nq, nf)
+    return Within(repeated, f=f, low=low, high=high)
 
 
 FUNCTIONS = {
-    "q|q|": Function("q*abs(q)", monotone),
-    "cubic": Function("q**3", monotone),
-    "sin": Function("sin(q)", within(-1, 1)),
-    "cos": Function("cos(q)", within(-1, 1)),
-    "tanh": Function("tanh(q)", within(0, 1)),
-    "atan": Function("atan(q)", within(0, 1)),
-    "sat": Function("sat(q)", within(0, 1)),
-    "deadzone": Function("q - sat(q)", within(0, 1)),
-    "relu": Function("max(q, 0)", within(0, 1)),
+    "q|q|": replace(MONOTONE, f="q*abs(q)"),
+    "cubic": replace(MONOTONE, f="q**3"),
+    "sin": within(-1, 1, "sin(q)"),
+    "cos": within(-1, 1, "cos(q)"),
+    "tanh": within(0, 1, "tanh(q)"),
+    "atan": within(0, 1, "atan(q)"),
+    "sat": within(0, 1, "sat(q)"),
+    "deadzone": within(0, 1, "q - sat(q)"),
+    "relu": within(0, 1, "max(q, 0)"),
 }

@@ -1,12 +1,17 @@
 """One-sided Lipschitz nonlinearities with quadratic inner boundedness."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled, Sum
+from obsdesign.nonlinearities.data import Constants
 from obsdesign.nonlinearities.sizes import require_as_many
+from obsdesign.nonlinearities.template import Template
+from obsdesign.sections.forms import ENTRY, Section, required
 
 
 def one_sided_lipschitz(data: tuple[fmpq, fmpq, fmpq], nq: int, nf: int) -> Multiplier:
@@ -47,3 +52,19 @@ def linear_member(rho: fmpq, beta: fmpq, phi: fmpq) -> fmpq:
         f"one-sided-lipschitz: no f satisfies both inequalities: they need a number k <= {rho} "
         f"with k^2 <= {beta} + {phi} k, and there is none"
     )
+
+
+@dataclass(frozen=True)
+class OneSidedLipschitz(Section):
+    """dq'df <= rho dq'dq and df'df <= beta dq'dq + phi dq'df."""
+
+    rho: str = required(ENTRY)
+    beta: str = required(ENTRY)
+    phi: str = required(ENTRY)
+
+
+ONE_SIDED_LIPSCHITZ = Template(
+    one_sided_lipschitz,
+    Constants(OneSidedLipschitz),
+    inequalities=(("rho dq' dq - dq' df", fmpq(1, 2)), ("beta dq' dq + phi dq' df - df' df", fmpq(1))),
+)

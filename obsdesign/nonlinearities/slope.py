@@ -1,17 +1,27 @@
 """Componentwise slope bounds: f_i(q) depends on q_i only."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.nonlinearities.data import Data
+from obsdesign.nonlinearities.evidence import automatic
+from obsdesign.nonlinearities.evidence.claims import Claim, SlopeBounds, generators
+from obsdesign.nonlinearities.template import Slopes, Template
+from obsdesign.sections.document import Loc, described
+from obsdesign.sections.forms import VECTOR, Either, ListOf, Word
+from obsdesign.sections.values import Reader, Size
 
-Slopes = Sequence[tuple[fmpq, fmpq | None]]
+INFINITE = (".inf", "+.inf", ".Inf", "+.Inf", ".INF", "+.INF")
+FORM = "[lo, hi], or auto"
 
 
-def slope(bounds: Slopes, nq: int, nf: int) -> Multiplier:
+def slope(bounds: Sequence[tuple[fmpq, fmpq | None]], nq: int, nf: int) -> Multiplier:
     """Slopes a_i <= df_i / dq_i <= b_i: (df_i - a_i dq_i)(b_i dq_i - df_i) >= 0, with a scale for each i.
 
     M_i = lambda_i [[-2ab, a+b], [a+b, -2]]; without an upper bound (b = None) the limit of M_i / b,
@@ -46,3 +56,60 @@ def component(a: fmpq, b: fmpq | None) -> Scaled:
     else:
         member = fmpq(0)
     return Scaled.of(rational(M), 1, rational([[member]]))
+
+
+class Bounds(Data):
+    """Lower and upper bounds, each one number for all components or a list."""
+
+    form = Either(FORM, Word("auto", FORM), *[ListOf(VECTOR, 2, 2)] * 2)
+    description = "[lo, hi], each a number or one for each component; .inf allowed for hi; or auto"
+
+    def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
+        """Lists of lower and of upper bounds."""
+        return read_bounds(reader, written[0], (*loc, 0)), read_bounds(reader, written[1], (*loc, 1), infinite=True)
+
+    def words(self, name: str, written: Any) -> str:
+        """Name and bounds."""
+        return described(f"{name} {written}".replace("'", ""))
+
+    def sizes(self, data: Any, nq: Size, nf: Size) -> tuple[Size, Size]:
+        """As many as the longer list has, where it is one."""
+        longest = max(map(len, data))
+        return nq, nf or nq or (longest if longest > 1 else None)
+
+    def fitted(self, reader: Reader, data: Any, nq: int, nf: int) -> Any:  # noqa: ARG002
+        """Pairs of bounds, one for each component.
+
+        Raises
+        ------
+        UsageError
+            There are not as many lower as upper bounds.
+        """
+        low, high = (bounds * nq if len(bounds) == 1 else bounds for bounds in data)
+        if len(low) != len(high):
+            raise UsageError(f"slope: {len(low)} lower and {len(high)} upper bounds; it takes as many of each")
+        return list(zip(low, high, strict=True))
+
+
+def read_bounds(reader: Reader, written: str | Sequence[str], loc: Loc, *, infinite: bool = False) -> list[fmpq | None]:
+    """Bounds of slopes; None is infinite."""
+    if isinstance(written, str):
+        return [None if infinite and written in INFINITE else reader.number(written, loc)]
+    reader.limit(len(written), "bounds", loc)
+    return [None if infinite and text in INFINITE else reader.number(text, (*loc, i)) for i, text in enumerate(written)]
+
+
+@dataclass(frozen=True)
+class Sloped(Template):
+    """The type, whose data are the bounds themselves."""
+
+    def claims(self, data: Any, multiplier: Multiplier) -> Iterator[Claim]:
+        """One inequality for each component."""
+        return (SlopeBounds(M, i, *data[i]) for i, M in enumerate(generators(multiplier)))
+
+    def slopes(self, data: Any, nq: int) -> Slopes:  # noqa: ARG002
+        """The bounds."""
+        return list(data)
+
+
+SLOPE = Sloped(slope, Bounds(), derive=automatic.slopes)

@@ -8,7 +8,9 @@ from flint import fmpq, fmpq_mat
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, rational
 from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.nonlinearities.data import WholeMatrix
 from obsdesign.nonlinearities.sizes import require_shape
+from obsdesign.nonlinearities.template import Template
 
 REGULARISATION = (fmpq(0), *(fmpq(1, 4**k) for k in range(20)))
 
@@ -57,3 +59,11 @@ def positive(symmetric: Array) -> bool:
     """Whether a matrix is positive semidefinite, up to rounding."""
     values = np.linalg.eigvalsh(symmetric.astype(float))
     return bool(values[0] >= -1e-12 * abs(values).max())
+
+
+USER = Template(
+    user,
+    WholeMatrix("M of [dq; df]' M [dq; df] >= 0, (nq + nf) square"),
+    square=False,
+    inequalities=(("[dq; df]' M [dq; df]", fmpq(1)),),
+)

@@ -118,7 +118,7 @@ def heading(spec: Spec, run: Run, guarantee: Guarantee | None) -> str:
     if facts[0]:
         facts[0] += f" at t = {run.time:.5g} s"
     sup = guarantee is not None and guarantee.norm == "sup"
-    for signal in ("z", spec.drive):
+    for signal in ("z", spec.observer.drive):
         key, text = (f"{signal}_sup", rf"$\sup|{signal}|$") if sup else (f"{signal}_norm2", rf"$\|{signal}\|_2$")
         if run.summary[key] is not None:
             facts.append(f"{text} = {run.summary[key]:.4g}")

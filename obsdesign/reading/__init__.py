@@ -1,18 +1,15 @@
 """Specs: from a YAML text to one estimation problem, or to everything that is wrong with it.
 
-document.py   YAML text to nodes with line and column, within safe limits
-schema.py     the models of the format (structure only), and its JSON Schema
-structure.py  a document against the models
-resolve.py    the models to the types of model.py: exact values, derived sizes, names
+schema.py     the sections of the format (structure only), and its JSON Schema
+resolve.py    the sections to the types of the design: exact values, derived sizes, names
 """
 
 import os
 
 from obsdesign.errors import UsageError
-from obsdesign.reading.document import compose, read
 from obsdesign.reading.resolve import resolve
 from obsdesign.reading.schema import json_schema
-from obsdesign.reading.structure import validate
+from obsdesign.sections.document import compose, read
 from obsdesign.spec import Noise, Nonlinearity, Simulation, Spec
 
 __all__ = ["Noise", "Nonlinearity", "Simulation", "Spec", "json_schema", "load", "loads"]
@@ -50,5 +47,4 @@ def loads(text: str, path: str = "<text>") -> Spec:
     UsageError
         One problem for everything that is wrong, with file, line, column and key.
     """
-    document = compose(text, path)
-    return resolve(document, *validate(document))
+    return resolve(compose(text, path))

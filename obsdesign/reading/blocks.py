@@ -7,26 +7,55 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, parse
-from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES, Multiplier
-from obsdesign.nonlinearities.evidence.automatic import AUTOMATIC, proved
+from obsdesign.nonlinearities import TEMPLATES, Multiplier, Template
+from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.refutation import counterexample
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range, Restriction
-from obsdesign.reading.document import Loc, dotted
-from obsdesign.reading.kinds import Kind, read_kind
-from obsdesign.reading.names import arguments
 from obsdesign.reading.region import read_region
-from obsdesign.reading.schema import Function
-from obsdesign.reading.values import Axis, Reader, Size
-from obsdesign.spec import Nonlinearity
+from obsdesign.reading.schema import AUTO, Function, TypeData
+from obsdesign.sections.document import Loc, dotted
+from obsdesign.sections.values import Axis, Reader, Size
+from obsdesign.spec import Nonlinearity, arguments
 
 ARGUMENT = re.compile(r"\bq\b")
 POINTS = np.concatenate([np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)])
-UNIT_SLOPE = ("sin", "cos", "tanh", "atan", "sat", "deadzone", "relu")  # |slope| <= 1, with equality
 TOLERANCE = 1e-9  # relative, of two ways to write the same function
+
+
+@dataclass(frozen=True)
+class Kind:
+    """The type of a block, with its data in exact numbers."""
+
+    name: str
+    text: str
+    data: Any = None  # whatever sizes q and f have
+    automatic: bool = False  # the data follow from f
+
+    def sizes(self, nq: Size, nf: Size) -> tuple[int, int]:
+        """Sizes of q and f: those that are known, or else what the type and its data say."""
+        template = TEMPLATES.get(self.name)
+        square = template is not None and template.square
+        if template is not None and template.data is not None and not self.automatic and self.data is not None:
+            nq, nf = template.data.sizes(self.data, nq, nf)
+        nf = nf or (nq if square else None) or 1
+        nq = nq or (nf if square else 1)
+        return max(nq, 1), max(nf, 1)
+
+
+def read_kind(reader: Reader, written: str | TypeData, loc: Loc) -> Kind:
+    """Type of a block with its data in exact numbers."""
+    if isinstance(written, str):
+        return Kind(written, written, automatic=written == AUTO)
+    name, value = written.name, written.data
+    data = TEMPLATES[name].data if name != AUTO else None
+    if data is None:
+        return Kind(name, name, automatic=True)
+    if value == AUTO and TEMPLATES[name].derive is not None:
+        return Kind(name, f"{name} {AUTO}", automatic=True)
+    return Kind(name, data.words(name, value), data.read(reader, value, (*loc, name)))
 
 
 @dataclass(frozen=True)
@@ -58,25 +87,15 @@ def read_block(reader: Reader, section: Function, loc: Loc, nq: Size, nf: Size) 
 class Assumption:
     """What the design may assume of f."""
 
-    name: str  # in TEMPLATES
+    template: Template
     text: str
     data: Any
     multiplier: Multiplier
 
-    @property
-    def lipschitz(self) -> tuple[fmpq, ...]:
-        """Lipschitz constant, or that of each component with a slope of its own; empty if none is known."""
-        if self.name in ("lipschitz", "cocoercive"):
-            return (self.data,)
-        if self.name in UNIT_SLOPE:
-            return (fmpq(1),) * len(self.multiplier.blocks)
-        finite = self.name == "slope" and all(high is not None for _, high in self.data)
-        return tuple(max(abs(low), abs(high)) for low, high in self.data) if finite else ()
-
     @classmethod
     def of(cls, block: Block, name: str, text: str, data: Any) -> "Assumption":
         """Assumption with the multiplier that its template makes; raises `UsageError` if it makes none."""
-        return cls(name, text, data, TEMPLATES[name](data, block.nq, block.nf))
+        return cls(TEMPLATES[name], text, data, TEMPLATES[name](data, block.nq, block.nf))
 
 
 def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None) -> Nonlinearity | None:
@@ -100,8 +119,8 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
         return None
     if declared is None:
         declared = derive(reader, block, f, region)
-    elif f is not None and block.kind.name in FUNCTIONS:
-        compare(reader, block, f, known)
+    elif f is not None and declared.template.f is not None:
+        compare(reader, block, declared.template.f, f, known)
     elif f is not None:
         examine(reader, block, declared, f, region)
     if declared is None:
@@ -110,14 +129,16 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
     limits = tuple((own | region)[q] for q in own)
     others = {name: limits for name, limits in region.items() if name not in own}
     local = None if set(limits) == {EVERYWHERE} else limits
-    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, declared.lipschitz)
+    constants = declared.template.constants(declared.data, block.nq)
+    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, constants)
 
 
 def read_declared(reader: Reader, block: Block) -> Assumption | None:
     """Type as it is declared; None after an error."""
     kind = block.kind
     try:
-        data = kind.template_data(reader, block.nq, block.nf)
+        form = TEMPLATES[kind.name].data
+        data = None if form is None else form.fitted(reader, kind.data, block.nq, block.nf)
         if reader.clean((*block.loc, "type")):
             return Assumption.of(block, kind.name, kind.text, data)
     except UsageError as error:
@@ -139,7 +160,9 @@ def derive(
         reader.wrong(place, f"{block.kind.text} is derived from f; give f")
         return None
     try:
-        choice = AUTOMATIC[block.kind.name](restricted(f, block.nq, region))
+        derivation = TEMPLATES[block.kind.name].derive if block.kind.name != AUTO else choose
+        assert derivation is not None  # or the type would not be automatic
+        choice = derivation(restricted(f, block.nq, region))
         derived = Assumption.of(block, choice.name, f"{choice.text} (auto)", choice.data)
     except UsageError as error:
         reader.wrong(place, error.problems[0].message)
@@ -153,17 +176,17 @@ def examine(
 ) -> None:
     """Prove a declared type, or refute it; what is neither is the assumption of the user."""
     where, place = restricted(f, block.nq, region), (*block.loc, "type")
-    if proved(where, declared.name, declared.data):
+    if declared.template.proved(where, declared.data):
         reader.notes.append(f"{dotted(place)}: {declared.text} is proved from f")
         return
-    found = counterexample(where, declared.name, declared.data, declared.multiplier)
+    found = counterexample(where, declared.template.claims(declared.data, declared.multiplier))
     if found is not None:
         reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}")
 
 
 def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> tuple[Expression, ...] | None:
     """Read the function of a block: as given, or that of its type."""
-    library = FUNCTIONS.get(block.kind.name)
+    library = TEMPLATES[block.kind.name].f if block.kind.name != AUTO else None
     if block.section.f is not None:
         names = None if known is None else (*arguments(block.nq), *known)
         axis = Axis(block.nf, "component of f")
@@ -171,12 +194,11 @@ def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> 
     if library is None:
         return None
     components = ["q"] if block.nq == 1 else arguments(block.nq)
-    return tuple(parse(ARGUMENT.sub(q, library.f), (q,)) for q in components)
+    return tuple(parse(ARGUMENT.sub(q, library), (q,)) for q in components)
 
 
-def compare(reader: Reader, block: Block, f: Sequence[Expression], known: Sequence[str]) -> None:
+def compare(reader: Reader, block: Block, text: str, f: Sequence[Expression], known: Sequence[str]) -> None:
     """Compare a function that is given with the one that its type names, by value."""
-    text = FUNCTIONS[block.kind.name].f
     expected = parse(text, ("q",)).function(("q",))
     names = (*arguments(block.nq), *known)
     for i, component in enumerate(f):

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from obsdesign.expressions.functions import FUNCTIONS
-from obsdesign.reading.document import described
 from obsdesign.reading.schema import System
-from obsdesign.reading.values import Axis, Reader, counted
-from obsdesign.reading.words import unknown
+from obsdesign.sections.document import described
+from obsdesign.sections.values import Axis, Reader, counted
+from obsdesign.sections.words import unknown
+from obsdesign.spec import numbered
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
@@ -22,16 +23,6 @@ class Names:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     w: tuple[str, ...]
-
-
-def numbered(letter: str, count: int) -> tuple[str, ...]:
-    """Default names: x1, x2, .."""
-    return tuple(f"{letter}{i + 1}" for i in range(count))
-
-
-def arguments(nq: int) -> tuple[str, ...]:
-    """Names of the argument of a nonlinearity in its expressions; a single component is also q."""
-    return ("q", "q1") if nq == 1 else numbered("q", nq)
 
 
 def meaning(name: str) -> str | None:

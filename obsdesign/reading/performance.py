@@ -8,13 +8,14 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.disturbance import empty as no_entries
-from obsdesign.reading.document import Loc
 from obsdesign.reading.generator import Exogenous
-from obsdesign.reading.names import Names, numbered
+from obsdesign.reading.names import Names
 from obsdesign.reading.plant import Layout
 from obsdesign.reading.schema import Weight
-from obsdesign.reading.values import Axis, Reader
-from obsdesign.reading.words import unknown
+from obsdesign.sections.document import Loc
+from obsdesign.sections.values import Axis, Reader
+from obsdesign.sections.words import unknown
+from obsdesign.spec import numbered
 
 GROUPS = ("x", "w", "all")
 FEEDTHROUGH = "is no function of the augmented state; give it a disturbance model, such as integrator"

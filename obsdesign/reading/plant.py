@@ -10,11 +10,11 @@ from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
-from obsdesign.reading.document import Loc
 from obsdesign.reading.names import Names, read_names
 from obsdesign.reading.schema import Nonlinearity as Section
 from obsdesign.reading.schema import System
-from obsdesign.reading.values import Axis, Entries, Reader, Size, counted
+from obsdesign.sections.document import Loc
+from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
 from obsdesign.spec import Nonlinearity
 
 X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")

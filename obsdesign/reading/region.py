@@ -6,12 +6,12 @@ from math import inf
 from obsdesign.expressions import Expression
 from obsdesign.expressions.interval import point
 from obsdesign.nonlinearities.evidence.restriction import Range
-from obsdesign.reading.document import Loc
-from obsdesign.reading.kinds import INFINITE
-from obsdesign.reading.names import arguments
-from obsdesign.reading.schema import Function
-from obsdesign.reading.values import Reader
-from obsdesign.reading.words import unknown
+from obsdesign.nonlinearities.slope import INFINITE
+from obsdesign.reading.schema import Auto, Function
+from obsdesign.sections.document import Loc
+from obsdesign.sections.values import Reader
+from obsdesign.sections.words import unknown
+from obsdesign.spec import arguments
 
 MINUS_INFINITE = ("-.inf", "-.Inf", "-.INF")
 
@@ -51,8 +51,8 @@ def written_regions(section: Function, loc: Loc) -> Sequence[tuple[Loc, Mapping[
     """Regions of a block with their places; there should be one at most."""
     found = []
     if not isinstance(section.type, str):
-        if section.type.auto is not None and section.type.auto.region is not None:
-            found.append(((*loc, "type", "auto", "region"), section.type.auto.region))
+        if isinstance(section.type.data, Auto) and section.type.data.region is not None:
+            found.append(((*loc, "type", "auto", "region"), section.type.data.region))
         if section.type.region is not None:
             found.append(((*loc, "type", "region"), section.type.region))
     if section.region is not None:

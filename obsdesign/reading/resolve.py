@@ -1,29 +1,22 @@
 """From the models of the format to the types of the design and of the simulation."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from obsdesign.errors import Problem
-from obsdesign.families.incremental.request import Request
-from obsdesign.families.lipschitz.request import LipschitzRequest
-from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.lmi.formula import Array
-from obsdesign.reading.document import Document, Loc, Number, described
-from obsdesign.reading.families import LipschitzObserver, Observer, SporadicObserver
-from obsdesign.reading.generator import Exogenous, read_disturbance
-from obsdesign.reading.lipschitz import as_lipschitz, is_lipschitz, read_lipschitz, require_lipschitz
-from obsdesign.reading.names import numbered, read_parameters
-from obsdesign.reading.observer import read_incremental, require_reconstructible
+from obsdesign.families import FAMILIES, Family
+from obsdesign.families.asked import Estimation
+from obsdesign.reading.generator import read_disturbance
+from obsdesign.reading.names import read_parameters
 from obsdesign.reading.performance import read_performance
-from obsdesign.reading.plant import Reading, read_plant
-from obsdesign.reading.schema import File
-from obsdesign.reading.sporadic import read_sporadic, require_sporadic
+from obsdesign.reading.plant import read_plant
+from obsdesign.reading.schema import read_file
 from obsdesign.reading.trial import read_simulation
-from obsdesign.reading.values import Axis, Reader, Size
-from obsdesign.reading.words import unknown
-from obsdesign.spec import Nonlinearity, Spec
+from obsdesign.sections.document import Document, Loc, Number, described
+from obsdesign.sections.values import Axis, Reader, Size
+from obsdesign.sections.words import unknown
+from obsdesign.spec import Nonlinearity, Spec, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible")
@@ -32,20 +25,16 @@ TOLERANCES = ("rtol", "atol")
 RECORD = ("verified", "printed", "rtol", "atol", "note")
 
 
-def resolve(document: Document, file: File | None, problems: list[Problem]) -> Spec:
-    """Read every value of a file.
-
-    Parameters
-    ----------
-    file
-        The structure; a section that is None is wrong and among the `problems` already.
+def resolve(document: Document) -> Spec:
+    """Read a document: its structure, then every value.
 
     Raises
     ------
     UsageError
         With everything that is wrong, in the order of the file.
     """
-    reader = Reader(document, problems)
+    reader = Reader(document, list(document.problems))
+    file, family = read_file(reader), family_of(document)
     if file is None or file.parameters is None:
         reader.stop()
     if file.obsdesign is not None and file.obsdesign != FORMAT:
@@ -54,16 +43,24 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
             f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}",
         )
     read_parameters(reader, file.parameters)
-    plant = read_plant(reader, file.system, file.nonlinearities, identity=is_lipschitz(document))
+    plant = read_plant(reader, file.system, file.nonlinearities, identity=family is not None and family.unstructured)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
-    blocks = [block for block in (*plant.nonlinearities, *exogenous.nonlinearities) if block is not None]
-    if isinstance(file.observer, LipschitzObserver):
-        blocks = as_lipschitz(reader, plant.nonlinearities, exogenous.nonlinearities)
-    observer = read_observer(reader, file.observer, plant, exogenous, blocks, H) if file.observer else None
+    observer, blocks = None, tuple[Nonlinearity, ...]()
+    if family is not None and file.observer is not None:
+        blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
+        states = Axis(total(layout.states, exogenous.xm), "augmented state")
+        q = layout.q.of(total(layout.q, exogenous.q))
+        problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks)
+        observer = family.request(reader, file.observer, problem)
     simulation = read_simulation(
-        reader, file.simulation, layout, exogenous.xm, exogenous.v, sporadic=isinstance(file.observer, SporadicObserver)
+        reader,
+        file.simulation,
+        layout,
+        exogenous.xm,
+        exogenous.v,
+        sampled=file.observer is not None and family is not None and family.sampled,
     )
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
@@ -81,7 +78,7 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
         drives=numbered("v", exogenous.v.size or 0),
         inputs=layout.names.inputs,
         units=file.system.units if file.system else {},
-        nonlinearities=tuple(blocks),
+        nonlinearities=blocks,
         gx=plant.gx,
         gq=plant.gq,
         gy=plant.gy,
@@ -94,30 +91,10 @@ def resolve(document: Document, file: File | None, problems: list[Problem]) -> S
     )
 
 
-def read_observer(
-    reader: Reader,
-    section: Observer | SporadicObserver | LipschitzObserver,
-    plant: Reading,
-    exogenous: Exogenous,
-    blocks: Sequence[Nonlinearity],
-    H: Array,
-) -> Request | SporadicRequest | LipschitzRequest:
-    """Request of the family that a section names, held against what the family knows."""
-    layout, generator = plant.layout, exogenous.generator
-    states = Axis(total(layout.states, exogenous.xm), "augmented state")
-    if isinstance(section, SporadicObserver):
-        require_sporadic(reader, plant.plant, generator)
-        return read_sporadic(reader, section, states, layout.outputs)
-    if isinstance(section, LipschitzObserver):
-        constants = tuple(constant for block in blocks for constant in block.lipschitz)
-        lipschitz = read_lipschitz(reader, section, states, layout.outputs, constants)
-        require_lipschitz(reader, lipschitz, plant.plant, generator, H)
-        return lipschitz
-    q = layout.q.of(total(layout.q, exogenous.q))
-    incremental = read_incremental(reader, section, states, layout.outputs, q)
-    if incremental.reconstruct:
-        require_reconstructible(reader, incremental, plant.plant, generator)
-    return incremental
+def family_of(document: Document) -> Family | None:
+    """Family that a file names, whatever else is wrong in the section of its observer."""
+    name = document.find(("observer", "type"))[1].value
+    return FAMILIES.get(name) if isinstance(name, str) else None
 
 
 def total(plant: Axis, model: Axis) -> Size:

@@ -1,319 +1,318 @@
 """The format of a spec, version 1: which keys there are and what form their values have.
 
-The models hold structure only: sizes and meanings are for `resolve`. Every section of a file may be None,
-which is what is left of a section whose structure is wrong. What each family of observers takes stands in `families`.
+The sections hold structure only: sizes and meanings are for `resolve`. Every section of a file may be None,
+which is what is left of a section whose structure is wrong. What each family of observers takes stands in its folder,
+and the data of each type of nonlinearity in its file.
 """
 
+import re
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Self, get_args
 
-from pydantic import ConfigDict, Field, Tag, ValidationError
-from pydantic import model_validator as validator
-from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core import PydanticCustomError, core_schema
-from typing_extensions import TypeAliasType
-
-from obsdesign.nonlinearities import FUNCTIONS
-from obsdesign.reading.families import AnyObserver
-from obsdesign.reading.forms import (
-    Automatic,
+from obsdesign.families import FAMILIES
+from obsdesign.families.asked import FAMILY, ObserverSection
+from obsdesign.nonlinearities import TEMPLATES
+from obsdesign.sections.document import Loc
+from obsdesign.sections.forms import (
+    ENTRY,
+    MATRIX,
+    SIGNALS,
+    TEXT,
+    VECTOR,
+    Anything,
     Choice,
-    Entry,
-    Matrix,
+    Either,
+    Key,
+    ListOf,
+    MapOf,
+    Named,
     OneOf,
+    Schema,
     Section,
-    Signals,
-    Text,
-    Vector,
-    outline,
-    told_apart,
+    key,
+    read_keys,
+    refuse,
+    required,
 )
-from obsdesign.reading.words import unavailable
+from obsdesign.sections.values import Reader
+from obsdesign.sections.words import nearest, unavailable
 
-TYPES = ("monotone", *FUNCTIONS)
-FORMS = (
-    "lipschitz", "slope", "sector", "cocoercive", "ball", "one-sided-lipschitz", "jacobian", "cone", "multiplier",
-)  # fmt: skip
+Entries = str | list[str] | list[list[str]]
+Signals = str | list[str]
+
+AUTO = "auto"
 MAX_BLOCKS = 400
-MAX_MATRICES = 1024
 CHANNELS = ("unknown", "integrator", "double-integrator")
 CHANNEL_FORMS = ("sinusoid", "bias+sinusoid", "model")
+SAMPLED = f"of the family {' or '.join(name for name, family in FAMILIES.items() if family.sampled)}"
+REGION = Named("Region", MapOf(ListOf(ENTRY, 2, 2)))
+SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
 
+@dataclass(frozen=True)
 class System(Section):
     """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
 
     hints = unavailable(("dynamics", "domain"), ("A", "C"))
 
-    states: list[Text] | None = Field(None, description="names, default x1, x2, ..")
-    outputs: list[Text] | None = Field(None, description="names, default y1, y2, ..")
-    inputs: list[Text] = Field([], description="names of known inputs, usable in gx, gy, gq and f")
-    units: dict[str, Text] = Field({}, description="units of states, outputs and inputs, for axes and tables")
-    A: Matrix = Field(description="nx x nx")
-    B: Matrix | None = Field(None, description="nx x nw; w is disturbance and noise together")
-    C: Matrix = Field(description="ny x nx")
-    D: Matrix | None = Field(None, description="ny x nw")
-    gx: Signals | None = Field(None, description="known terms: expressions of t, the outputs and the inputs")
-    gy: Signals | None = Field(None, description="known terms: expressions of t and the inputs")
+    states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
+    outputs: list[str] | None = key(ListOf(TEXT), "names, default y1, y2, ..")
+    inputs: list[str] = key(ListOf(TEXT), "names of known inputs, usable in gx, gy, gq and f", default=[])
+    units: dict[str, str] = key(MapOf(TEXT), "units of states, outputs and inputs, for axes and tables", default={})
+    A: Entries = required(MATRIX, "nx x nx")
+    B: Entries | None = key(MATRIX, "nx x nw; w is disturbance and noise together")
+    C: Entries = required(MATRIX, "ny x nx")
+    D: Entries | None = key(MATRIX, "ny x nw")
+    gx: Signals | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
+    gy: Signals | None = key(SIGNALS, "known terms: expressions of t and the inputs")
 
-    @validator(mode="before")
     @classmethod
-    def _matrices(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "dynamics" in data:
-            refusal = PydanticCustomError("later", "{message}", {"message": cls.hints["dynamics"]})
-            error = {"type": refusal, "loc": ("dynamics",), "input": data}
-            raise ValidationError.from_exception_data(cls.__name__, [error])  # type: ignore[list-item]
-        return data
+    def read(cls, reader: Reader, value: Any, loc: Loc) -> Self | None:
+        """Return the section; a plant as equations is not read yet, and nothing else is said of it."""
+        if isinstance(value, dict) and "dynamics" in value:
+            reader.wrong((*loc, "dynamics"), cls.hints["dynamics"], at_key=True)
+            return None
+        return super().read(reader, value, loc)
 
 
-Matrices = TypeAliasType("Matrices", Annotated[list[Matrix], Field(min_length=1, max_length=MAX_MATRICES)])
-Region = TypeAliasType("Region", dict[str, Annotated[list[Entry], Field(min_length=2, max_length=2)]])
-
-
+@dataclass(frozen=True)
 class Auto(Section):
     """A type that is derived from f."""
 
-    region: Region | None = Field(None, description="[lo, hi] of q (q1, q2, ..) and of what else f depends on")
+    region: dict[str, list[str]] | None = key(REGION, "[lo, hi] of q (q1, q2, ..) and of what else f depends on")
 
 
-class Sector(Section):
-    """(df - K1 dq)' (K2 dq - df) >= 0."""
-
-    K1: Matrix | None = Field(None, description="nf x nq, default 0")
-    K2: Matrix = Field(description="nf x nq")
-
-
-class Ball(Section):
-    """norm(df - K dq) <= norm(W dq)."""
-
-    K: Matrix | None = Field(None, description="nf x nq, default 0")
-    W: Matrix = Field(description="with nq columns")
-
-
-class OneSidedLipschitz(Section):
-    """dq'df <= rho dq'dq and df'df <= beta dq'dq + phi dq'df."""
-
-    rho: Entry
-    beta: Entry
-    phi: Entry
-
-
+@dataclass(frozen=True)
 class TypeData(Choice):
     """A type of nonlinearity that has data, and where it holds."""
 
-    hints: ClassVar[Mapping[str, str]] = {name: f"takes no data; write type: {name}" for name in TYPES}
     beside = ("region",)
 
-    lipschitz: Entry | None = Field(None, description="norm(df) <= lipschitz norm(dq); or auto")
-    slope: (
-        Annotated[
-            Annotated[str, Automatic("[lo, hi]"), Tag("<scalar>")]
-            | Annotated[list[Vector], Field(min_length=2, max_length=2), Tag("<list>")],
-            told_apart("[lo, hi], or auto", outline),
-        ]
-        | None
-    ) = Field(None, description="[lo, hi], each a number or one for each component; .inf allowed for hi; or auto")
-    sector: Sector | None = None
-    cocoercive: Entry | None = Field(None, description="dq'df >= df'df / cocoercive; or auto")
-    ball: Ball | None = None
-    one_sided_lipschitz: OneSidedLipschitz | None = Field(None, alias="one-sided-lipschitz")
-    jacobian: (
-        Annotated[
-            Annotated[str, Automatic("a list of matrices"), Tag("<scalar>")] | Annotated[Matrices, Tag("<list>")],
-            told_apart("a list of matrices, or auto", outline),
-        ]
-        | None
-    ) = Field(None, description="every Jacobian is in the convex hull of these nf x nq matrices; or auto")
-    cone: Matrices | None = Field(
-        None, description="every Jacobian is a nonnegative combination of these nf x nq matrices"
-    )
-    multiplier: Matrix | None = Field(None, description="M of [dq; df]' M [dq; df] >= 0, (nq + nf) square")
-    auto: Auto | None = Field(None, description="the tightest type that f is proved to have")
-    region: Region | None = Field(None, description="where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, ..")
+    name: str
+    data: Any  # as the form of the type reads it
+    region: dict[str, list[str]] | None = None
+
+    @classmethod
+    def forms(cls) -> dict[str, Key]:
+        """Types that take data, as they are registered."""
+        types = {name: Key(t.data.form, t.data.description) for name, t in TEMPLATES.items() if t.data is not None}
+        derived = Key(Auto, "the tightest type that f is proved to have")
+        return {**types, AUTO: derived, "region": Key(REGION, SOMEWHERE)}
+
+    @classmethod
+    def hinted(cls) -> Mapping[str, str]:
+        """What to say of types that take no data."""
+        return {name: f"takes no data; write type: {name}" for name, t in TEMPLATES.items() if t.data is None}
+
+    @classmethod
+    def of(cls, found: Mapping[str, Any]) -> Self:
+        """Return the type that is given."""
+        name = next(name for name in found if name not in cls.beside)
+        return cls(name, found[name], found.get("region"))
 
 
-Type = Annotated[
-    Annotated[
-        str,
-        OneOf("type", (*TYPES, "auto"), {name: f"needs data: {{{name}: ..}}" for name in FORMS}),
-        Tag("<scalar>"),
-    ]
-    | Annotated[TypeData, Tag("<mapping>")],
-    told_apart("the name of a type, or a mapping with its data"),
-]
+def plain_types() -> tuple[str, ...]:
+    """Types that are a name alone."""
+    return (*(name for name, template in TEMPLATES.items() if template.data is None), AUTO)
 
 
+TYPE = Either(
+    "the name of a type, or a mapping with its data",
+    OneOf(
+        "type",
+        plain_types,
+        lambda: {name: f"needs data: {{{name}: ..}}" for name, t in TEMPLATES.items() if t.data is not None},
+    ),
+    mapping=TypeData,
+)
+
+
+@dataclass(frozen=True)
 class Function(Section):
     """One block of f in a disturbance model."""
 
-    type: Type = Field(description="what the design may assume of f")
-    f: Signals | None = Field(None, description="expressions of q (q1, q2, ..), t, the outputs and the inputs")
-    region: Region | None = Field(None, description="where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, ..")
+    type: str | TypeData = required(TYPE, "what the design may assume of f")
+    f: Signals | None = key(SIGNALS, "expressions of q (q1, q2, ..), t, the outputs and the inputs")
+    region: dict[str, list[str]] | None = key(REGION, SOMEWHERE)
 
 
+@dataclass(frozen=True)
 class Nonlinearity(Function):
     """One block of f, with its own argument q = Cq x + Dqf f + gq + Dq w."""
 
-    Bf: Matrix | None = Field(None, description="nx x nf_i")
-    Cq: Matrix | None = Field(None, description="nq_i x nx")
-    Dqf: Matrix | None = Field(None, description="nq_i x nf, for all blocks of the plant")
-    Dq: Matrix | None = Field(None, description="nq_i x nw")
-    gq: Signals | None = Field(None, description="known terms: expressions of t, the outputs and the inputs")
-    Df: Matrix | None = Field(None, description="ny x nf_i")
+    Bf: Entries | None = key(MATRIX, "nx x nf_i")
+    Cq: Entries | None = key(MATRIX, "nq_i x nx")
+    Dqf: Entries | None = key(MATRIX, "nq_i x nf, for all blocks of the plant")
+    Dq: Entries | None = key(MATRIX, "nq_i x nw")
+    gq: Signals | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
+    Df: Entries | None = key(MATRIX, "ny x nf_i")
 
 
+@dataclass(frozen=True)
 class Frequency(Section):
     """Of a sinusoid."""
 
-    omega: Entry = Field(description="rad/s")
+    omega: str = required(ENTRY, "rad/s")
 
 
+@dataclass(frozen=True)
 class DisturbanceModel(Section):
     """xm' = Am xm + Bmf f2 + Bm v, q2 = Cq2 xm + Dq2f f2 + Dq2 v, w = Cm xm + Dwf f2 + Dm v."""
 
-    Am: Matrix | None = None
-    Bm: Matrix | None = None
-    Cm: Matrix | None = None
-    Dm: Matrix | None = None
-    Bmf: Matrix | None = None
-    Cq2: Matrix | None = None
-    Dq2f: Matrix | None = None
-    Dq2: Matrix | None = None
-    Dwf: Matrix | None = None
-    nonlinearities: list[Function] = Field([], max_length=MAX_BLOCKS, description="f and type only")
+    Am: Entries | None = key(MATRIX)
+    Bm: Entries | None = key(MATRIX)
+    Cm: Entries | None = key(MATRIX)
+    Dm: Entries | None = key(MATRIX)
+    Bmf: Entries | None = key(MATRIX)
+    Cq2: Entries | None = key(MATRIX)
+    Dq2f: Entries | None = key(MATRIX)
+    Dq2: Entries | None = key(MATRIX)
+    Dwf: Entries | None = key(MATRIX)
+    nonlinearities: list[Function] = key(ListOf(Function, most=MAX_BLOCKS), "f and type only", default=[])
 
 
+@dataclass(frozen=True)
 class ChannelData(Choice):
     """A disturbance model that has data."""
 
     hints: ClassVar[Mapping[str, str]] = {name: f"takes no data; write {name}" for name in CHANNELS}
 
-    sinusoid: Frequency | None = None
-    bias_sinusoid: Frequency | None = Field(None, alias="bias+sinusoid")
-    model: DisturbanceModel | None = None
+    sinusoid: Frequency | None = key(Frequency)
+    bias_sinusoid: Frequency | None = key(Frequency, name="bias+sinusoid")
+    model: DisturbanceModel | None = key(DisturbanceModel)
 
 
-ChannelName = Annotated[
-    str,
-    OneOf("disturbance", CHANNELS, {name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS}),
-    Tag("<scalar>"),
-]
-Channel = Annotated[
-    ChannelName | Annotated[ChannelData, Tag("<mapping>")],
-    told_apart("the name of a disturbance model, or a mapping with its data"),
-]
-Channels = Annotated[
-    ChannelName | Annotated[ChannelData, Tag("<mapping>")] | Annotated[list[Channel], Tag("<list>")],
-    told_apart("a disturbance model, or a list with one for each channel of w"),
-]
+CHANNEL_NAME = OneOf("disturbance", CHANNELS, {name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS})
+CHANNEL = Either("the name of a disturbance model, or a mapping with its data", CHANNEL_NAME, mapping=ChannelData)
+CHANNELWISE = "a disturbance model, or a list with one for each channel of w"
 
 
+@dataclass(frozen=True)
 class Disturbance(ChannelData):
     """How w is generated from v; `type` may be left out."""
 
-    type: Channels | None = None
+    type: str | ChannelData | list[str | ChannelData] | None = key(
+        Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=ChannelData)
+    )
 
 
+@dataclass(frozen=True)
 class Weight(Section):
     """z = H e."""
 
-    H: Matrix = Field(description="over the augmented state (x, xm)")
+    H: Entries = required(MATRIX, "over the augmented state (x, xm)")
 
 
 NoiseName = Literal["uniform", "gaussian"]
-
-
-class Law(Section):
-    """A law of the sampling instants."""
-
-    law: Entry = Field(description="expression of t for the next interval")
-
-
 SamplingName = Literal["periodic", "random"]
 
 
+@dataclass(frozen=True)
+class Law(Section):
+    """A law of the sampling instants."""
+
+    law: str = required(ENTRY, "expression of t for the next interval")
+
+
+@dataclass(frozen=True)
 class Noise(Section):
     """Extra measurement noise, constant over each period."""
 
-    type: Annotated[NoiseName, OneOf("noise", get_args(NoiseName))] = "uniform"
-    amplitude: Vector = Field(description="half width or standard deviation, one number or one for each output")
-    period: Entry | None = Field(None, description="s; for type sporadic noise is drawn at each measurement")
+    type: NoiseName = key(OneOf("noise", get_args(NoiseName)), default="uniform")
+    amplitude: str | list[str] = required(VECTOR, "half width or standard deviation, one number or one for each output")
+    period: str | None = key(
+        ENTRY, f"s; {SAMPLED.replace('of the family', 'for type')} noise is drawn at each measurement"
+    )
 
 
+@dataclass(frozen=True)
 class Simulation(Section):
     """How to try the observer."""
 
     hints = unavailable(("events",), ())
 
-    horizon: Entry = Field(description="s")
-    x0: Vector | None = Field(None, description="over x, or over the augmented state; default 0")
-    xhat0: Vector | None = Field(None, description="over x, or over the augmented state; default 0")
-    w: Signals | None = Field(None, description="expressions of t and the states")
-    v: Signals | None = Field(None, description="expressions of t: what drives the disturbance model")
-    u: Signals | None = Field(None, description="known inputs: expressions of t and the states")
-    noise: Noise | None = None
-    sampling: (
-        Annotated[
-            Annotated[SamplingName, OneOf("sampling", get_args(SamplingName)), Tag("<scalar>")]
-            | Annotated[Law, Tag("<mapping>")],
-            told_apart("periodic, random, or {law: an expression of t}"),
-        ]
-        | None
-    ) = Field(None, description="of the family sporadic: periodic (default, T2), random in [T1, T2], or a law")
-    period: Entry | None = Field(None, description="s, of periodic sampling; default T2")
-    dropout: Entry | None = Field(None, description="share of the measurements that are lost, in [0, 1)")
-    theta0: Vector | None = Field(None, description="correction before the first measurement; default 0")
-    seed: Entry | None = None
-    points: Entry | None = Field(None, description="samples kept, default 2000")
+    horizon: str = required(ENTRY, "s")
+    x0: str | list[str] | None = key(VECTOR, "over x, or over the augmented state; default 0")
+    xhat0: str | list[str] | None = key(VECTOR, "over x, or over the augmented state; default 0")
+    w: Signals | None = key(SIGNALS, "expressions of t and the states")
+    v: Signals | None = key(SIGNALS, "expressions of t: what drives the disturbance model")
+    u: Signals | None = key(SIGNALS, "known inputs: expressions of t and the states")
+    noise: Noise | None = key(Noise)
+    sampling: SamplingName | Law | None = key(
+        Either(
+            "periodic, random, or {law: an expression of t}",
+            OneOf("sampling", get_args(SamplingName)),
+            mapping=Law,
+        ),
+        f"{SAMPLED}: periodic (default, T2), random in [T1, T2], or a law",
+    )
+    period: str | None = key(ENTRY, "s, of periodic sampling; default T2")
+    dropout: str | None = key(ENTRY, "share of the measurements that are lost, in [0, 1)")
+    theta0: str | list[str] | None = key(VECTOR, "correction before the first measurement; default 0")
+    seed: str | None = key(ENTRY)
+    points: str | None = key(ENTRY, "samples kept, default 2000")
 
 
+@dataclass(frozen=True)
+class Observer:
+    """The section of the family that `type` names."""
+
+    def read(self, reader: Reader, value: Any, loc: Loc) -> ObserverSection | None:
+        """Return the section; where the family is not known that says it all."""
+        name = value.get("type") if isinstance(value, dict) else None
+        if isinstance(value, dict) and "type" in value and not (isinstance(name, str) and name in FAMILIES):
+            return FAMILY.read(reader, name, (*loc, "type"))  # type: ignore[return-value]  # None, with what is wrong noted
+        section: type[ObserverSection] = FAMILIES[name or next(iter(FAMILIES))].Section
+        return section.read(reader, value, loc)
+
+    def schema(self, definitions: Schema) -> Schema:
+        """One of the sections."""
+        sections = dict.fromkeys(family.Section for family in FAMILIES.values())
+        return {"oneOf": [section.schema(definitions) for section in sections]}
+
+
+@dataclass(frozen=True)
 class File(Section):
     """A spec of obsdesign, format 1: one estimation problem."""
 
-    model_config = ConfigDict(defer_build=False)  # the whole format is built here, at once
-
-    obsdesign: Entry | None = Field(description="version of the format: 1")
-    name: Text | None = None
-    source: Text | None = None
-    description: Text | None = None
-    parameters: dict[str, Entry] | None = Field({}, description="numbers, usable by name in entries and expressions")
-    system: System | None
-    nonlinearities: list[Nonlinearity] | None = Field([], max_length=MAX_BLOCKS, description="the blocks f_i")
-    disturbance: (
-        Annotated[
-            ChannelName | Annotated[Disturbance, Tag("<mapping>")] | Annotated[list[Channel], Tag("<list>")],
-            told_apart("a disturbance model, or a list with one for each channel of w"),
-        ]
-        | None
-    ) = "unknown"
-    performance: (
-        Annotated[
-            Annotated[str, Tag("<scalar>")]
-            | Annotated[list[Text], Tag("<list>")]
-            | Annotated[Weight, Tag("<mapping>")],
-            told_apart("x, w, all, a list of names, or {H: a matrix}"),
-        ]
-        | None
-    ) = "x"
-    observer: AnyObserver | None
-    simulation: Simulation | None = None
-    expect: dict[str, Any] | None = Field({}, description="what this spec must give")
+    obsdesign: str | None = required(ENTRY, "version of the format: 1")
+    name: str | None = key(TEXT)
+    source: str | None = key(TEXT)
+    description: str | None = key(TEXT)
+    parameters: dict[str, str] | None = key(
+        MapOf(ENTRY), "numbers, usable by name in entries and expressions", default={}
+    )
+    system: System | None = required(System)
+    nonlinearities: list[Nonlinearity] | None = key(ListOf(Nonlinearity, most=MAX_BLOCKS), "the blocks f_i", default=[])
+    disturbance: str | Disturbance | list[str | ChannelData] | None = key(
+        Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=Disturbance), default="unknown"
+    )
+    performance: str | list[str] | Weight | None = key(
+        Either("x, w, all, a list of names, or {H: a matrix}", TEXT, ListOf(TEXT), mapping=Weight), default="x"
+    )
+    observer: ObserverSection | None = required(Observer())
+    simulation: Simulation | None = key(Simulation)
+    expect: dict[str, Any] | None = key(MapOf(Anything()), "what this spec must give", default={})
 
 
-class SchemaWriter(GenerateJsonSchema):
-    """JSON Schema in which a key may be left out but not be null."""
+def read_file(reader: Reader) -> File | None:
+    """Structure of a document; a section in which something is wrong, be it only as YAML, is None."""
+    tree, keys = reader.document.root.plain(), File.forms()
+    if not isinstance(tree, dict):
+        refuse(reader, f"a mapping with the keys {', '.join(keys)}", tree, ())
+        return None
+    before = list(reader.problems)
+    known = {problem.key for problem in before}
+    found = read_keys(reader, keys, tree, (), {})
+    reader.problems[:] = before + [problem for problem in reader.problems[len(before) :] if problem.key not in known]
+    names = [re.split(r"[.\[]", problem.key)[0] for problem in reader.problems]
+    broken = {nearest(name, tuple(keys)) for name in names}
+    return File(**{name: None if name in broken else found.get(name, one.default) for name, one in keys.items()})
 
-    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """Return the schema of the value itself."""
-        return self.generate_inner(schema["schema"])
 
-    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        """Return the schema of the value itself, where the default is that there is none."""
-        if "default" in schema and schema["default"] is None:
-            return self.generate_inner(schema["schema"])
-        return super().default_schema(schema)
-
-
-def json_schema() -> dict[str, Any]:
+def json_schema() -> Schema:
     """JSON Schema of the format, for editors."""
-    return File.model_json_schema(schema_generator=SchemaWriter)
+    definitions: Schema = {}
+    whole = File.described(definitions)
+    return {"$defs": definitions, **whole}

@@ -7,31 +7,32 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
+from obsdesign.families import FAMILIES
 from obsdesign.reading import schema
-from obsdesign.reading.document import Loc
 from obsdesign.reading.plant import Layout
-from obsdesign.reading.values import Axis, Reader, counted
+from obsdesign.sections.document import Loc
+from obsdesign.sections.values import Axis, Reader, counted
 from obsdesign.spec import Noise, Simulation, Vector
 
 MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output
 MAX_POINTS = 10**6
-SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys of the family sporadic
+SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys for measurements at instants
 
 
 def read_simulation(
-    reader: Reader, section: schema.Simulation | None, layout: Layout, xm: Axis, v: Axis, *, sporadic: bool = False
+    reader: Reader, section: schema.Simulation | None, layout: Layout, xm: Axis, v: Axis, *, sampled: bool = False
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
     Parameters
     ----------
-    sporadic
-        Whether measurements arrive sporadically, so that the section may say when.
+    sampled
+        Whether measurements arrive at instants, so that the section may say when.
     """
     if section is None:
         return None
     loc: Loc = ("simulation",)
-    sporadic = sporadic or not reader.clean(("observer",))  # a wrong observer may be one of any family
+    sampled = sampled or not reader.clean(("observer",))  # a wrong observer may be one of any family
     horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
     known = layout.known("states")
     if section.w is not None and section.v is not None:
@@ -39,7 +40,7 @@ def read_simulation(
     xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm)
     size = (layout.states.size or 0) + (xm.size or 0)
     w = None if section.w is None else reader.expressions(section.w, (*loc, "w"), layout.w, known)
-    if not sporadic:
+    if not sampled:
         refuse_sampling(reader, section)
     inputs = Axis(None if layout.names is None else len(layout.names.inputs), "input")
     return Simulation(
@@ -49,7 +50,7 @@ def read_simulation(
         w=w,
         v=reader.expressions(section.v, (*loc, "v"), v, ("t",)) if w is None else None,
         u=reader.expressions(section.u, (*loc, "u"), inputs, known),
-        noise=read_noise(reader, section.noise, layout.outputs, horizon, sporadic=sporadic),
+        noise=read_noise(reader, section.noise, layout.outputs, horizon, sampled=sampled),
         seed=reader.integer(section.seed, (*loc, "seed"), 0, 0, 2**63 - 1),
         points=reader.integer(section.points, (*loc, "points"), 2000, 2, MAX_POINTS),
         sampling=read_sampling(reader, section.sampling),
@@ -60,10 +61,11 @@ def read_simulation(
 
 
 def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
-    """Refuse the keys of another family."""
+    """Refuse the keys of families whose measurements arrive at instants."""
     for key in SAMPLING:
         if getattr(section, key) is not None:
-            reader.wrong(("simulation", key), "belongs to observer.type sporadic", at_key=True)
+            owners = " or ".join(name for name, family in FAMILIES.items() if family.sampled)
+            reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True)
 
 
 def read_sampling(reader: Reader, written: str | schema.Law | None) -> str | Expression:
@@ -99,13 +101,13 @@ def read_state(reader: Reader, written: str | Sequence[str] | None, loc: Loc, x:
 
 
 def read_noise(
-    reader: Reader, section: schema.Noise | None, outputs: Axis, horizon: fmpq, *, sporadic: bool
+    reader: Reader, section: schema.Noise | None, outputs: Axis, horizon: fmpq, *, sampled: bool
 ) -> Noise | None:
     """Measurement noise; where measurements arrive sporadically it needs no period."""
     if section is None:
         return None
     loc: Loc = ("simulation", "noise")
-    if section.period is None and not sporadic:
+    if section.period is None and not sampled:
         reader.wrong((*loc, "period"), "is required")
     period = horizon if section.period is None else reader.number(section.period, (*loc, "period"), "> 0")
     if horizon > MAX_PERIODS * period:

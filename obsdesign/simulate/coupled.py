@@ -180,7 +180,7 @@ class Coupled:
 
 def reconstructor(spec: Spec, L1: Array) -> Array:
     """pinv(B) L1, (nw, ny), which makes what of yhat - y; no rows if w is not to be reconstructed."""
-    if not spec.reconstructs:
+    if not spec.observer.reconstruct:
         return np.zeros((0, L1.shape[1]))
     return np.asarray(np.linalg.pinv(spec.plant.doubles.B) @ L1)
 

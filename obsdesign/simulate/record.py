@@ -67,7 +67,7 @@ class Record:
         e = self.s[:, self.system.ns : self.system.ns + width]
         z = np.linalg.norm(e @ self.system.H[:, :width].T, axis=1)
         v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.now.v)
-        return Course(self.t, e, z, self.s[:, -3], self.s[:, -2], v_sup, self.s[:, -1], self.spec.drive)
+        return Course(self.t, e, z, self.s[:, -3], self.s[:, -2], v_sup, self.s[:, -1], self.spec.observer.drive)
 
     @cached_property
     def signals(self) -> Samples:
@@ -108,7 +108,7 @@ class Record:
     def estimates(self, w: Array) -> tuple[Array, Array]:
         """Return what and what - w, each (M, len(estimated))."""
         now, e = self.now, self.s[:, self.system.ns : self.system.end]
-        if self.spec.reconstructs:
+        if self.spec.observer.reconstruct:
             what = self.system.reconstructed(self.t, self.s, now)
             return what, what - w
         channels = list(self.estimated)
@@ -118,7 +118,7 @@ class Record:
     @property
     def estimated(self) -> tuple[int, ...]:
         """Channels of w that the observer estimates: those without a direct v, or all by reconstruction."""
-        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.reconstructs)
+        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.observer.reconstruct)
         return tuple(np.flatnonzero(~direct).tolist())
 
     @property

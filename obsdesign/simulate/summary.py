@@ -57,7 +57,7 @@ def checks(record: Record) -> dict[str, Any]:
             found["bounds"] = record.guarantee.bounds(covered)
         if record.left:
             found["bounds_omitted"] = f"the guarantee is local, and the run left its region at t = {until:.4g}"
-    if record.spec.reconstructs:
+    if record.spec.observer.reconstruct:
         found["reconstruction"], bounds = reconstruction(record)
         found["bounds"] += bounds
     if is_local(record.spec.nonlinearities):

@@ -1,20 +1,84 @@
-"""What a spec asks of an observer with the gains L1 and L2, in the numbers of the spec."""
+"""What a spec asks of an observer with the gains L1 and L2: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import ClassVar, Literal, get_args
 
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range
+from obsdesign.families.asked import (
+    LARGEST_GAIN,
+    SEARCHED,
+    Estimation,
+    Frobenius,
+    Interval,
+    ObserverSection,
+    read_bound,
+    read_gains,
+    read_largest_gain,
+    read_range,
+    read_slack,
+)
 from obsdesign.lmi.formula import Array, printed
+from obsdesign.sections.document import Loc
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, OneOf, Section, key, required
+from obsdesign.sections.values import Axis, Reader
 
 Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
+ALPHA = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
+RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha
+
+
+@dataclass(frozen=True)
+class Level(Section):
+    """A performance level to reach."""
+
+    gamma: str = required(ENTRY)
+
+
+@dataclass(frozen=True)
+class LargestValues(Section):
+    """What a design may use at most."""
+
+    L1: str | Frobenius | None = key(LARGEST_GAIN, "spectral norm of the gain")
+    P: str | None = key(ENTRY, "P <= p I")
+    gamma: str | None = key(ENTRY)
+
+
+@dataclass(frozen=True)
+class Gains(Section):
+    """Gains to be analyzed instead of designed; they multiply (yhat - y)."""
+
+    L1: str | list[str] | list[list[str]] = required(MATRIX)
+    L2: str | list[str] | list[list[str]] | None = key(MATRIX)
+
+
+@dataclass(frozen=True)
+class Observer(ObserverSection):
+    """What is asked of the design of an observer with the gains L1 and L2."""
+
+    L2: str | list[str] | list[list[str]] | None = key(
+        MATRIX, "nq x ny, rows follow q, the plant's blocks first; or `free`"
+    )
+    alpha: str | Interval | None = key(SEARCHED, "decay rate")
+    objective: Objective | Level = key(
+        Either("an objective, or {gamma: a number}", OneOf("objective", get_args(Objective)), mapping=Level),
+        default="min-gamma",
+    )
+    slack: str | None = key(ENTRY, "relative, default 0.05")
+    bounds: LargestValues | None = key(LargestValues)
+    gains: Gains | None = key(Gains)
+    reconstruct: str | None = key(
+        OneOf("signal", ("w",)), "w, by pinv(B) L1 (yhat - y); for linf, without a disturbance model"
+    )
 
 
 @dataclass(frozen=True)
 class Request:
     """The `observer` section of a spec for the families whose observer is (12), with gains L1 and L2."""
+
+    drive: ClassVar[str] = "v"
 
     type: str
     L2: Array | None  # (nq, ny); None: free
@@ -40,3 +104,74 @@ class Request:
             gamma=None if self.gamma is None else printed(self.gamma),
             gains=self.gains and {name: printed(matrix) for name, matrix in self.gains.items()},
         )
+
+
+def read_request(reader: Reader, section: Observer, problem: Estimation) -> Request:
+    """Return the request, held against what the family knows."""
+    objective = "gamma" if isinstance(section.objective, Level) else section.objective
+    gamma = None
+    if isinstance(section.objective, Level):
+        gamma = reader.number(section.objective.gamma, ("observer", "objective", "gamma"), "> 0")
+    request = Request(
+        type=section.type,
+        L2=read_L2(reader, section, problem.q, problem.outputs),
+        alpha=read_alpha(reader, section),
+        objective=objective,
+        gamma=gamma,
+        slack=read_slack(reader, section.slack),
+        bounds=read_bounds(reader, section.bounds),
+        gains=read_gains(
+            reader, section.gains, {"L1": (problem.states, problem.outputs), "L2": (problem.q, problem.outputs)}
+        ),
+        reconstruct=section.reconstruct is not None,
+    )
+    if request.reconstruct:
+        require_reconstructible(reader, request, problem)
+    return request
+
+
+def require_reconstructible(reader: Reader, request: Request, problem: Estimation) -> None:
+    """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
+    loc: Loc = ("observer", "reconstruct")
+    if request.type != "linf":
+        reader.wrong(loc, f"not available for type {request.type}; it needs type linf")
+        return
+    if problem.generator is not None and len(problem.generator.Am):
+        reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two")
+    if problem.plant is not None:
+        B = problem.plant.B
+        rank = fmpq_mat(B.tolist()).rank() if B.size else 0
+        if not B.shape[1] or rank < B.shape[1]:
+            reader.wrong(
+                loc, f"needs system.B of full column rank, for its left inverse; it has rank {rank} of {B.shape[1]}"
+            )
+
+
+def read_L2(reader: Reader, section: Observer, q: Axis, outputs: Axis) -> Array | None:
+    """Feedback into the argument of f; None if it is free."""
+    if section.L2 == "free":
+        return None
+    return reader.matrix(reader.entries(section.L2, ("observer", "L2")), q, outputs)
+
+
+def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
+    """Decay rate, or where to search it."""
+    loc: Loc = ("observer", "alpha")
+    if section.alpha is None:
+        reader.notes.append(
+            f"observer.alpha is not given and is searched from {float(ALPHA.low):g} to {float(ALPHA.high):g}"
+        )
+        return ALPHA
+    if isinstance(section.alpha, Interval):
+        return read_range(reader, section.alpha, loc)
+    if section.objective in RANGED:
+        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
+    return reader.number(section.alpha, loc, "> 0")
+
+
+def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
+    """Largest gain, storage function and level."""
+    if section is None:
+        return Bounds()
+    gain, norm = read_largest_gain(reader, section.L1, "L1")
+    return Bounds(gain, norm, read_bound(reader, section.P, "P"), read_bound(reader, section.gamma, "gamma"))

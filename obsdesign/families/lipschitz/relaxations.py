@@ -30,7 +30,7 @@ monotone in l.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from flint import fmpq
@@ -39,7 +39,6 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.families.incremental.l2 import L2
 from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
-from obsdesign.families.lipschitz.request import LipschitzRelaxation
 from obsdesign.lmi.formula import (
     Array,
     Exact,
@@ -55,6 +54,9 @@ from obsdesign.lmi.formula import (
 )
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.model.plant import Plant
+
+if TYPE_CHECKING:
+    from obsdesign.families.lipschitz.request import LipschitzRelaxation
 
 EQUATIONS = "xhat' = A xhat + Bf f(Cq xhat) + g + L (y - C xhat), e = x - xhat, z = H e"
 CONVERGES = "X < -a I"
@@ -205,7 +207,7 @@ class Theorem4(Unstructured):
         return replace(least, minimise=lambda v: weight * ratio * v["xi"] + (1 - weight) * v["mu"])
 
 
-KINDS: dict[LipschitzRelaxation, type[Lipschitz]] = {
+KINDS: "dict[LipschitzRelaxation, type[Lipschitz]]" = {
     "s-procedure": Lipschitz,
     "norm-bound": NormBound,
     "abbaszadeh": Theorem3,

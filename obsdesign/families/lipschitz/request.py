@@ -1,18 +1,87 @@
-"""What a spec asks of an observer of a Lipschitz system, in the numbers of the spec."""
+"""What a spec asks of an observer of a Lipschitz system: its section, and the same in the numbers of the spec."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal, get_args
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range
-from obsdesign.lmi.formula import Array
+from obsdesign.families.asked import (
+    LARGEST_GAIN,
+    SEARCHED,
+    Estimation,
+    Frobenius,
+    Interval,
+    ObserverSection,
+    read_bound,
+    read_gains,
+    read_largest_gain,
+    read_searched,
+    read_slack,
+    refuse_conflicts,
+)
+from obsdesign.lmi.formula import Array, rational
+from obsdesign.model.disturbance import augment
+from obsdesign.nonlinearities import combine
+from obsdesign.nonlinearities.lipschitz import lipschitz
+from obsdesign.sections.document import Loc, dotted
+from obsdesign.sections.forms import ENTRY, MATRIX, OneOf, Section, key, required
+from obsdesign.sections.values import Reader
+from obsdesign.spec import Nonlinearity
 
 ZERO = fmpq(0)
+UNSTRUCTURED = ("norm-bound", "abbaszadeh", "compare")
+ABSENT = ("Dqf", "Df", "Dq")
+INSTEAD = "type l2 with L2: 0 takes it"
 
 LipschitzObjective = Literal["max-lipschitz", "min-gamma", "pareto"]
 LipschitzRelaxation = Literal["s-procedure", "norm-bound", "abbaszadeh", "compare"]
+
+
+@dataclass(frozen=True)
+class Least(Section):
+    """A lower bound."""
+
+    min: str = required(ENTRY)
+
+
+@dataclass(frozen=True)
+class LipschitzBounds(Section):
+    """What a design may use."""
+
+    L: str | Frobenius | None = key(LARGEST_GAIN, "spectral norm of the gain at most")
+    P: Least | None = key(Least, "P >= min I, which keeps the gain finite")
+    gamma: str | None = key(ENTRY)
+
+
+@dataclass(frozen=True)
+class LipschitzGains(Section):
+    """Gain to be analyzed instead of designed; it multiplies (y - yhat)."""
+
+    L: str | list[str] | list[list[str]] = required(MATRIX)
+
+
+@dataclass(frozen=True)
+class LipschitzObserver(ObserverSection):
+    """What is asked of an observer of a Lipschitz system, xhat' = A xhat + Bf f(Cq xhat) + L (y - yhat)."""
+
+    hints: ClassVar[Mapping[str, str]] = {"alpha": "is called decay in type lipschitz"}
+
+    relaxation: LipschitzRelaxation = key(
+        OneOf("relaxation", get_args(LipschitzRelaxation)),
+        "of what is known of f; compare: all of them, beside each other",
+        default="s-procedure",
+    )
+    objective: LipschitzObjective = key(OneOf("objective", get_args(LipschitzObjective)), default="max-lipschitz")
+    weight: str | Interval | None = key(
+        SEARCHED, "in [0, 1], for pareto: minimize weight / lipschitz + (1 - weight) gamma^2"
+    )
+    decay: str | Interval | None = key(SEARCHED, "1/s; default 0; a range for pareto only")
+    slack: str | None = key(ENTRY, "relative, default 0.05")
+    bounds: LipschitzBounds | None = key(LipschitzBounds)
+    gains: LipschitzGains | None = key(LipschitzGains)
 
 
 @dataclass(frozen=True)
@@ -21,6 +90,8 @@ class LipschitzRequest:
 
     The bound L1 is that of L. Only the decay and the weight of `pareto` may be ranges.
     """
+
+    reconstruct: ClassVar[bool] = False
 
     type: str
     lipschitz: tuple[fmpq, ...]  # declared constant of each block of f
@@ -31,6 +102,7 @@ class LipschitzRequest:
     slack: fmpq = SLACK
     bounds: Bounds = field(default_factory=Bounds)
     gains: Mapping[str, Array] | None = None  # L (n, ny): analysis of this
+    drive: str = "w"  # v where a disturbance model generates w
 
     def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Keys that do not go with the objective or the relaxation, and why, with what to do instead."""
@@ -42,6 +114,118 @@ class LipschitzRequest:
         if (self.objective, self.relaxation) == ("max-lipschitz", "s-procedure") and self.bounds.floor is not None:
             said = "the P of max-lipschitz has no scale in the s-procedure; bound L, or choose norm-bound"
             yield ("bounds", "P"), said
-        for key, value in (("weight", self.weight), ("decay", self.decay)):
+        for name, value in (("weight", self.weight), ("decay", self.decay)):
             if self.relaxation == "compare" and isinstance(value, Range):
-                yield (key,), "compare takes a number, not a range; choose one relaxation for a curve"
+                yield (name,), "compare takes a number, not a range; choose one relaxation for a curve"
+
+
+def read_request(reader: Reader, section: LipschitzObserver, problem: Estimation) -> LipschitzRequest:
+    """Return the request, held against what the family knows."""
+    decay = read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
+    if isinstance(decay, Range) and section.objective != "pareto":
+        reader.wrong(("observer", "decay"), f"objective {section.objective} needs a number; a range is for pareto")
+    request = LipschitzRequest(
+        type=section.type,
+        lipschitz=tuple(constant for block in problem.nonlinearities for constant in block.lipschitz),
+        relaxation=section.relaxation,
+        objective=section.objective,
+        weight=read_weight(reader, section),
+        decay=decay,
+        slack=read_slack(reader, section.slack),
+        bounds=read_bounds(reader, section.bounds),
+        gains=read_gains(reader, section.gains, {"L": (problem.states, problem.outputs)}),
+        drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
+    )
+    refuse_conflicts(reader, request)
+    require_lipschitz(reader, request, problem)
+    return request
+
+
+def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | None:
+    """Weight of 1 / lipschitz against gamma^2, or where it is scanned."""
+    loc: Loc = ("observer", "weight")
+    if section.weight is None:
+        if section.objective == "pareto":
+            reader.wrong(loc, "is required for pareto; give a number in [0, 1], or {min: 0, max: 1}")
+        return None
+    if section.objective != "pareto":
+        reader.wrong(loc, f"belongs to objective pareto, not to {section.objective}", at_key=True)
+    weight = read_searched(reader, section.weight, loc, ">= 0", ">= 0")
+    place = (*loc, "max") if isinstance(section.weight, Interval) else loc
+    largest = weight.high if isinstance(weight, Range) else weight
+    if largest > 1:
+        reader.wrong(place, f"{float(largest):g} is above 1; a weight is in [0, 1]")
+    return weight
+
+
+def read_bounds(reader: Reader, section: LipschitzBounds | None) -> Bounds:
+    """Largest gain and level, and least storage function."""
+    if section is None:
+        return Bounds()
+    gain, norm = read_largest_gain(reader, section.L, "L")
+    least = read_bound(reader, section.P.min, "P", "min") if section.P else None
+    return Bounds(gain, norm, gamma=read_bound(reader, section.gamma, "gamma"), floor=least)
+
+
+def as_lipschitz(
+    reader: Reader, plant: Sequence[Nonlinearity | None], model: Sequence[Nonlinearity | None]
+) -> tuple[Nonlinearity, ...]:
+    """Blocks with the multipliers |df| <= k |dq| of their constants, for a block or for each of its components.
+
+    Parameters
+    ----------
+    plant, model
+        Blocks of the plant and of the disturbance model; None after an error.
+    """
+    found = []
+    for i, block in enumerate((*plant, *model)):
+        place: Loc = ("nonlinearities", i, "type") if i < len(plant) else ("disturbance",)
+        if block is not None and not block.lipschitz:
+            instead = "give {lipschitz: k}, or {lipschitz: auto} with f and a region"
+            reader.wrong(place, f"{block.type} has no Lipschitz constant that type lipschitz knows; {instead}")
+        elif block is not None:
+            found.append(read_as_lipschitz(reader, block, place))
+    return tuple(found)
+
+
+def read_as_lipschitz(reader: Reader, block: Nonlinearity, place: Loc) -> Nonlinearity:
+    """One block with the multiplier of its constants, and a note where it was declared by another type."""
+    constants = block.lipschitz
+    whole = (block.multiplier.member.shape[1], block.multiplier.member.shape[0])
+    sizes = [whole] if len(constants) == 1 else [(1, 1)] * len(constants)
+    if not block.type.startswith("lipschitz"):
+        values = ", ".join(f"{float(k):g}" for k in constants)
+        reader.notes.append(f"{dotted(place)}: {block.type} is read as lipschitz {values}")
+    return replace(block, multiplier=combine(lipschitz(k, *size) for k, size in zip(constants, sizes, strict=True)))
+
+
+def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: Estimation) -> None:
+    """Refuse what the family does not know: no f, f of f or of w, f in y, no z, and an objective about no w."""
+    plant, generator, H = problem.plant, problem.generator, problem.H
+    if plant is None or generator is None:
+        return
+    if H.size and not (H != 0).any():
+        reader.wrong(("performance",), "z = H e is zero: nothing is to be estimated; leave it out for all states")
+    if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(("nonlinearities",)):
+        reader.wrong(("nonlinearities",), "type lipschitz needs at least one; for a linear plant use type l2")
+    augmented = augment(plant, generator, (), ())
+    acts = (augmented.Bf != 0).any() and (augmented.Cq != 0).any()
+    if plant.Bf.shape[1] and not acts and reader.clean(("nonlinearities",)):
+        reader.wrong(("nonlinearities",), "Bf or Cq is zero, and f does not act; for a linear plant use type l2")
+    for name in ABSENT:
+        if getattr(plant, name).any():
+            reader.wrong(("nonlinearities",), f"{name} must be zero for type lipschitz; {INSTEAD}")
+    if any((getattr(augmented, name) != 0).any() and not (getattr(plant, name) != 0).any() for name in ABSENT):
+        reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}")
+    if request.objective != "max-lipschitz" and not augmented.B.shape[1]:
+        reader.wrong(("observer", "objective"), f"{request.objective} is about w, and there is none; give system.B")
+    if request.relaxation in UNSTRUCTURED and not all(is_identity(M) for M in (augmented.Bf, augmented.Cq)):
+        reader.notes.append(
+            f"observer.relaxation: f is treated as unstructured with the constant norm(Bf) lipschitz norm(Cq) "
+            f"by {'norm-bound and abbaszadeh' if request.relaxation == 'compare' else request.relaxation}"
+        )
+
+
+def is_identity(M: Array) -> bool:
+    """Whether a matrix is the identity."""
+    return M.shape[0] == M.shape[1] and bool((rational(np.eye(len(M))) == M).all())

@@ -1,26 +1,92 @@
-"""What a spec asks of an observer whose measurements arrive sporadically, in the numbers of the spec."""
+"""What a spec asks where measurements arrive sporadically: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal, get_args
 
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Range
+from obsdesign.families.asked import (
+    SEARCHED,
+    Estimation,
+    Interval,
+    ObserverSection,
+    read_bound,
+    read_gains,
+    read_searched,
+    read_slack,
+    refuse_conflicts,
+)
 from obsdesign.lmi.formula import Array
+from obsdesign.sections.document import Loc
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, ListOf, OneOf, Section, key, required
+from obsdesign.sections.values import Reader
 
 INJECTIONS = {  # how the correction evolves between measurements, and its relaxations, the tightest first
     "dynamic": ("proposition-2", "proposition-3", "proposition-4"),
     "predictor": ("proposition-2",),
     "hold": ("proposition-5",),
 }
+RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
+DELTA = Range(fmpq(1, 100), fmpq(1000), points=40, log=True)  # where the search looks if the spec does not say
+STEEP = ("proposition-3", "proposition-5")  # need delta > 2 decay
+ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
+RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
+ABSENT = ("D", "Dq", "Dqf", "Df")
 
 SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
 
 
 @dataclass(frozen=True)
+class SporadicBounds(Section):
+    """What a design may use at most."""
+
+    L: str | None = key(ENTRY, "spectral norm of the gain")
+    gamma: str | None = key(ENTRY)
+
+
+@dataclass(frozen=True)
+class SporadicGains(Section):
+    """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
+
+    L: str | list[str] | list[list[str]] = required(MATRIX)
+    H: str | list[str] | list[list[str]] | None = key(MATRIX, "ny x ny; default 0")
+
+
+def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
+    """Form of one of a few words, or of a list of them."""
+    word = OneOf(kind, words)
+    return Either(f"one of {', '.join(words)}, or a list of them", word, ListOf(word))
+
+
+@dataclass(frozen=True)
+class SporadicObserver(ObserverSection):
+    """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
+
+    T1: str = required(ENTRY, "s, shortest interval between measurements")
+    T2: str | Interval = required(SEARCHED, "s, longest interval between measurements")
+    decay: str | Interval | None = key(SEARCHED, "lambda_t, 1/s; default 0")
+    injection: str | list[str] | None = key(
+        one_or_several("injection", tuple(INJECTIONS)),
+        "dynamic (H free, default), predictor (H = -C L) or hold (H = 0)",
+    )
+    relaxation: str | list[str] | None = key(
+        one_or_several("relaxation", RELAXATIONS), "default: the tightest for the injection"
+    )
+    delta: str | Interval | None = key(SEARCHED, "1/s, free exponent of the storage function")
+    objective: SporadicObjective = key(OneOf("objective", get_args(SporadicObjective)), default="min-gamma")
+    slack: str | None = key(ENTRY, "relative, default 0.05")
+    bounds: SporadicBounds | None = key(SporadicBounds)
+    gains: SporadicGains | None = key(SporadicGains)
+
+
+@dataclass(frozen=True)
 class SporadicRequest:
     """The `observer` section of a spec for the family whose measurements arrive sporadically."""
+
+    drive: ClassVar[str] = "v"
+    reconstruct: ClassVar[bool] = False
 
     type: str
     T1: fmpq  # s, shortest interval between measurements
@@ -52,3 +118,92 @@ class SporadicRequest:
         for name in self.injections if not strays else ():
             if name not in {injection for injection, _ in self.pairs}:
                 yield ("injection",), f"{name} has none of the relaxations that are listed; {known}"
+
+
+def read_request(reader: Reader, section: SporadicObserver, problem: Estimation) -> SporadicRequest:
+    """Return the request, held against what the family knows."""
+    loc: Loc = ("observer",)
+    require_sampled(reader, problem)
+    T1 = reader.number(section.T1, (*loc, "T1"), "> 0")
+    T2 = read_searched(reader, section.T2, (*loc, "T2"), "> 0")
+    decay = read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
+    require_ordered(reader, T1, T2)
+    relaxations = listed(section.relaxation)
+    require_ranges(reader, section, T2, decay)
+    states, outputs = problem.states, problem.outputs
+    request = SporadicRequest(
+        type=section.type,
+        T1=T1,
+        T2=T2,
+        decay=decay,
+        delta=read_delta(reader, section, decay, relaxations),
+        injections=listed(section.injection) or fitting(relaxations),
+        relaxations=relaxations,
+        objective=section.objective,
+        slack=read_slack(reader, section.slack),
+        largest_gain=read_bound(reader, section.bounds.L if section.bounds else None, "L"),
+        largest_gamma=read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
+        gains=read_gains(reader, section.gains, {"L": (states, outputs), "H": (outputs, outputs)}),
+    )
+    refuse_conflicts(reader, request)
+    return request
+
+
+def require_sampled(reader: Reader, problem: Estimation) -> None:
+    """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
+    if problem.generator is not None and len(problem.generator.Am):
+        reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out")
+    for name in ABSENT if problem.plant is not None else ():
+        if getattr(problem.plant, name).any():
+            place: Loc = ("system", "D") if name == "D" else ("nonlinearities",)
+            instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
+            reader.wrong(place, f"{name} must be zero for type sporadic{instead}")
+
+
+def listed(written: str | list[str] | None) -> tuple[str, ...]:
+    """One word or several as a tuple."""
+    return () if written is None else (written,) if isinstance(written, str) else tuple(written)
+
+
+def ends(value: fmpq | Range) -> tuple[fmpq, fmpq]:
+    """Ends of a range; a number is a range of itself."""
+    return (value.low, value.high) if isinstance(value, Range) else (value, value)
+
+
+def require_ordered(reader: Reader, T1: fmpq, T2: fmpq | Range) -> None:
+    """Refuse T2 below T1."""
+    if ends(T2)[1] < T1 and reader.clean(("observer", "T1")) and reader.clean(("observer", "T2")):
+        largest = f"{float(ends(T2)[1]):g}"
+        reader.wrong(("observer", "T2"), f"{largest} is below T1 = {float(T1):g}; a longest interval is at least T1")
+
+
+def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, decay: fmpq | Range) -> None:
+    """Refuse a search without a range to search."""
+    found = {"T2": T2, "decay": decay}
+    key = RANGED.get(section.objective)
+    if key and not isinstance(found[key], Range):
+        reader.wrong(("observer", key), f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
+    if section.objective == "pareto" and not any(isinstance(value, Range) for value in found.values()):
+        reader.wrong(("observer", "objective"), "pareto needs a range of T2 or of decay")
+
+
+def fitting(relaxations: tuple[str, ...]) -> tuple[str, ...]:
+    """Injections where none is named: dynamic, and hold as far as its relaxation is listed."""
+    wanted = relaxations or INJECTIONS["dynamic"]
+    return tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name]) & set(wanted))
+
+
+def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, relaxations: tuple[str, ...]) -> Range:
+    """Where delta is searched; the design cuts the range for a relaxation that needs delta > 2 decay."""
+    loc: Loc = ("observer", "delta")
+    if section.delta is None:
+        return DELTA
+    delta = read_searched(reader, section.delta, loc, "> 0")
+    low, high = ends(delta)
+    least = 2 * ends(decay)[0]
+    steep = [name for name in relaxations if name in STEEP] or (
+        ["proposition-5"] if "hold" in listed(section.injection) else []
+    )
+    if steep and not section.gains and high < least * ABOVE and reader.clean(loc):
+        reader.wrong(loc, f"{steep[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
+    return delta if isinstance(delta, Range) else Range(low, high, points=1)

@@ -207,45 +207,34 @@ def looseness(gap: float) -> str:
     return f"; the bound may be loose by {gap:.1g} of it" if gap > TIGHT else ""
 
 
-AUTOMATIC: dict[str, Callable[[Restriction], Choice]] = {
-    "auto": choose,
-    "lipschitz": lipschitz,
-    "slope": slopes,
-    "cocoercive": cocoercive,
-    "jacobian": polytope,
-}
+def slopes_proved(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:
+    """Whether each f_i surely is a function of q_i only with its slopes in the given bounds; False says nothing."""
+    return surely(f, lambda: f.decoupled and slopes_within(f, allowed))
 
 
-def proved(f: Restriction, name: str, data: Any) -> bool:
-    """Whether a declared type surely holds; False says nothing.
+def lipschitz_proved(f: Restriction, k: fmpq) -> bool:
+    """Whether |df| <= k |dq| surely holds; False says nothing."""
+    return surely(f, lambda: lipschitz_within(f, k))
 
-    Parameters
-    ----------
-    name, data
-        The type and its data, as its template takes them.
-    """
+
+def surely(f: Restriction, question: Callable[[], bool]) -> bool:
+    """Answer about f; False where f is too large for a proof that nobody asked for, or may jump."""
     if sum(len(g.order) for g in f.f) > MAX_OPERATIONS:
         return False
     try:
         require_continuous(f)
-        if name == "lipschitz" and data > 0:  # f / data has round numbers where f has those of the declaration
-            f, data = replace(f, f=tuple(Expression.combination([1 / data], [g]) for g in f.f)), fmpq(1)
-        if f.decoupled:
-            return slopes_within(f, sectors(name, data, f.nq))
-        small = f.nq + len(f.f) <= MAX_SIZE
-        return name == "lipschitz" and small and at_most(norm_bound(f, float(data)).bound, data)
+        return question()
     except UsageError:  # f may jump, or its derivative is too large
         return False
 
 
-def sectors(name: str, data: Any, nq: int) -> list[tuple[fmpq, fmpq | None]]:
-    """Slopes that a type allows each component of a decoupled f; none if it is not about them."""
-    if name == "slope":
-        return list(data)
-    allowed = {"monotone": (fmpq(0), None)}
-    if name in ("lipschitz", "cocoercive"):
-        allowed = {"lipschitz": (-data, data), "cocoercive": (fmpq(0), data)}
-    return [allowed[name]] * nq if name in allowed else []
+def lipschitz_within(f: Restriction, k: fmpq) -> bool:
+    """Whether the norm of the Jacobian is at most k."""
+    if k > 0:  # f / k has round numbers where f has those of the declaration
+        f, k = replace(f, f=tuple(Expression.combination([1 / k], [g]) for g in f.f)), fmpq(1)
+    if f.decoupled:
+        return slopes_within(f, [(-k, k)] * f.nq)
+    return f.nq + len(f.f) <= MAX_SIZE and at_most(norm_bound(f, float(k)).bound, k)
 
 
 def slopes_within(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:

@@ -4,27 +4,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import numpy as np
 from flint import arb, fmpq, fmpq_mat
 
+from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, rational_number, zeros
 from obsdesign.model.multiplier import Multiplier, Scaled, Sum
+from obsdesign.nonlinearities.evidence.norm import norm_bound
+from obsdesign.nonlinearities.evidence.restriction import Restriction
 
-HALF = fmpq(1, 2)
 NEGLIGIBLE = 1e-6  # part of the typical change of f in which rounding errors matter
-FORMS = {  # the inequality of each scale of a type, as a factor times [dq; df]' M [dq; df] >= 0
-    "monotone": [("dq' df", HALF)],
-    "sector": [("(df - K1 dq)' (K2 dq - df)", fmpq(1))],
-    "cocoercive": [("dq' df - df' df / k", HALF)],
-    "ball": [("|W dq|^2 - |df - K dq|^2", fmpq(1))],
-    "one-sided-lipschitz": [
-        ("rho dq' dq - dq' df", HALF),
-        ("beta dq' dq + phi dq' df - df' df", fmpq(1)),
-    ],
-    "multiplier": [("[dq; df]' M [dq; df]", fmpq(1))],
-}
 
 
 class Claim(ABC):
@@ -44,6 +36,10 @@ class Claim(ABC):
     @abstractmethod
     def refuted(self, dq: Array, df: Sequence[arb]) -> str | None:
         """Return why an exact dq with an enclosure of df surely violates it; None if it may not."""
+
+    def instead(self, f: Restriction) -> str:  # noqa: ARG002
+        """What holds instead for an f that violates it, as an addition to the reason."""
+        return ""
 
 
 @dataclass(frozen=True)
@@ -94,7 +90,7 @@ class Quadratic(Claim):
 
 
 @dataclass(frozen=True)
-class Named(Quadratic):
+class Worded(Quadratic):
     """An inequality of the catalogue, a multiple of the quadratic form."""
 
     inequality: str
@@ -118,9 +114,17 @@ class Gain(Quadratic):
         left, right = apart(float(change), float(allowed))
         return f"|df| = {left} exceeds {float(self.k):.12g} |dq| = {right}"
 
+    def instead(self, f: Restriction) -> str:
+        """What the Lipschitz constant is instead; nothing if no bound of it is proved."""
+        try:
+            norm = norm_bound(f)
+        except UsageError:  # f may jump, or its derivative is too large
+            return ""
+        return f"; the constant is between {norm.attained:.7g} and {norm.bound:.7g}" if norm.bound < inf else ""
+
 
 @dataclass(frozen=True)
-class Slope(Quadratic):
+class SlopeBounds(Quadratic):
     """Bounds of the slope of component i."""
 
     i: int
@@ -211,30 +215,6 @@ def orthogonal(c: Array, span: Array) -> Array | None:
     weights = gram.inv() * fmpq_mat(count, 1, list(span.T @ c))
     rest: Array = c - span @ np.array(weights.tolist(), dtype=object).ravel()
     return rest
-
-
-def claims(name: str, data: Any, multiplier: Multiplier) -> Iterator[Claim]:
-    """All inequalities of a type.
-
-    Parameters
-    ----------
-    name, data
-        The type and its data, as its template takes them.
-    multiplier
-        What the template makes of them.
-    """
-    if name in ("jacobian", "cone"):
-        yield Hull(np.array(data), conic=name == "cone")
-        return
-    for i, M in enumerate(generators(multiplier)):
-        if name == "lipschitz":
-            yield Gain(M, data)
-        elif name == "slope":
-            yield Slope(M, i, *data[i])
-        elif name in FORMS:
-            yield Named(M, *FORMS[name][i])
-        else:
-            yield Quadratic(M)
 
 
 def generators(multiplier: Multiplier) -> Iterator[Array]:

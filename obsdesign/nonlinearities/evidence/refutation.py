@@ -4,21 +4,17 @@ The search is by sampling and decides nothing. A pair is confirmed in rational a
 of f, before it is shown, so that a type that is exactly tight is never refused for a rounding error.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import floor, inf, log10
-from typing import Any
+from math import floor, log10
 
 import numpy as np
 from flint import arb, ctx, fmpq
 
-from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.constant import ball
 from obsdesign.lmi.formula import Array, rational_number
-from obsdesign.model.multiplier import Multiplier
-from obsdesign.nonlinearities.evidence.claims import Claim, claims
-from obsdesign.nonlinearities.evidence.norm import norm_bound
+from obsdesign.nonlinearities.evidence.claims import Claim
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.nonlinearities.evidence.search import Pairs, pairs
 
@@ -45,17 +41,9 @@ class Counterexample:
         return f"{pair}{same}: {self.reason}"
 
 
-def counterexample(f: Restriction, name: str, data: Any, multiplier: Multiplier) -> Counterexample | None:
-    """Search for a pair that refutes a type; None says nothing of the type.
-
-    Parameters
-    ----------
-    name, data
-        The type and its data, as its template takes them.
-    multiplier
-        What the template makes of them.
-    """
-    for claim in claims(name, data, multiplier):
+def counterexample(f: Restriction, claims: Iterable[Claim]) -> Counterexample | None:
+    """Search for a pair that violates one of the claims of a type; None says nothing of the type."""
+    for claim in claims:
         candidates = pairs(f, claim)
         worst = np.argsort(candidates.violation)
         seen = worst[candidates.violation[worst] < -VISIBLE]
@@ -66,17 +54,8 @@ def counterexample(f: Restriction, name: str, data: Any, multiplier: Multiplier)
         for k in (*plain[:TRIED], *seen[:TRIED]):
             found = confirmed(f, claim, candidates, int(k))
             if found:
-                return replace(found, reason=found.reason + right(f)) if name == "lipschitz" else found
+                return replace(found, reason=found.reason + claim.instead(f))
     return None
-
-
-def right(f: Restriction) -> str:
-    """What the Lipschitz constant is instead, as an addition to a reason; nothing if no bound of it is proved."""
-    try:
-        norm = norm_bound(f)
-    except UsageError:  # f may jump, or its derivative is too large
-        return ""
-    return f"; the constant is between {norm.attained:.7g} and {norm.bound:.7g}" if norm.bound < inf else ""
 
 
 def confirmed(f: Restriction, claim: Claim, candidates: Pairs, k: int) -> Counterexample | None:

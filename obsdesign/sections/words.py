@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
-from obsdesign.reading.document import described
+from obsdesign.sections.document import described
 
 
 def unavailable(words: Sequence[str], available: Sequence[str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ from flint import fmpq
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.lmi.formula import Array
-from obsdesign.reading.document import DATE, MAX_PROBLEMS, NOT_FINITE, Document, Loc, described, dotted
+from obsdesign.sections.document import DATE, MAX_PROBLEMS, NOT_FINITE, Document, Loc, described, dotted
 
 ZERO, ONE = fmpq(0), fmpq(1)
 MAX_SIZE = 400  # of a signal, such as the augmented state

@@ -1,0 +1,143 @@
+"""What a section `observer:` may hold in any family: its type, ranges that are searched, bounds, the slack."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import SLACK, Conflicting, Range
+from obsdesign.families import FAMILIES
+from obsdesign.lmi.formula import Array, Exact
+from obsdesign.model.disturbance import Generator
+from obsdesign.model.plant import Plant
+from obsdesign.sections.document import Loc, described
+from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Section, key, required
+from obsdesign.sections.values import Axis, Reader, Sign
+from obsdesign.sections.words import unavailable
+from obsdesign.spec import Nonlinearity
+
+LATER_FAMILIES = ("kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain")
+LATER_KEYS = ("coordinates", "left_inverse", "estimator", "degree", "lambdas")
+MAX_POINTS = 10_000
+FAMILY = OneOf("observer", lambda: tuple(FAMILIES), lambda: unavailable(LATER_FAMILIES, tuple(FAMILIES)))
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """The estimation problem that an observer is for; None, or an open size, where an earlier error leaves it open."""
+
+    states: Axis  # augmented
+    outputs: Axis  # measured
+    q: Axis  # with the components of the disturbance model
+    plant: Plant[Exact] | None
+    generator: Generator | None
+    H: Array
+    nonlinearities: tuple[Nonlinearity, ...]  # as the family takes them
+
+
+@dataclass(frozen=True)
+class ObserverSection(Section):
+    """Keys of `observer:` in one family."""
+
+    type: str = required(FAMILY)
+
+    @classmethod
+    def hinted(cls) -> Mapping[str, str]:
+        """What to say of keys that only other families take, or none yet."""
+        keys = {name: [k for k in family.Section.forms() if k != "type"] for name, family in FAMILIES.items()}
+        mine = [name for name, family in FAMILIES.items() if family.Section is cls]
+        own = [k for k in cls.forms() if k != "type"]
+        owners = {k: [name for name in keys if k in keys[name]] for others in keys.values() for k in others}
+        allowed = f"allowed here: type, {', '.join(own)}"
+        elsewhere = {
+            k: f"does not belong to type {' or '.join(mine)}, but to {' or '.join(names)}; {allowed}"
+            for k, names in owners.items()
+            if k not in own
+        }
+        return {**unavailable(LATER_KEYS, own), **elsewhere, **cls.hints}
+
+
+@dataclass(frozen=True)
+class Interval(Section):
+    """An interval that is searched."""
+
+    min: str = required(ENTRY)
+    max: str = required(ENTRY)
+    points: str | None = key(ENTRY, "default 25")
+    log: bool = key(FLAG, "spaced by a factor", default=False)
+
+
+@dataclass(frozen=True)
+class Frobenius(Section):
+    """A bound on the Frobenius norm."""
+
+    frobenius: str = required(ENTRY)
+
+
+LARGEST_GAIN = Either("a number, or {frobenius: a number}", ENTRY, mapping=Frobenius)
+SEARCHED = Either("a number, or a range {min: .., max: .., points: .., log: ..}", ENTRY, mapping=Interval)
+
+
+def refuse_conflicts(reader: Reader, request: Conflicting) -> None:
+    """Refuse keys that do not go with others."""
+    for keys, why in request.conflicts():
+        if reader.clean(("observer", *keys)):
+            reader.wrong(("observer", *keys), why, at_key=True)
+
+
+def read_searched(reader: Reader, written: str | Interval, loc: Loc, sign: Sign, first: Sign = "> 0") -> fmpq | Range:
+    """Read a number, or the range in which it is searched.
+
+    Parameters
+    ----------
+    sign, first
+        Of the number, and of the end at which a range begins.
+    """
+    if isinstance(written, Interval):
+        return read_range(reader, written, loc, first)
+    return reader.number(written, loc, sign)
+
+
+def read_range(reader: Reader, section: Interval, loc: Loc, sign: Sign = "> 0") -> Range:
+    """Interval that is searched; one that is spaced by a factor cannot begin at zero."""
+    before = len(reader.problems)
+    low = reader.number(section.min, (*loc, "min"), "> 0" if section.log else sign)
+    high = reader.number(section.max, (*loc, "max"), "> 0")
+    points = reader.integer(section.points, (*loc, "points"), 25, 2, MAX_POINTS)
+    if len(reader.problems) == before and low >= high:
+        reader.wrong(
+            loc, f"min {described(section.min)} is not below max {described(section.max)}; a range needs min < max"
+        )
+    return Range(low, high, points, section.log)
+
+
+def read_slack(reader: Reader, written: str | None) -> fmpq:
+    """How far from the optimum a design may be."""
+    return SLACK if written is None else reader.number(written, ("observer", "slack"), ">= 0")
+
+
+def read_largest_gain(
+    reader: Reader, written: str | Frobenius | None, name: str
+) -> tuple[fmpq | None, Literal["spectral", "frobenius"]]:
+    """Largest gain, and the norm that is meant."""
+    if isinstance(written, Frobenius):
+        return read_bound(reader, written.frobenius, name, "frobenius"), "frobenius"
+    return read_bound(reader, written, name), "spectral"
+
+
+def read_bound(reader: Reader, written: str | None, *keys: str) -> fmpq | None:
+    """One number of the bounds."""
+    return None if written is None else reader.number(written, ("observer", "bounds", *keys), "> 0")
+
+
+def read_gains(
+    reader: Reader, section: Section | None, sizes: Mapping[str, tuple[Axis, Axis]]
+) -> Mapping[str, Array] | None:
+    """Gains to be analyzed, by name, of these numbers of rows and columns."""
+    if section is None:
+        return None
+    loc: Loc = ("observer", "gains")
+    return {
+        name: reader.matrix(reader.entries(getattr(section, name), (*loc, name)), *size) for name, size in sizes.items()
+    }
