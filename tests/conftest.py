@@ -1,18 +1,26 @@
-"""Fixtures of several test files: a small problem, solved once, and the verification of result files."""
+"""Options and fixtures of several test files: a small problem, solved once, and the verification of result files."""
 
 import json
 import os
 import time
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices, two cores
+os.environ["OMP_NUM_THREADS"] = "1"  # before numpy, and for commands that are started: there is a process a core
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+os.environ["MKL_NUM_THREADS"] = "1"
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from support.commands import result_of, run
+from support.sweep import SWEEP
 
-settings.register_profile("repeatable", derandomize=True)  # HYPOTHESIS_PROFILE=default looks elsewhere each time
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+settings.register_profile(
+    "repeatable",
+    derandomize=True,
+    deadline=None,  # time is measured in tests/benchmarks
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.load_profile("repeatable")
 
 LIMIT = 2.0  # seconds of processor time within which any result file is answered
 
@@ -30,6 +38,24 @@ disturbance: integrator
 observer: {type: l2, L2: 0, alpha: 0.1, bounds: {L1: 40}}
 simulation: {horizon: 2, x0: [1, 0], w: [1 - exp(-t)], points: 21}
 """
+
+
+def pytest_addoption(parser):
+    parser.addoption("--sweep", metavar="N[:SEED]", help="N times as many random examples, drawn from SEED")
+
+
+def pytest_configure(config):
+    if config.option.sweep:
+        try:
+            SWEEP.read(config.option.sweep)
+        except ValueError:
+            raise pytest.UsageError(f"--sweep {config.option.sweep}: expected N or N:SEED, N > 0") from None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Tests that share a process take longest and begin first, so that at the end no process waits for another."""
+    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
 
 
 @pytest.fixture(scope="session")

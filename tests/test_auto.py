@@ -6,8 +6,9 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Interval, parse
@@ -52,7 +53,7 @@ TEXTS = st.recursive(
 )
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(TEXTS, st.floats(-3, 2), st.floats(0.1, 3), st.integers(0, 2**32 - 1))
 def test_an_enclosure_holds_every_difference_quotient(text, low, width, seed):
     region = {"q1": (low, low + width), "q2": (-1.0, 1.0)}
@@ -73,7 +74,7 @@ def test_an_enclosure_holds_every_difference_quotient(text, low, width, seed):
         assert np.all(df / dq <= found.high[0, j] + slack)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(TEXTS, st.floats(-3, 2), st.floats(0.1, 3))
 def test_a_supremum_is_between_what_is_attained_and_its_bound(text, low, width):
     g = parse(text, NAMES)

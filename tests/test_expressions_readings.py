@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from flint import ctx, fmpq
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.expressions import ExpressionError, Interval, parse, vector_function
 from obsdesign.expressions.constant import ball
@@ -73,7 +74,7 @@ def exact(expression, x, y, bits=400):
     return ball(expression.order, values, bits)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(expressions(any_kind))
 def test_the_text_parses_back_to_an_equal_expression(expression):
     again = parse(expression.text, NAMES)
@@ -82,7 +83,7 @@ def test_the_text_parses_back_to_an_equal_expression(expression):
     assert [type(n) for n in again.order] == [type(n) for n in expression.order]
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(expressions(any_kind), points, points)
 def test_plain_floats_and_arrays_give_the_same_values_inside_the_enclosure(expression, x, y):
     one = expression.scalar(NAMES)(x, y)
@@ -98,7 +99,7 @@ def test_plain_floats_and_arrays_give_the_same_values_inside_the_enclosure(expre
         assert around.low - slack <= one <= around.high + slack
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(expressions(smooth), ordinary, ordinary)
 def test_the_derivative_is_the_limit_of_the_difference_quotient(expression, x, y):
     try:
@@ -115,7 +116,7 @@ def test_the_derivative_is_the_limit_of_the_difference_quotient(expression, x, y
         assert not abs(quotient - slope) > 1e-9 * (1 + abs(slope))
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(expressions(any_kind), points, points, points, points, st.floats(0, 1), st.floats(0, 1))
 def test_an_enclosure_holds_every_value(expression, a, b, c, d, s, r):
     (x0, x1), (y0, y1) = sorted([a, b]), sorted([c, d])
@@ -213,7 +214,7 @@ def test_an_enclosure_is_empty_where_the_expression_is_defined_nowhere(text):
     assert found.empty.tolist() == [True, "asin" in text]
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(expressions(any_kind), st.lists(st.tuples(points, points), min_size=1, max_size=5))
 def test_many_boxes_are_enclosed_as_one_by_one(expression, ends):
     powers = [node.arguments[1] for node in expression.order if getattr(node, "operation", "") == "**"]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import fmpq
+from support.sweep import SWEEP, rng
 
 from obsdesign.families.incremental.absence import question, refuted
 from obsdesign.families.incremental.l2 import L2
@@ -215,25 +216,26 @@ def test_a_multiplier_of_a_row_that_need_not_vanish_must_not_be_indefinite():
 
 def families(count):
     """Random observer problems with small integers, and what phase I says of them."""
-    rng = np.random.default_rng(5)
+    random = rng(5)
 
     def draw(*shape):
-        return rng.integers(-3, 4, shape)
+        return random.integers(-3, 4, shape)
 
     for _ in range(count):
-        n, ny, nw = (int(k) for k in rng.integers((2, 1, 1), (5, 3, 3)))
+        n, ny, nw = (int(k) for k in random.integers((2, 1, 1), (5, 3, 3)))
         p = plant(
-            draw(n, n), draw(n, nw), draw(ny, n), draw(ny, nw) * int(rng.integers(2)), Bf=draw(n, 1), Cq=draw(1, n)
+            draw(n, n), draw(n, nw), draw(ny, n), draw(ny, nw) * int(random.integers(2)), Bf=draw(n, 1), Cq=draw(1, n)
         )
         kinds = (monotone(None, 1, 1), lipschitz(fmpq(5), 1, 1), slope([(fmpq(0), fmpq(9))], 1, 1))
-        kind, alpha = kinds[int(rng.integers(3))], fmpq(int(rng.integers(1, 80)), 10)
-        cls = (L2, Linf)[int(rng.integers(2))]
+        kind, alpha = kinds[int(random.integers(3))], fmpq(int(random.integers(1, 80)), 10)
+        cls = (L2, Linf)[int(random.integers(2))]
         yield cls(p, kind, rational(np.eye(n)), alpha, None, rational(draw(1, ny)))
 
 
+@pytest.mark.sweep
 def test_of_random_problems_most_infeasible_ones_are_refuted_and_no_feasible_one_is():
-    outcomes = Counter()
-    for family in families(36):
+    outcomes, size = Counter(), SWEEP.size(36)
+    for family in families(size):
         status = widest(in_floats(family).feasible()).status
         gamma = None
         if status is Status.OPTIMAL:
@@ -246,5 +248,5 @@ def test_of_random_problems_most_infeasible_ones_are_refuted_and_no_feasible_one
         elif status is Status.UNDECIDED:
             continue
         outcomes[refutation(*question(family, gamma)) is not None] += 1
-    assert outcomes[True] > 16
+    assert outcomes[True] > size / 2.25
     assert outcomes[True] > 3 * outcomes[False]

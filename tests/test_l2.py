@@ -2,15 +2,16 @@
 
 import math
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import fmpq, fmpq_mat
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.shipped import on, solved
+from support.sweep import examples
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import certify
@@ -53,12 +54,6 @@ def tanks(slope="[0.2, 1.5]", **changed):
     text = TANKS.replace("f: 0.85*q + 0.65*sin(q)\n    type: {slope: [0.2, 1.5]}", f"type: {{slope: {slope}}}")
     assert slope in text
     return loads(text + "".join(f"  {key}: {value}\n" for key, value in changed.items()))
-
-
-@cache
-def designed(name):
-    spec = load(str(SPECS / f"{name}.yaml"))
-    return spec, design(spec)
 
 
 def family_of(spec, alpha=None):
@@ -202,9 +197,17 @@ def test_the_bound_on_the_gain_holds_in_its_norm(bound, order):
     assert 200 < np.linalg.norm(made.gains["L1"], order) <= 300
 
 
-@pytest.mark.parametrize(("case", "mu2"), [("a", 0.08), ("b", 0.01), ("c", 0.001)])
-def test_given_gains_of_the_bearing_are_certified_at_the_level_they_were_made_for(case, mu2):
-    spec, made = designed(f"corless2019-magnetic-bearing-gains-{case}")
+@pytest.mark.parametrize(
+    ("name", "mu2"),
+    on(
+        *(
+            (f"corless2019-magnetic-bearing-gains-{case}", mu2)
+            for case, mu2 in zip("abc", (0.08, 0.01, 0.001), strict=True)
+        )
+    ),
+)
+def test_given_gains_of_the_bearing_are_certified_at_the_level_they_were_made_for(name, mu2):
+    spec, made = solved(name)
     assert made.status == "certified"
     assert made.certificate.mu2 <= rational_number(str(mu2))
     assert made.certificate.guarantee.gamma > made.limit["gamma"]
@@ -259,10 +262,10 @@ def drawn(rng, low, high):
     return float(rng.choice([low, high, rng.uniform(low, high)]))
 
 
-@pytest.mark.parametrize("name", SLOPES)
+@pytest.mark.parametrize("name", on(*SLOPES))
 def test_every_frozen_slope_keeps_the_guarantee(name):
     """With weights exp(alpha t) on z and v, too: A + alpha I is stable and has a gain of at most gamma."""
-    spec, made = designed(name)
+    spec, made = solved(name)
     assert made.status == "certified"
     plant, H, proof = in_floats(spec.augmented), in_floats(spec.H), made.certificate.guarantee
     rng = np.random.default_rng(5)
@@ -275,8 +278,9 @@ def test_every_frozen_slope_keeps_the_guarantee(name):
         assert peak_gain(faster, B, H) <= proof.gamma * (1 + 1e-6)
 
 
+@pytest.mark.xdist_group("noisy-output")
 def test_the_frozen_slopes_of_a_wrong_class_break_the_guarantee():
-    spec, made = designed("noisy-output")
+    spec, made = solved("noisy-output")
     plant, proof = in_floats(spec.augmented), made.certificate.guarantee
     A, B = error_system(plant, made.gains["L1"], made.gains["L2"], [-30.0])
     unstable = np.linalg.eigvals(A).real.max() > -proof.alpha
@@ -357,7 +361,7 @@ def test_another_unit_of_time_leaves_the_least_gamma(make, rate):
 
 
 @given(st.tuples(*[st.integers(0, 40)] * 4))
-@settings(deadline=None, max_examples=15)
+@examples(15)
 def test_a_wider_slope_interval_never_lowers_the_least_gamma(parts):
     a, b, left, right = (x / 10 for x in parts)
     narrow, wide = (
@@ -413,7 +417,7 @@ def test_a_free_injection_is_never_worse_than_none():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=25)
+@examples(25)
 def test_the_loop_shift_and_its_way_back_leave_the_error_system(seed):
     """For X = (I - Dqf K)^-1 L2n: dq = X r + .. and r = (I - Df K X)^-1 r~, r~ the residual after."""
     rng = np.random.default_rng(seed)
@@ -437,10 +441,10 @@ def test_the_loop_shift_and_its_way_back_leave_the_error_system(seed):
 
 
 @pytest.mark.parametrize(
-    ("name", "factor"), [("corless2019-magnetic-bearing", "1.2"), ("noisy-output", "1.2"), ("saturated-spring", "-1")]
+    ("name", "factor"), on(("corless2019-magnetic-bearing", "1.2"), ("noisy-output", "1.2"), ("saturated-spring", "-1"))
 )
 def test_a_certificate_does_not_survive_a_change(name, factor):
-    spec, made = designed(name)
+    spec, made = solved(name)
     family, proof = certified_family(spec, made), made.certificate
     assert proof_of(family, proof).holds
     assert not proof_of(replace(family, L1=rational_number(factor) * family.L1), proof).holds
@@ -451,9 +455,10 @@ def test_a_certificate_does_not_survive_a_change(name, factor):
         assert not proof_of(family, proof, **{scale: -proof.multipliers[scale]}).holds
 
 
+@pytest.mark.xdist_group("corless2019-magnetic-bearing")
 def test_an_equality_that_is_off_by_1e_20_is_rejected():
     """The (f, f) block of the bearing is zero, so P12 = -lambda (Cq + L2 C)1 and the like must hold exactly."""
-    spec, made = designed("corless2019-magnetic-bearing")
+    spec, made = solved("corless2019-magnetic-bearing")
     family, proof = certified_family(spec, made), made.certificate
     for i in range(5):
         P = proof.P.copy()
@@ -465,8 +470,9 @@ def test_an_equality_that_is_off_by_1e_20_is_rejected():
     assert proof_of(family, proof, P=P).holds
 
 
+@pytest.mark.xdist_group("saturated-spring")
 def test_the_rows_that_must_vanish_do_so_exactly():
-    spec, made = designed("saturated-spring")
+    spec, made = solved("saturated-spring")
     family, proof = certified_family(spec, made), made.certificate
     level = {"mu1": rational([[proof.mu1]]), "mu2": rational([[proof.mu2]])}
     dissipation = family.theorem({"P": proof.P, **proof.multipliers, **level})[0].matrix
@@ -475,9 +481,9 @@ def test_the_rows_that_must_vanish_do_so_exactly():
     assert dissipation[cubic - 1].any()
 
 
-@pytest.mark.parametrize("name", ["corless2019-magnetic-bearing-bounded", "noisy-output"])
+@pytest.mark.parametrize("name", on("corless2019-magnetic-bearing-bounded", "noisy-output"))
 def test_two_designs_are_identical(name):
-    spec, first = designed(name)
+    spec, first = solved(name)
     second = design(load(spec.path))
     assert all((first.gains[g] == second.gains[g]).all() for g in ("L1", "L2"))
     assert (first.certificate.P == second.certificate.P).all()

@@ -7,10 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
+from support.sweep import examples
 
 from obsdesign.dissipation.certificate import certify
 from obsdesign.errors import UsageError
@@ -72,7 +73,7 @@ sizes = st.floats(0.1, 10).map(lambda x: round(x, 3))
 
 
 @given(a=sizes, share=st.floats(0.05, 0.95))
-@settings(deadline=None, max_examples=12)
+@examples(12)
 def test_the_least_gamma_of_a_scalar_error(a, share):
     """e' = -a e - w: P = 4 alpha (a - alpha) at most."""
     alpha = round(a * share, 6)

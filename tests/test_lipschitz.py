@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_are
 from support.plants import plant, zeros
+from support.sweep import examples, seeds
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
@@ -293,7 +294,7 @@ def drawn(rng, n, unseen, rate=1, **further):
     return plant(A, C, **further)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@seeds(8)
 def test_the_closed_forms_agree_with_the_whole_problems(seed):
     rng = np.random.default_rng(seed)
     system = drawn(rng, int(rng.integers(2, 5)), 1)
@@ -301,7 +302,7 @@ def test_the_closed_forms_agree_with_the_whole_problems(seed):
     assert_supremum(unit(system, "0.1"), supremum(system, "0.1", "s-procedure"), 2e-3)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@seeds(10)
 def test_the_reduced_problems_agree_with_the_whole_ones(seed):
     rng = np.random.default_rng(100 + seed)
     k = 2 + seed % 2
@@ -333,7 +334,7 @@ def largest_by_riccati(system, decay):
     return low
 
 
-@pytest.mark.parametrize("seed", range(8))
+@seeds(8)
 def test_the_reduced_s_procedure_is_accurate_to_eight_digits(seed):
     rng = np.random.default_rng(100 + seed)
     k = 2 + seed % 2
@@ -341,7 +342,7 @@ def test_the_reduced_s_procedure_is_accurate_to_eight_digits(seed):
     assert supremum(system, 0.1, "s-procedure") == pytest.approx(largest_by_riccati(system, 0.1), rel=1e-8)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@seeds(8)
 def test_a_structured_f_is_feasible_just_below_its_supremum_and_infeasible_just_above(seed):
     rng = np.random.default_rng(200 + seed)
     n = int(rng.integers(2, 5))
@@ -365,7 +366,7 @@ def noisy(rng, n, unseen):
     )
 
 
-@pytest.mark.parametrize("seed", range(40))
+@seeds(40)
 def test_theorem_3_is_feasible_exactly_below_its_closed_form(seed):
     rng = np.random.default_rng(300 + seed)
     n = int(rng.integers(2, 4))
@@ -472,7 +473,7 @@ def turned(system, seed):
     return plant(U @ p.A @ U.T, p.C @ U.T, U @ p.B, p.D, U @ p.Bf, p.Cq @ U.T)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @example(14946, 2, 0.01)  # a constant that is small beside the data
 @given(st.integers(0, 10**6), st.integers(1, 2), st.sampled_from([0.01, 3.0, 500.0]))
 def test_the_limits_do_not_depend_on_orthogonal_coordinates_and_scale_with_the_unit_of_time(seed, k, rate):
@@ -485,7 +486,7 @@ def test_the_limits_do_not_depend_on_orthogonal_coordinates_and_scale_with_the_u
     assert ceiling(unit(faster, 0.1 * rate)) == pytest.approx(rate * ceiling(unit(system, 0.1)), rel=1e-8)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(st.integers(0, 10**6), st.integers(1, 3), st.integers(0, 2), st.floats(0, 2))
 def test_no_relaxation_exceeds_a_tighter_one_nor_the_ceiling(seed, k, ny, decay):
     system = drawn(np.random.default_rng(seed), k + max(ny, 1), k)
@@ -495,7 +496,7 @@ def test_no_relaxation_exceeds_a_tighter_one_nor_the_ceiling(seed, k, ny, decay)
     assert tight <= most * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@seeds(6)
 def test_the_ceiling_is_the_size_of_a_linear_f_that_hides_a_mode_and_no_smaller_one_does(seed):
     rng = np.random.default_rng(400 + seed)
     k = 1 + seed % 3
@@ -555,7 +556,7 @@ def kept(problem, gamma, size, rng):
     return decays.all() and attenuates(error, p.B + L1 @ p.D, problem.H, gamma).all()
 
 
-@pytest.mark.parametrize("seed", range(25))
+@seeds(25)
 def test_no_linear_f_violates_a_claim_and_the_relaxations_are_in_order(seed):
     rng = np.random.default_rng(500 + seed)
     n, decay = int(rng.integers(2, 4)), 0.1

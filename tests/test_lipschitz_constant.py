@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import run
+from support.sweep import examples
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
@@ -114,7 +115,7 @@ TEXTS = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.lists(TEXTS, min_size=2, max_size=3), st.floats(-2, 1), st.floats(0.1, 2), st.integers(0, 2**32 - 1))
 def test_no_difference_quotient_exceeds_the_upper_bound_and_the_lower_one_is_attained(texts, low, width, seed):
     f = on(*texts, nq=3, q1=(low, low + width), q2=(-1.0, 1.0), q3=(0.0, width))
@@ -129,7 +130,7 @@ def test_no_difference_quotient_exceeds_the_upper_bound_and_the_lower_one_is_att
     assert np.all(df <= found.bound * dq * (1 + 1e-12) + 1e-13 * (1 + abs(at[0]).max()))
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 2**32 - 1))
 def test_the_norm_of_radii_bounds_every_matrix_within_them(rows, columns, seed):
     rng = np.random.default_rng(seed)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import (
@@ -40,7 +41,7 @@ def integers(rng, *shape, high=4):
 
 
 @given(SIZES, SIZES, st.booleans(), SEEDS)
-@settings(deadline=None, max_examples=40)
+@examples(40)
 def test_unpack_is_the_inverse_of_pack_in_floats_stacks_and_rationals(n, m, square, seed):
     unknown = Unknown("X", (n, n) if square else (n, m), symmetric=square)
     x = integers(np.random.default_rng(seed), 3, unknown.size)
@@ -56,7 +57,7 @@ def test_unpack_is_the_inverse_of_pack_in_floats_stacks_and_rationals(n, m, squa
 
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=4), SEEDS)
-@settings(deadline=None, max_examples=40)
+@examples(40)
 def test_block_matrices_agree_in_floats_stacks_and_rationals(sizes, seed):
     rng = np.random.default_rng(seed)
     upper = [[integers(rng, 2, a, b) for b in sizes[i:]] for i, a in enumerate(sizes)]
@@ -102,7 +103,7 @@ def test_decimals_are_read_as_written_and_doubles_as_their_binary_value():
 
 
 @given(SEEDS)
-@settings(deadline=None, max_examples=20)
+@examples(20)
 def test_the_probe_of_an_affine_formula_reproduces_it(seed):
     rng = np.random.default_rng(seed)
     A, B, C = (rng.standard_normal(s) for s in ((3, 3), (3, 2), (2, 3)))
@@ -209,7 +210,7 @@ def test_a_rounded_zero_on_the_diagonal_counts_as_zero():
 
 
 @given(SEEDS)
-@settings(deadline=None, max_examples=20)
+@examples(20)
 def test_scaling_by_powers_of_two_is_undone_without_rounding(seed):
     rng = np.random.default_rng(seed)
     sizes = 10.0 ** rng.uniform(-4, 4, 3)
@@ -352,7 +353,7 @@ def congruences(draw):
 
 
 @given(congruences())
-@settings(deadline=None, max_examples=150)
+@examples(150)
 def test_the_exact_factorisation_decides_every_inertia(drawn):
     matrix, signs = drawn
     matrix = rational(matrix)
@@ -365,7 +366,7 @@ def test_the_exact_factorisation_decides_every_inertia(drawn):
 
 
 @given(st.integers(2, 6), SEEDS)
-@settings(deadline=None, max_examples=40)
+@examples(40)
 def test_a_singular_matrix_is_semidefinite_until_it_is_lowered_by_1e_30(n, seed):
     rng = np.random.default_rng(seed)
     B = integers(rng, n, n - 1)

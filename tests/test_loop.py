@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.lmi.proof import holds, rounded
@@ -85,7 +86,7 @@ def test_two_lipschitz_blocks_in_a_ring_are_well_posed_up_to_a_loop_gain_of_one(
     assert "f1, f2" in verdict.sentence
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 10**6), k=st.integers(2, 5))
 def test_scales_are_found_for_rings_of_lipschitz_blocks_exactly_when_the_spectral_radius_is_below_one(seed, k):
     rng = np.random.default_rng(seed)
@@ -132,7 +133,7 @@ POLYTOPE = [[[a, 0], [b, b]] for a in (-1, 1) for b in (0, 2)]
 MIXED = combine([polytope(*POLYTOPE), cone([[1, -1]]), one_sided(0, 4, 0), slope(bounds((0, 1)), 1, 1)])
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 10**6), size=st.sampled_from([0.05, 0.2, 0.5]))
 def test_a_verdict_for_blocks_of_all_kinds_is_sound_and_its_multiplier_is_proved_in_rationals(seed, size):
     rng = np.random.default_rng(seed)

@@ -5,8 +5,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.expressions import parse
 from obsdesign.lmi.formula import rational
@@ -64,7 +65,7 @@ def random_model(rng, nm, nf, nq, nv, nw):
     return Generator(**{name: integers(rng, *size) for name, size in sizes.items()}, inverse=(None,) * nw)
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(seed=st.integers(0, 10**6))
 def test_the_augmented_plant_is_the_plant_fed_by_the_disturbance_model(seed):
     rng = np.random.default_rng(seed)
@@ -86,7 +87,7 @@ def test_the_augmented_plant_is_the_plant_fed_by_the_disturbance_model(seed):
     assert (len(whole.exogenous), whole.outputs) == (nv, p.outputs)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 10**6), names=st.lists(st.sampled_from(sorted(CATALOGUE)), min_size=1, max_size=3))
 def test_every_entry_of_an_augmented_plant_is_rational_even_over_empty_dimensions(seed, names):
     rng = np.random.default_rng(seed)

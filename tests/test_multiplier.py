@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.multipliers import ROTATION, assembled, exactly, made, matrices
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.families.incremental.l2 import L2
@@ -24,7 +25,7 @@ from obsdesign.work import design
 SPECS = Path(__file__).parent.parent / "specs"
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.tuples(*[st.integers(-12, 12)] * 3))
 def test_one_sided_lipschitz_constants_are_refused_exactly_where_no_slope_satisfies_them(numbers):
     rho, beta, phi = (n / 2 for n in numbers)
@@ -65,7 +66,7 @@ def test_unknowns_and_inequalities_are_named_after_their_block():
     assert len(set(names)) == len(names) == 8
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(seed=st.integers(0, 10**6))
 def test_the_three_readings_of_a_set_agree(seed):
     rng = np.random.default_rng(seed)
@@ -96,7 +97,7 @@ def test_a_free_l2_is_refused_where_a_block_has_more_than_one_scale(position):
         combine([made("sin", None), kind]).shifted()
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=st.integers(0, 10**6))
 def test_a_sector_is_the_ball_between_its_matrices(seed):
     rng = np.random.default_rng(seed)

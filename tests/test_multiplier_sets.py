@@ -5,10 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from support.multipliers import ROTATION, assembled, difference, exactly, form, made, matrices, smallest
+from support.sweep import examples
 
 from obsdesign.lmi.formula import Problem, block_diagonal, in_floats, rational, rational_number
 from obsdesign.lmi.probe import coordinates
@@ -141,7 +142,7 @@ def edge_of(name):
 
 
 @pytest.mark.parametrize("name", TRUE)
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(data=st.data())
 def test_every_multiplier_of_the_set_holds_for_a_function_of_its_class(name, data):
     _, f, nq = TRUE[name]

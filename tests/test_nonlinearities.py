@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from support.multipliers import difference, form, smallest
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
@@ -77,7 +78,7 @@ TRUE = {
 
 
 @pytest.mark.parametrize("name", TRUE)
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(data=st.data())
 def test_the_multiplier_holds_for_a_function_of_its_class(name, data):
     multiplier, f, nq = TRUE[name]
@@ -172,7 +173,7 @@ def test_the_member_belongs_to_the_class_and_the_loop_shift_to_it_leaves_a_posit
 
 
 @pytest.mark.parametrize("name", MEMBERS)
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(data=st.data())
 def test_the_loop_shift_keeps_the_quadratic_form(name, data):
     for block in MEMBERS[name].blocks:

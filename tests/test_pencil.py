@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.model.pencil import System, invariant_zeros, spectrum
 
@@ -43,7 +44,7 @@ def test_an_input_that_no_output_determines_is_named():
     assert zeros.sentence == "no invariant zeros; not left invertible: normal rank 1 with 2 inputs"
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(seed=st.integers(0, 10**6), zeros=st.lists(st.integers(-4, 4), min_size=1, max_size=3))
 def test_the_zeros_of_a_transfer_function_are_found_with_their_multiplicities(seed, zeros):
     numerator = np.poly(zeros)
@@ -56,7 +57,7 @@ def test_the_zeros_of_a_transfer_function_are_found_with_their_multiplicities(se
     assert found.values == pytest.approx(sorted(zeros, reverse=True), abs=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(seed=st.integers(0, 10**6))
 def test_zeros_and_normal_rank_do_not_change_with_coordinates_injection_feedback_and_units(seed):
     rng = np.random.default_rng(seed)
@@ -77,7 +78,7 @@ def test_zeros_and_normal_rank_do_not_change_with_coordinates_injection_feedback
         assert any(abs(z - A[0, 0]) < 1e-6 for z in before.values)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 10**6))
 def test_the_pencil_loses_rank_at_every_zero_and_nowhere_else(seed):
     rng = np.random.default_rng(seed)

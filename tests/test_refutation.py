@@ -5,8 +5,9 @@ import time
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Interval, parse
@@ -142,7 +143,7 @@ def test_a_type_that_is_exactly_tight_is_never_refuted(f, nq, region, name, data
     assert search(on(*f, nq=nq, **region), name, data) is None
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.decimals("0.01", "100", places=2), st.decimals("-5", "5", places=2), st.sampled_from(["sin", "tanh", "atan"]))
 def test_a_scaled_and_shifted_function_is_refuted_just_when_its_constant_is_too_small(k, shift, name):
     f = on(f"{k}*{name}(q + ({shift}))")
@@ -153,7 +154,7 @@ def test_a_scaled_and_shifted_function_is_refuted_just_when_its_constant_is_too_
     assert refutes(f, "lipschitz", exact * fmpq(95, 100), found)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.lists(st.integers(-3, 3), min_size=4, max_size=4), st.lists(st.integers(-200, 200), min_size=2, max_size=2))
 def test_what_is_in_a_hull_is_never_refuted(entries, hundredths):
     dq = np.array(hundredths) / 100

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.sporadic import DESIGN, LINK, LINK_V, OSCILLATOR, OSCILLATOR_V, PREDICTOR, free, paper, read
+from support.sweep import seeds
 
 from obsdesign.expressions import parse
 from obsdesign.simulate.hybrid import Sampling, Schedule, simulate_sporadic
@@ -58,7 +59,7 @@ def test_the_storage_functions_of_these_tests_satisfy_the_inequalities_of_theore
     assert min(map(largest, np.geomspace(1e-2, 1e2, 200))) < 0
 
 
-@pytest.mark.parametrize("seed", range(20))
+@seeds(20)
 def test_along_random_sequences_v_falls_at_its_rate_and_the_gain_is_kept(seed):
     random = np.random.default_rng(seed)
     sampling = Sampling(0.205, 0.41, "random", theta0=random.normal(size=1))
@@ -76,7 +77,7 @@ def test_along_random_sequences_v_falls_at_its_rate_and_the_gain_is_kept(seed):
     assert holds(forced) == [True] * 4
 
 
-@pytest.mark.parametrize("seed", range(3))
+@seeds(3)
 def test_along_random_sequences_a_nonlinear_plant_keeps_its_guarantee(seed):
     x0 = np.random.default_rng(seed).normal(size=4)
     still = read(LINK, x0=x0, w=None, horizon=3.0, seed=seed)
@@ -86,7 +87,7 @@ def test_along_random_sequences_a_nonlinear_plant_keeps_its_guarantee(seed):
     assert holds(forced) == [True] * 4
 
 
-@pytest.mark.parametrize("seed", range(4))
+@seeds(4)
 def test_noise_keeps_its_bounds_with_the_constants_of_the_corrected_theorem(seed):
     noise = Noise("gaussian" if seed % 2 else "uniform", np.array([0.5]), 1.0)
     run = simulate_sporadic(read(OSCILLATOR, seed=seed, noise=noise), DESIGN, paper(0.205, 0.41), OSCILLATOR_V)

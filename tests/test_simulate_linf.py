@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
+from support.sweep import examples
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.families.incremental.guarantee import PeakGuarantee
@@ -88,7 +89,7 @@ def test_v_is_drawn_against_what_the_inequality_integrates_to():
 NUMBERS = st.floats(-2, 2).map(lambda x: round(x, 3))
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(15)
 @given(
     F=st.lists(NUMBERS, min_size=4, max_size=4),
     x0=st.tuples(NUMBERS, NUMBERS),

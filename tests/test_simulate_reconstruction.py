@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.families.incremental.guarantee import PeakGuarantee, Reconstruction
 from obsdesign.plot.run import run_sheet
@@ -70,7 +71,7 @@ def test_the_table_has_a_column_for_the_reconstruction(paper):
     json.dumps(run.summary, allow_nan=False)
 
 
-@settings(max_examples=6, deadline=None)
+@examples(6)
 @given(st.sampled_from([-5.68, -50.7, -5000.7]), st.floats(-3, 1), st.floats(-3, 1))
 def test_the_reconstruction_of_a_sinusoid_has_the_accuracy_of_its_transfer_function(first, second, third):
     spec = reconstructing(LINEAR)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import yaml
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.errors import UsageError
@@ -70,7 +71,7 @@ def test_reading_the_magnetic_bearing_takes_less_than_30_ms():
 DECIMALS = st.decimals(min_value=-1000, max_value=1000, allow_nan=False, allow_infinity=False, places=6).map(str)
 
 
-@settings(max_examples=50, deadline=1000)
+@examples(50, deadline=1000)
 @given(
     st.integers(1, 4).flatmap(lambda n: st.lists(st.lists(DECIMALS, min_size=n, max_size=n), min_size=n, max_size=n))
 )

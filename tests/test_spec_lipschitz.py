@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 from support.wrong_specs import problem_of, wrong_in
 
 from obsdesign.dissipation.bounds import Bounds, Range
@@ -321,7 +322,7 @@ MATRICES = (
 )
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(
     st.dictionaries(st.sampled_from(KEYS), st.sampled_from(VALUES), max_size=4),
     st.lists(st.tuples(st.sampled_from(TYPES), st.sampled_from(MATRICES), st.sampled_from(MATRICES)), max_size=2),

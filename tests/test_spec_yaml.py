@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 from flint import fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.reading import Spec, load, loads
@@ -221,7 +222,7 @@ def read_or_refused(text):
         return all(problem.message and "\n" not in str(problem) for problem in error.problems)
 
 
-@settings(max_examples=100, deadline=2000)
+@examples(100, deadline=2000)
 @given(st.text(max_size=200))
 def test_any_text_is_a_spec_or_refused(text):
     assert read_or_refused(text)
@@ -230,7 +231,7 @@ def test_any_text_is_a_spec_or_refused(text):
 SHIPPED = (Path(__file__).parent.parent / "specs" / "corless2019-magnetic-bearing.yaml").read_text()
 
 
-@settings(max_examples=200, deadline=2000)
+@examples(200, deadline=2000)
 @given(
     st.integers(0, len(SHIPPED)),
     st.integers(0, 12),
@@ -252,7 +253,7 @@ KEYS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=100, deadline=2000)
+@examples(100, deadline=2000)
 @given(st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=3))
 def test_any_value_under_any_key_is_read_or_refused(changes):
     tree = yaml.safe_load(SHIPPED)

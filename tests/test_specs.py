@@ -1,11 +1,9 @@
 """Every spec that is shipped: it solves, meets what it expects of itself, and the solvers agree on it."""
 
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 import pytest
 from flint import fmpq
+from support.shipped import NAMES, on, shipped, solved
 
 from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.gain import searchable
@@ -15,25 +13,15 @@ from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.files.result import result
 from obsdesign.lmi.solve import Status, minimise
-from obsdesign.reading import load
 from obsdesign.simulate import simulate
-from obsdesign.work import design
 
-ROOT = Path(__file__).parent.parent / "specs"
-NAMES = [str(p.relative_to(ROOT).with_suffix("")) for p in sorted(ROOT.glob("**/*.yaml"))]
 FEASIBLE = [name for name in NAMES if not name.startswith("infeasible/")]
-REQUESTS = {name: load(str(ROOT / f"{name}.yaml")).observer for name in FEASIBLE}
+REQUESTS = {name: shipped(name).observer for name in FEASIBLE}
 INCREMENTAL, SPORADIC, LIPSCHITZ = (
     [name for name, request in REQUESTS.items() if isinstance(request, kind)]
     for kind in (Request, SporadicRequest, LipschitzRequest)
 )
 CURVES = [name for name in SPORADIC if name.endswith("-tradeoff")]
-
-
-@cache
-def solved(name):
-    spec = load(str(ROOT / f"{name}.yaml"))
-    return spec, design(spec)
 
 
 def content_of(name):
@@ -58,7 +46,7 @@ def test_there_are_specs():
     assert len(NAMES) > len(FEASIBLE)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in CURVES)) for n in NAMES])
+@pytest.mark.parametrize("name", on(*NAMES))
 def test_a_spec_says_how_it_ends_and_ends_so(name):
     spec, made = solved(name)
     assert spec.expect["status"] == made.status
@@ -69,7 +57,7 @@ def test_a_spec_says_how_it_ends_and_ends_so(name):
         assert all(check.holds for check in made.certificate.checks)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if len(load(str(ROOT / f"{name}.yaml")).expect) > 1])
+@pytest.mark.parametrize("name", on(*(name for name in NAMES if len(shipped(name).expect) > 1)))
 def test_a_spec_gives_what_it_expects(name):
     spec, _ = solved(name)
     content = content_of(name)
@@ -81,7 +69,7 @@ def test_a_spec_gives_what_it_expects(name):
             assert at(content, path) == expected, path
 
 
-@pytest.mark.parametrize("name", SPORADIC)
+@pytest.mark.parametrize("name", on(*SPORADIC))
 def test_gains_for_sporadic_measurements_stay_within_their_bounds_and_their_slack(name):
     spec, made = solved(name)
     request, proof, limit = spec.observer, made.certificate, made.limit_bounded or made.limit
@@ -92,8 +80,7 @@ def test_gains_for_sporadic_measurements_stay_within_their_bounds_and_their_slac
         assert np.linalg.norm(made.gains["L"], 2) <= float(request.largest_gain)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", CURVES)
+@pytest.mark.parametrize("name", on(*CURVES))
 def test_every_curve_of_a_trade_off_has_five_certified_points_at_least(name):
     _, made = solved(name)
     for curve in made.curves:
@@ -102,7 +89,7 @@ def test_every_curve_of_a_trade_off_has_five_certified_points_at_least(name):
         assert limits == sorted(limits)
 
 
-@pytest.mark.parametrize("name", LIPSCHITZ)
+@pytest.mark.parametrize("name", on(*LIPSCHITZ))
 def test_a_gain_for_a_lipschitz_system_stays_within_its_bounds_and_its_slack(name):
     _, made = solved(name)
     request, limit, slack = REQUESTS[name], made.limit_bounded or made.limit, 1 + float(REQUESTS[name].slack)
@@ -123,7 +110,7 @@ def test_a_gain_for_a_lipschitz_system_stays_within_its_bounds_and_its_slack(nam
         assert np.linalg.norm(made.gains["L"], 2) <= float(request.bounds.L1)
 
 
-@pytest.mark.parametrize("name", INCREMENTAL)
+@pytest.mark.parametrize("name", on(*INCREMENTAL))
 def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
     spec, made = solved(name)
     request, limit = spec.observer, made.limit_bounded or made.limit
@@ -147,11 +134,11 @@ def bounded_problem(spec):
 
 
 @pytest.mark.parametrize("through", ["cvxpy", "cvxopt"])
-@pytest.mark.parametrize("name", [name for name in INCREMENTAL if "gains" not in name])
+@pytest.mark.parametrize("name", on(*(name for name in INCREMENTAL if "gains" not in name)))
 def test_the_solvers_agree(name, through, monkeypatch):
     """Clarabel called directly, Clarabel through cvxpy (another reading of the same matrices), and CVXOPT."""
     pytest.importorskip(through)
-    problem = bounded_problem(solved(name)[0])
+    problem = bounded_problem(shipped(name))
     direct = minimise(problem)
     if through == "cvxpy":
         from obsdesign.lmi import solve, solvers

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flint import arb, fmpq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from support.sweep import examples, seeds
 
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.certificate import certify_sporadic, exponential
@@ -77,7 +78,7 @@ def least_gamma(relaxation):
 # The inequality
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(st.integers(0, 10_000))
 def test_the_matrix_is_the_derivative_of_the_storage_function(seed):
     """At any tau, along the error equations (5) with any w and df."""
@@ -289,7 +290,7 @@ def test_a_claim_that_is_not_proved_does_not_hold(changed, culprit):
     assert all(not math.isnan(value) for value in vars(made.constants).values())
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(st.fractions(0, 100))
 def test_the_ratio_is_not_below_the_exponential_and_hardly_above(x):
     exponent = fmpq(x.numerator, x.denominator)
@@ -309,7 +310,7 @@ def random_intervals(seed, T1, T2, count=40):
     return [random.uniform(0, T2), *random.uniform(T1, T2, count)]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@seeds(20)
 def test_the_storage_function_decays_and_the_gain_holds_for_any_sequence_of_measurements(seed):
     """Exactly by matrix exponentials, with w constant between measurements."""
     certificate = proof()

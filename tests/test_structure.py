@@ -6,8 +6,9 @@ from math import inf
 import numpy as np
 import pytest
 from flint import fmpq, fmpq_mat
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import in_floats, rational
@@ -153,7 +154,7 @@ def test_detectability_does_not_depend_on_units(unit):
     assert (mode.eigenvalue, mode.along) == (0, (("x1", 1.0),))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(seed=st.integers(0, 10**6))
 def test_modes_agree_with_exact_ranks(seed):
     rng = np.random.default_rng(seed)
@@ -185,7 +186,7 @@ def test_a_known_slope_moves_the_modes_of_the_plant():
     assert decay_limit(p, K) == pytest.approx(-1)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=st.integers(0, 10**6))
 def test_the_linear_plant_of_a_member_solves_the_loop(seed):
     rng = np.random.default_rng(seed)
@@ -251,7 +252,7 @@ def full_rank_at(value, *matrices):
     return fmpq_mat(*M.shape, [int(e) for e in M.ravel()]).rank() == M.shape[1]
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(seed=st.integers(0, 10**6))
 def test_lemma_3_detectable_pairs_and_condition_1_make_the_augmented_plant_detectable(seed):
     rng = np.random.default_rng(seed)
@@ -305,7 +306,7 @@ def test_for_steep_slopes_the_zero_dynamics_from_f_to_q_and_y_remain():
     assert stiff_modes(augmented(BEARING, TWO_INTEGRATORS), np.array([0]), np.array([0])) == ()
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=st.integers(0, 10**6))
 def test_no_gain_moves_a_mode_that_remains_for_steep_slopes(seed):
     rng = np.random.default_rng(seed)
@@ -336,7 +337,7 @@ def test_no_gain_moves_a_mode_that_remains_for_steep_slopes(seed):
 # any accuracy
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(seed=st.integers(0, 10**6))
 def test_without_d_the_ranks_of_lemma_4_are_those_of_exact_arithmetic(seed):
     rng = np.random.default_rng(seed)

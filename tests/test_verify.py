@@ -5,10 +5,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import run
 from support.forging import put, with_spec
+from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.families.incremental.l2 import L2
@@ -459,7 +460,7 @@ LEAVES = (
 JSONS = st.recursive(LEAVES, lambda c: st.lists(c, max_size=3) | st.dictionaries(st.text(max_size=2), c, max_size=2))
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(60)
 @given(data=st.data())
 def test_whatever_is_put_in_the_place_of_anything_is_answered(genuine, outcome_of, data):
     content = json.loads(genuine)
@@ -474,7 +475,7 @@ def test_whatever_is_put_in_the_place_of_anything_is_answered(genuine, outcome_o
 # Numbers are read as written
 
 
-@settings(deadline=None, max_examples=50)
+@examples(50)
 @given(p=st.integers(-(10**30), 10**30), q=st.integers(1, 10**30), shift=st.integers(-20, 20))
 def test_fractions_and_decimals_are_read_exactly(reader, p, q, shift):
     assert Fraction(str(reader.exact(f"{p}/{q}", "x"))) == Fraction(p, q)

@@ -5,10 +5,11 @@ import json
 from fractions import Fraction
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import result_of
 from support.forging import at, put, scaled, with_spec
+from support.sweep import examples
 
 TANK = """
 obsdesign: 1
@@ -300,7 +301,7 @@ JSONS = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(25)
 @given(data=st.data())
 def test_whatever_is_put_in_the_place_of_anything_is_answered(genuine, outcome_of, data):
     content = json.loads(genuine)

@@ -11,10 +11,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.forging import at, put, scaled, with_spec
 from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made
+from support.sweep import examples
 
 from obsdesign.cli import proved_of
 from obsdesign.files import to_json
@@ -295,7 +296,7 @@ def test_what_is_no_number_or_matrix_or_text_there_is_refused(pair, outcome_of, 
         assert outcome_of(put(copy.deepcopy(pair), keys, odd)).exit_code in {2, 4}, odd
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(20)
 @given(data=st.data())
 def test_no_forgery_is_answered_with_a_traceback_or_believed_where_gamma_is_lower(pair, outcome_of, data):
     gamma = data.draw(st.floats(0, 0.6))

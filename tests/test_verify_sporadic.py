@@ -5,10 +5,11 @@ import json
 from fractions import Fraction
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import result_of, run
 from support.forging import at, put, scaled, with_spec, with_text
+from support.sweep import examples
 
 OSCILLATOR = """
 obsdesign: 1
@@ -316,7 +317,7 @@ def test_not_a_number_is_not_read(content, outcome_of, keys, text):
     assert "is no number" in outcome.stderr
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(40)
 @given(data=st.data())
 def test_no_forgery_is_answered_with_a_traceback_or_believed_where_gamma_is_lower(content, outcome_of, data):
     forged = claiming(copy.deepcopy(content), "gamma", data.draw(st.floats(0, content["guarantee"]["gamma"] * 0.9)))

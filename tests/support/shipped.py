@@ -1,0 +1,31 @@
+"""The specs that are shipped, each solved once."""
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from obsdesign.reading import load
+from obsdesign.work import design
+
+SPECS = Path(__file__).parents[2] / "specs"
+NAMES = [str(p.relative_to(SPECS).with_suffix("")) for p in sorted(SPECS.glob("**/*.yaml"))]
+SLOW = {"ferrante2019-manipulator-tradeoff"}
+
+
+@cache
+def shipped(name):
+    """A spec."""
+    return load(str(SPECS / f"{name}.yaml"))
+
+
+@cache
+def solved(name):
+    """A spec and its design; a test that asks for it is `on` the name."""
+    return shipped(name), design(shipped(name))
+
+
+def on(*values):
+    """Values of parameters, the first of which is the name of a spec: its tests run in one process."""
+    rows = [(value,) if isinstance(value, str) else value for value in values]
+    return [pytest.param(*r, marks=[pytest.mark.xdist_group(r[0]), *[pytest.mark.slow] * (r[0] in SLOW)]) for r in rows]
