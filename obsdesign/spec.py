@@ -1,6 +1,6 @@
 """A spec, read: everything about one estimation problem in the types of the design and of the simulation."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -92,9 +92,23 @@ class Request(Protocol):
         """Gains to be analyzed instead of designed."""
 
 
+class Called(type):
+    """Type of `Spec`: with the parts of a spec it makes the dataclass, with sections of a file it reads them."""
+
+    build: Callable[[Mapping[str, Any]], Any]  # of `reading`, which sets it: what reads is above what is read
+
+    def __call__(cls, *args: Any, **parts: Any) -> Any:
+        """Return a spec; only its own parts have a plant."""
+        return super().__call__(*args, **parts) if "plant" in parts else cls.build(parts)
+
+
 @dataclass(frozen=True)
-class Spec:
-    """One estimation problem."""
+class Spec(metaclass=Called):
+    """One estimation problem.
+
+    `Spec(system={"A": A, "C": C}, observer={"type": "l2"}, ..)` reads the sections of a spec file from Python values
+    (see `reading.build`): arrays, numbers, lists, text; numbers and messages are those of the same file.
+    """
 
     name: str
     source: str

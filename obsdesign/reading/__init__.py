@@ -2,17 +2,29 @@
 
 schema.py     the sections of the format (structure only), and its JSON Schema
 resolve.py    the sections to the types of the design: exact values, derived sizes, names
+build.py      the same from Python values
 """
 
 import os
 
 from obsdesign.errors import UsageError
+from obsdesign.reading.build import build, with_simulation
 from obsdesign.reading.resolve import resolve
 from obsdesign.reading.schema import json_schema
 from obsdesign.sections.document import compose, read
 from obsdesign.spec import Noise, Nonlinearity, Simulation, Spec
 
-__all__ = ["Noise", "Nonlinearity", "Simulation", "Spec", "json_schema", "load", "loads"]
+__all__ = [
+    "Noise",
+    "Nonlinearity",
+    "Simulation",
+    "Spec",
+    "build",
+    "json_schema",
+    "load",
+    "loads",
+    "with_simulation",
+]
 
 
 def load(path: str | os.PathLike[str]) -> Spec:

@@ -1,0 +1,151 @@
+"""What README says of adding to it, done: registered and nothing else changed."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from flint import fmpq
+from support.wrong_specs import problem_of
+
+from obsdesign.families import FAMILIES, Family
+from obsdesign.families.asked import SEARCHED, ObserverSection, read_searched
+from obsdesign.lmi.formula import block_diagonal, rational
+from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.nonlinearities import TEMPLATES, Template
+from obsdesign.nonlinearities.data import Constant
+from obsdesign.reading import json_schema, loads
+from obsdesign.sections.forms import ENTRY, key, required
+from obsdesign.work import design
+
+SPEC = """\
+obsdesign: 1
+system: {A: [[0, 1], [-2, -1]], B: [[0, 0], [1, 0]], C: [1, 0], D: [0, 1]}
+nonlinearities:
+  - {type: TYPE, f: 0.5*sin(q), Bf: [0, 1], Cq: [1, 0]}
+observer: {type: l2, alpha: 0.2}
+"""
+
+
+def banded(k, nq, nf):
+    """|df| <= k |dq|:  M = lambda [[k^2 I, 0], [0, -I]]."""
+    M = block_diagonal([k * k * rational(np.eye(nq)), -rational(np.eye(nf))])
+    return Multiplier((Scaled.of(M, nq),))
+
+
+@pytest.fixture
+def _a_nonlinearity(monkeypatch):
+    words = (("k^2 dq' dq - df' df", fmpq(1)),)
+    template = Template(banded, Constant("norm(df) <= banded norm(dq)", "> 0"), square=False, inequalities=words)
+    monkeypatch.setitem(TEMPLATES, "banded", template)
+
+
+def of_type(text):
+    return SPEC.replace("TYPE", text)
+
+
+@pytest.mark.usefixtures("_a_nonlinearity")
+def test_a_nonlinearity_with_data_is_read_and_designed_with():
+    spec = loads(of_type("{banded: 1/2}"))
+    (block,) = spec.nonlinearities
+    assert (block.type, block.nq, block.lipschitz) == ("banded 1/2", 1, ())
+    assert (fmpq(1, 4) == spec.multiplier.blocks[0].M11).all()
+    own, known = (design(loads(of_type(text))) for text in ("{banded: 0.5}", "{lipschitz: 0.5}"))
+    assert (own.certificate.gamma, own.status) == (known.certificate.gamma, known.status)
+
+
+@pytest.mark.usefixtures("_a_nonlinearity")
+@pytest.mark.parametrize(
+    ("text", "name", "words"),
+    [
+        ("{banded: 0.25}", "type", ("banded 0.25 is refuted", "k^2 dq' dq - df' df = -")),
+        ("{banded: -1}", "type.banded", ("give a number > 0",)),
+        ("{banded: [1]}", "type.banded", ("expected a number or arithmetic; found a list",)),
+        ("{banded: auto}", "type.banded", ("auto",)),
+        ("banded", "type", ("banded needs data: {banded: ..}",)),
+        ("{bandet: 1}", "type.bandet", ("did you mean banded?", "multiplier, banded, auto")),
+    ],
+)
+def test_what_is_wrong_with_it_is_answered_like_any_other_type(text, name, words):
+    problem = problem_of(of_type(text))
+    assert problem.key == f"nonlinearities[0].{name}"
+    assert all(part in problem.message for part in words), problem.message
+
+
+@pytest.mark.usefixtures("_a_nonlinearity")
+def test_the_json_schema_knows_the_nonlinearity():
+    schema = json_schema()["$defs"]["TypeData"]["properties"]
+    assert schema["banded"] == {"type": ["number", "string"], "description": "norm(df) <= banded norm(dq)"}
+
+
+@dataclass(frozen=True)
+class LuenbergerSection(ObserverSection):
+    """What is asked of an observer with given poles."""
+
+    poles: str = required(ENTRY, "1/s, all of them")
+    speed: str | None = key(SEARCHED, "1/s")
+
+
+@dataclass(frozen=True)
+class LuenbergerRequest:
+    """The same in numbers."""
+
+    type: str
+    poles: fmpq
+    drive: ClassVar[str] = "v"
+    reconstruct: ClassVar[bool] = False
+    gains: ClassVar[None] = None
+
+
+class LuenbergerFamily(Family):
+    """A family of observers."""
+
+    names = ("luenberger",)
+    Section = LuenbergerSection
+
+    def request(self, reader, section, problem):
+        """Poles, which are not positive; as many states as the plant has."""
+        if section.speed is not None:
+            read_searched(reader, section.speed, ("observer", "speed"), "> 0")
+        poles = reader.number(section.poles, ("observer", "poles"))
+        if poles > 0:
+            reader.wrong(("observer", "poles"), f"must not be positive, for {problem.states.size} states")
+        return LuenbergerRequest(section.type, poles)
+
+
+@pytest.fixture
+def _a_family(monkeypatch):
+    monkeypatch.setitem(FAMILIES, "luenberger", LuenbergerFamily())
+
+
+def asked(text):
+    return of_type("sin").replace("0.5*sin(q)", "sin(q)").replace("{type: l2, alpha: 0.2}", text)
+
+
+@pytest.mark.usefixtures("_a_family")
+def test_a_family_reads_its_own_section():
+    spec = loads(asked("{type: luenberger, poles: -2}"))
+    assert spec.observer == LuenbergerRequest("luenberger", fmpq(-2))
+    schema = json_schema()
+    assert {"$ref": "#/$defs/LuenbergerSection"} in schema["properties"]["observer"]["oneOf"]
+    section = schema["$defs"]["LuenbergerSection"]
+    assert (set(section["properties"]), section["required"]) == ({"type", "poles", "speed"}, ["type", "poles"])
+    assert section["properties"]["type"]["enum"] == list(FAMILIES)
+
+
+@pytest.mark.usefixtures("_a_family")
+@pytest.mark.parametrize(
+    ("text", "name", "words"),
+    [
+        ("{type: luenberger}", "poles", "is required"),
+        ("{type: luenberger, poles: 2}", "poles", "must not be positive, for 2 states"),
+        ("{type: luenberger, poles: -2, speed: -1}", "speed", "give a number > 0"),
+        ("{type: luenberger, poles: -2, alpha: 1}", "alpha", "does not belong to type luenberger, but to l2 or linf"),
+        ("{type: l2, poles: -2}", "poles", "does not belong to type l2 or linf, but to luenberger"),
+        ("{type: luenbergr, poles: -2}", "type", "did you mean luenberger? allowed: l2, linf, sporadic, lipschitz, lu"),
+    ],
+)
+def test_what_is_wrong_with_its_section_is_answered_like_any_other(text, name, words):
+    problem = problem_of(asked(text))
+    assert problem.key == f"observer.{name}"
+    assert words in problem.message
