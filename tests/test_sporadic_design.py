@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.certificate import certify_sporadic
 from obsdesign.families.sporadic.design import design_sporadic
-from obsdesign.families.sporadic.gains import Setting
+from obsdesign.families.sporadic.gains import Setting, reaching
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.scan import Valley, edge
 from obsdesign.families.sporadic.scheme import schemes
@@ -426,3 +427,17 @@ def test_a_function_that_is_nowhere_finite_has_no_valley():
 @pytest.mark.parametrize("function", [lambda x: x**3 - 2, lambda x: math.inf if x > 1.2599 else x - 2])
 def test_the_edge_of_an_increasing_function(function):
     assert edge(function, 0.0, 10.0, 1e-6) == pytest.approx(1.2599, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("gammas", "kept"),
+    [((3, 1.5, 9, 9), 1.5), ((3, 2.5, 2.9, None), 2.5), ((None, 3, None, None), 3), ((None,) * 4, None)],
+)
+def test_of_the_roundings_of_a_gain_a_proved_one_is_kept_and_the_first_that_reaches_gamma_at_once(
+    gammas, kept, monkeypatch
+):
+    proofs = iter([g and SimpleNamespace(holds=True, gamma=g) for g in gammas])
+    monkeypatch.setattr("obsdesign.families.sporadic.gains.prove", lambda *_: next(proofs))
+    relaxation = SimpleNamespace(gains=lambda _: (np.eye(1) / 3, np.eye(1)))
+    _, made = reaching(None, SimpleNamespace(relaxation=relaxation, values={}, delta=1.0), 1, 0, 2.0, None)
+    assert (made and made.gamma) == kept

@@ -146,7 +146,12 @@ class Designer:
         best = self.best(found, lambda made: made.level)
         if math.isinf(found[best].gamma):
             return self.infeasible(self.studies[best], float(T2), float(decay))
-        return self.shipped(found[best], {"gamma": found[best].gamma, "attained": False})
+        made, goal = found[best], self.studies[best].target(found[best].level)
+        if made.certificate and made.certificate.holds and float(made.certificate.gamma) > goal:
+            self.notes.append(
+                f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is nearest"
+            )
+        return self.shipped(made, {"gamma": made.gamma, "attained": False})
 
     def shipped(self, made: Made, limit: dict[str, Any]) -> SporadicDesign:
         """Design of what was made.

@@ -217,11 +217,17 @@ def claim(
 def reaching(
     setting: Setting, candidate: Candidate, T2: fmpq, decay: fmpq, gamma: float, kappa: float | None
 ) -> tuple[Gains | None, SporadicCertificate | None]:
-    """Rounded gains of a candidate that are proved to reach gamma, and their certificate; or else the last attempt."""
+    """Rounded gains of a candidate with a proof that they reach gamma; or else the best attempt.
+
+    An attempt with a proof is better than one without, whatever gamma is proved; then the least gamma is best.
+    """
     made: tuple[Gains | None, SporadicCertificate | None] = (None, None)
+    least = math.inf
     for gains in roundings(candidate, kappa):
         certificate = prove(setting, gains, T2, decay, candidate.delta)
-        made = gains, certificate
-        if certificate and certificate.holds and float(certificate.gamma) <= gamma:
+        proved = float(certificate.gamma) if certificate and certificate.holds else math.inf
+        if proved < least or least == math.inf:
+            made, least = (gains, certificate), proved
+        if proved <= gamma:
             break
     return made

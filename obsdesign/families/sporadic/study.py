@@ -44,9 +44,9 @@ class Made:
         """Whether there are gains, and whether they are proved."""
         if self.diagnosis or math.isinf(self.gamma):
             return "infeasible"
-        if self.gains is None:
+        if self.certificate is None:
             return "undecided"
-        return "certified" if self.certificate and self.certificate.holds else "uncertified"
+        return "certified" if self.certificate.holds else "uncertified"
 
     @property
     def level(self) -> float:
