@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpq
 
+from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
+from obsdesign.model.equations import Equations, Terms, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
@@ -148,6 +150,28 @@ class Spec(metaclass=Called):
     def augmented(self) -> Plant[Exact]:
         """The plant with the disturbance model appended, (10)."""
         return augment(self.plant, self.generator, self.model_states, self.drives)
+
+    def equations(self, plant: Plant[Exact]) -> Equations:
+        """Equations of the plant, or of it with the disturbance model, with the nonlinearities and known terms.
+
+        Raises
+        ------
+        UsageError
+            If a nonlinearity has no f.
+        """
+        width = len(plant.Cq)
+        blocks: list[tuple[tuple[Expression, ...], int]] = []
+        for i, block in enumerate(self.nonlinearities, start=1):
+            if sum(nq for _, nq in blocks) == width:
+                break
+            if block.f is None:
+                raise UsageError(f"nonlinearities[{i}] has no `f`, which a simulation needs (a design does not)")
+            blocks.append((block.f, block.nq))
+        gx, gq, gy = (
+            (*g, *[Expression.number(0)] * (rows - len(g)))
+            for g, rows in ((self.gx, plant.n), (self.gq, width), (self.gy, len(plant.C)))
+        )
+        return from_matrices(plant, Terms(tuple(blocks), gx, gq, gy, self.inputs))
 
     @cached_property
     def multiplier(self) -> Multiplier:

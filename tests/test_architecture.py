@@ -39,7 +39,7 @@ LAYERS = (
         "families.sporadic.guarantee",
     ),
     ("nonlinearities", "dissipation"),
-    ("families.guarantee",),
+    ("families.guarantee", "families.observer"),
     ("model",),
     ("sections",),
     ("lmi", "expressions", "files", "tables.text"),

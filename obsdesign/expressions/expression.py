@@ -11,7 +11,7 @@ from flint import fmpq
 
 from obsdesign.expressions.constant import rounded
 from obsdesign.expressions.exact import double
-from obsdesign.expressions.functions import OPERATIONS
+from obsdesign.expressions.functions import OPERATIONS, operation
 from obsdesign.expressions.interval import Interval, point
 from obsdesign.expressions.numeric import Closure, compiled
 from obsdesign.expressions.parse import tree
@@ -25,6 +25,7 @@ from obsdesign.expressions.tree import (
     number,
     postorder,
     product,
+    summands,
     text,
     total,
 )
@@ -48,6 +49,11 @@ class Expression:
         """Linear combination c_1 e_1 + c_2 e_2 + .. of as many expressions as coefficients."""
         pairs = zip(coefficients, expressions, strict=True)
         return Expression(total([product((number(c), e.root)) for c, e in pairs]))
+
+    @staticmethod
+    def variable(name: str) -> "Expression":
+        """Return the expression of a variable."""
+        return Expression(Variable(name))
 
     @cached_property
     def text(self) -> str:
@@ -87,6 +93,20 @@ class Expression:
         return Expression(
             fold(self.order, lambda _: number(0), lambda variable: number(int(variable == name)), of_call)
         )
+
+    def summands(self) -> list[tuple[fmpq, "Expression"]]:
+        """Terms c e of a sum, with c a number and e no sum; the e of a number is 1."""
+        return [(c, Expression(node)) for c, node in summands(self.root, fmpq(1))]
+
+    def substituted(self, replacements: Mapping[str, "Expression"]) -> "Expression":
+        """Same expression with others in place of some of its variables."""
+        if self.names.isdisjoint(replacements):
+            return self
+
+        def of_variable(name: str) -> Node:
+            return replacements[name].root if name in replacements else Variable(name)
+
+        return Expression(fold(self.order, number, of_variable, operation))
 
     def function(self, arguments: Sequence[str]) -> Callable[..., Array]:
         """Vectorized function of the named arguments, which broadcast; NaN or infinite outside the domain."""

@@ -55,6 +55,21 @@ def apply(name: str, *arguments: Node) -> Node:
     return Call(name, arguments)
 
 
+def operation(node: Call, arguments: list[Node]) -> Node:
+    """Same operation on other arguments, simplified as when it is first built."""
+    match node.operation:
+        case "+":
+            return total(arguments)
+        case "*":
+            return product(arguments)
+        case "/":
+            return arguments[0] / arguments[1]
+        case "**":
+            return arguments[0] ** arguments[1]
+        case name:
+            return apply(name, *arguments)
+
+
 def unary(slope: Callable[[Node], Node]) -> Callable[[Nodes, Nodes], Node]:
     """Chain rule of a function of one argument."""
     return lambda arguments, rates: product((slope(arguments[0]), rates[0]))

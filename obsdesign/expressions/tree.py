@@ -4,7 +4,7 @@ Arithmetic on nodes simplifies lightly: numbers are folded exactly, 0 and 1 are 
 are flat with at most one number. What is built this way has a text that parses back to the same tree.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import TypeVar
@@ -143,6 +143,22 @@ def power(a: Node, b: Node) -> Node:
         if isinstance(a, Number) and (value := rational_power(a.value, b.value)) is not None:
             return Number(value)
     return Call("**", (a, b))
+
+
+def summands(node: Node, factor: fmpq) -> Iterator[tuple[fmpq, Node]]:
+    """Terms of a sum times a number, each as a number times a node that is no sum; 1 is the node of a number."""
+    match node:
+        case Number(value):
+            yield factor * value, number(1)
+        case Call("+", terms):
+            for term in terms:
+                yield from summands(term, factor)
+        case Call("*", (Number(value), *others)):
+            yield from summands(product(others), factor * value)
+        case Call("/", (numerator, Number(value))) if value != 0:
+            yield from summands(numerator, factor / value)
+        case _:
+            yield factor, node
 
 
 def postorder(root: Node) -> tuple[Node, ...]:

@@ -1,12 +1,14 @@
 """What a family of observers is to the rest: all that a stage may know of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from obsdesign.families.asked import Estimation, ObserverSection
+    from obsdesign.families.observer import Observer
+    from obsdesign.lmi.formula import Array
     from obsdesign.sections.values import Reader
-    from obsdesign.spec import Nonlinearity, Request
+    from obsdesign.spec import Nonlinearity, Request, Spec
 
 
 class Family(Protocol):
@@ -47,4 +49,13 @@ class Family(Protocol):
             Of the type `Section`.
         problem
             The plant and what of its error must be small, as far as they were read.
+        """
+
+    def observer(self, spec: "Spec", gains: "Mapping[str, Array]") -> "Observer":
+        """Equations of the observer with given gains, in doubles.
+
+        Raises
+        ------
+        UsageError
+            If a nonlinearity has no f, or needs what the observer does not know.
         """

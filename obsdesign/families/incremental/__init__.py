@@ -1,13 +1,17 @@
 """Observers with the gains L1 and L2 (families l2 and linf), Corless and Chakrabarty (2019)."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from obsdesign.families.family import Family
 
 if TYPE_CHECKING:
+    from obsdesign.families import observer as equations
     from obsdesign.families.asked import Estimation
     from obsdesign.families.incremental.request import Observer, Request
+    from obsdesign.lmi.formula import Array
     from obsdesign.sections.values import Reader
+    from obsdesign.spec import Spec
 
 
 class IncrementalFamily(Family):
@@ -27,6 +31,12 @@ class IncrementalFamily(Family):
         from obsdesign.families.incremental.request import read_request
 
         return read_request(reader, section, problem)
+
+    def observer(self, spec: "Spec", gains: "Mapping[str, Array]") -> "equations.Observer":
+        """Equations of the observer with given gains."""
+        from obsdesign.families.incremental.observer import observer
+
+        return observer(spec, gains)
 
 
 INCREMENTAL = IncrementalFamily()

@@ -1,6 +1,6 @@
 """Observers of Lipschitz systems, Abbaszadeh and Marquez (2010)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from obsdesign.families.family import Family
@@ -8,8 +8,10 @@ from obsdesign.families.family import Family
 if TYPE_CHECKING:
     from obsdesign.families.asked import Estimation
     from obsdesign.families.lipschitz.request import LipschitzObserver, LipschitzRequest
+    from obsdesign.families.observer import Observer
+    from obsdesign.lmi.formula import Array
     from obsdesign.sections.values import Reader
-    from obsdesign.spec import Nonlinearity
+    from obsdesign.spec import Nonlinearity, Spec
 
 
 class LipschitzFamily(Family):
@@ -41,6 +43,12 @@ class LipschitzFamily(Family):
         from obsdesign.families.lipschitz.request import read_request
 
         return read_request(reader, section, problem)
+
+    def observer(self, spec: "Spec", gains: "Mapping[str, Array]") -> "Observer":
+        """Equations of the observer with given gains."""
+        from obsdesign.families.lipschitz.observer import observer
+
+        return observer(spec, gains)
 
 
 LIPSCHITZ = LipschitzFamily()

@@ -1,0 +1,73 @@
+"""The observer (12) of Corless and Chakrabarty (2019): a copy of the plant with two injections."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from obsdesign.expressions import Expression
+from obsdesign.families.observer import Copy, Observer, injected
+from obsdesign.lmi.formula import Array, Exact, printed, zeros
+from obsdesign.model.disturbance import blocks
+from obsdesign.model.equations import Named, free, linear
+from obsdesign.model.plant import Plant
+from obsdesign.spec import Spec
+
+
+def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
+    """Observer with the gains L1 (n + nm, ny) and L2 (nq, ny), which multiply yhat - y.
+
+    xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y)
+    qhat   = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y)
+    yhat   = C xihat + Df f(t, y, qhat) + gy
+    what   = Cm xmhat + Dwf f2, where no v enters w directly, or pinv(B) L1 (yhat - y) where the spec asks for it
+
+    Raises
+    ------
+    UsageError
+        If a nonlinearity has no f.
+    """
+    L1, L2 = (printed(gains[name]) for name in ("L1", "L2"))
+    outputs = spec.plant.outputs
+    plant = spec.equations(with_inputs(spec))
+    copy = Copy.of(plant)
+    sides = list(copy.outputs.items())
+    y, w = dict(sides[: len(outputs)]), dict(sides[len(outputs) :])
+    copy = injected(replace(copy, outputs=y), L1, L2, outputs)
+    states = {copy.twins[name]: Expression.variable(name) for name in list(copy.dynamics)[: spec.plant.n]}
+    modeled = zip(spec.plant.exogenous, w.values(), spec.generator.Dm, strict=True)
+    of_w = (
+        reconstructed(spec, gains["L1"], tuple(y))
+        if spec.observer.reconstruct
+        else {name: side for name, side, direct in modeled if not (direct != 0).any()}
+    )
+    return Observer(
+        dynamics=copy.dynamics,
+        estimates={**states, **of_w},
+        inputs=spec.inputs,
+        outputs=outputs,
+        algebraic={**copy.algebraic, **y},
+        twins={name: twin for name, twin in copy.twins.items() if name not in w},
+    )
+
+
+def with_inputs(spec: Spec) -> Plant[Exact]:
+    """Return the augmented plant with w among its outputs, after y."""
+    plant, model = spec.augmented, spec.generator
+    taken = {*plant.states, *plant.outputs, *spec.inputs}
+    nw, before = len(spec.plant.exogenous), plant.Bf.shape[1] - model.Dwf.shape[1]
+    beside_x, beside_f = (zeros((nw, width), [plant.A]) for width in (spec.plant.n, before))
+    return replace(
+        plant,
+        C=blocks([[plant.C], [np.hstack([beside_x, model.Cm])]]),
+        Df=blocks([[plant.Df], [np.hstack([beside_f, model.Dwf])]]),
+        D=blocks([[plant.D], [model.Dm]]),
+        outputs=(*plant.outputs, *(free(name, taken) for name in spec.plant.exogenous)),
+    )
+
+
+def reconstructed(spec: Spec, L1: Array, estimates: tuple[str, ...]) -> Named:
+    """Return what = pinv(B) L1 (yhat - y), given the names of yhat."""
+    K = printed(np.linalg.pinv(spec.plant.doubles.B) @ L1)
+    sides = linear(np.hstack([K, -K]), (*estimates, *spec.plant.outputs))
+    return dict(zip(spec.plant.exogenous, sides, strict=True))

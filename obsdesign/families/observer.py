@@ -1,0 +1,101 @@
+"""An observer as equations: what a simulation, recorded data, exported code and a statement in words all read."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from obsdesign.errors import UsageError
+from obsdesign.expressions import Expression
+from obsdesign.lmi.formula import Exact
+from obsdesign.model.equations import Equations, Named, free, linear, total
+
+
+@dataclass(frozen=True)
+class Observer:
+    """An observer over named signals, driven by the known inputs u and the measured outputs y of a plant.
+
+    s'    = f(t, s, u, y, a)
+    a     = g(t, s, u, y, a)
+    xhat  = h(t, s, u, y, a)
+    s+    = j(t, s, u, y, a)     at a measurement, of the states that jump
+
+    The algebraic signals a, such as yhat and the arguments of nonlinearities, may depend on themselves: the equations
+    are implicit then. Where there are jumps, y is known at a measurement only.
+
+    Raises
+    ------
+    UsageError
+        If a right side has a name that is no signal, or needs y between two measurements.
+    """
+
+    dynamics: Named  # by the names of the states s
+    estimates: Named  # by the names of what they estimate
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    algebraic: Named = field(default_factory=dict)
+    jump: Named = field(default_factory=dict)  # by the names of the states that a measurement changes
+    twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
+    intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
+
+    def __post_init__(self) -> None:
+        known = {"t", *self.dynamics, *self.inputs, *self.algebraic}
+        between = known if self.jump else known | set(self.outputs)
+        for part in (self.dynamics, self.algebraic, self.estimates):
+            self.require(part, between)
+        self.require(self.jump, known | set(self.outputs))
+
+    def require(self, part: Named, names: set[str]) -> None:
+        """Refuse a right side with a name that is none of these."""
+        for side in part.values():
+            if measured := sorted(side.names.difference(names).intersection(self.outputs)):
+                text = f"{side} needs {measured[0]}, which the observer does not know between two measurements"
+                raise UsageError(text)
+            if stray := sorted(side.names.difference(names)):
+                raise UsageError(f"{stray[0]} in {side} is no signal of the observer")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return tuple(self.dynamics)
+
+
+@dataclass(frozen=True)
+class Copy:
+    """The equations of a plant in its estimates, with what is not known of it left out, as an observer begins.
+
+    The signal `x` of the plant is `hat_x` here; y in a right side is the measured one.
+    """
+
+    dynamics: dict[str, Expression]  # by the names of the estimates, likewise the others
+    algebraic: dict[str, Expression]
+    outputs: dict[str, Expression]
+    twins: dict[str, str]
+
+    @classmethod
+    def of(cls, plant: Equations) -> "Copy":
+        """Copy of a plant."""
+        taken = set(plant.signals)
+        hats = {name: free(f"hat_{name}", taken) for name, _ in plant.sides()}
+        estimated = {
+            **{name: Expression.variable(hats[name]) for name in (*plant.states, *plant.algebraic)},
+            **dict.fromkeys(plant.exogenous, Expression.number(0)),
+        }
+
+        def copied(part: Named) -> dict[str, Expression]:
+            return {hats[name]: side.substituted(estimated) for name, side in part.items()}
+
+        twins = {hat: name for name, hat in hats.items()}
+        return cls(copied(plant.dynamics), copied(plant.algebraic), copied(plant.outputs), twins)
+
+    def corrected(self, what: Named, M: Exact, signals: Sequence[str]) -> dict[str, Expression]:
+        """Right sides of the copy with a row of M times the named signals added to each."""
+        return dict(zip(what, total(list(what.values()), linear(M, signals)), strict=True))
+
+
+def injected(copy: Copy, L1: Exact, L2: Exact, outputs: tuple[str, ...]) -> Copy:
+    """Copy with L1 (yhat - y) added to the rates of its states, and L2 (yhat - y) to the arguments of f."""
+    signals = (*copy.outputs, *outputs)
+    onto_x, onto_q = (np.hstack([L, -L]) for L in (L1, L2))
+    dynamics = copy.corrected(copy.dynamics, onto_x, signals)
+    return replace(copy, dynamics=dynamics, algebraic=copy.corrected(copy.algebraic, onto_q, signals))

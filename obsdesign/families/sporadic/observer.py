@@ -1,0 +1,52 @@
+"""The observer (4) of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech (2019), which holds its output error."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.expressions import Expression
+from obsdesign.families.observer import Copy, Observer
+from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.lmi.formula import Array, identity, printed
+from obsdesign.model.equations import free, linear
+from obsdesign.spec import Spec
+
+
+def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
+    """Observer with the gains L (n, ny) and H (ny, ny).
+
+    zhat'  = A zhat + Bf f(t, u, qhat) + gx + L theta,    qhat = Cq zhat + gq
+    theta' = H theta
+    theta+ = y - yhat     at a measurement,               yhat = C zhat + gy
+
+    Raises
+    ------
+    UsageError
+        If a nonlinearity has no f, or needs y between two measurements.
+    """
+    L, H = (printed(gains[name]) for name in ("L", "H"))
+    plant = spec.equations(spec.augmented)
+    copy, taken = Copy.of(plant), set(plant.signals)
+    theta = [free(f"theta_{name}", taken) for name in plant.outputs]
+    eye = identity(len(theta), L)
+    innovation = linear(np.hstack([eye, -eye]), (*plant.outputs, *copy.outputs))
+    return Observer(
+        dynamics={
+            **copy.corrected(copy.dynamics, L, theta),
+            **dict(zip(theta, linear(H, theta), strict=True)),
+        },
+        estimates={copy.twins[name]: Expression.variable(name) for name in copy.dynamics},
+        inputs=spec.inputs,
+        outputs=tuple(plant.outputs),
+        algebraic={**copy.algebraic, **copy.outputs},
+        jump=dict(zip(theta, innovation, strict=True)),
+        twins=copy.twins,
+        intervals=intervals(spec.sporadic),
+    )
+
+
+def intervals(request: SporadicRequest) -> tuple[float, float]:
+    """Return T1 and T2 that are asked for; the least where T2 is a range."""
+    T2 = request.T2.low if isinstance(request.T2, Range) else request.T2
+    return float(request.T1), float(max(T2, request.T1))
