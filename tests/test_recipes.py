@@ -78,7 +78,6 @@ def test_the_json_schema_knows_the_nonlinearity():
     assert schema["banded"] == {"type": ["number", "string"], "description": "norm(df) <= banded norm(dq)"}
 
 
-@dataclass(frozen=True)
 class LuenbergerSection(ObserverSection):
     """What is asked of an observer with given poles."""
 

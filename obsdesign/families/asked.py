@@ -36,7 +36,6 @@ class Estimation:
     nonlinearities: tuple[Nonlinearity, ...]  # as the family takes them
 
 
-@dataclass(frozen=True)
 class ObserverSection(Section):
     """Keys of `observer:` in one family."""
 
@@ -58,7 +57,6 @@ class ObserverSection(Section):
         return {**unavailable(LATER_KEYS, own), **elsewhere, **cls.hints}
 
 
-@dataclass(frozen=True)
 class Interval(Section):
     """An interval that is searched."""
 
@@ -68,7 +66,6 @@ class Interval(Section):
     log: bool = key(FLAG, "spaced by a factor", default=False)
 
 
-@dataclass(frozen=True)
 class Frobenius(Section):
     """A bound on the Frobenius norm."""
 

@@ -1,7 +1,5 @@
 """Nonlinearities near a linear map."""
 
-from dataclasses import dataclass
-
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array, identity
@@ -9,7 +7,7 @@ from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import Matrices
 from obsdesign.nonlinearities.sizes import require_shape
 from obsdesign.nonlinearities.template import Template
-from obsdesign.sections.forms import MATRIX, Section, key, required
+from obsdesign.sections.forms import MATRIX, Entries, Section, key, required
 
 
 def ball(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
@@ -31,12 +29,11 @@ def ball(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
     return Multiplier((Scaled(K, W.mT @ W - K.mT @ K, K.mT, -identity(nf, K)),))
 
 
-@dataclass(frozen=True)
 class Ball(Section):
     """norm(df - K dq) <= norm(W dq)."""
 
-    K: str | list[str] | list[list[str]] | None = key(MATRIX, "nf x nq, default 0")
-    W: str | list[str] | list[list[str]] = required(MATRIX, "with nq columns")
+    K: Entries | None = key(MATRIX, "nf x nq, default 0")
+    W: Entries = required(MATRIX, "with nq columns")
 
 
 BALL = Template(ball, Matrices(Ball, wide=("W",)), square=False, inequalities=(("|W dq|^2 - |df - K dq|^2", fmpq(1)),))

@@ -18,7 +18,7 @@ MATRICES = Named("Matrices", ListOf(MATRIX, 1, MAX_MATRICES))
 class Data(ABC):
     """Data beside the name of a type: `type: {name: data}`."""
 
-    form: Form[Any]
+    form: Form
     description: str = ""
 
     @abstractmethod
@@ -106,7 +106,7 @@ class MatrixList(Data):
     """A list of matrices with nf rows and nq columns."""
 
     description: str
-    form: Form[Any] = MATRICES
+    form: Form = MATRICES
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
         """Return their entries."""

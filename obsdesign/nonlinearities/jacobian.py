@@ -14,7 +14,7 @@ from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import Claim, Hull
 from obsdesign.nonlinearities.sizes import require_shape
 from obsdesign.nonlinearities.template import Template
-from obsdesign.sections.forms import Either, Word
+from obsdesign.sections.forms import Either, auto
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ JACOBIAN = Jacobian(
     jacobian,
     MatrixList(
         "every Jacobian is in the convex hull of these nf x nq matrices; or auto",
-        Either(FORM, Word("auto", FORM), MATRICES, MATRICES),
+        Either(FORM, auto(FORM), MATRICES, MATRICES),
     ),
     square=False,
     derive=automatic.polytope,

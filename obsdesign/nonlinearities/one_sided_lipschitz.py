@@ -1,7 +1,5 @@
 """One-sided Lipschitz nonlinearities with quadratic inner boundedness."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from flint import fmpq
 
@@ -54,7 +52,6 @@ def linear_member(rho: fmpq, beta: fmpq, phi: fmpq) -> fmpq:
     )
 
 
-@dataclass(frozen=True)
 class OneSidedLipschitz(Section):
     """dq'df <= rho dq'dq and df'df <= beta dq'dq + phi dq'df."""
 

@@ -1,7 +1,5 @@
 """Nonlinearities in the sector between two linear maps."""
 
-from dataclasses import dataclass
-
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array
@@ -10,7 +8,7 @@ from obsdesign.nonlinearities.ball import ball
 from obsdesign.nonlinearities.data import Matrices
 from obsdesign.nonlinearities.sizes import require_shape
 from obsdesign.nonlinearities.template import Template
-from obsdesign.sections.forms import MATRIX, Section, key, required
+from obsdesign.sections.forms import MATRIX, Entries, Section, key, required
 
 
 def sector(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
@@ -35,12 +33,11 @@ def sector(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
     return ball(((K1 + K2) / 2, (K2 - K1) / 2), nq, nf)
 
 
-@dataclass(frozen=True)
 class Sector(Section):
     """(df - K1 dq)' (K2 dq - df) >= 0."""
 
-    K1: str | list[str] | list[list[str]] | None = key(MATRIX, "nf x nq, default 0")
-    K2: str | list[str] | list[list[str]] = required(MATRIX, "nf x nq")
+    K1: Entries | None = key(MATRIX, "nf x nq, default 0")
+    K2: Entries = required(MATRIX, "nf x nq")
 
 
 SECTOR = Template(sector, Matrices(Sector), square=False, inequalities=(("(df - K1 dq)' (K2 dq - df)", fmpq(1)),))

@@ -14,7 +14,7 @@ from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import Claim, SlopeBounds, generators
 from obsdesign.nonlinearities.template import Slopes, Template
 from obsdesign.sections.document import Loc, described
-from obsdesign.sections.forms import VECTOR, Either, ListOf, Word
+from obsdesign.sections.forms import VECTOR, Either, ListOf, auto
 from obsdesign.sections.values import Reader, Size
 
 INFINITE = (".inf", "+.inf", ".Inf", "+.Inf", ".INF", "+.INF")
@@ -61,7 +61,7 @@ def component(a: fmpq, b: fmpq | None) -> Scaled:
 class Bounds(Data):
     """Lower and upper bounds, each one number for all components or a list."""
 
-    form = Either(FORM, Word("auto", FORM), *[ListOf(VECTOR, 2, 2)] * 2)
+    form = Either(FORM, auto(FORM), *[ListOf(VECTOR, 2, 2)] * 2)
     description = "[lo, hi], each a number or one for each component; .inf allowed for hi; or auto"
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:

@@ -7,7 +7,6 @@ and the data of each type of nonlinearity in its file.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self, get_args
 
 from obsdesign.families import FAMILIES
@@ -15,14 +14,15 @@ from obsdesign.families.asked import FAMILY, ObserverSection
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
+    ANYTHING,
     ENTRY,
     MATRIX,
     SIGNALS,
     TEXT,
     VECTOR,
-    Anything,
-    Choice,
     Either,
+    Entries,
+    Items,
     Key,
     ListOf,
     MapOf,
@@ -31,15 +31,11 @@ from obsdesign.sections.forms import (
     Schema,
     Section,
     key,
-    read_keys,
     refuse,
     required,
 )
 from obsdesign.sections.values import Reader
 from obsdesign.sections.words import nearest, unavailable
-
-Entries = str | list[str] | list[list[str]]
-Signals = str | list[str]
 
 AUTO = "auto"
 MAX_BLOCKS = 400
@@ -50,7 +46,6 @@ REGION = Named("Region", MapOf(ListOf(ENTRY, 2, 2)))
 SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
 
-@dataclass(frozen=True)
 class System(Section):
     """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
 
@@ -64,8 +59,8 @@ class System(Section):
     B: Entries | None = key(MATRIX, "nx x nw; w is disturbance and noise together")
     C: Entries = required(MATRIX, "ny x nx")
     D: Entries | None = key(MATRIX, "ny x nw")
-    gx: Signals | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
-    gy: Signals | None = key(SIGNALS, "known terms: expressions of t and the inputs")
+    gx: Items | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
+    gy: Items | None = key(SIGNALS, "known terms: expressions of t and the inputs")
 
     @classmethod
     def read(cls, reader: Reader, value: Any, loc: Loc) -> Self | None:
@@ -76,22 +71,21 @@ class System(Section):
         return super().read(reader, value, loc)
 
 
-@dataclass(frozen=True)
 class Auto(Section):
     """A type that is derived from f."""
 
     region: dict[str, list[str]] | None = key(REGION, "[lo, hi] of q (q1, q2, ..) and of what else f depends on")
 
 
-@dataclass(frozen=True)
-class TypeData(Choice):
+class TypeData(Section):
     """A type of nonlinearity that has data, and where it holds."""
 
     beside = ("region",)
 
-    name: str
-    data: Any  # as the form of the type reads it
-    region: dict[str, list[str]] | None = None
+    def __init__(self, name: str, data: Any, region: dict[str, list[str]] | None = None) -> None:
+        self.name = name
+        self.data = data  # as the form of the type reads it
+        self.region = region
 
     @classmethod
     def forms(cls) -> dict[str, Key]:
@@ -128,16 +122,14 @@ TYPE = Either(
 )
 
 
-@dataclass(frozen=True)
 class Function(Section):
     """One block of f in a disturbance model."""
 
     type: str | TypeData = required(TYPE, "what the design may assume of f")
-    f: Signals | None = key(SIGNALS, "expressions of q (q1, q2, ..), t, the outputs and the inputs")
+    f: Items | None = key(SIGNALS, "expressions of q (q1, q2, ..), t, the outputs and the inputs")
     region: dict[str, list[str]] | None = key(REGION, SOMEWHERE)
 
 
-@dataclass(frozen=True)
 class Nonlinearity(Function):
     """One block of f, with its own argument q = Cq x + Dqf f + gq + Dq w."""
 
@@ -145,18 +137,16 @@ class Nonlinearity(Function):
     Cq: Entries | None = key(MATRIX, "nq_i x nx")
     Dqf: Entries | None = key(MATRIX, "nq_i x nf, for all blocks of the plant")
     Dq: Entries | None = key(MATRIX, "nq_i x nw")
-    gq: Signals | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
+    gq: Items | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
     Df: Entries | None = key(MATRIX, "ny x nf_i")
 
 
-@dataclass(frozen=True)
 class Frequency(Section):
     """Of a sinusoid."""
 
     omega: str = required(ENTRY, "rad/s")
 
 
-@dataclass(frozen=True)
 class DisturbanceModel(Section):
     """xm' = Am xm + Bmf f2 + Bm v, q2 = Cq2 xm + Dq2f f2 + Dq2 v, w = Cm xm + Dwf f2 + Dm v."""
 
@@ -172,10 +162,10 @@ class DisturbanceModel(Section):
     nonlinearities: list[Function] = key(ListOf(Function, most=MAX_BLOCKS), "f and type only", default=[])
 
 
-@dataclass(frozen=True)
-class ChannelData(Choice):
+class ChannelData(Section):
     """A disturbance model that has data."""
 
+    beside = ()
     hints: ClassVar[Mapping[str, str]] = {name: f"takes no data; write {name}" for name in CHANNELS}
 
     sinusoid: Frequency | None = key(Frequency)
@@ -183,12 +173,11 @@ class ChannelData(Choice):
     model: DisturbanceModel | None = key(DisturbanceModel)
 
 
-CHANNEL_NAME = OneOf("disturbance", CHANNELS, {name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS})
+CHANNEL_NAME = OneOf("disturbance", CHANNELS, lambda: {name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS})
 CHANNEL = Either("the name of a disturbance model, or a mapping with its data", CHANNEL_NAME, mapping=ChannelData)
 CHANNELWISE = "a disturbance model, or a list with one for each channel of w"
 
 
-@dataclass(frozen=True)
 class Disturbance(ChannelData):
     """How w is generated from v; `type` may be left out."""
 
@@ -197,7 +186,6 @@ class Disturbance(ChannelData):
     )
 
 
-@dataclass(frozen=True)
 class Weight(Section):
     """z = H e."""
 
@@ -208,14 +196,12 @@ NoiseName = Literal["uniform", "gaussian"]
 SamplingName = Literal["periodic", "random"]
 
 
-@dataclass(frozen=True)
 class Law(Section):
     """A law of the sampling instants."""
 
     law: str = required(ENTRY, "expression of t for the next interval")
 
 
-@dataclass(frozen=True)
 class Noise(Section):
     """Extra measurement noise, constant over each period."""
 
@@ -226,7 +212,6 @@ class Noise(Section):
     )
 
 
-@dataclass(frozen=True)
 class Simulation(Section):
     """How to try the observer."""
 
@@ -235,9 +220,9 @@ class Simulation(Section):
     horizon: str = required(ENTRY, "s")
     x0: str | list[str] | None = key(VECTOR, "over x, or over the augmented state; default 0")
     xhat0: str | list[str] | None = key(VECTOR, "over x, or over the augmented state; default 0")
-    w: Signals | None = key(SIGNALS, "expressions of t and the states")
-    v: Signals | None = key(SIGNALS, "expressions of t: what drives the disturbance model")
-    u: Signals | None = key(SIGNALS, "known inputs: expressions of t and the states")
+    w: Items | None = key(SIGNALS, "expressions of t and the states")
+    v: Items | None = key(SIGNALS, "expressions of t: what drives the disturbance model")
+    u: Items | None = key(SIGNALS, "known inputs: expressions of t and the states")
     noise: Noise | None = key(Noise)
     sampling: SamplingName | Law | None = key(
         Either(
@@ -254,7 +239,6 @@ class Simulation(Section):
     points: str | None = key(ENTRY, "samples kept, default 2000")
 
 
-@dataclass(frozen=True)
 class Observer:
     """The section of the family that `type` names."""
 
@@ -262,7 +246,8 @@ class Observer:
         """Return the section; where the family is not known that says it all."""
         name = value.get("type") if isinstance(value, dict) else None
         if isinstance(value, dict) and "type" in value and not (isinstance(name, str) and name in FAMILIES):
-            return FAMILY.read(reader, name, (*loc, "type"))  # type: ignore[return-value]  # None, with what is wrong noted
+            FAMILY.read(reader, name, (*loc, "type"))
+            return None
         section: type[ObserverSection] = FAMILIES[name or next(iter(FAMILIES))].Section
         return section.read(reader, value, loc)
 
@@ -272,7 +257,6 @@ class Observer:
         return {"oneOf": [section.schema(definitions) for section in sections]}
 
 
-@dataclass(frozen=True)
 class File(Section):
     """A spec of obsdesign, format 1: one estimation problem."""
 
@@ -293,7 +277,7 @@ class File(Section):
     )
     observer: ObserverSection | None = required(Observer())
     simulation: Simulation | None = key(Simulation)
-    expect: dict[str, Any] | None = key(MapOf(Anything()), "what this spec must give", default={})
+    expect: dict[str, Any] | None = key(MapOf(ANYTHING), "what this spec must give", default={})
 
 
 def read_file(reader: Reader) -> File | None:
@@ -304,7 +288,7 @@ def read_file(reader: Reader) -> File | None:
         return None
     before = list(reader.problems)
     known = {problem.key for problem in before}
-    found = read_keys(reader, keys, tree, (), {})
+    found = File.values(reader, tree, ())
     reader.problems[:] = before + [problem for problem in reader.problems[len(before) :] if problem.key not in known]
     names = [re.split(r"[.\[]", problem.key)[0] for problem in reader.problems]
     broken = {nearest(name, tuple(keys)) for name in names}
@@ -314,5 +298,5 @@ def read_file(reader: Reader) -> File | None:
 def json_schema() -> Schema:
     """JSON Schema of the format, for editors."""
     definitions: Schema = {}
-    whole = File.described(definitions)
+    whole = File.object(definitions)
     return {"$defs": definitions, **whole}

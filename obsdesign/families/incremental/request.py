@@ -22,7 +22,7 @@ from obsdesign.families.asked import (
 )
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, MATRIX, Either, OneOf, Section, key, required
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Axis, Reader
 
 Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
@@ -30,14 +30,12 @@ ALPHA = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the searc
 RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha
 
 
-@dataclass(frozen=True)
 class Level(Section):
     """A performance level to reach."""
 
     gamma: str = required(ENTRY)
 
 
-@dataclass(frozen=True)
 class LargestValues(Section):
     """What a design may use at most."""
 
@@ -46,21 +44,17 @@ class LargestValues(Section):
     gamma: str | None = key(ENTRY)
 
 
-@dataclass(frozen=True)
 class Gains(Section):
     """Gains to be analyzed instead of designed; they multiply (yhat - y)."""
 
-    L1: str | list[str] | list[list[str]] = required(MATRIX)
-    L2: str | list[str] | list[list[str]] | None = key(MATRIX)
+    L1: Entries = required(MATRIX)
+    L2: Entries | None = key(MATRIX)
 
 
-@dataclass(frozen=True)
 class Observer(ObserverSection):
     """What is asked of the design of an observer with the gains L1 and L2."""
 
-    L2: str | list[str] | list[list[str]] | None = key(
-        MATRIX, "nq x ny, rows follow q, the plant's blocks first; or `free`"
-    )
+    L2: Entries | None = key(MATRIX, "nq x ny, rows follow q, the plant's blocks first; or `free`")
     alpha: str | Interval | None = key(SEARCHED, "decay rate")
     objective: Objective | Level = key(
         Either("an objective, or {gamma: a number}", OneOf("objective", get_args(Objective)), mapping=Level),

@@ -27,7 +27,7 @@ from obsdesign.model.disturbance import augment
 from obsdesign.nonlinearities import combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.sections.document import Loc, dotted
-from obsdesign.sections.forms import ENTRY, MATRIX, OneOf, Section, key, required
+from obsdesign.sections.forms import ENTRY, MATRIX, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Nonlinearity
 
@@ -40,14 +40,12 @@ LipschitzObjective = Literal["max-lipschitz", "min-gamma", "pareto"]
 LipschitzRelaxation = Literal["s-procedure", "norm-bound", "abbaszadeh", "compare"]
 
 
-@dataclass(frozen=True)
 class Least(Section):
     """A lower bound."""
 
     min: str = required(ENTRY)
 
 
-@dataclass(frozen=True)
 class LipschitzBounds(Section):
     """What a design may use."""
 
@@ -56,14 +54,12 @@ class LipschitzBounds(Section):
     gamma: str | None = key(ENTRY)
 
 
-@dataclass(frozen=True)
 class LipschitzGains(Section):
     """Gain to be analyzed instead of designed; it multiplies (y - yhat)."""
 
-    L: str | list[str] | list[list[str]] = required(MATRIX)
+    L: Entries = required(MATRIX)
 
 
-@dataclass(frozen=True)
 class LipschitzObserver(ObserverSection):
     """What is asked of an observer of a Lipschitz system, xhat' = A xhat + Bf f(Cq xhat) + L (y - yhat)."""
 

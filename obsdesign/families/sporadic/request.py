@@ -20,7 +20,7 @@ from obsdesign.families.asked import (
 )
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, MATRIX, Either, ListOf, OneOf, Section, key, required
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
 
 INJECTIONS = {  # how the correction evolves between measurements, and its relaxations, the tightest first
@@ -38,7 +38,6 @@ ABSENT = ("D", "Dq", "Dqf", "Df")
 SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
 
 
-@dataclass(frozen=True)
 class SporadicBounds(Section):
     """What a design may use at most."""
 
@@ -46,12 +45,11 @@ class SporadicBounds(Section):
     gamma: str | None = key(ENTRY)
 
 
-@dataclass(frozen=True)
 class SporadicGains(Section):
     """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
 
-    L: str | list[str] | list[list[str]] = required(MATRIX)
-    H: str | list[str] | list[list[str]] | None = key(MATRIX, "ny x ny; default 0")
+    L: Entries = required(MATRIX)
+    H: Entries | None = key(MATRIX, "ny x ny; default 0")
 
 
 def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
@@ -60,7 +58,6 @@ def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
     return Either(f"one of {', '.join(words)}, or a list of them", word, ListOf(word))
 
 
-@dataclass(frozen=True)
 class SporadicObserver(ObserverSection):
     """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
 
