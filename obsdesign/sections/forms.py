@@ -3,16 +3,16 @@
 A form reads a value (`read`), says at its place what is wrong with it, and has a JSON Schema (`schema`). A number stays
 the text that it was written as. What is wrong reads as None; the section of the file in which it stands is not used.
 
-Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the magnetic bearing, in ms):
+Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the magnetic bearing, times in ms):
 
-                     import   build   read    all errors   JSON Schema   our own lines around it
-    these               9       11    0.07    yes          yes           289
-    pydantic 2.14      57       47    0.04    yes          yes           247, and more for types that are registered later
-    msgspec 0.22       10        1    0.002   the first    yes           messages and places anew
-    attrs, cattrs      25        8    0.01    one a class  no            unions, messages and schema anew
+                     import  build  read   all errors   JSON Schema  lines around it
+    these                 7      4  0.07   yes          yes          289
+    pydantic 2.14        57     47  0.04   yes          yes          247, and a model built again for each registration
+    msgspec 0.22         10      1  0.002  the first    yes          messages and places as well
+    attrs, cattrs        25      8  0.01   one a class  no           unions, messages, places and schema as well
 
-`import obsdesign.reading` went from 387 to 294 ms and from 62 to 50 MB. What stands in a section is known only when it is
-read, since families and types of nonlinearities are registered: with a library each registration builds its model again.
+`import obsdesign.reading` went from 387 to 294 ms and from 62 to 50 MB. What a section may hold is known only when it is
+read, since families and types of nonlinearities are registered, which no static model says.
 """
 
 from collections.abc import Callable, Mapping
