@@ -127,7 +127,7 @@ def test_the_bearing_is_refuted_without_injection_with_its_sign_reversed_and_bey
     assert refutation(*question(bearing(injection, alpha))).holds
 
 
-@pytest.mark.parametrize("gamma", ["0.0153", "0.01", "0.0001"])
+@pytest.mark.parametrize("gamma", ["0.0153", "0.01", "0.0001", "0.000001"])
 def test_a_gamma_below_the_limit_is_refuted(gamma):
     family = bearing(-110, "0.71")  # limit 0.0153161
     found = refutation(*question(family, rational_number(gamma)))

@@ -205,8 +205,10 @@ def centered(parts: Sequence[Array], scales: tuple[Array, ...], solver: Solver) 
     flat = np.concatenate([S.reshape(len(S), S.shape[-1] ** 2) for S in scaled], axis=1)
     if not flat.any():
         return None
-    U, sizes, _ = np.linalg.svd(flat, full_matrices=False)
-    T = (U / np.maximum(sizes, np.finfo(float).tiny))[:, sizes > ROUNDING * sizes[0]]  # y = T z, z orthonormal
+    lengths = np.maximum(np.linalg.norm(flat, axis=1), np.finfo(float).tiny)[:, None]  # of any size in a rational basis
+    U, sizes, _ = np.linalg.svd(flat / lengths, full_matrices=False)
+    kept = sizes > ROUNDING * sizes[0]
+    T = U[:, kept] / (sizes[kept] * lengths)  # y = T z, z orthonormal
     basis = [np.tensordot(T.T, S, axes=1) for S in scaled]
     traces = np.asarray(sum(np.trace(S, axis1=1, axis2=2) for S in basis))
     if np.linalg.norm(traces) <= ROUNDING:
