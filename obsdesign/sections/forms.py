@@ -11,8 +11,8 @@ Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the m
     msgspec 0.22         10      1  0.002  the first    yes          messages and places as well
     attrs, cattrs        25      8  0.01   one a class  no           unions, messages, places and schema as well
 
-`import obsdesign.reading` went from 387 to 294 ms and from 62 to 50 MB. What a section may hold is known only when it is
-read, since families and types of nonlinearities are registered, which no static model says.
+`import obsdesign.reading` went from 387 to 294 ms and from 62 to 50 MB. What a section may hold is known only when it
+is read, since families and types of nonlinearities are registered, which no static model says.
 """
 
 from collections.abc import Callable, Mapping
