@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import fmpq
+from support.fractions import fractions, positive
 from support.sweep import SWEEP, rng
 
 from obsdesign.families.incremental.absence import question, refuted
@@ -151,13 +152,10 @@ def test_the_cubic_example_is_refuted_unless_l2_is_at_most_minus_alpha_and_alpha
 def test_a_certificate_of_the_bearing_holds_in_a_few_independent_lines():
     # (13) of the bearing without injection, entry by entry: P Bf and P B are columns 2 and 4, 5 of P; kappa (Cq)' = e3
     found = refutation(*question(bearing(0, "0.71")))
-    Z, Zp, z, c = (
-        [[Fraction(str(entry)) for entry in row] for row in found.multipliers[name]]
-        for name in ("V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0", "P > 0", "lambda1 >= 0", CONSTANT)
-    )
+    names = "V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0", "P > 0", "lambda1 >= 0", CONSTANT
+    Z, Zp, z, c = (fractions(found.multipliers[name]) for name in names)
     A = np.array([[0, 1, 0, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1], [0] * 5, [0] * 5], dtype=object)
     C = np.array([[1, 0, 0, Fraction(1, 10), 0], [0, 1, 0, 0, 0]], dtype=object)
-    Z, Zp = np.array(Z), np.array(Zp)
     E, f, v = Z[:5, :5], Z[:5, 5], Z[:5, 6:]
     outer = np.zeros((5, 5), dtype=object)
     outer[:, 1] += 2 * f
@@ -172,17 +170,6 @@ def test_a_certificate_of_the_bearing_holds_in_a_few_independent_lines():
     for matrix in (Z[np.ix_(keep, keep)], Zp):
         assert positive(matrix)
     assert np.trace(Zp) > 0
-
-
-def positive(matrix):
-    """Elimination in fractions."""
-    S = matrix.copy()
-    for k in range(len(S)):
-        if S[k, k] < 0 or (S[k, k] == 0 and S[k, k + 1 :].any()):
-            return False
-        if S[k, k]:
-            S[k + 1 :, k + 1 :] -= np.outer(S[k + 1 :, k], S[k, k + 1 :]) / S[k, k]
-    return not (matrix != matrix.T).any()
 
 
 def test_a_certificate_survives_being_written_and_no_change_of_it_holds():

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from support.fractions import fractions, positive
 from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
 from support.sweep import examples
 
@@ -184,66 +184,19 @@ def test_every_frozen_slope_keeps_the_guarantee(spec):
 # Certificates, by a few lines of fractions
 
 
-def fractions(M):
-    return [[Fraction(str(x)) for x in row] for row in np.atleast_2d(M)]
-
-
-def product(*factors):
-    first, *rest = factors
-    for M in rest:
-        first = [
-            [sum(a * b for a, b in zip(row, column, strict=True)) for column in zip(*M, strict=True)] for row in first
-        ]
-    return first
-
-
-def transposed(M):
-    return [list(column) for column in zip(*M, strict=True)]
-
-
-def plus(A, B, factor=1):
-    return [[a + factor * b for a, b in zip(r, s, strict=True)] for r, s in zip(A, B, strict=True)]
-
-
-def nonnegative(M):
-    """Whether a symmetric matrix is positive semidefinite, by elimination."""
-    M = [row[:] for row in M]
-    for k, row in enumerate(M):
-        if row[k] < 0 or (row[k] == 0 and any(row[k + 1 :])):
-            return False
-        for i in range(k + 1, len(M)):
-            for j in range(k + 1, len(M)):
-                M[i][j] -= row[i] * row[j] / row[k] if row[k] else 0
-    return True
-
-
 def proved_by_fractions(spec, certificate, gains, slope=("-2/5", "11/10")):
     """(13a) and (13b) in the primitive form: V' + 2 alpha V - 2 alpha mu1 |v|^2 plus the multiplier, in (e, f, v)."""
     p = spec.augmented
-    A, B, C, D, Bf, Df, Cq, Dqf, Dq, H = (
-        fractions(M) for M in (p.A, p.B, p.C, p.D, p.Bf, p.Df, p.Cq, p.Dqf, p.Dq, spec.H)
-    )
-    L1, L2 = ([[Fraction(repr(x)) for x in row] for row in gains[name].tolist()] for name in ("L1", "L2"))
-    P, lam = fractions(certificate.P), Fraction(str(certificate.multipliers["lambda1"].item()))
-    alpha, mu1, mu2 = (Fraction(str(x)) for x in (certificate.alpha, certificate.mu1, certificate.mu2))
-    n, low, high = len(A), *map(Fraction, slope)
-    rate = [
-        a + f + [-b for b in v]
-        for a, f, v in zip(plus(A, product(L1, C)), plus(Bf, product(L1, Df)), plus(B, product(L1, D)), strict=True)
-    ]
-    q = [plus(Cq, product(L2, C))[0] + plus(Dqf, product(L2, Df))[0] + [-x for x in plus(Dq, product(L2, D))[0]]]
-    size = len(rate[0])
-    e = [[Fraction(i == j) for j in range(size)] for i in range(n)]
-    f, v = [[Fraction(j == n) for j in range(size)]], [[Fraction(j == n + 1) for j in range(size)]]
-    below, above = plus(f, q, -low), plus([[high * x for x in q[0]]], f, -1)
-    form = product(transposed(e), P, plus(rate, e, alpha))
-    form = plus(form, product(transposed(v), v), -alpha * mu1)
-    form = plus(form, product(transposed(below), above), lam)
-    form = plus(form, transposed(form))
-    smaller = plus([[mu2 * x for x in row] for row in P], product(transposed(H), H), -1)
-    gamma = Fraction(str(certificate.gamma))
-    negative = [[-x for x in row] for row in form]
-    return lam >= 0 and mu1 * mu2 <= gamma * gamma and nonnegative(negative) and nonnegative(smaller)
+    A, B, C, D, Bf, Df, Cq, Dqf, Dq, H = map(fractions, (p.A, p.B, p.C, p.D, p.Bf, p.Df, p.Cq, p.Dqf, p.Dq, spec.H))
+    L1, L2, P = map(fractions, (gains["L1"], gains["L2"], certificate.P))
+    lam, (low, high) = fractions(certificate.multipliers["lambda1"]).item(), fractions(slope)
+    alpha, mu1, mu2, gamma = fractions([certificate.alpha, certificate.mu1, certificate.mu2, certificate.gamma])
+    rate = np.hstack([A + L1 @ C, Bf + L1 @ Df, -(B + L1 @ D)])
+    q = np.hstack([Cq + L2 @ C, Dqf + L2 @ Df, -(Dq + L2 @ D)])
+    e, f, v = np.split(fractions(np.eye(len(A) + 2, dtype=int)), [len(A), len(A) + 1])
+    half = e.T @ P @ (rate + alpha * e) - alpha * mu1 * v.T @ v + lam * (f - low * q).T @ (high * q - f)
+    conditions = positive(-(half + half.T)), positive(mu2 * P - H.T @ H)
+    return lam >= 0 and mu1 * mu2 <= gamma * gamma and all(conditions)
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,13 @@ import copy
 import json
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import result_of, run
 from support.forging import at, put, scaled, with_spec, with_text
+from support.fractions import fractions, positive
 from support.sweep import examples
 
 OSCILLATOR = """
@@ -60,32 +62,6 @@ def claiming(content, name, value):
 # An independent proof
 
 
-def fractions(rows):
-    return [[Fraction(str(x)) for x in row] for row in rows]
-
-
-def times(X, Y):
-    return [[sum((x * y for x, y in zip(row, column, strict=True)), Fraction()) for column in zip(*Y, strict=True)]
-            for row in X]  # fmt: skip
-
-
-def plus(X, Y, factor=1):
-    return [[x + factor * y for x, y in zip(a, b, strict=True)] for a, b in zip(X, Y, strict=True)]
-
-
-def positive(M, strict):
-    """Whether a symmetric matrix of fractions is positive (semi)definite, by elimination."""
-    M = [row[:] for row in M]
-    assert all(M[i][j] == M[j][i] for i in range(len(M)) for j in range(i))
-    while M:
-        pivot, rest = M[0][0], M[0][1:]
-        if pivot < 0 or (pivot == 0 and (strict or any(rest))):
-            return False
-        M = [[x - (a * b / pivot if pivot else 0) for x, b in zip(row[1:], rest, strict=True)]
-             for a, row in zip(rest, M[1:], strict=True)]  # fmt: skip
-    return True
-
-
 def above_exponential(x):
     """A fraction a little above exp(x), 0 <= x <= 10: forty terms of the series and more than the rest."""
     term, total = Fraction(1), Fraction(1)
@@ -103,29 +79,15 @@ def dissipation(content, s):
     """
     observer, guarantee, proof = content["observer"], content["guarantee"], content["certificate"]
     A, C = fractions([[0, 1], [-4, 0]]), fractions([[1, 0]])
-    L, H = fractions(observer["L"]), fractions(observer["H"])
-    delta, decay, mu = (Fraction(str(v)) for v in (observer["delta"], guarantee["decay"], guarantee["mu"]))
-    (scale,) = (Fraction(str(m)) for m in proof["multipliers"].values())
-    P1, P2 = fractions(proof["P1"]), fractions(proof["P2"])
-    theta = [[*C[0], Fraction(-1)]]  # theta = C e - d
-    e_rate = plus([[*row, 0, w, f] for row, w, f in zip(A, (1, 0), (0, 1), strict=True)],
-                  [[*row, 0, 0] for row in times(L, theta)], -1)  # fmt: skip
-    d_rate = plus(times(C, e_rate), [[*row, 0, 0] for row in times(H, theta)], -1)
-    storage = [[*P1[0], 0], [*P1[1], 0], [0, 0, s * P2[0][0]]]
-    half = times(storage, [*e_rate, *d_rate])
-    M = [[Fraction()] * 5 for _ in range(5)]
-    for i in range(3):
-        for j in range(5):
-            M[i][j] += half[i][j]
-            M[j][i] += half[i][j]
-            if j < 3:
-                M[i][j] += 2 * decay * storage[i][j]
-    M[2][2] -= delta * storage[2][2]
-    M[0][0] += 1 + scale / 4  # z = e, and q = e1 with the Lipschitz constant 1/2
-    M[1][1] += 1
-    M[3][3] -= mu
-    M[4][4] -= scale
-    return M
+    L, H, P1, P2 = map(fractions, (observer["L"], observer["H"], proof["P1"], proof["P2"]))
+    delta, decay, mu = fractions([observer["delta"], guarantee["decay"], guarantee["mu"]])
+    scale = fractions([*proof["multipliers"].values()]).item()
+    e, d, w, f = np.split(fractions(np.eye(5, dtype=int)), [2, 3, 4])
+    e_rate = A @ e + fractions([[1], [0]]) @ w + fractions([[0], [1]]) @ f - L @ (C @ e - d)
+    d_rate = C @ e_rate - H @ (C @ e - d)
+    half = e.T @ P1 @ (e_rate + decay * e) + s * d.T @ P2 @ (d_rate + (decay - delta / 2) * d)
+    q = e[:1] / 2  # e1 with the Lipschitz constant 1/2
+    return half + half.T + e.T @ e - mu * w.T @ w + scale * (q.T @ q - f.T @ f)
 
 
 @pytest.mark.parametrize("spec", [OSCILLATOR, GIVEN])
@@ -134,7 +96,7 @@ def test_the_numbers_of_a_file_prove_its_claim_by_hand(certified, spec):
     exponent = Fraction(str(content["observer"]["delta"])) * Fraction(str(content["observer"]["T2"]))
     assert 0 < exponent <= 10
     for s in (Fraction(1), above_exponential(exponent)):
-        assert positive([[-x for x in row] for row in dissipation(content, s)], strict=False)
+        assert positive(-dissipation(content, s))
     assert positive(fractions(content["certificate"]["P1"]), strict=True)
     assert positive(fractions(content["certificate"]["P2"]), strict=True)
     assert Fraction(str(content["guarantee"]["gamma"])) ** 2 >= Fraction(str(content["guarantee"]["mu"])) >= 0
