@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -68,7 +68,7 @@ class Simulation:
     noise: Noise | None
     seed: int
     points: int
-    sampling: str | Expression = "periodic"  # of measurements that arrive sporadically; or random, or a law of t
+    sampling: str | Expression = "periodic"  # of measurements at instants; or random, or a law of t
     period: float | None = None  # s, of the periodic law; None: T2
     dropout: float = 0.0  # share of these measurements that are lost
     theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
@@ -99,9 +99,9 @@ class Called(type):
 
     build: Callable[[Mapping[str, Any]], Any]  # of `reading`, which sets it: what reads is above what is read
 
-    def __call__(cls, *args: Any, **parts: Any) -> Any:
+    def __call__(cls, **parts: Any) -> Any:
         """Return a spec; only its own parts have a plant."""
-        return super().__call__(*args, **parts) if "plant" in parts else cls.build(parts)
+        return super().__call__(**parts) if "plant" in parts else cls.build(parts)
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,11 @@ class Spec(metaclass=Called):
     `Spec(system={"A": A, "C": C}, observer={"type": "l2"}, ..)` reads the sections of a spec file from Python values
     (see `reading.build`): arrays, numbers, lists, text; numbers and messages are those of the same file.
     """
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **sections: Any) -> None:
+            """Sections of a spec file, or the parts of a spec."""
 
     name: str
     source: str

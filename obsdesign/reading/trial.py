@@ -103,7 +103,7 @@ def read_state(reader: Reader, written: str | Sequence[str] | None, loc: Loc, x:
 def read_noise(
     reader: Reader, section: schema.Noise | None, outputs: Axis, horizon: fmpq, *, sampled: bool
 ) -> Noise | None:
-    """Measurement noise; where measurements arrive sporadically it needs no period."""
+    """Measurement noise; where measurements arrive at instants it needs no period."""
     if section is None:
         return None
     loc: Loc = ("simulation", "noise")
