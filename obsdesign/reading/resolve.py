@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign.families import FAMILIES, Family
-from obsdesign.families.asked import Estimation
-from obsdesign.reading.generator import read_disturbance
+from obsdesign.families.asked import Estimation, ObserverSection
+from obsdesign.lmi.formula import Array
+from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.names import read_parameters
 from obsdesign.reading.performance import read_performance
-from obsdesign.reading.plant import read_plant
+from obsdesign.reading.plant import Reading, read_plant
 from obsdesign.reading.schema import read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.sections.document import Document, Loc, Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import unknown
-from obsdesign.spec import Nonlinearity, Spec, numbered
+from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible")
@@ -47,21 +48,12 @@ def resolve(document: Document) -> Spec:
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
-    observer, blocks = None, tuple[Nonlinearity, ...]()
+    observer, sampled = None, False
+    blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
-        blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
-        states = Axis(total(layout.states, exogenous.xm), "augmented state")
-        q = layout.q.of(total(layout.q, exogenous.q))
-        problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks)
-        observer = family.request(reader, file.observer, problem)
-    simulation = read_simulation(
-        reader,
-        file.simulation,
-        layout,
-        exogenous.xm,
-        exogenous.v,
-        sampled=file.observer is not None and family is not None and family.sampled,
-    )
+        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
+        sampled = family.sampled
+    simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v, sampled=sampled)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
@@ -95,6 +87,18 @@ def family_of(document: Document) -> Family | None:
     """Family that a file names, whatever else is wrong in the section of its observer."""
     name = document.find(("observer", "type"))[1].value
     return FAMILIES.get(name) if isinstance(name, str) else None
+
+
+def read_observer(
+    reader: Reader, family: Family, section: ObserverSection, plant: Reading, exogenous: Exogenous, H: Array
+) -> tuple[Request, tuple[Nonlinearity, ...]]:
+    """What is asked of the observer, and the blocks of f as its family takes them."""
+    layout = plant.layout
+    blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
+    states = Axis(total(layout.states, exogenous.xm), "augmented state")
+    q = layout.q.of(total(layout.q, exogenous.q))
+    problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks)
+    return family.request(reader, section, problem), blocks
 
 
 def total(plant: Axis, model: Axis) -> Size:
