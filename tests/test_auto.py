@@ -8,6 +8,7 @@ import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.functions import NAMES, within
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
@@ -17,17 +18,10 @@ from obsdesign.nonlinearities.evidence.automatic import choose, outward
 from obsdesign.nonlinearities.evidence.continuity import continuous
 from obsdesign.nonlinearities.evidence.enclosure import enclosure, supremum
 from obsdesign.nonlinearities.evidence.norm import norm_bound
-from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 DERIVED = {"auto": choose} | {name: type_.derive for name, type_ in TEMPLATES.items() if type_.derive}
 
 INF = np.inf
-NAMES = ("q", "q1", "q2", "q3", "t", "y1")
-
-
-def on(*f, nq=1, **region):
-    """f, given as texts, on a region."""
-    return Restriction.of([parse(text, NAMES) for text in f], nq, region)
 
 
 def square(*names, size=1.0):
@@ -58,7 +52,7 @@ TEXTS = st.recursive(
 def test_an_enclosure_holds_every_difference_quotient(text, low, width, seed):
     region = {"q1": (low, low + width), "q2": (-1.0, 1.0)}
     try:
-        found = enclosure(on(text, nq=2, **region))
+        found = enclosure(within(text, nq=2, **region))
     except UsageError:  # it may jump
         return
     rng = np.random.default_rng(seed)
@@ -113,7 +107,7 @@ TIGHT = [
 
 @pytest.mark.parametrize(("text", "region", "low", "high"), TIGHT)
 def test_an_enclosure_is_tight_and_takes_little_time(text, region, low, high):
-    f = on(text, **region)
+    f = within(text, **region)
     started = time.process_time()
     found = enclosure(f)
     assert time.process_time() - started < 0.8  # 0.3 s on a machine with nothing else to do
@@ -124,7 +118,7 @@ def test_an_enclosure_is_tight_and_takes_little_time(text, region, low, high):
 
 
 def test_an_enclosure_says_how_tight_it_is():
-    f = on("sin(q1*q2*q3)*cos(q1 - q2 + q3)/(1.1 + sin(q1*q3))", nq=3, **square("q1", "q2", "q3", size=3.0))
+    f = within("sin(q1*q2*q3)*cos(q1 - q2 + q3)/(1.1 + sin(q1*q3))", nq=3, **square("q1", "q2", "q3", size=3.0))
     found = enclosure(f)
     slopes = f.jacobian[0][0].function(("q1", "q2", "q3"))(*np.random.default_rng(0).uniform(-3, 3, (3, 100_000)))
     assert slopes.max() <= found.high[0, 0]
@@ -150,7 +144,7 @@ JUMPS = [
 @pytest.mark.parametrize(("text", "region"), JUMPS)
 def test_what_may_jump_or_be_undefined_has_no_enclosure(text, region):
     with pytest.raises(UsageError, match=r"f may jump or be undefined at q in \["):
-        enclosure(on(text, **region))
+        enclosure(within(text, **region))
 
 
 @pytest.mark.parametrize(
@@ -158,7 +152,7 @@ def test_what_may_jump_or_be_undefined_has_no_enclosure(text, region):
     [("sign(q)*q", {"q": (1, 2)}), ("1/q", {"q": (1, 2)}), ("sqrt(q)", {"q": (1, 4)}), ("atan2(q, 1)", {})],
 )
 def test_away_from_the_jump_there_is_an_enclosure(text, region):
-    assert np.isfinite(enclosure(on(text, **region)).high).all()
+    assert np.isfinite(enclosure(within(text, **region)).high).all()
 
 
 def test_continuity_is_told_for_each_box():
@@ -177,7 +171,7 @@ def test_continuity_is_told_for_each_box():
     ],
 )
 def test_the_norm_of_a_jacobian_is_bounded_tightly(f, region, norm):
-    found = norm_bound(on(*f, nq=2, **region))
+    found = norm_bound(within(*f, nq=2, **region))
     assert found.attained <= norm + 1e-12
     assert norm * (1 - 1e-12) <= found.bound <= norm * (1 + 1e-3)
 
@@ -206,12 +200,12 @@ CHOICES = [
 
 @pytest.mark.parametrize(("f", "nq", "region", "text"), CHOICES)
 def test_auto_picks_the_tightest_type(f, nq, region, text):
-    assert choose(on(*f, nq=nq, **region)).text == text
+    assert choose(within(*f, nq=nq, **region)).text == text
 
 
 def test_many_entries_that_vary_give_a_lipschitz_constant():
     f = [f"sin(q{i}) + 0.1*cos(q{i % 3 + 1}) + 0.01*sin(2*q{(i + 1) % 3 + 1})" for i in (1, 2, 3)]
-    choice = choose(on(*f, nq=3))
+    choice = choose(within(*f, nq=3))
     assert choice.name == "lipschitz"
     assert 1 <= choice.data <= fmpq(125, 100)
 
@@ -221,7 +215,7 @@ def test_many_entries_that_vary_give_a_lipschitz_constant():
     [*((f, nq, region) for f, nq, region, _ in CHOICES), (("q*exp(-q**2)",), 1, square("q", size=3.0))],
 )
 def test_whatever_is_derived_holds_for_every_pair(f, nq, region):
-    where = on(*f, nq=nq, **region)
+    where = within(*f, nq=nq, **region)
     choices = [choose(where)]
     for derive in DERIVED.values():
         with suppress(UsageError):
@@ -237,7 +231,7 @@ def test_whatever_is_derived_holds_for_every_pair(f, nq, region):
 
 
 def test_entries_that_are_the_same_expression_vary_together():
-    found = choose(on("sin(q1)", "tanh(q1 + q2)", nq=2))
+    found = choose(within("sin(q1)", "tanh(q1 + q2)", nq=2))
     assert {tuple(vertex[1]) for vertex in found.data} == {(0, 0), (1, 1)}
 
 
@@ -256,7 +250,7 @@ def test_entries_that_are_the_same_expression_vary_together():
 )
 def test_what_cannot_be_derived_is_refused_in_one_line(kind, f, nq, words):
     with pytest.raises(UsageError) as caught:
-        DERIVED[kind](on(*f, nq=nq))
+        DERIVED[kind](within(*f, nq=nq))
     (problem,) = caught.value.problems
     assert words in problem.message
 
@@ -285,4 +279,4 @@ def test_rounding_goes_outward_and_prints_12_digits(value):
     ],
 )
 def test_only_what_holds_is_proved(f, region, name, data, holds):
-    assert TEMPLATES[name].proved(on(f, **region), data) is holds
+    assert TEMPLATES[name].proved(within(f, **region), data) is holds

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import run
+from support.functions import NAMES, within
 from support.sweep import examples
 
 from obsdesign.dissipation.engine import Engine
@@ -18,10 +19,8 @@ from obsdesign.families.lipschitz.coordinates import scaling
 from obsdesign.nonlinearities.evidence.automatic import lipschitz_proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.norm import enclosed, largest_norm, radius_norm, uncoupled
-from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.reading import loads
 
-NAMES = ("q", "q1", "q2", "q3", "t", "a", "b")
 POLYNOMIAL = ("q1**3", "-6*q1**5 - 6*q1**2*q2 - 2*q1**4 - 2*q1**2")
 TRIGONOMETRIC = (("cos(a)*cos(b)", "cos(a+b)"), ("3*a**2 - a", "-6*a**2 + 2*a*b"))
 SPECS = Path(__file__).parent.parent / "specs"
@@ -31,12 +30,8 @@ def matrix(rows):
     return [[parse(text, NAMES) for text in row] for row in rows]
 
 
-def on(*f, nq=1, **region):
-    return Restriction.of([parse(text, NAMES) for text in f], nq, region)
-
-
 def polynomial(q1, q2):
-    return on(*POLYNOMIAL, nq=2, q1=q1, q2=q2)
+    return within(*POLYNOMIAL, nq=2, q1=q1, q2=q2)
 
 
 def norm_at(J, point):
@@ -75,7 +70,7 @@ def test_what_needs_many_boxes_gets_them(J, box, lower, upper):
 
 
 def test_a_maximum_inside_the_region_is_as_tight_as_one_in_a_corner():
-    f = on("exp(-(q1 - 0.3)**2 - 2*q2**2)", nq=2, q1=(-2.0, 2.0), q2=(-2.0, 2.0))
+    f = within("exp(-(q1 - 0.3)**2 - 2*q2**2)", nq=2, q1=(-2.0, 2.0), q2=(-2.0, 2.0))
     found = lipschitz_constant(f)
     assert found.lower <= 2 / np.sqrt(np.e) * (1 + 1e-15)
     assert found.upper >= 2 / np.sqrt(np.e) * (1 - 1e-15)
@@ -85,7 +80,7 @@ def test_a_maximum_inside_the_region_is_as_tight_as_one_in_a_corner():
 
 
 def test_components_that_share_no_argument_are_bounded_apart():
-    f = on("sin(2*q1)", "tanh(q2)", "3*cos(q3)", nq=3)
+    f = within("sin(2*q1)", "tanh(q2)", "3*cos(q3)", nq=3)
     assert len(uncoupled(f.jacobian)) == 3
     found = lipschitz_constant(f)
     assert (found.lower, found.upper) == (pytest.approx(3), pytest.approx(3))
@@ -98,7 +93,7 @@ def test_the_gap_is_relative():
 
 
 def test_a_constant_function_has_the_constant_zero():
-    found = lipschitz_constant(on("1", "2", nq=2))
+    found = lipschitz_constant(within("1", "2", nq=2))
     assert (found.lower, found.upper, found.gap) == (0, 0, 0)
 
 
@@ -118,7 +113,7 @@ TEXTS = st.recursive(
 @examples(40)
 @given(st.lists(TEXTS, min_size=2, max_size=3), st.floats(-2, 1), st.floats(0.1, 2), st.integers(0, 2**32 - 1))
 def test_no_difference_quotient_exceeds_the_upper_bound_and_the_lower_one_is_attained(texts, low, width, seed):
-    f = on(*texts, nq=3, q1=(low, low + width), q2=(-1.0, 1.0), q3=(0.0, width))
+    f = within(*texts, nq=3, q1=(low, low + width), q2=(-1.0, 1.0), q3=(0.0, width))
     found = largest_norm(f.jacobian, f.box, work=60_000)
     assert found.attained <= found.bound
     assert norm_at(f.jacobian, found.point) >= found.attained * (1 - 1e-9)
@@ -166,7 +161,7 @@ def test_an_entry_without_a_bound_has_an_infinite_radius():
     ],
 )
 def test_an_infinite_constant_is_told_with_the_place(f, nq, region, words):
-    found = lipschitz_constant(on(*f, nq=nq, **region))
+    found = lipschitz_constant(within(*f, nq=nq, **region))
     assert found.infinite
     assert found.upper == inf
     assert words in found.reason
@@ -177,7 +172,7 @@ def test_an_infinite_constant_is_told_with_the_place(f, nq, region, words):
     [("sign(q)*q**2", {"q": (-1.0, 1.0)}), ("sqrt(1 + q**2)", {}), ("q*sin(q)/q", {"q": (-1.0, 1.0)})],
 )
 def test_a_finite_constant_that_is_not_proved_is_not_called_infinite(f, region):
-    found = lipschitz_constant(on(f, **region))
+    found = lipschitz_constant(within(f, **region))
     assert found.upper == inf
     assert not found.infinite
     assert " at q in [" in found.reason
@@ -187,8 +182,8 @@ def test_a_finite_constant_that_is_not_proved_is_not_called_infinite(f, region):
 def test_a_declared_constant_is_proved_to_its_last_digit(k, holds):
     from obsdesign.lmi.formula import rational_number
 
-    assert lipschitz_proved(on("-3.33*sin(q)"), rational_number(k)) is holds
-    assert lipschitz_proved(on("-3.33*sin(q1)", "1.5*q2", nq=2), rational_number(k)) is holds
+    assert lipschitz_proved(within("-3.33*sin(q)"), rational_number(k)) is holds
+    assert lipschitz_proved(within("-3.33*sin(q1)", "1.5*q2", nq=2), rational_number(k)) is holds
 
 
 # The command

@@ -5,9 +5,10 @@ import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.functions import bounds, sat
 from support.sweep import examples
 
-from obsdesign.lmi.formula import in_floats, rational, rational_number
+from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.lmi.proof import holds, rounded
 from obsdesign.lmi.solve import widest
 from obsdesign.model.loop import contraction, proved, well_posed
@@ -15,14 +16,6 @@ from obsdesign.nonlinearities import TEMPLATES, Multiplier, combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.nonlinearities.slope import slope
-
-
-def sat(q):
-    return np.clip(q, -1, 1)
-
-
-def bounds(*pairs):
-    return [(rational_number(a), None if b is None else rational_number(b)) for a, b in pairs]
 
 
 def polytope(*matrices):

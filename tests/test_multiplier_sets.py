@@ -8,6 +8,7 @@ from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.functions import sat, softmax
 from support.multipliers import ROTATION, assembled, difference, exactly, form, made, matrices, smallest
 from support.sweep import examples
 
@@ -17,15 +18,6 @@ from obsdesign.lmi.probe import matrices as matrices_of
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, reduction, widest
 from obsdesign.nonlinearities import combine
-
-
-def sat(q):
-    return np.clip(q, -1, 1)
-
-
-def softmax(q):
-    e = np.exp(q - q.max())
-    return e / e.sum()
 
 
 def edge(multiplier, draws=40):

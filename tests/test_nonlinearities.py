@@ -6,12 +6,13 @@ from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.functions import bounds, sat, softmax
 from support.multipliers import difference, form, smallest
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
-from obsdesign.lmi.formula import in_floats, rational, rational_number
+from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.nonlinearities import FUNCTIONS, TEMPLATES, Multiplier, combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
@@ -19,15 +20,6 @@ from obsdesign.nonlinearities.slope import slope
 from obsdesign.nonlinearities.user import user
 
 ROUNDING = 1e-9  # relative to the terms of the quadratic form
-
-
-def sat(q):
-    return np.clip(q, -1, 1)
-
-
-def softmax(q):
-    e = np.exp(q - q.max())
-    return e / e.sum()
 
 
 def whole(multiplier, scales=None):
@@ -38,10 +30,6 @@ def whole(multiplier, scales=None):
         {u.name: np.array([[s]]) for u, s in zip(unknowns, scales, strict=True)}
     )
     return np.block([[M11, M12], [M12.T, M22]])
-
-
-def bounds(*pairs):
-    return [(rational_number(a), None if b is None else rational_number(b)) for a, b in pairs]
 
 
 # name: multiplier, function, number of arguments

@@ -7,25 +7,19 @@ import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.functions import within
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
-from obsdesign.expressions import Interval, parse
+from obsdesign.expressions import Interval
 from obsdesign.expressions.interval import point
 from obsdesign.lmi.formula import rational
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.claims import Hull, Quadratic
 from obsdesign.nonlinearities.evidence.refutation import counterexample
-from obsdesign.nonlinearities.evidence.restriction import Restriction
 from obsdesign.reading import loads
 
-NAMES = ("q", "q1", "q2", "t", "y1")
 ONE = fmpq(1)
-
-
-def on(*f, nq=1, **region):
-    """f, given as texts, on a region."""
-    return Restriction.of([parse(text, NAMES) for text in f], nq, region)
 
 
 def search(f, name, data):
@@ -98,7 +92,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("f", "nq", "region", "name", "data"), WRONG)
 def test_a_type_that_is_wrong_by_five_percent_is_refuted_by_a_pair_in_the_region(f, nq, region, name, data):
-    where = on(*f, nq=nq, **region)
+    where = within(*f, nq=nq, **region)
     started = time.process_time()
     found = search(where, name, data)
     assert time.process_time() - started < 1.5
@@ -140,13 +134,13 @@ TRUE = [
 
 @pytest.mark.parametrize(("f", "nq", "region", "name", "data"), TRUE)
 def test_a_type_that_is_exactly_tight_is_never_refuted(f, nq, region, name, data):
-    assert search(on(*f, nq=nq, **region), name, data) is None
+    assert search(within(*f, nq=nq, **region), name, data) is None
 
 
 @examples(20)
 @given(st.decimals("0.01", "100", places=2), st.decimals("-5", "5", places=2), st.sampled_from(["sin", "tanh", "atan"]))
 def test_a_scaled_and_shifted_function_is_refuted_just_when_its_constant_is_too_small(k, shift, name):
-    f = on(f"{k}*{name}(q + ({shift}))")
+    f = within(f"{k}*{name}(q + ({shift}))")
     exact = fmpq(*k.as_integer_ratio())
     assert search(f, "lipschitz", exact) is None
     found = search(f, "lipschitz", exact * fmpq(95, 100))
@@ -226,5 +220,5 @@ def test_a_region_saves_a_type_that_does_not_hold_everywhere():
 
 
 def test_two_searches_find_the_same_pair():
-    f = on("sin(q1) + cos(q2)", nq=2)
+    f = within("sin(q1) + cos(q2)", nq=2)
     assert search(f, "lipschitz", ONE) == search(f, "lipschitz", ONE)
