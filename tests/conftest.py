@@ -11,7 +11,7 @@ os.environ["MKL_NUM_THREADS"] = "1"
 
 import pytest
 from hypothesis import HealthCheck, settings
-from support.commands import result_of, run
+from support.commands import PNG, result_of, run
 from support.sweep import SWEEP
 
 settings.register_profile(
@@ -70,6 +70,19 @@ def made(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     result_of(folder, CART, "cart")
     return folder
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def sketched(monkeypatch):
+    """Figures that take no time to draw."""
+    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_: PNG)
 
 
 @pytest.fixture

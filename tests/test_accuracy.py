@@ -1,10 +1,9 @@
 """Arbitrary accuracy in closed form: the conditions of Theorem 2, their gains, and plants that do not admit it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from flint import fmpq
+from support.shipped import shipped
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import searchable
@@ -12,10 +11,9 @@ from obsdesign.families.incremental import accuracy
 from obsdesign.families.incremental.accuracy import accurate, conditions
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.lmi.formula import in_floats, rational_number
-from obsdesign.reading import load, loads
+from obsdesign.reading import loads
 from obsdesign.work import design
 
-SPECS = Path(__file__).parent.parent / "specs"
 PENDULUM = """
 system: {A: [[0, 1], [0, -1]], B: [0, 1], C: [[1, 0], [0, 1]], D: [0, 0.5]}
 nonlinearities: [{type: {lipschitz: 1}, Bf: [0, -1], Cq: [1, 0]}]
@@ -157,7 +155,7 @@ def test_a_zero_in_the_right_half_plane_is_a_floor(family, monkeypatch):
 
 
 def test_the_bearing_and_other_plants_without_a_matching_output_do_not_admit_it():
-    bearing = load(str(SPECS / "corless2019-magnetic-bearing.yaml"))
+    bearing = shipped("corless2019-magnetic-bearing")
     for alpha in (fmpq(1, 100), bearing.observer.alpha, fmpq(5)):
         assert accurate(Engine(), family_of(bearing, alpha)) is None
 

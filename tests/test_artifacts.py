@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.commands import files
 
 from obsdesign.errors import UsageError
 from obsdesign.families.lipschitz.outcome import LipschitzDesign
@@ -20,11 +21,6 @@ from obsdesign.files.result import result
 from obsdesign.reading import loads
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
-
-
-def names(folder):
-    """Names in a folder, hidden ones too."""
-    return sorted(p.name for p in folder.iterdir())
 
 
 @pytest.fixture
@@ -39,7 +35,7 @@ def test_a_file_is_written_and_replaced_and_nothing_else_is_left(folder):
     write_whole(str(folder / "other.json"), b"")
     assert (folder / "gains.json").read_bytes() == b"new"
     assert (folder / "other.json").read_bytes() == b""
-    assert names(folder) == ["gains.json", "other.json"]
+    assert files(folder) == ["gains.json", "other.json"]
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError, OSError(28, "No space left on device")])
@@ -52,7 +48,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(folder, monkeypatch
     with pytest.raises(UsageError if isinstance(error, OSError) else error) as caught:
         write_whole(folder / "gains.json", b"new")
     assert (folder / "gains.json").read_bytes() == b"old"
-    assert names(folder) == ["gains.json"]
+    assert files(folder) == ["gains.json"]
     if isinstance(error, OSError):
         assert str(caught.value) == f"{folder / 'gains.json'}: cannot be written: No space left on device"
 
@@ -94,7 +90,7 @@ def test_a_target_that_can_be_no_file_is_refused_and_leaves_nothing(folder, name
     (folder / "taken").mkdir()
     with pytest.raises(UsageError, match="cannot be written"):
         write_whole(f"{folder}/{name}", b"new")
-    assert names(folder) == ["gains.json", "taken"]
+    assert files(folder) == ["gains.json", "taken"]
     assert (folder / "gains.json").read_bytes() == b"old"
 
 

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.commands import PNG, assert_answered, endless, files, run
+from support.commands import PNG, assert_answered, endless, files, interrupted, run
 
 UNDETECTABLE = """
 obsdesign: 1
@@ -36,12 +36,6 @@ def solved(here, made):
     """The working folder, with cart.gains.json in it."""
     shutil.copy(made / "cart.gains.json", here)
     return here
-
-
-@pytest.fixture
-def sketched(monkeypatch):
-    """Figures that take no time to draw."""
-    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_: PNG)
 
 
 CART = "../specs/cart.yaml"
@@ -493,9 +487,6 @@ def test_every_mistake_of_a_spec_has_its_line():
 
 @pytest.mark.parametrize("where", ["obsdesign.work.design", "obsdesign.files.write.os.replace"])
 def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
-    def interrupted(*_args, **_options):
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(where, interrupted)
     assert_refused(run("solve", CART), "interrupted", code=130)
     assert files() == []
@@ -503,9 +494,6 @@ def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
 
 @pytest.mark.usefixtures("solved")
 def test_an_interrupted_figure_leaves_the_samples_whole(monkeypatch):
-    def interrupted(*_args, **_options):
-        raise KeyboardInterrupt
-
     monkeypatch.setattr("obsdesign.plot.run_figure", interrupted)
     assert_refused(run("simulate", "cart.gains.json"), "interrupted", code=130)
     assert not [name for name in files() if name.startswith(".")]

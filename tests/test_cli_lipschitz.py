@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.commands import endless, files, run
+from support.commands import endless, files, interrupted, run
 
 from obsdesign.lmi.formula import in_floats
 from obsdesign.reading import load
+
+pytestmark = pytest.mark.usefixtures("here")
 
 SPEC = """
 obsdesign: 1
@@ -114,13 +116,6 @@ def hold(content, seed=0):
         if "gamma" in claimed:
             gains = [np.linalg.norm(H @ np.linalg.solve(1j * s * np.eye(len(A)) - A, B), 2) for s in FREQUENCIES]
             assert max(gains) <= claimed["gamma"] * (1 + 1e-9)
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """An empty working folder."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 # What is claimed
@@ -378,11 +373,6 @@ def test_a_dash_prints_the_file_and_nothing_else():
     assert outcome.stderr == ""
     assert run("solve", "spec.yaml", "-q", "-o", "quiet.json").output == ""
     assert files() == ["quiet.json", "spec.yaml"]
-
-
-def interrupted(_):
-    """A design that the user stops."""
-    raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize(("outcome_of", "code"), [(interrupted, 130), (endless, 4)])

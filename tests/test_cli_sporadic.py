@@ -15,6 +15,8 @@ import pytest
 from support.commands import PNG, assert_answered, files, result_of, run
 from support.forging import with_text
 
+pytestmark = pytest.mark.usefixtures("here")
+
 SPEC = """
 obsdesign: 1
 name: Oscillator
@@ -66,25 +68,12 @@ def made(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """An empty working folder."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture
 def solved(made, here):
     """The working folder, with osc.yaml and osc.gains.json in it."""
     for name in ("osc.yaml", "osc.gains.json"):
         shutil.copy(made / name, here)
     return here
-
-
-@pytest.fixture
-def sketched(monkeypatch):
-    """Figures that take no time to draw."""
-    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_: PNG)
 
 
 @pytest.fixture

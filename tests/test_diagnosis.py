@@ -3,10 +3,10 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from flint import fmpq
+from support.shipped import SPECS, shipped
 
 from obsdesign.families.incremental.absence import absence, refuted
 from obsdesign.families.incremental.extent import largest_class, reduced
@@ -14,10 +14,9 @@ from obsdesign.families.incremental.l2 import L2
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.lmi.solve import Status, widest
-from obsdesign.reading import load, loads
+from obsdesign.reading import loads
 from obsdesign.work import design
 
-SPECS = Path(__file__).parent.parent / "specs"
 BEARING = (SPECS / "corless2019-magnetic-bearing.yaml").read_text().partition("observer:")[0]
 CUBIC = """
 obsdesign: 1
@@ -124,7 +123,7 @@ def test_beyond_the_zero_of_the_bearing_the_zero_is_named():
 
 
 def test_an_unstable_zero_is_named():
-    found = design(load(str(SPECS / "infeasible" / "unstable-zero.yaml"))).diagnosis
+    found = design(shipped("infeasible/unstable-zero")).diagnosis
     assert "a zero in the right half plane at lambda = 1.64575" in found["reason"]
     assert found["accuracy"][0]["zeros"] == [[pytest.approx(math.sqrt(7) - 1), 0]]
 

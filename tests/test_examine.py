@@ -1,14 +1,13 @@
 """What `check` finds: arbitrary accuracy, stiff nonlinearities, ranks, against worked examples and invariants."""
 
 import math
-from pathlib import Path
 
 import pytest
+from support.shipped import shipped
 
 from obsdesign.examine import examine
-from obsdesign.reading import load, loads
+from obsdesign.reading import loads
 
-SPECS = Path(__file__).parent.parent / "specs"
 EXAMPLES = {  # plants of which arbitrary accuracy was proved, or refuted, by hand
     "N1": "{A: [[0, 1], [0, -1]], B: [0, 1], C: [[1, 0], [0, 1]], D: [0, 0.5]}|integrator",
     "N2b": "{A: [[-1, 1], [0, -1]], B: [1, 0], C: [1, 0], D: 1}|integrator",
@@ -49,7 +48,7 @@ def test_the_unstable_zero_of_the_last_example_is_named():
 
 
 def test_theorem_2_does_not_cover_the_magnetic_bearing():
-    found = findings(load(str(SPECS / "corless2019-magnetic-bearing.yaml")))
+    found = findings(shipped("corless2019-magnetic-bearing"))
     rank = found["any accuracy: rank C B"]
     assert (rank["rank"], rank["needed"], rank["holds"]) == (1, 2, False)
     assert rank["sentence"].startswith("D Cm Bm has rank 1 and must have 2")

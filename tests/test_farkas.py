@@ -2,12 +2,12 @@
 
 from collections import Counter
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import fmpq
 from support.fractions import fractions, positive
+from support.shipped import shipped
 from support.sweep import SWEEP, rng
 
 from obsdesign.families.incremental.absence import question, refuted
@@ -21,9 +21,6 @@ from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.nonlinearities.slope import slope
-from obsdesign.reading import load
-
-SPECS = Path(__file__).parent.parent / "specs"
 
 
 def plant(A, B, C, D, Bf, Cq):
@@ -36,7 +33,7 @@ def plant(A, B, C, D, Bf, Cq):
     return Plant(A, Bf, B, Cq, Dqf, Dq, C, Df, D, *labels)
 
 
-AUGMENTED = load(str(SPECS / "corless2019-magnetic-bearing.yaml")).augmented
+AUGMENTED = shipped("corless2019-magnetic-bearing").augmented
 FORCES = rational(np.eye(5)[3:])
 CUBIC = plant(  # (47) of Chakrabarty et al. (2016)
     A=[[0, -1, 0], [0, -1, -1], [0, 1, -1]],

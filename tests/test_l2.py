@@ -3,14 +3,13 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import fmpq, fmpq_mat
 from hypothesis import given
 from hypothesis import strategies as st
-from support.shipped import on, solved
+from support.shipped import SPECS, on, solved
 from support.sweep import examples
 
 from obsdesign.dissipation.bounds import Bounds
@@ -27,7 +26,6 @@ from obsdesign.lmi.solvers import Ending, with_clarabel
 from obsdesign.reading import load, loads
 from obsdesign.work import design
 
-SPECS = Path(__file__).parent.parent / "specs"
 GOLDEN = (1 + math.sqrt(5)) / 2
 BEARING = (SPECS / "corless2019-magnetic-bearing.yaml").read_text().partition("observer:")[0]
 TANKS = (SPECS / "noisy-output.yaml").read_text().partition("simulation:")[0]

@@ -21,6 +21,8 @@ from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_const
 from obsdesign.nonlinearities.evidence.norm import enclosed, largest_norm, radius_norm, uncoupled
 from obsdesign.reading import loads
 
+pytestmark = pytest.mark.usefixtures("here")
+
 POLYNOMIAL = ("q1**3", "-6*q1**5 - 6*q1**2*q2 - 2*q1**4 - 2*q1**2")
 TRIGONOMETRIC = (("cos(a)*cos(b)", "cos(a+b)"), ("3*a**2 - a", "-6*a**2 + 2*a*b"))
 SPECS = Path(__file__).parent.parent / "specs"
@@ -208,11 +210,6 @@ nonlinearities:
 BLOCKS
 observer: {type: l2, L2: 0, alpha: 0.1}
 """
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def examined(text, *options):

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 from support.multipliers import ROTATION, assembled, exactly, made, matrices
+from support.shipped import shipped
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
@@ -19,10 +19,7 @@ from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import combine
-from obsdesign.reading import load
 from obsdesign.work import design
-
-SPECS = Path(__file__).parent.parent / "specs"
 
 
 @examples(60)
@@ -165,7 +162,7 @@ SAME = {
 @cache
 def least_mu2(name, choice):
     """Of the plant and the bounds of a spec, with the type of its nonlinearity replaced; L2 is zero if free."""
-    spec = load(str(SPECS / f"{name}.yaml"))
+    spec = shipped(name)
     gain = rational(np.zeros((1, len(spec.plant.C)))) if spec.observer.L2 is None else spec.observer.L2
     family = L2(spec.augmented, made(*SAME[name][choice]), spec.H, fmpq(1, 5), None, gain)
     answer = minimise(in_floats(family).least_gamma(spec.observer.bounds))
@@ -187,7 +184,7 @@ def test_types_that_say_the_same_of_a_scalar_function_reach_the_same_gamma(name,
 )
 def test_a_function_of_a_difference_is_designed_for_alike_in_one_argument_and_in_two(name, scalar, row):
     """The cone [1, -1] has no interior: M12 must be a multiple of [1; -1], which the engine finds by itself."""
-    spec, rng = load(str(SPECS / f"{name}.yaml")), np.random.default_rng(0)
+    spec, rng = shipped(name), np.random.default_rng(0)
     p = spec.augmented
     gain, more, other = (rational(rng.integers(-3, 4, (1, n))) for n in (len(p.C), p.n, len(p.C)))
     gain = spec.observer.L2 if spec.observer.L2 is not None else gain
@@ -226,7 +223,7 @@ def test_a_rotation_of_unknown_speed_and_sense_costs_nothing():
     ],
 )
 def test_a_design_with_a_free_multiplier_is_certified_exactly(name, kind, gamma):
-    spec = load(str(SPECS / f"{name}.yaml"))
+    spec = shipped(name)
     block = replace(spec.nonlinearities[0], multiplier=made(*kind))
     found = design(replace(spec, nonlinearities=(block,)))
     assert found.status == "certified"

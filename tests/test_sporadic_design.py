@@ -3,11 +3,11 @@
 import math
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.shipped import shipped
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
@@ -23,12 +23,8 @@ from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.slope import slope
-from obsdesign.reading import load
 
-SPECS = Path(__file__).parent.parent / "specs"
-OSCILLATOR, ROBOT, ARM = (
-    load(str(SPECS / f"ferrante2019-{name}.yaml")).augmented for name in ("oscillator", "robot", "manipulator")
-)
+OSCILLATOR, ROBOT, ARM = (shipped(f"ferrante2019-{name}").augmented for name in ("oscillator", "robot", "manipulator"))
 LINEAR = Multiplier(())
 ARM_OUTPUT = [[0, 0, 1, 0], [0, 0, 0, 1]]
 L_OSCILLATOR = np.array([[2.067], [-3]])  # (51), with H = -1.384

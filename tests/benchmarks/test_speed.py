@@ -3,17 +3,14 @@
 Times are processor times, so that another process on the machine does not count.
 """
 
-import os
-import subprocess
 import sys
-import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 import pytest
+from support.speed import child_time, processor_time, slowness
 
 from obsdesign.dissipation.gain import searchable
 from obsdesign.families.incremental.l2 import L2
@@ -64,20 +61,6 @@ def rebuilt_in_cvxpy(family, alpha):
     return problem.value
 
 
-def processor_time(run):
-    start = time.process_time()
-    result = run()
-    return time.process_time() - start, result
-
-
-def child_time(*command):
-    """Processor time of a whole process with its start-up, the median of five."""
-    code = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL); "
-    code += "r = resource.getrusage(resource.RUSAGE_CHILDREN); print(r.ru_utime + r.ru_stime)"
-    runs = [subprocess.run([sys.executable, "-c", code, *command], capture_output=True, check=True) for _ in range(5)]
-    return median(float(run.stdout) for run in runs)
-
-
 def test_each_alpha_of_a_curve_is_five_times_faster_than_cvxpy_rebuilt(benchmark, bearing):
     curve(bearing), rebuilt_in_cvxpy(bearing, 1.0)  # imports
     ours = benchmark.pedantic(lambda: processor_time(lambda: curve(bearing)), rounds=1)
@@ -113,9 +96,3 @@ def test_a_proof_of_order_8_takes_less_than_50_ms(benchmark, tmp_path):
     verify(str(path))
     seconds = benchmark.pedantic(lambda: processor_time(lambda: verify(str(path)))[0], rounds=5)
     assert seconds < 0.05 * slowness()
-
-
-def slowness():
-    """How much slower this machine is at starting numpy than the one the bounds were set on (0.1 s), at least 1."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    return max(1.0, child_time(sys.executable, "-c", "import numpy") / 0.1)

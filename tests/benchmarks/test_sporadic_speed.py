@@ -5,12 +5,12 @@ a sample of 40 points, extrapolated.
 """
 
 import math
-import time
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.speed import processor_time
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
@@ -30,12 +30,6 @@ LIMITS = [
     0.20995, 0.21094, 0.21193, 0.21336, 0.21575, 0.21908, 0.22400, 0.23156, 0.24331, 0.26162,
     0.29008, 0.33365, 0.39914, 0.49662, 0.64007, 0.85074, 1.15288, 1.58279, 2.21429, 3.27730,
 ]  # of the grid  # fmt: skip
-
-
-def processor_time(run):
-    start = time.process_time()
-    result = run()
-    return time.process_time() - start, result
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,11 @@ def endless(_):
         time.sleep(0.01)
 
 
+def interrupted(*_args, **_options):
+    """What the user stops."""
+    raise KeyboardInterrupt
+
+
 def result_of(folder, text, name="spec"):
     """Text of the result that `solve` makes of a spec."""
     spec, gains = folder / f"{name}.yaml", folder / f"{name}.gains.json"
