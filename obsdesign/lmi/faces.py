@@ -8,7 +8,7 @@ what the output shows.) A wrong guess does no harm, since the result is decided 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -184,12 +184,14 @@ class Center:
 def centers(cone: Cone, space: Array, solver: Solver) -> Iterator[Center]:
     """Centers of a space of multipliers, each in the scaling of the last; none if only zero is in the cone."""
     parts = cone.parts(space.astype(float))[: len(cone.given)]
+    lengths = power_of_two(np.max([np.abs(S).max(axis=(1, 2), initial=0) for S in parts], axis=0))  # of any size so far
+    parts = [S / lengths[:, None, None] for S in parts]
     scales = tuple(np.ones(S.shape[-1]) for S in parts)
     for _ in range(SWEEPS):
         center = centered(parts, scales, solver)
         if center is None or center.margin < -NOISE:
             return
-        yield center
+        yield replace(center, y=center.y / lengths)
         scales = center.rescaled()
 
 
@@ -205,10 +207,10 @@ def centered(parts: Sequence[Array], scales: tuple[Array, ...], solver: Solver) 
     flat = np.concatenate([S.reshape(len(S), S.shape[-1] ** 2) for S in scaled], axis=1)
     if not flat.any():
         return None
-    lengths = np.maximum(np.linalg.norm(flat, axis=1), np.finfo(float).tiny)[:, None]  # of any size in a rational basis
+    lengths = power_of_two(np.abs(flat).max(axis=1))[:, None]  # or else what is small beside others would be rounding
     U, sizes, _ = np.linalg.svd(flat / lengths, full_matrices=False)
     kept = sizes > ROUNDING * sizes[0]
-    T = U[:, kept] / (sizes[kept] * lengths)  # y = T z, z orthonormal
+    T = U[:, kept] / sizes[kept] / lengths  # y = T z, z orthonormal
     basis = [np.tensordot(T.T, S, axes=1) for S in scaled]
     traces = np.asarray(sum(np.trace(S, axis1=1, axis2=2) for S in basis))
     if np.linalg.norm(traces) <= ROUNDING:
