@@ -1,3 +1,67 @@
-"""Certified state observers for nonlinear systems with unknown inputs."""
+"""Certified state observers for nonlinear systems with unknown inputs.
+
+>>> import obsdesign as od
+>>> design = od.solve(od.load("pendulum.yaml"))
+>>> print(design)
+>>> design.verify().holds
+>>> run = design.simulate(horizon=5)
+>>> design.save("pendulum.gains.json")
+
+Each name is imported when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from obsdesign.design import Design
+    from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
+    from obsdesign.families.finding import Finding
+    from obsdesign.families.outcome import Proof
+    from obsdesign.simulate import Run
+    from obsdesign.spec import Spec
+    from obsdesign.work import check, lipschitz, load, read, solve, verify
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "Design",
+    "Finding",
+    "InfeasibleError",
+    "ObsdesignError",
+    "Proof",
+    "Run",
+    "Spec",
+    "TimeLimitError",
+    "UndecidedError",
+    "UsageError",
+    "check",
+    "lipschitz",
+    "load",
+    "read",
+    "solve",
+    "verify",
+]
+
+HOMES = {
+    "work": ("check", "lipschitz", "load", "read", "solve", "verify"),
+    "design": ("Design",),
+    "spec": ("Spec",),
+    "simulate": ("Run",),
+    "families.finding": ("Finding",),
+    "families.outcome": ("Proof",),
+    "errors": ("InfeasibleError", "ObsdesignError", "TimeLimitError", "UndecidedError", "UsageError"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its module."""
+    for module, names in HOMES.items():
+        if name in names:
+            return getattr(import_module(f"obsdesign.{module}"), name)
+    raise AttributeError(f"module 'obsdesign' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted([*__all__, "__version__"])

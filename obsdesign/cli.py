@@ -16,11 +16,8 @@ from typer.core import TyperGroup
 from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
 
 if TYPE_CHECKING:
-    from obsdesign.families.guarantee import Guarantee
-    from obsdesign.reading import Spec
-    from obsdesign.simulate import HybridRun, Run
-
-    Guaranteed = Guarantee | None  # what gains are proved to achieve
+    from obsdesign.design import Design
+    from obsdesign.spec import Spec
 
 EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
 INTERRUPTED = 130
@@ -82,9 +79,7 @@ def solve(
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
     from obsdesign.files import require_writable, to_json, write_whole
-    from obsdesign.reading import load
-    from obsdesign.tables.design import design_table
-    from obsdesign.tables.run import run_table
+    from obsdesign.work import load
 
     with limited(timeout):
         problem = load(spec)
@@ -92,24 +87,23 @@ def solve(
         target = output or f"{name}.gains.json"
         if target != "-":
             require_writable(target)
-        made, content = solved(problem, solver, quiet)
-        text = to_json(content)
+        design = solved(problem, solver, quiet)
+        text = to_json(design.result)
         if target == "-":
             typer.echo(text, nl=False)
         else:
             write_whole(target, text.encode())
         if not quiet and target != "-":
-            typer.echo(text if as_json else design_table(content, target), nl=not as_json)
+            typer.echo(text if as_json else f"{shown(design, target)}\n", nl=False)
         beside = Path(target).parent if target != "-" else Path()
         if plot:
-            plot_curve(content, str(beside / f"{name}.curve.png"), quiet)
-        if simulate and made.gains:
+            plot_curve(design.result, str(beside / f"{name}.curve.png"), quiet)
+        if simulate and design.gains:
             files = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
-            guarantee = proved_of(problem, made)
-            summary = simulated(problem, made.gains, guarantee, files, quiet)
+            summary = simulated(design, files, quiet)
             if not quiet and target != "-" and not as_json:
-                typer.echo(f"\n{run_table(summary, guarantee is not None, files)}")
-    raise typer.Exit(EXIT[made.status])
+                typer.echo(f"\n{run_text(design, summary, files)}")
+    raise typer.Exit(EXIT[design.status])
 
 
 @app.command()
@@ -127,39 +121,39 @@ def simulate(
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.files import require_writable
-    from obsdesign.tables.run import run_table
 
     with limited(timeout):
         source = source or newest(quiet)
         name = stem(source)
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
         require_writable(*(file for file in files if file != "-"))
-        problem, matrices, guarantee = tried(source, gains, solver, quiet)
-        summary = simulated(problem, matrices, guarantee, files, quiet)
+        design = tried(source, gains, solver, quiet)
+        summary = simulated(design, files, quiet)
     if files[0] == "-":
         return
     if as_json:
         typer.echo(json.dumps(summary, indent=2, allow_nan=False))
     elif not quiet:
-        typer.echo(run_table(summary, guarantee is not None, files))
+        typer.echo(run_text(design, summary, files))
 
 
 @app.command()
 def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Say what the structure of a spec allows, before any design."""
-    from obsdesign.examine import examine
-    from obsdesign.reading import load
+    from obsdesign import work
 
     with limited(timeout):
-        report = examine(load(spec))
+        problem = work.load(spec)
+        findings = work.check(problem)
+    possible = all(finding.stands for finding in findings)
     if as_json:
-        typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
+        report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
+        typer.echo(as_text(report | {"notes": list(problem.notes)}))
     elif not quiet:
-        for finding in report["findings"]:
-            typer.echo(
-                f"{'ok  ' if finding['holds'] else 'FAIL' if finding['decides'] else 'note'}  {finding['sentence']}"
-            )
-    raise typer.Exit(0 if report["possible"] else 3)
+        for finding in findings:
+            mark = "ok  " if finding.holds else "FAIL" if finding.decides else "note"
+            typer.echo(f"{mark}  {finding.sentence}")
+    raise typer.Exit(0 if possible else 3)
 
 
 @app.command()
@@ -174,17 +168,14 @@ def lipschitz(
     quiet: Quiet = False,
 ) -> None:
     """Prove bounds of the Lipschitz constant of every f of a spec on its region."""
-    from obsdesign.constants import constants, require_finite
-    from obsdesign.reading import load
+    from obsdesign import work
+    from obsdesign.constants import require_finite
     from obsdesign.tables.constants import constants_table
 
     with limited(timeout):
-        problem = load(spec)
-        report = constants(problem)
-        if (scaling or T) and not any("reason" in block for block in report["blocks"]):
-            report["scaling"] = rescaled(problem, T)
+        report = work.lipschitz(work.load(spec), scaling=scaling, T=T.split(",") if T else None)
     if as_json:
-        typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
+        typer.echo(as_text(report))
     elif not quiet:
         typer.echo(constants_table(report))
     require_finite(report)
@@ -199,16 +190,14 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Prove the claim of a gains file anew, or that there is no solution; exactly and without a solver."""
+    from obsdesign import work
     from obsdesign.files import checks
-    from obsdesign.files.verification import prove
-    from obsdesign.reading import load
 
     with limited(timeout):
-        proof = prove(gains, load(spec) if spec else None)
+        proof = work.verify(gains, work.load(spec) if spec else None)
     rows = checks(proof.checks)
     if as_json:
-        report = {"proved": proof.holds, "claim": proof.claim, "checks": rows}
-        typer.echo(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False))
+        typer.echo(as_text({"proved": proof.holds, "claim": proof.claim, "checks": rows}))
     elif not quiet:
         for row in rows:
             typer.echo(f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}")
@@ -229,12 +218,23 @@ def schema() -> None:
 # Steps that commands share
 
 
-def rescaled(problem: "Spec", T: str) -> dict[str, Any]:
-    """Constants in scaled coordinates: those that are given, or the best that are found."""
-    from obsdesign.dissipation.engine import Engine
-    from obsdesign.families.lipschitz.coordinates import scaling
+def as_text(report: Mapping[str, Any]) -> str:
+    """Report as JSON."""
+    return json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False)
 
-    return scaling(problem, Engine(), T.split(",") if T else None)
+
+def shown(design: "Design", target: str) -> str:
+    """Table of a design, and the file that it is in."""
+    from obsdesign.tables.text import aligned
+
+    return aligned([*design.table(), ("file", target)])
+
+
+def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str]) -> str:
+    """Summary of a run, and the files that it is in."""
+    from obsdesign.tables.run import run_table
+
+    return run_table(summary, design.guarantee is not None, files)
 
 
 @contextmanager
@@ -277,61 +277,41 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
         yield report
 
 
-def solved(problem: "Spec", solver: str, quiet: bool) -> tuple[Any, dict[str, Any]]:
-    """Design of a spec, and its result."""
-    from obsdesign.files.result import result
-    from obsdesign.work import design
+def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
+    """Design of a spec."""
+    from obsdesign.work import solve
 
     with progress(quiet) as report:
-        made = design(problem, solver, report)
-    return made, result(problem, made, solver)
+        return solve(problem, solver, report)
 
 
-def tried(source: str, gains: str, solver: str, quiet: bool) -> tuple["Spec", Mapping[str, Any], "Guaranteed"]:
-    """Spec, gains and guarantee of what is to be simulated; a spec without gains is solved first."""
-    from obsdesign.files.verification import recorded
-    from obsdesign.reading import load
+def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
+    """Design that is to be simulated; a spec without gains is solved first."""
+    from obsdesign.work import load, read
 
-    if not is_result(source):
-        problem = load(source)
-        if not gains:
-            made, _ = solved(problem, solver, quiet)
-            if not made.gains:
-                raise InfeasibleError(f"{source}: no gains to simulate: {made.diagnosis.get('reason', made.status)}")
-            return problem, made.gains, proved_of(problem, made)
-        return recorded(gains, problem)
+    if is_result(source):
+        if gains:
+            raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
+        return read(source)
+    problem = load(source)
     if gains:
-        raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
-    return recorded(source, None)
+        return read(gains, problem)
+    design = solved(problem, solver, quiet)
+    if not design.gains:
+        raise InfeasibleError(f"{source}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
+    return design
 
 
-def proved_of(problem: "Spec", made: Any) -> "Guaranteed":
-    """What the gains of a design are proved to achieve of the plant of the spec, as a run is held against it."""
-    from obsdesign.work import LipschitzDesign
-
-    if made.certificate is None or not made.certificate.holds:
-        return None
-    if isinstance(made, LipschitzDesign) and not made.covers(problem.lipschitz.lipschitz):
-        return None
-    guarantee: Guaranteed = made.certificate.guarantee
-    return guarantee
-
-
-def simulated(
-    problem: "Spec",
-    gains: Mapping[str, Any],
-    guarantee: "Guaranteed",
-    files: tuple[str, str],
-    quiet: bool,
-) -> Mapping[str, Any]:
+def simulated(design: "Design", files: tuple[str, str], quiet: bool) -> Mapping[str, Any]:
     """Run, write samples and figure, return the summary."""
     from obsdesign.files import csv, write_all
     from obsdesign.plot import run_figure
-    from obsdesign.simulate import simulate as run_of
+    from obsdesign.simulate import simulate
 
+    spec, guarantee = design.spec, design.guarantee
     with progress(quiet) as report:
-        run: Run | HybridRun = run_of(problem, gains, guarantee, lambda done: report(done, "simulation"))
-    samples, figure = csv(*run.table()), run_figure(problem, run, guarantee)
+        run = simulate(spec, design.gains, guarantee, lambda done: report(done, "simulation"))
+    samples, figure = csv(*run.table()), run_figure(spec, run, guarantee)
     if files[0] == "-":
         typer.echo(samples.decode(), nl=False)
         write_all({files[1]: figure})

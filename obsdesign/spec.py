@@ -140,13 +140,6 @@ class Spec(metaclass=Called):
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
 
     @property
-    def incremental(self) -> Any:
-        """Request; its family knows its type."""
-        return self.observer
-
-    sporadic = lipschitz = incremental
-
-    @property
     def disturbed(self) -> bool:
         """Whether anything drives the augmented plant; otherwise gamma means nothing."""
         return bool(self.augmented.B.shape[1])

@@ -1,32 +1,40 @@
-"""From a spec to certified gains: limit, smallest gain, rounding, proof.
+"""The verbs of obsdesign, once, for the Python API and for the command line: from a spec to a design, a file, a run."""
 
-The limit is the infimum of the objective over all gains. It is not attained as a rule (P becomes singular and the gain
-unbounded), so the gains are those of the smallest norm within the slack of it, rounded to few digits, and the
-guarantee is proved for the rounded ones.
-"""
-
+import os
 import time
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from obsdesign.constants import constants
+from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import UndecidedError
-from obsdesign.families.incremental.design import Design, design_incremental
-from obsdesign.families.lipschitz.design import design_lipschitz
-from obsdesign.families.lipschitz.outcome import LipschitzDesign
-from obsdesign.families.lipschitz.request import LipschitzRequest
-from obsdesign.families.sporadic.design import SporadicDesign, design_sporadic
-from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families import FAMILIES, rescaled
+from obsdesign.families.finding import Finding
+from obsdesign.families.outcome import Proof
+from obsdesign.files import ResultFile
+from obsdesign.reading import load
 from obsdesign.spec import Spec
 
-__all__ = ["Design", "LipschitzDesign", "SporadicDesign", "design"]
+__all__ = ["check", "lipschitz", "load", "read", "solve", "verify"]
 
 
-def design(
-    spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
-) -> Design | LipschitzDesign | SporadicDesign:
-    """Design, or analyse, the observer that a spec asks for.
+def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
+    """Design, or analyse, the observer that a spec asks for, and prove what its gains achieve.
+
+    Parameters
+    ----------
+    solver
+        clarabel, or any solver that cvxpy has installed.
+    report
+        Called with the fraction that is done, and with what is being done.
+
+    Returns
+    -------
+    Design
+        Infeasible is an answer, with a `diagnosis`, and no exception.
 
     Raises
     ------
@@ -38,16 +46,65 @@ def design(
     started = time.perf_counter()
     engine = Engine(solver, report)
     try:
-        made = made_for(spec, engine)
+        outcome = FAMILIES[spec.observer.type].design(spec, engine)
     except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
         raise UndecidedError(f"the numbers of {spec.path} are beyond what doubles can compute: {error}") from None
-    return replace(made, solves=engine.solves, time_s=time.perf_counter() - started)
+    return Design(spec, outcome, Solver(solver, engine.solves, time.perf_counter() - started))
 
 
-def made_for(spec: Spec, engine: Engine) -> Design | LipschitzDesign | SporadicDesign:
-    """Outcome of the family that a spec asks for."""
-    if isinstance(spec.observer, SporadicRequest):
-        return design_sporadic(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
-    if isinstance(spec.observer, LipschitzRequest):
-        return design_lipschitz(spec.augmented, spec.multiplier, spec.H, spec.observer, engine)
-    return design_incremental(spec, engine)
+def check(spec: Spec) -> list[Finding]:
+    """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
+    return FAMILIES[spec.observer.type].check(spec, Engine())
+
+
+def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | None = None) -> Mapping[str, Any]:
+    """Lipschitz constant of every f of a spec on its region, between two proved bounds; see `constants.constants`.
+
+    Parameters
+    ----------
+    scaling
+        Whether to search coordinates T x in which the constant is small, f taken as any function of the states.
+    T
+        Diagonal of a T to try instead.
+
+    Returns
+    -------
+    Mapping
+        `name`, `blocks`, and `scaling` where it was asked for and every constant has an upper bound.
+
+    Raises
+    ------
+    UsageError
+        No nonlinearity has an f, or T does not fit.
+    """
+    report = constants(spec)
+    if (scaling or T) and not any("reason" in block for block in report["blocks"]):
+        report["scaling"] = rescaled(spec, Engine(), None if T is None else [str(entry) for entry in T])
+    return report
+
+
+def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:
+    """Design of a result file, its claim proved anew.
+
+    Parameters
+    ----------
+    spec
+        The spec that it must belong to; without one, the spec in the file is believed.
+
+    Raises
+    ------
+    UsageError
+        The file is malformed, has no gains, or belongs to another spec.
+    """
+    return design_of(ResultFile.open(os.fspath(path)), spec)
+
+
+def verify(path: str | os.PathLike[str], spec: Spec | None = None) -> Proof:
+    """Prove the claim of a result file anew: its guarantee, or that there is no solution; with no solver.
+
+    Raises
+    ------
+    UsageError
+        The file claims nothing that can be proved, is malformed, or belongs to another spec.
+    """
+    return proof_of(ResultFile.open(os.fspath(path)), spec)

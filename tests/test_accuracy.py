@@ -12,7 +12,7 @@ from obsdesign.families.incremental.accuracy import accurate, conditions
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.lmi.formula import in_floats, rational_number
 from obsdesign.reading import loads
-from obsdesign.work import design
+from obsdesign.work import solve
 
 PENDULUM = """
 system: {A: [[0, 1], [0, -1]], B: [0, 1], C: [[1, 0], [0, 1]], D: [0, 0.5]}
@@ -75,10 +75,10 @@ def test_any_gamma_is_certified_and_the_gain_grows_as_its_inverse_square(plant, 
     sizes = []
     for gamma in ("0.1", "0.01"):
         spec = asked(plant, family, gamma, L2)
-        made = design(spec)
+        made = solve(spec)
         assert made.status == "certified"
         assert closed_form(made)
-        assert made.certificate.gamma == rational_number(gamma)
+        assert made.claim.certificate.gamma == rational_number(gamma)
         assert made.limit == {"gamma": 0.0, "attained": False}
         sizes.append(np.linalg.norm(made.gains["L1"], 2))
         for slope in PLANTS[plant][2]:
@@ -93,7 +93,7 @@ def test_the_true_norms_are_those_of_the_reference(plant):
     _, _, slopes, norms = PLANTS[plant]
     for gamma, norm in zip(("0.1", "0.01"), norms, strict=True):
         spec = asked(plant, gamma=gamma)
-        made = design(spec)
+        made = solve(spec)
         found = norm_infinity(*error_system(spec, made.gains, 0))
         assert found == pytest.approx(norm, rel=0.03)
         assert max(norm_infinity(*error_system(spec, made.gains, s)) for s in slopes) < 0.15 * float(gamma)
@@ -133,10 +133,10 @@ def test_the_conditions_of_the_theorem_hold_for_its_solution(plant, family, L2):
 
 def test_a_range_of_alpha_takes_the_one_of_the_smallest_gain():
     alone = [
-        np.linalg.norm(design(asked("friction", "linf", alpha=alpha)).gains["L1"], 2)
+        np.linalg.norm(solve(asked("friction", "linf", alpha=alpha)).gains["L1"], 2)
         for alpha in ("0.05", "0.2", "0.35")
     ]
-    made = design(asked("friction", "linf", alpha="{min: 0.05, max: 0.35, points: 3}"))
+    made = solve(asked("friction", "linf", alpha="{min: 0.05, max: 0.35, points: 3}"))
     assert np.linalg.norm(made.gains["L1"], 2) == pytest.approx(min(alone), rel=1e-6)
 
 
@@ -148,7 +148,7 @@ def test_a_zero_in_the_right_half_plane_is_a_floor(family, monkeypatch):
     monkeypatch.setitem(PLANTS, "unstable", (FEEDTHROUGH % "-0.2", "0.1"))
     spec = asked("unstable", family)
     assert accurate(Engine(), family_of(spec)) is None
-    made = design(spec)
+    made = solve(spec)
     assert (made.status, made.gains) == ("infeasible", {})
     assert made.limit["gamma"] > 0.62
     assert "1.64575" in made.diagnosis["reason"]
@@ -162,12 +162,12 @@ def test_the_bearing_and_other_plants_without_a_matching_output_do_not_admit_it(
 
 @pytest.mark.parametrize(("plant", "family"), [("pendulum", "l2"), ("friction", "linf"), ("feedthrough", "l2")])
 def test_within_a_bound_a_smaller_gain_is_searched(plant, family):
-    free = design(asked(plant, family))
+    free = solve(asked(plant, family))
     size = np.linalg.norm(free.gains["L1"], 2)
-    made = design(asked(plant, family, bounds=f"{{L1: {0.99 * size}}}"))
+    made = solve(asked(plant, family, bounds=f"{{L1: {0.99 * size}}}"))
     assert made.status == "certified"
     assert not closed_form(made)
-    assert made.certificate.gamma == fmpq(1, 10)
+    assert made.claim.certificate.gamma == fmpq(1, 10)
     assert np.linalg.norm(made.gains["L1"], 2) < 0.99 * size
 
 
@@ -181,7 +181,7 @@ def test_an_argument_that_the_disturbance_enters_needs_an_injection_that_cancels
     made = {}
     for L2 in ("0", "[[0, -0.4]]", "[[0, 0.4]]", "free"):
         spec = loads(text % L2)
-        made[L2] = accurate(Engine(), family_of(spec)) is not None and closed_form(design(spec))
+        made[L2] = accurate(Engine(), family_of(spec)) is not None and closed_form(solve(spec))
     assert made == {"0": False, "[[0, -0.4]]": True, "[[0, 0.4]]": False, "free": True}
 
 
@@ -196,17 +196,17 @@ def test_an_output_with_f_needs_a_combination_that_is_free_of_it():
     two = loads(text % ("[[1, 0], [1, 1]]", "[0, 0.5]"))
     solution = accurate(Engine(), family_of(two))
     assert solution.values["F"][0, 1] == pytest.approx(0, abs=1e-9)
-    assert closed_form(design(two))
+    assert closed_form(solve(two))
 
 
 def test_gains_that_are_not_proved_are_left_to_the_search_and_not_spoken_of(monkeypatch):
     """A zeta that is far too small."""
     right = accuracy.Accurate.L1
     monkeypatch.setattr(accuracy.Accurate, "L1", lambda self, gamma, outputs: right(self, 1e4 * gamma, outputs))
-    made = design(asked("classical"))
+    made = solve(asked("classical"))
     assert not closed_form(made)
     assert made.status == "certified"
-    assert made.certificate.gamma == fmpq(1, 10)
+    assert made.claim.certificate.gamma == fmpq(1, 10)
 
 
 def test_the_plant_of_the_search_is_the_one_before_the_loop_shift():
@@ -217,6 +217,6 @@ def test_the_plant_of_the_search_is_the_one_before_the_loop_shift():
         "observer: {type: linf, L2: free, alpha: 0.1, objective: {gamma: 0.01}}\n"
     )
     assert searchable(family_of(spec)).plant.A[1, 0] != 0
-    made = design(spec)
+    made = solve(spec)
     assert made.status == "certified"
     assert closed_form(made)

@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.commands import files
+from support.lipschitz import written
 
 from obsdesign.errors import UsageError
-from obsdesign.families.lipschitz.outcome import LipschitzDesign
+from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.files import csv, digest, to_json, write, write_whole
-from obsdesign.files.result import result
 from obsdesign.reading import loads
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -198,33 +198,31 @@ def front(searched):
 )
 def test_a_search_names_what_was_searched(searched, parameters):
     points = ({"weight": 0.5, "decay": 0.2, "lipschitz": 0.6, "gamma": 1.0, "status": "optimal", "attained": True},)
-    made = result(front(searched), LipschitzDesign("infeasible", points=points), "clarabel")
+    search = Search(parameters["parameter"], points, tuple(parameters.get("parameters", ())))
+    made = written(front(searched), Outcome(Verdict.INFEASIBLE, search=search))
     assert made["search"] == {**parameters, "points": list(points)}
 
 
 def test_what_is_infinite_is_written_as_unbounded():
-    design = LipschitzDesign(
-        "uncertified",
-        gains={"L": np.array([[1.0], [2.0]])},
-        limit=INFINITE,
-        limit_bounded={"lipschitz": 3.0},
-        comparison=({"relaxation": "s-procedure", "limit": INFINITE}, {"relaxation": "abbaszadeh", "reason": "none"}),
-        points=({"weight": 1.0, "decay": 0.1, "gamma": float("inf"), "status": "optimal"},),
+    made = written(
+        front("weight: {min: 0.1, max: 1}"),
+        Outcome(
+            Verdict.UNCERTIFIED,
+            gains={"L": np.array([[1.0], [2.0]])},
+            limit=INFINITE,
+            limit_bounded={"lipschitz": 3.0},
+            search=Search("weight", ({"weight": 1.0, "decay": 0.1, "gamma": float("inf"), "status": "optimal"},)),
+        ),
     )
-    made = json.loads(to_json(result(front("weight: {min: 0.1, max: 1}"), design, "clarabel")))
     assert made["guarantee"] == {
         "limit": UNBOUNDED,
         "limit_bounded": {"lipschitz": 3.0},
-        "comparison": [
-            {"relaxation": "s-procedure", "limit": UNBOUNDED},
-            {"relaxation": "abbaszadeh", "reason": "none"},
-        ],
     }
     assert made["search"]["points"] == [{"weight": 1.0, "decay": 0.1, "status": "optimal", **UNBOUNDED}]
 
 
 def test_the_figures_of_a_gain_are_those_of_the_error_dynamics_with_the_sign_of_the_paper():
-    design = LipschitzDesign("uncertified", gains={"L": np.array([[1.0], [0.0]])})
-    made = result(front("weight: 0.5"), design, "clarabel")["observer"]
+    outcome = Outcome(Verdict.UNCERTIFIED, gains={"L": np.array([[1.0], [0.0]])})
+    made = written(front("weight: 0.5"), outcome)["observer"]
     assert made["L"] == [[1.0], [0.0]]
     np.testing.assert_allclose(made["poles"], [[-1, -1], [-1, 1]])

@@ -15,7 +15,7 @@ from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.lmi.solve import Status, widest
 from obsdesign.reading import loads
-from obsdesign.work import design
+from obsdesign.work import solve
 
 BEARING = (SPECS / "corless2019-magnetic-bearing.yaml").read_text().partition("observer:")[0]
 CUBIC = """
@@ -37,7 +37,7 @@ observer: {type: l2, L2: 0, alpha: 0.5}
 
 def diagnosed(text, **request):
     lines = "".join(f"  {key}: {value}\n" for key, value in request.items())
-    made = design(loads(f"{text}observer:\n{lines}"))
+    made = solve(loads(f"{text}observer:\n{lines}"))
     assert made.status == "infeasible"
     json.dumps(made.diagnosis, allow_nan=False)
     return made.diagnosis
@@ -70,11 +70,11 @@ def test_the_cubic_example_without_injection_needs_l2_at_most_minus_alpha_and_al
 
 def test_what_the_diagnosis_of_the_cubic_example_calls_feasible_is():
     assert (
-        design(loads(f"{CUBIC}observer: {{type: linf, L2: -0.51, alpha: 0.5, objective: feasibility}}")).status
+        solve(loads(f"{CUBIC}observer: {{type: linf, L2: -0.51, alpha: 0.5, objective: feasibility}}")).status
         == "certified"
     )
     assert (
-        design(loads(f"{CUBIC}observer: {{type: linf, L2: -1, alpha: 0.999, objective: feasibility}}")).status
+        solve(loads(f"{CUBIC}observer: {{type: linf, L2: -1, alpha: 0.999, objective: feasibility}}")).status
         == "certified"
     )
 
@@ -119,11 +119,11 @@ def test_beyond_the_zero_of_the_bearing_the_zero_is_named():
     assert "the zero at lambda = -10 of v to y is no faster than alpha = 12" in found["reason"]
     assert "alpha below 10" in found["suggestion"]
     reached = f"{BEARING}observer: {{type: l2, L2: [[0, -110]], alpha: 9.9, objective: {{gamma: 0.05}}}}\n"
-    assert design(loads(reached)).status == "certified"
+    assert solve(loads(reached)).status == "certified"
 
 
 def test_an_unstable_zero_is_named():
-    found = design(shipped("infeasible/unstable-zero")).diagnosis
+    found = solve(shipped("infeasible/unstable-zero")).diagnosis
     assert "a zero in the right half plane at lambda = 1.64575" in found["reason"]
     assert found["accuracy"][0]["zeros"] == [[pytest.approx(math.sqrt(7) - 1), 0]]
 

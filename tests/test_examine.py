@@ -5,8 +5,8 @@ import math
 import pytest
 from support.shipped import shipped
 
-from obsdesign.examine import examine
 from obsdesign.reading import loads
+from obsdesign.work import check
 
 EXAMPLES = {  # plants of which arbitrary accuracy was proved, or refuted, by hand
     "N1": "{A: [[0, 1], [0, -1]], B: [0, 1], C: [[1, 0], [0, 1]], D: [0, 0.5]}|integrator",
@@ -30,7 +30,7 @@ def example(name):
 
 
 def findings(spec):
-    return {finding["name"]: finding for finding in examine(spec)["findings"]}
+    return {finding.name: finding.written() for finding in check(spec)}
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -95,9 +95,8 @@ observer: {type: l2, L2: %s, alpha: 0.1}
     ],
 )
 def test_what_a_slope_without_a_bound_rules_out_decides(request_, condition):
-    report = examine(loads(f"{CUBIC}observer: {{type: linf, {request_}}}\n"))
-    assert report["possible"] is (condition is None)
-    deciding = [f["name"] for f in report["findings"] if f["decides"] and not f["holds"]]
+    found = check(loads(f"{CUBIC}observer: {{type: linf, {request_}}}\n"))
+    deciding = [finding.name for finding in found if not finding.stands]
     assert deciding == [condition] * (condition is not None)
 
 

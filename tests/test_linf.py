@@ -17,33 +17,33 @@ from obsdesign.dissipation.certificate import certify
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.reading import loads
-from obsdesign.work import design
+from obsdesign.work import solve
 
 # The cubic example (47)
 
 
 @pytest.mark.parametrize("p", [10, 100, 1000])
 def test_with_a_bounded_storage_function_the_limit_of_the_cubic_example_is_its_inverse_root(p):
-    made = design(loads(CUBIC % f"L2: -1, alpha: 0.5, bounds: {{P: {p}}}"))
+    made = solve(loads(CUBIC % f"L2: -1, alpha: 0.5, bounds: {{P: {p}}}"))
     assert made.status == "certified"
     assert made.limit["gamma"] == 0
     assert made.limit_bounded["gamma"] == pytest.approx(p**-0.5, rel=1e-3)
-    assert made.certificate.guarantee.gamma <= 1.05 * made.limit_bounded["gamma"]
+    assert made.claim.certificate.guarantee.gamma <= 1.05 * made.limit_bounded["gamma"]
 
 
 def test_the_cubic_example_is_feasible_up_to_a_decay_of_one():
-    made = design(loads(CUBIC % "L2: -1, alpha: 1.05"))
+    made = solve(loads(CUBIC % "L2: -1, alpha: 1.05"))
     assert made.status == "infeasible"
     assert made.diagnosis["feasible"]["alpha"] == pytest.approx(1, rel=1e-4)
-    fastest = design(loads(CUBIC % "L2: -1, alpha: {min: 0.1, max: 5}, objective: max-alpha"))
+    fastest = solve(loads(CUBIC % "L2: -1, alpha: {min: 0.1, max: 5}, objective: max-alpha"))
     assert fastest.status == "certified"
     assert fastest.limit["alpha"] == pytest.approx(1, rel=1e-4)
 
 
 @pytest.mark.parametrize(("alpha", "L2"), [("1e-6", "0"), ("0.3", "0.5"), ("1", "0")])
 def test_the_cubic_example_has_no_solution_as_it_is_printed(alpha, L2):
-    made = design(loads(CUBIC % f"L2: {L2}, alpha: {alpha}"))
-    assert (made.status, made.gains, made.certificate) == ("infeasible", {}, None)
+    made = solve(loads(CUBIC % f"L2: {L2}, alpha: {alpha}"))
+    assert (made.status, made.gains, made.claim) == ("infeasible", {}, None)
 
 
 @pytest.mark.parametrize("L2", [-0.9, -1.0182, -1.1])
@@ -56,13 +56,13 @@ def test_another_injection_limits_the_scale_of_the_cubic(L2, alpha):
 
 
 def test_the_injection_of_the_cubic_must_exceed_the_decay():
-    assert design(loads(CUBIC % "L2: -0.5, alpha: 0.49")).status == "certified"
-    assert design(loads(CUBIC % "L2: -0.5, alpha: 0.51")).status == "infeasible"
+    assert solve(loads(CUBIC % "L2: -0.5, alpha: 0.49")).status == "certified"
+    assert solve(loads(CUBIC % "L2: -0.5, alpha: 0.51")).status == "infeasible"
 
 
 def test_the_limit_of_zero_of_the_cubic_example_is_refused_with_a_table():
     with pytest.raises(UsageError) as caught:
-        design(loads(CUBIC % "L2: -1, alpha: 0.5"))
+        solve(loads(CUBIC % "L2: -1, alpha: 0.5"))
     rows = [str(p).split() for p in caught.value.problems[1:]]
     assert [float(row[-1]) for row in rows] == pytest.approx([(2 * float(row[2])) ** -0.5 for row in rows], rel=0.05)
 
@@ -84,17 +84,17 @@ def test_the_least_gamma_of_a_scalar_error(a, share):
 @pytest.mark.parametrize(("a", "k"), [(2, 0), (3, 1), (1, 0.9), (0.05, 0.01)])
 def test_the_best_decay_of_a_scalar_error_is_half_its_slowest_pole(a, k):
     """Over alpha the limit is the true gain 1 / (a - k) of f = k q."""
-    made = design(loads(SCALAR % (a, k, "alpha: {min: 0.001, max: 10, log: true}")))
+    made = solve(loads(SCALAR % (a, k, "alpha: {min: 0.001, max: 10, log: true}")))
     assert made.status == "certified"
     assert made.limit["gamma"] == pytest.approx(1 / (a - k), rel=1e-4)
-    assert float(made.certificate.alpha) == pytest.approx((a - k) / 2, rel=0.02)
-    assert made.certificate.guarantee.gamma <= 1.05 / (a - k) * (1 + 1e-4)
+    assert float(made.claim.certificate.alpha) == pytest.approx((a - k) / 2, rel=0.02)
+    assert made.claim.certificate.guarantee.gamma <= 1.05 / (a - k) * (1 + 1e-4)
 
 
 def test_given_gains_are_certified_at_the_least_gamma_that_they_achieve():
-    made = design(loads(SCALAR % (3, 1, "alpha: 0.7, gains: {L1: [[0]], L2: [[0]]}")))
+    made = solve(loads(SCALAR % (3, 1, "alpha: 0.7, gains: {L1: [[0]], L2: [[0]]}")))
     assert made.status == "certified"
-    assert made.certificate.guarantee.gamma == pytest.approx(1 / math.sqrt(4 * 0.7 * 1.3), rel=1e-3)
+    assert made.claim.certificate.guarantee.gamma == pytest.approx(1 / math.sqrt(4 * 0.7 * 1.3), rel=1e-3)
 
 
 # Invariances
@@ -169,9 +169,9 @@ def peak_gains(A, B, H):
     ids=["plain", "all terms", "free", "integrator", "sinusoid", "max-alpha", "pareto", "feasibility", "gamma"],
 )
 def test_every_frozen_slope_keeps_the_guarantee(spec):
-    made = design(spec)
+    made = solve(spec)
     assert made.status == "certified"
-    plant, H, proof = in_floats(spec.augmented), in_floats(spec.H), made.certificate.guarantee
+    plant, H, proof = in_floats(spec.augmented), in_floats(spec.H), made.claim.certificate.guarantee
     ratios = []
     for slope in (-0.4, 0, 0.35, 1.1):
         A, B = error_system(plant, made.gains["L1"], made.gains["L2"], slope)
@@ -203,12 +203,12 @@ def proved_by_fractions(spec, certificate, gains, slope=("-2/5", "11/10")):
 def arm_made():
     """A design with every term of the plant, certified."""
     spec = arm(D=0.4, Dqf=0.2, Dq=0.1, Df=0.1, bounds="{L1: 20}")
-    return spec, design(spec)
+    return spec, solve(spec)
 
 
 def test_a_certificate_is_proved_again_by_fractions(arm_made):
     spec, made = arm_made
-    assert proved_by_fractions(spec, made.certificate, made.gains)
+    assert proved_by_fractions(spec, made.claim.certificate, made.gains)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_a_certificate_is_proved_again_by_fractions(arm_made):
 )
 def test_a_certificate_does_not_survive_a_change(arm_made, change):
     spec, made = arm_made
-    proof, exact = made.certificate, {name: rational(np.vectorize(repr)(M)) for name, M in made.gains.items()}
+    proof, exact = made.claim.certificate, {name: rational(np.vectorize(repr)(M)) for name, M in made.gains.items()}
 
     def scaled(name, value):
         return change.get(name, fmpq(1)) * value
@@ -250,7 +250,7 @@ def test_a_certificate_does_not_survive_a_change(arm_made, change):
 def test_levels_may_be_shared_otherwise_between_mu1_and_mu2(arm_made):
     """P / s, mu1 s and mu2 s^-1 .. of the same claim: only the product of the levels counts."""
     spec, made = arm_made
-    proof, s = made.certificate, fmpq(7, 3)
+    proof, s = made.claim.certificate, fmpq(7, 3)
     exact = {name: rational(np.vectorize(repr)(M)) for name, M in made.gains.items()}
     family = replace(family_of(spec), **exact)
     values = {"P": s * proof.P, "lambda1": s * proof.multipliers["lambda1"]}

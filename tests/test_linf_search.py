@@ -14,7 +14,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.decay import Decay
 from obsdesign.lmi.formula import rational_number
 from obsdesign.reading import loads
-from obsdesign.work import design
+from obsdesign.work import solve
 
 
 def curve(family, low, high, points):
@@ -41,13 +41,13 @@ def test_feasibility_is_lost_once_and_for_all_as_alpha_grows():
 
 
 def test_the_curve_is_in_the_answer_with_the_points_of_the_golden_section():
-    made = design(loads(SCALAR % (2, 0, "alpha: {min: 0.1, max: 1.9, points: 5}")))
-    alphas = [p["alpha"] for p in made.points]
+    made = solve(loads(SCALAR % (2, 0, "alpha: {min: 0.1, max: 1.9, points: 5}")))
+    alphas = [p["alpha"] for p in made.search.points]
     assert alphas == sorted(alphas)
     assert {0.1, 0.55, 1.0, 1.45, 1.9} < set(alphas)
-    for point in made.points:
+    for point in made.search.points:
         assert point["gamma"] == pytest.approx(1 / math.sqrt(4 * point["alpha"] * (2 - point["alpha"])), rel=1e-4)
-    assert f"alpha = {float(made.certificate.alpha):g}" in made.notes[0]
+    assert f"alpha = {float(made.claim.certificate.alpha):g}" in made.notes[0]
 
 
 JUMP = """
@@ -78,7 +78,7 @@ def test_a_point_of_a_curve_beside_a_jump_is_what_it_is_by_itself():
 
 
 def test_a_free_injection_is_never_worse_than_a_fixed_one():
-    free, *fixed = (design(arm(L2, Dq=0.1, bounds="{L1: 5}")) for L2 in ("free", "0", "[[-0.5]]"))
+    free, *fixed = (solve(arm(L2, Dq=0.1, bounds="{L1: 5}")) for L2 in ("free", "0", "[[-0.5]]"))
     assert free.limit_bounded["gamma"] <= min(made.limit_bounded["gamma"] for made in fixed) * (1 + 1e-4)
 
 
@@ -110,7 +110,7 @@ observer: {type: linf, L2: free, alpha: 0.3, bounds: {L1: 50}}
     ],
 )
 def test_a_free_injection_into_two_channels_is_certified(kind):
-    assert design(loads(TWO_CHANNELS % kind)).status == "certified"
+    assert solve(loads(TWO_CHANNELS % kind)).status == "certified"
 
 
 PLANE = """
@@ -122,14 +122,14 @@ observer: {type: linf, alpha: 0.3, bounds: {%s}%s}
 
 @pytest.mark.parametrize(("bounds", "rest"), [("P: 20", ""), ("L1: 5, P: 20", "")])
 def test_the_storage_function_of_the_certificate_is_within_its_bound(bounds, rest):
-    made = design(loads(PLANE % (bounds, rest)))
+    made = solve(loads(PLANE % (bounds, rest)))
     assert made.status == "certified"
-    assert np.linalg.eigvalsh(made.certificate.guarantee.P).max() <= 20 * (1 + 1e-9)
+    assert np.linalg.eigvalsh(made.claim.certificate.guarantee.P).max() <= 20 * (1 + 1e-9)
 
 
 def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():
-    assert design(loads(PLANE % ("L1: 5, gamma: 0.45", ""))).certificate.gamma <= rational_number("0.45")
-    assert design(loads(PLANE % ("L1: 5, gamma: 0.3", ""))).status == "infeasible"
+    assert solve(loads(PLANE % ("L1: 5, gamma: 0.45", ""))).claim.certificate.gamma <= rational_number("0.45")
+    assert solve(loads(PLANE % ("L1: 5, gamma: 0.3", ""))).status == "infeasible"
 
 
 @pytest.mark.parametrize("family", ["l2", "linf"])
@@ -137,7 +137,7 @@ def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():
 def test_a_disturbance_that_a_finite_gain_decouples_is_answered(family, rest):
     """L1 = -1 makes e' = -2 e, whatever w is."""
     text = "obsdesign: 1\nsystem: {A: [[-1]], B: [[1]], C: [[1]], D: [[1]]}\nobserver: {type: %s, alpha: 0.5%s}\n"
-    made = design(loads(text % (family, rest)))
+    made = solve(loads(text % (family, rest)))
     assert made.status == "certified"
     assert made.limit["gamma"] == 0
 

@@ -11,17 +11,17 @@ from support.plants import plant, zeros
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.lipschitz.claim import needed
+from obsdesign.families.lipschitz.claim import Claim, needed
 from obsdesign.families.lipschitz.compare import compared
 from obsdesign.families.lipschitz.front import Optimum
 from obsdesign.families.lipschitz.min_gamma import Level
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
 from obsdesign.families.lipschitz.pareto import Spot, absent, alike, knee
 from obsdesign.families.lipschitz.reasons import hidden_mode
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, lipschitz_multiplier
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma
+from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import printed, rational, rational_number
 from obsdesign.lmi.solve import Status
 
@@ -130,26 +130,26 @@ def chosen(**outcomes):
             raise outcome
         return outcome
 
-    return compared(design)
+    return compared(design, disturbed=True)
 
 
-NONE = LipschitzDesign("infeasible", diagnosis={"reason": "hidden"})
-FIRST, SECOND = (LipschitzDesign("certified", {"L": k * np.eye(2)}, limit={"gamma": k}) for k in (1.0, 2.0))
+NONE = Outcome(Verdict.INFEASIBLE, diagnosis={"reason": "hidden"})
+FIRST, SECOND = (Outcome(Verdict.CERTIFIED, {"L": k * np.eye(2)}, limit={"gamma": k}) for k in (1.0, 2.0))
 
 
 def test_the_tightest_relaxation_that_has_a_design_is_chosen():
     made = chosen(s_procedure=NONE, norm_bound=FIRST, abbaszadeh=SECOND)
     assert made.gains is FIRST.gains
-    assert [row["relaxation"] for row in made.comparison] == list(RELAXATIONS)
-    assert [row["status"] for row in made.comparison] == ["infeasible", "certified", "certified"]
-    assert made.comparison[0]["reason"] == "hidden"
+    assert [row["relaxation"] for row in made.beyond["comparison"]] == list(RELAXATIONS)
+    assert [row["status"] for row in made.beyond["comparison"]] == ["infeasible", "certified", "certified"]
+    assert made.beyond["comparison"][0]["reason"] == "hidden"
 
 
 def test_what_was_refused_is_told_from_what_was_not_decided():
     made = chosen(s_procedure=UsageError("bound L"), norm_bound=UndecidedError("stalled"), abbaszadeh=SECOND)
     assert made.gains is SECOND.gains
-    assert [row["status"] for row in made.comparison] == ["refused", "undecided", "certified"]
-    assert [row.get("reason") for row in made.comparison] == ["bound L", "stalled", None]
+    assert [row["status"] for row in made.beyond["comparison"]] == ["refused", "undecided", "certified"]
+    assert [row.get("reason") for row in made.beyond["comparison"]] == ["bound L", "stalled", None]
 
 
 def test_there_is_no_solution_only_if_every_relaxation_says_so():
@@ -163,7 +163,7 @@ def test_there_is_no_solution_only_if_every_relaxation_says_so():
 
 def spot(weight, lipschitz, gamma):
     """Point with the numbers that are certified."""
-    return Spot(weight, 0.0, proved=Proved(rational_number(lipschitz), SimpleNamespace(gamma=rational_number(gamma))))
+    return Spot(weight, 0.0, proved=Claim(rational_number(lipschitz), SimpleNamespace(gamma=rational_number(gamma))))
 
 
 def test_the_knee_weighs_gamma_and_the_constant_by_their_largest():

@@ -43,13 +43,13 @@ def proved_again(system, made, lipschitz="1", H=0.5, decay="0", sizes=None):
     unit = lipschitz_multiplier(proportions(constants), sizes or [(len(system.Cq), system.Bf.shape[1])])
     weight, still = rational(H * np.eye(system.n)), zeros(len(system.Cq), len(system.C))
     L1 = -printed(made.gains["L"])
-    family = Lipschitz(system, unit, weight, rational_number(decay), L1, still).stretched(made.proved.lipschitz)
-    old = made.certificate
+    family = Lipschitz(system, unit, weight, rational_number(decay), L1, still).stretched(made.claim.lipschitz)
+    old = made.claim.certificate
     return certify(family, old.gamma, old.mu1, old.mu2, {"P": old.P, **old.multipliers})
 
 
 def numbers(made):
-    return float(made.proved.lipschitz), float(made.certificate.gamma)
+    return float(made.claim.lipschitz), float(made.claim.certificate.gamma)
 
 
 SECOND = plant([[0, 1], [1, -1]], [[1, 0]])
@@ -77,9 +77,9 @@ def random_plant(seed):
 def test_the_largest_constant_is_shipped_within_its_slack(relaxation, supremum):
     made = design(SECOND, "1", relaxation=relaxation)
     assert made.limit["lipschitz"] == pytest.approx(supremum, rel=1e-8)
-    assert supremum / 1.05 * (1 - 1e-5) <= float(made.proved.lipschitz) <= supremum / 1.05
+    assert supremum / 1.05 * (1 - 1e-5) <= float(made.claim.lipschitz) <= supremum / 1.05
     assert proved_again(SECOND, made).holds
-    assert made.ceiling == pytest.approx(math.sqrt(2), rel=1e-8)
+    assert made.beyond["ceiling"] == pytest.approx(math.sqrt(2), rel=1e-8)
 
 
 def test_a_largest_constant_below_the_declared_one_is_an_answer_with_a_warning():
@@ -95,7 +95,7 @@ def test_a_bound_on_the_gain_costs_part_of_the_constant(relaxation, norm):
     assert np.linalg.norm(made.gains["L"]) <= 2
     best = made.limit_bounded["lipschitz"]
     assert best < made.limit["lipschitz"]
-    assert best / 1.05 * (1 - 1e-5) <= float(made.proved.lipschitz) <= best
+    assert best / 1.05 * (1 - 1e-5) <= float(made.claim.lipschitz) <= best
     assert proved_again(DEGENERATE, made).holds
 
 
@@ -123,7 +123,7 @@ def test_an_unbounded_constant_is_refused_with_a_table_unless_the_gain_is_bounde
     made = design(JOINT, "3.33", bounds=bound("300"))
     assert made.limit["lipschitz"] == math.inf
     assert np.linalg.norm(made.gains["L"], 2) <= 300
-    assert float(made.proved.lipschitz) > 100
+    assert float(made.claim.lipschitz) > 100
 
 
 def test_a_hidden_unstable_mode_is_said_and_nothing_is_solved():
@@ -153,14 +153,14 @@ def test_least_gamma_of_each_relaxation_is_that_of_the_reference(relaxation, gam
     assert made.limit["gamma"] == pytest.approx(gamma, rel=1e-4)
     assert made.limit["gamma"] <= numbers(made)[1] <= 1.05 * made.limit["gamma"]
     assert proved_again(NOISES, made, "0.4167", decay="0.05").holds
-    assert float(made.admissible.lipschitz) > 0.4167
-    assert made.admissible.certificate.holds
+    assert float(made.claim.admissible.lipschitz) > 0.4167
+    assert made.claim.admissible.certificate.holds
 
 
 def test_what_a_gain_tolerates_is_that_of_the_s_procedure_whatever_it_was_designed_by():
     made = design(NOISES, "0.4167", relaxation="abbaszadeh", objective="min-gamma", decay="0.05")
     analyzed = design(NOISES, "0.4167", decay="0.05", gains=made.gains["L"])
-    assert float(made.admissible.lipschitz) == pytest.approx(numbers(analyzed)[0], rel=1e-5)
+    assert float(made.claim.admissible.lipschitz) == pytest.approx(numbers(analyzed)[0], rel=1e-5)
 
 
 def test_theorem_3_is_not_monotone_and_the_best_over_larger_constants_is_reported():
@@ -168,8 +168,8 @@ def test_theorem_3_is_not_monotone_and_the_best_over_larger_constants_is_reporte
     system = plant(scaled, SENSORS, [[1]] * 4, [["0.1"], ["0.25"]])
     made = design(system, "0.08325", relaxation="abbaszadeh", objective="min-gamma", decay="0.2")
     assert made.limit["gamma"] == pytest.approx(1.38628, rel=1e-4)
-    assert made.widened["gamma"] == pytest.approx(0.81848, rel=1e-4)
-    assert made.widened["lipschitz"] > 0.4
+    assert made.beyond["widened"]["gamma"] == pytest.approx(0.81848, rel=1e-4)
+    assert made.beyond["widened"]["lipschitz"] > 0.4
 
 
 @pytest.mark.parametrize("relaxation", ["s-procedure", "norm-bound"])
@@ -282,7 +282,7 @@ def test_theorem_3_certifies_the_published_gain_for_the_gamma_of_the_reference(c
 def test_structure_certifies_the_published_gain_of_the_flexible_joint():
     made = design(JOINT, "3.33", objective="min-gamma", decay="0.2", gains=JOINT_GAIN)
     assert numbers(made)[1] == pytest.approx(0.2724, rel=3e-4)
-    assert float(made.admissible.lipschitz) > 50
+    assert float(made.claim.admissible.lipschitz) > 50
 
 
 def test_gains_that_achieve_nothing_are_said_to():
@@ -300,7 +300,7 @@ def test_gains_that_tolerate_any_constant_are_certified_for_an_example(sizes):
     constants = ("1",) * len(sizes)
     made = design(system, constants, sizes=sizes, gains=[[1], [0]])
     assert any("any Lipschitz constant" in note for note in made.notes)
-    assert float(made.proved.lipschitz) > 100
+    assert float(made.claim.lipschitz) > 100
     assert proved_again(system, made, constants, sizes=sizes).holds
 
 
@@ -337,7 +337,7 @@ TABLE = {
 
 def test_the_curve_is_that_of_the_reference_and_every_point_is_certified():
     made = design(DEGENERATE, "0.3", weight=Range(fmpq(0), fmpq(1), 51), **CURVE)
-    points = {round(point["weight"], 3): point for point in made.points}
+    points = {round(point["weight"], 3): point for point in made.search.points}
     for weight, (lipschitz, gamma) in TABLE.items():
         assert points[weight]["lipschitz"] == pytest.approx(lipschitz, rel=1e-4)
         assert points[weight]["gamma"] == pytest.approx(gamma, rel=1e-3 if weight < 0.5 else 1e-4)
@@ -360,10 +360,10 @@ def test_the_curve_is_that_of_the_reference_and_every_point_is_certified():
 def test_a_surface_has_no_points_where_the_closed_form_forbids_them():
     decays = Range(fmpq(0), fmpq(1, 2), 3)
     made = design(DEGENERATE, "0.4167", weight=Range(fmpq(1, 2), fmpq(9, 10), 3), **{**CURVE, "decay": decays})
-    assert [point["status"] for point in made.points] == ["certified"] * 6 + ["infeasible"] * 3
-    assert {"weight", "decay", "status"} == set(made.points[-1])
-    assert float(made.certificate.alpha) == 0
-    constants = [point["lipschitz"] for point in made.points[:6]]
+    assert [point["status"] for point in made.search.points] == ["certified"] * 6 + ["infeasible"] * 3
+    assert {"weight", "decay", "status"} == set(made.search.points[-1])
+    assert float(made.claim.certificate.alpha) == 0
+    constants = [point["lipschitz"] for point in made.search.points[:6]]
     assert all(slow > fast for slow, fast in zip(constants[:3], constants[3:], strict=True))
 
 
@@ -416,24 +416,24 @@ def test_what_pareto_does_not_know_is_refused():
 
 def test_compare_ships_the_tightest_and_shows_what_the_others_cost():
     made = design(NOISES, "0.4167", relaxation="compare", objective="min-gamma", decay="0.05")
-    rows = {row["relaxation"]: row for row in made.comparison}
+    rows = {row["relaxation"]: row for row in made.beyond["comparison"]}
     assert [rows[name]["limit"]["gamma"] for name in RELAXATIONS] == pytest.approx(
         [0.14675, 0.22565, 0.49423], rel=1e-4
     )
     assert numbers(made)[1] == rows["s-procedure"]["certified"]["gamma"]
-    assert made.ceiling == pytest.approx(1.379311, rel=1e-6)
+    assert made.beyond["ceiling"] == pytest.approx(1.379311, rel=1e-6)
 
 
 def test_compare_says_which_relaxations_have_no_solution_and_why():
     made = design(DEGENERATE, "0.4167", relaxation="compare", objective="min-gamma", decay="0.5")
     assert made.status == "certified"
-    last = made.comparison[-1]
+    last = made.beyond["comparison"][-1]
     assert (last["relaxation"], last["status"]) == ("abbaszadeh", "infeasible")
     assert "0.27538128" in last["reason"]
-    assert in_floats(made.proved.lipschitz) == 0.4167
+    assert in_floats(made.claim.lipschitz) == 0.4167
 
 
 def test_compare_goes_on_where_a_relaxation_is_refused():
     made = design(JOINT, "0.3", relaxation="compare")
-    assert made.comparison[0]["status"] == "refused"
-    assert made.status == made.comparison[1]["status"] == "certified"
+    assert made.beyond["comparison"][0]["status"] == "refused"
+    assert made.status == made.beyond["comparison"][1]["status"] == "certified"

@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flint import fmpq
-from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed
+from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, written
 
-from obsdesign.families.lipschitz.outcome import LipschitzDesign
+from obsdesign.families.lipschitz.compare import row
+from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.files import to_json
-from obsdesign.files.result import result
 from obsdesign.reading import loads
 
 INFINITE = {"lipschitz": math.inf, "attained": False}
 UNBOUNDED = {"unbounded": True, "attained": False}
 
 
-def said(spec, design):
+def said(spec, outcome):
     """Content of a file, in which every number is finite."""
-    return json.loads(to_json(result(spec, design, "clarabel")), parse_constant=pytest.fail)
+    return json.loads(to_json(written(spec, outcome)), parse_constant=pytest.fail)
 
 
 @pytest.fixture(scope="module")
@@ -37,30 +37,29 @@ def quiet():
 
 def test_every_limit_and_what_the_relaxations_cost_are_kept(pair):
     spec, design = pair
-    known = {
-        "limit_bounded": {"gamma": 0.6, "attained": True},
-        "widened": {"gamma": 0.5, "lipschitz": 0.8},
-        "ceiling": 1.25,
-        "comparison": ({"relaxation": "s-procedure", "limit": INFINITE, "certified": {"gamma": 0.7, "lipschitz": 1}},),
-    }
-    found = said(spec, replace(design, **known))["guarantee"]
+    bounded = {"gamma": 0.6, "attained": True}
+    known = {"widened": {"gamma": 0.5, "lipschitz": 0.8}, "ceiling": 1.25}
+    found = said(spec, replace(design, limit_bounded=bounded, beyond=known))["guarantee"]
     assert found["limit"] == UNBOUNDED
-    assert all(found[key] == known[key] for key in ("limit_bounded", "widened", "ceiling"))
-    assert found["comparison"] == [known["comparison"][0] | {"limit": UNBOUNDED}]
-    assert not {*known} & {*said(spec, design)["guarantee"]}
+    assert found["limit_bounded"] == bounded
+    assert all(found[key] == known[key] for key in known)
+    assert not {*known, "limit_bounded"} & {*said(spec, design)["guarantee"]}
 
 
 def test_a_comparison_without_w_has_no_gamma(quiet):
-    spec, design = quiet
-    row = {"relaxation": "s-procedure", "status": "certified", "certified": {"lipschitz": 1.0, "gamma": 1.0, "L": 5.7}}
-    found = said(spec, replace(design, comparison=(row,)))["guarantee"]["comparison"]
-    assert found == [row | {"certified": {"lipschitz": 1.0, "L": 5.7}}]
+    _, design = quiet
+    certified = {"lipschitz": 1.0, "L": pytest.approx(np.linalg.norm(QUIET_L))}
+    expected = {"relaxation": "s-procedure", "status": "certified", "limit": UNBOUNDED, "certified": certified}
+    assert row("s-procedure", design, disturbed=False) == expected
+    assert row("s-procedure", design, disturbed=True)["certified"]["gamma"] == 1
 
 
 def test_the_larger_constant_has_a_level_of_its_own_where_there_is_w(pair, quiet):
     assert said(*pair)["certificate"]["admissible"]["gamma"] == 1.5
     spec, design = quiet
-    found = said(spec, replace(design, admissible=design.proved))["certificate"]["admissible"]
+    found = said(spec, replace(design, claim=replace(design.claim, admissible=design.claim)))["certificate"][
+        "admissible"
+    ]
     assert not {"gamma", "mu1", "mu2"} & found.keys()
 
 
@@ -73,7 +72,7 @@ def test_without_a_decay_the_error_is_said_to_vanish():
 
 
 def test_what_has_no_solution_still_says_its_limits():
-    found = said(loads(QUIET, "q.yaml"), LipschitzDesign("infeasible", limit={"lipschitz": 0.5, "attained": False}))
+    found = said(loads(QUIET, "q.yaml"), Outcome(Verdict.INFEASIBLE, limit={"lipschitz": 0.5, "attained": False}))
     assert found["guarantee"] == {"limit": {"lipschitz": 0.5, "attained": False}}
 
 
@@ -93,7 +92,9 @@ def test_the_observer_is_the_one_that_was_asked_for_with_the_poles_of_A_minus_L_
 def test_a_search_names_its_parameters_and_its_points_are_finite(weight, ranges):
     spec, design = designed(FRONT.replace("weight: 0.9", f"weight: {weight}"), fmpq(1, 2), 0.9, 2 * L, decay=0.025)
     point = {"weight": 0.0, "decay": 0.1, "lipschitz": math.inf, "gamma": 0.2, "status": "uncertified"}
-    found = said(spec, replace(design, points=(point,)))["search"]
+    found = said(spec, replace(design, search=Search(ranges[0], (point,), tuple(ranges) if len(ranges) > 1 else ())))[
+        "search"
+    ]
     assert found["parameter"] == ranges[0]
     assert found.get("parameters", ranges[:1]) == ranges
     assert found["points"] == [{k: v for k, v in point.items() if k != "lipschitz"} | UNBOUNDED]

@@ -19,7 +19,7 @@ from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import combine
-from obsdesign.work import design
+from obsdesign.work import solve
 
 
 @examples(60)
@@ -225,6 +225,6 @@ def test_a_rotation_of_unknown_speed_and_sense_costs_nothing():
 def test_a_design_with_a_free_multiplier_is_certified_exactly(name, kind, gamma):
     spec = shipped(name)
     block = replace(spec.nonlinearities[0], multiplier=made(*kind))
-    found = design(replace(spec, nonlinearities=(block,)))
+    found = solve(replace(spec, nonlinearities=(block,)))
     assert found.status == "certified"
     assert (found.limit_bounded or found.limit)["gamma"] == pytest.approx(gamma, rel=1e-3)

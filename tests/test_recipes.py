@@ -16,7 +16,7 @@ from obsdesign.nonlinearities import TEMPLATES, Template
 from obsdesign.nonlinearities.data import Constant
 from obsdesign.reading import json_schema, loads
 from obsdesign.sections.forms import ENTRY, key, required
-from obsdesign.work import design
+from obsdesign.work import solve
 
 SPEC = """\
 obsdesign: 1
@@ -50,7 +50,7 @@ def test_a_nonlinearity_with_data_is_read_and_designed_with():
     (block,) = spec.nonlinearities
     assert (block.type, block.nq, block.lipschitz) == ("banded 1/2", 1, ())
     assert (fmpq(1, 4) == spec.multiplier.blocks[0].M11).all()
-    own, known = (design(loads(of_type(text))) for text in ("{banded: 0.5}", "{lipschitz: 0.5}"))
+    own, known = (solve(loads(of_type(text))) for text in ("{banded: 0.5}", "{lipschitz: 0.5}"))
     assert (own.certificate.gamma, own.status) == (known.certificate.gamma, known.status)
 
 

@@ -11,10 +11,11 @@ from flint import fmpq
 from scipy.integrate import solve_ivp
 from support.commands import run
 
-from obsdesign.dissipation.certificate import certify, prove_slope, reconstructed
+from obsdesign.dissipation.certificate import certify
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.linf import Linf
 from obsdesign.families.incremental.reconstruct import slope_proof
+from obsdesign.families.incremental.reconstructed import prove_slope, reconstructed
 from obsdesign.families.incremental.reconstruction import (
     ARGUMENT,
     DRIFT,
@@ -30,7 +31,7 @@ from obsdesign.families.incremental.reconstruction import (
 from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.reading import loads
-from obsdesign.work import design
+from obsdesign.work import solve
 
 MATCHED = """
 obsdesign: 1
@@ -58,13 +59,13 @@ def tank(kind="sin", B="[1], [0.5]", D=0, Dqf=0, Dq=0, block="", observer=""):
 @cache
 def made_of(spec_text):
     spec = loads(spec_text)
-    made = design(spec)
+    made = solve(spec)
     assert made.status == "certified"
     return spec, made
 
 
 def bound_of(made):
-    found = made.certificate.reconstruction
+    found = made.claim.reconstruction
     assert found.holds
     return found
 
@@ -73,7 +74,7 @@ def families(spec, made):
     """The families of the levels, by name, for the gains that were made."""
     L1, L2 = (rational(np.vectorize(repr, otypes=[object])(made.gains[name])) for name in ("L1", "L2"))
     L2 = L2.reshape(len(spec.augmented.Cq), len(spec.augmented.C))
-    return levels(Linf(spec.augmented, spec.multiplier, spec.H, made.certificate.alpha, L1, L2))
+    return levels(Linf(spec.augmented, spec.multiplier, spec.H, made.claim.certificate.alpha, L1, L2))
 
 
 # Closed forms
@@ -118,9 +119,9 @@ def test_a_matched_input_is_reconstructed_to_any_accuracy(mu, L1, limsup):
     assert simulated == pytest.approx(limsup, rel=0.05)
     c_w, c_w_rate, c_x_rate = map(float, bound_of(made).constants)
     assert c_x_rate == 0
-    assert simulated <= 2 * c_w + 4 * c_w_rate <= float(made.certificate.gamma) * 6
-    P = made.certificate.guarantee.P
-    assert np.linalg.eigvalsh(P).min() * float(made.certificate.gamma) ** 2 >= 1 - 1e-9
+    assert simulated <= 2 * c_w + 4 * c_w_rate <= float(made.claim.certificate.gamma) * 6
+    P = made.claim.certificate.guarantee.P
+    assert np.linalg.eigvalsh(P).min() * float(made.claim.certificate.gamma) ** 2 >= 1 - 1e-9
 
 
 def test_without_f_the_bound_is_made_of_two_levels():
@@ -367,17 +368,17 @@ observer: {type: linf, reconstruct: w, alpha: 0.5, L2: -1, bounds: {P: 100}}
     ids=["cubic", "time", "output", "known term", "Df", "steep loop", "edge"],
 )
 def test_where_the_theorem_does_not_apply_gamma_is_certified_all_the_same(spec, reason):
-    made = design(spec)
+    made = solve(spec)
     assert made.status == "certified"
-    assert made.certificate.reconstruction is None
-    assert made.certificate.guarantee.reconstruction is None
+    assert made.claim.reconstruction is None
+    assert made.claim.certificate.guarantee.reconstruction is None
     (note,) = (note for note in made.notes if "nothing is proved of |what - w|" in note)
     assert reason in note
 
 
 def test_a_function_that_is_not_given_is_taken_to_be_one_of_its_argument_only():
     """A type alone says nothing of d f / d t; nothing is noted."""
-    made = design(tank(kind="{lipschitz: 1}"))
+    made = solve(tank(kind="{lipschitz: 1}"))
     assert bound_of(made).constants[0] > 0
 
 
@@ -406,4 +407,4 @@ def test_what_cannot_be_reconstructed_is_refused(tmp_path, old, new, reason):
 
 def test_an_unknown_disturbance_is_one_without_a_model():
     text = (MATCHED % "0.1").replace("observer:", "disturbance: unknown\nobserver:")
-    assert bound_of(design(loads(text))).constants[0] > 0
+    assert bound_of(solve(loads(text))).constants[0] > 0

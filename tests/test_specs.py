@@ -11,7 +11,6 @@ from obsdesign.families.incremental.l2 import L2
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.files.result import result
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.simulate import simulate
 
@@ -27,9 +26,9 @@ CURVES = [name for name in SPORADIC if name.endswith("-tradeoff")]
 def content_of(name):
     """The result of a spec; what is expected of a simulation is simulated."""
     spec, made = solved(name)
-    content = result(spec, made, "clarabel")
+    content = dict(made.result)
     if any(key.startswith("simulation.") for key in spec.expect):
-        content["simulation"] = simulate(spec, made.gains, made.certificate.guarantee).summary
+        content["simulation"] = simulate(spec, made.gains, made.guarantee).summary
     return content
 
 
@@ -53,8 +52,8 @@ def test_a_spec_says_how_it_ends_and_ends_so(name):
     assert made.status == ("certified" if name in FEASIBLE else "infeasible")
     assert bool(made.diagnosis) == (made.status == "infeasible")
     if made.status == "certified":
-        assert made.certificate.holds
-        assert all(check.holds for check in made.certificate.checks)
+        assert made.claim.certificate.holds
+        assert all(check.holds for check in made.claim.certificate.checks)
 
 
 @pytest.mark.parametrize("name", on(*(name for name in NAMES if len(shipped(name).expect) > 1)))
@@ -72,7 +71,7 @@ def test_a_spec_gives_what_it_expects(name):
 @pytest.mark.parametrize("name", on(*SPORADIC))
 def test_gains_for_sporadic_measurements_stay_within_their_bounds_and_their_slack(name):
     spec, made = solved(name)
-    request, proof, limit = spec.observer, made.certificate, made.limit_bounded or made.limit
+    request, proof, limit = spec.observer, made.claim.certificate, made.limit_bounded or made.limit
     assert request.T1 <= proof.T1 <= proof.T2
     if request.objective == "min-gamma" and not request.gains:
         assert float(proof.gamma) <= limit["gamma"] * (1 + float(request.slack))
@@ -83,7 +82,7 @@ def test_gains_for_sporadic_measurements_stay_within_their_bounds_and_their_slac
 @pytest.mark.parametrize("name", on(*CURVES))
 def test_every_curve_of_a_trade_off_has_five_certified_points_at_least(name):
     _, made = solved(name)
-    for curve in made.curves:
+    for curve in made.search.curves:
         limits = [point["gamma"] for point in curve["points"] if "gamma" in point]
         assert len([point for point in curve["points"] if "certified" in point]) >= 5
         assert limits == sorted(limits)
@@ -93,7 +92,7 @@ def test_every_curve_of_a_trade_off_has_five_certified_points_at_least(name):
 def test_a_gain_for_a_lipschitz_system_stays_within_its_bounds_and_its_slack(name):
     _, made = solved(name)
     request, limit, slack = REQUESTS[name], made.limit_bounded or made.limit, 1 + float(REQUESTS[name].slack)
-    constant, gamma = float(made.proved.lipschitz), float(made.certificate.gamma)
+    constant, gamma = float(made.claim.lipschitz), float(made.claim.certificate.gamma)
     if request.objective == "max-lipschitz":
         assert limit["lipschitz"] / slack * (1 - 1e-5) <= constant <= limit["lipschitz"]
     if request.objective == "min-gamma" and not request.gains:
@@ -102,7 +101,7 @@ def test_a_gain_for_a_lipschitz_system_stays_within_its_bounds_and_its_slack(nam
     if request.objective == "pareto" and not isinstance(request.weight, Range):
         weight = float(request.weight)
         assert weight / constant + (1 - weight) * gamma**2 <= slack * limit["objective"]
-    for point in (p for p in made.points if "certified" in p and 0 < p["weight"] < 1):
+    for point in (p for p in made.search.points if "certified" in p and 0 < p["weight"] < 1):
         claimed = point["certified"]
         cost = point["weight"] / claimed["lipschitz"] + (1 - point["weight"]) * claimed["gamma"] ** 2
         assert point["objective"] * (1 - 1e-6) <= cost <= slack * point["objective"] * (1 + 1e-9)
@@ -115,9 +114,9 @@ def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
     spec, made = solved(name)
     request, limit = spec.observer, made.limit_bounded or made.limit
     if request.objective in {"min-gamma", "pareto"} and not request.gains:
-        assert limit["gamma"] <= made.certificate.guarantee.gamma <= limit["gamma"] * (1 + float(request.slack))
+        assert limit["gamma"] <= made.claim.certificate.guarantee.gamma <= limit["gamma"] * (1 + float(request.slack))
     if request.gamma is not None:
-        assert made.certificate.gamma <= request.gamma
+        assert made.claim.certificate.gamma <= request.gamma
     if request.bounds.L1 is not None:
         largest = {"spectral": 2, "frobenius": "fro"}[request.bounds.norm]
         assert np.linalg.norm(made.gains["L1"], largest) <= float(request.bounds.L1)

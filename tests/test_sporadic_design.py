@@ -80,7 +80,7 @@ def analyzed(made, multiplier, Cp, T2, decay, L, H, **further):
 
 
 def gamma(made):
-    return float(made.certificate.gamma)
+    return float(made.claim.certificate.gamma)
 
 
 def size(made):
@@ -104,8 +104,8 @@ def test_the_best_hold_of_the_robot():
     assert made.status == "certified"
     assert made.limit["gamma"] == pytest.approx(1.51123, rel=1e-4)
     assert not made.gains["H"].any()
-    assert made.counts == {"hold proposition-5": {"printed": 64, "solved": 24}}
-    assert made.certificate.constants.jitter == pytest.approx(0.75029, rel=1e-4)
+    assert made.scalars == {"hold proposition-5": {"printed": 64, "solved": 24}}
+    assert made.claim.certificate.constants.jitter == pytest.approx(0.75029, rel=1e-4)
 
 
 @pytest.mark.parametrize(("T2", "limit"), [("0.3", 3.3700)])
@@ -146,14 +146,14 @@ def test_a_design_for_the_longest_interval():
     made = oscillator(("0.2", "1"), objective="max-T2")
     assert made.status == "certified"
     assert made.limit["T2"] == pytest.approx(0.4352, rel=1e-3)
-    assert made.limit["T2"] / 1.05 * (1 - 1e-5) <= float(made.certificate.T2) < made.limit["T2"]
+    assert made.limit["T2"] / 1.05 * (1 - 1e-5) <= float(made.claim.certificate.T2) < made.limit["T2"]
 
 
 def test_the_fastest_decay():
     made = oscillator(decay=("0.04", "0.4"), objective="max-decay")
     assert made.status == "certified"
     assert made.limit["decay"] > 0.0853  # that of the published gains
-    assert made.limit["decay"] / 1.05 * (1 - 1e-5) <= float(made.certificate.family.decay) < made.limit["decay"]
+    assert made.limit["decay"] / 1.05 * (1 - 1e-5) <= float(made.claim.certificate.family.decay) < made.limit["decay"]
 
 
 # Given gains
@@ -180,7 +180,7 @@ def test_published_gains_of_the_oscillator_keep_the_published_gamma():
     made = analyzed(OSCILLATOR, LINEAR, np.eye(2), "0.41", "0.05", L_OSCILLATOR, [["-1.384"]])
     assert made.status == "certified"
     assert gamma(made) == pytest.approx(32.917, rel=1e-3)
-    assert float(made.longest.T2) == pytest.approx(0.4309, rel=3e-3)
+    assert float(made.claim.longest.T2) == pytest.approx(0.4309, rel=3e-3)
     assert made.limit["gamma"] == pytest.approx(32.149, rel=1e-3)
 
 
@@ -189,13 +189,13 @@ def test_the_interval_that_the_gain_of_postoyan_tolerates(constant, longest):
     H = -in_floats(ARM).C @ L_ARM
     made = analyzed(ARM, lipschitz(rational_number(constant), 1, 1), ARM_OUTPUT, "0.1016", "0.01", L_ARM, rational(H))
     assert made.status == "certified"
-    assert float(made.longest.T2) == pytest.approx(longest, rel=3e-3)
+    assert float(made.claim.longest.T2) == pytest.approx(longest, rel=3e-3)
     assert gamma(made) == pytest.approx(1.264, rel=2e-2)
 
 
 def test_given_gains_that_achieve_nothing_are_told_what_they_would_tolerate():
     made = analyzed(OSCILLATOR, LINEAR, np.eye(2), "0.41", "0.05", np.array([[0.3648], [-0.4655]]), [["-0.3648"]])
-    assert (made.status, made.certificate) == ("infeasible", None)
+    assert (made.status, made.claim) == ("infeasible", None)
     assert made.diagnosis["condition"] == "gains"
     assert made.diagnosis["feasible"]["T2"] == pytest.approx(0.3142, rel=1e-3)
 
@@ -205,7 +205,7 @@ def test_the_longest_interval_of_given_gains_is_certified():
     asked = request(("0.3", "0.6"), "0.05", gains=gains, objective="max-T2", slack=rational_number("0.01"))
     made = designed(OSCILLATOR, LINEAR, np.eye(2), asked)
     assert made.status == "certified"
-    assert float(made.certificate.T2) == pytest.approx(0.4309 / 1.01, rel=5e-3)
+    assert float(made.claim.certificate.T2) == pytest.approx(0.4309 / 1.01, rel=5e-3)
 
 
 # Bounds
@@ -245,7 +245,7 @@ def test_bounds_shorten_the_longest_interval():
 
 def test_a_curve_of_the_hold_against_the_published_one():
     made = robot(("0.1714", "0.2571", 2), objective="pareto")
-    points = made.curves[0]["points"]
+    points = made.search.curves[0]["points"]
     assert [p["gamma"] for p in points] == pytest.approx([0.871, 1.276], rel=3e-3)
     assert {p["status"] for p in points} == {"certified"}
     assert all(p["certified"]["gamma"] <= 1.05 * p["gamma"] for p in points)
@@ -254,7 +254,7 @@ def test_a_curve_of_the_hold_against_the_published_one():
 def test_curves_of_every_relaxation_of_the_oscillator():
     relaxations = tuple(f"proposition-{k}" for k in (2, 3, 4, 5))
     made = oscillator(("0.1", "0.43", 2), injections=("dynamic", "hold"), relaxations=relaxations, objective="pareto")
-    found = {c["relaxation"]: [p.get("gamma") for p in c["points"]] for c in made.curves}
+    found = {c["relaxation"]: [p.get("gamma") for p in c["points"]] for c in made.search.curves}
     known = {
         "proposition-2": [1.0497, 170.3],
         "proposition-3": [1.2012, None],
@@ -265,12 +265,12 @@ def test_curves_of_every_relaxation_of_the_oscillator():
     for name, (short, long) in known.items():
         assert found[name][0] == pytest.approx(short, rel=2e-3)
         assert (found[name][1] is None) if long is None else found[name][1] == pytest.approx(long, rel=5e-3)
-    assert made.curves[3]["injection"] == "hold"
+    assert made.search.curves[3]["injection"] == "hold"
 
 
 def test_a_curve_of_interval_against_decay():
     made = oscillator(("0.25", "0.5"), ("0.05", "0.4", 2), objective="pareto")
-    points = made.curves[0]["points"]
+    points = made.search.curves[0]["points"]
     assert [p["T2"] for p in points] == pytest.approx([0.4352, 0.2932], rel=2e-3)
     assert {p["status"] for p in points} == {"certified"}
 
@@ -280,7 +280,7 @@ def test_a_curve_of_interval_against_decay():
 
 def test_the_certificate_of_a_design_can_be_checked_anew_and_altered_gains_fail():
     made = oscillator()
-    c = made.certificate
+    c = made.claim.certificate
 
     def again(L):
         values = {"P1": c.P1, "P2": c.P2}
@@ -314,7 +314,7 @@ def test_without_a_disturbance_any_gains_that_decay_will_do():
 def test_without_a_rate_the_decay_of_corollary_2_is_proved():
     made = oscillator("0.2", "0")
     assert made.status == "certified"
-    g = made.certificate.constants
+    g = made.claim.certificate.constants
     assert g.decay == 0
     assert 0 < g.rate < 0.1
     assert math.isfinite(g.noise)

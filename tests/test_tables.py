@@ -2,7 +2,7 @@
 
 import itertools
 
-from obsdesign.tables.design import design_table
+from obsdesign.tables.design import design_rows
 
 OBSERVER = {"type": "lipschitz", "relaxation": "compare", "L": [[3.0], [4.0]], "poles": [[-1.0, 2.0], [-1.0, -2.0]],
             "fastest": 2.236, "largest_step": 1.2, "noise_gain": {"x1": 0.5}, "condition_P": 7.0}  # fmt: skip
@@ -13,9 +13,7 @@ GUARANTEE = {"lipschitz": 0.5, "gamma": 0.75, "decay": 0.05, "mu1": 1.0, "mu2": 
 def table(search=None, **guarantee):
     """Rows of a result."""
     content = {"name": "Example", "status": "certified", "observer": OBSERVER, "guarantee": GUARANTEE | guarantee}
-    lines = design_table(content | ({"search": search} if search else {}), "gains.json").splitlines()
-    width = lines[0].index("Example")
-    return [(line[:width].strip(), line[width:]) for line in lines]
+    return design_rows(content | ({"search": search} if search else {}))
 
 
 def texts(rows, key):

@@ -13,8 +13,9 @@ from support.sweep import examples
 
 from obsdesign.errors import UsageError
 from obsdesign.families.incremental.l2 import L2
-from obsdesign.files.verification import ResultFile, verify
+from obsdesign.files import ResultFile
 from obsdesign.reading import load
+from obsdesign.work import verify
 
 
 @pytest.fixture(scope="session")
@@ -91,8 +92,8 @@ def test_the_last_digit_of_a_gain_is_read(content, made, tmp_path):
     text = json.dumps(content).replace(digits, digits + "1", 1)
     path = tmp_path / "digit.json"
     path.write_text(text)
-    L1 = ResultFile(str(path)).matrix((3, 1), "observer", "L1")
-    genuine = ResultFile(str(made / "cart.gains.json")).matrix((3, 1), "observer", "L1")
+    L1 = ResultFile.open(str(path)).matrix((3, 1), "observer", "L1")
+    genuine = ResultFile.open(str(made / "cart.gains.json")).matrix((3, 1), "observer", "L1")
     assert (genuine != L1).sum() == 1
     assert Fraction(str(L1[0, 0])) == Fraction(digits + "1")
 
@@ -485,7 +486,7 @@ def test_fractions_and_decimals_are_read_exactly(reader, p, q, shift):
 @pytest.fixture(scope="session")
 def reader(made):
     """A result file that was read."""
-    return ResultFile(str(made / "cart.gains.json"))
+    return ResultFile.open(str(made / "cart.gains.json"))
 
 
 def test_a_tenth_is_a_tenth_and_not_the_double_beside_it(reader):
@@ -505,7 +506,6 @@ def test_the_gains_of_a_file_are_those_of_its_text(reader, content):
 
 def test_the_library_raises_what_the_command_prints(made, bearing):
     path = str(made / "cart.gains.json")
-    _, certificate = verify(path, load(str(made / "cart.yaml")))
-    assert certificate.holds
+    assert verify(path, load(str(made / "cart.yaml"))).holds
     with pytest.raises(UsageError, match="another spec"):
         verify(path, load(str(bearing)))

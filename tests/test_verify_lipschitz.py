@@ -14,13 +14,11 @@ from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 from support.forging import at, put, scaled, with_spec
-from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made
+from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made, written
 from support.sweep import examples
 
-from obsdesign.cli import proved_of
-from obsdesign.files import to_json
-from obsdesign.files.result import result
-from obsdesign.files.verification import recorded
+from obsdesign.design import Design
+from obsdesign.work import read
 
 
 @pytest.fixture(scope="module")
@@ -322,14 +320,15 @@ def recorded_of(tmp_path):
 
     def recorded_of(content):
         (tmp_path / "gains.json").write_text(json.dumps(content))
-        return recorded(str(tmp_path / "gains.json"), None)
+        return read(tmp_path / "gains.json")
 
     return recorded_of
 
 
 def test_a_simulation_gets_the_gain_with_the_sign_of_the_paper_and_the_guarantee(pair, recorded_of):
-    spec, gains, guarantee = recorded_of(pair)
-    assert spec.lipschitz.lipschitz == (fmpq(3, 10), fmpq(1, 10))
+    design = recorded_of(pair)
+    spec, gains, guarantee = design.spec, design.gains, design.guarantee
+    assert spec.observer.lipschitz == (fmpq(3, 10), fmpq(1, 10))
     assert gains.keys() == {"L"}
     np.testing.assert_array_equal(gains["L"], L)
     assert (guarantee.rate, guarantee.gamma, guarantee.alpha, guarantee.mu1) == ("decay", 0.72, 0.05, 1)
@@ -339,15 +338,15 @@ def test_a_simulation_gets_the_gain_with_the_sign_of_the_paper_and_the_guarantee
 def test_a_claim_that_the_declared_constant_is_beyond_is_proved_but_guarantees_nothing_of_the_plant(
     quiet, outcome_of, recorded_of
 ):
-    assert recorded_of(quiet)[2] is not None
+    assert recorded_of(quiet).guarantee is not None
     spec, design = designed(QUIET.replace("lipschitz: 0.4", "lipschitz: 1.25"), fmpq(1), gain=QUIET_L)
-    assert proved_of(spec, design) is None
-    content = json.loads(to_json(result(spec, design, "clarabel")))
+    assert Design(spec, design).guarantee is None
+    content = written(spec, design)
     assert content["guarantee"]["margin"] == -0.25
     assert "the spec declares 1.25, of which this says nothing" in content["guarantee"]["statement"]
     assert outcome_of(content).exit_code == 0
-    assert recorded_of(content)[2] is None
+    assert recorded_of(content).guarantee is None
 
 
 def test_a_claim_that_is_not_proved_guarantees_nothing(pair, recorded_of):
-    assert recorded_of(scaled(pair, ("certificate", "P"), "-1"))[2] is None
+    assert recorded_of(scaled(pair, ("certificate", "P"), "-1")).guarantee is None

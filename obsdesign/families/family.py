@@ -4,11 +4,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from obsdesign.dissipation.engine import Engine
     from obsdesign.families.asked import Estimation, ObserverSection
+    from obsdesign.families.finding import Finding
     from obsdesign.families.observer import Observer
+    from obsdesign.families.outcome import Claim, Outcome, Proof
+    from obsdesign.files import ResultFile
     from obsdesign.lmi.formula import Array
     from obsdesign.sections.values import Reader
     from obsdesign.spec import Nonlinearity, Request, Spec
+
+Rows = list[tuple[str, str]]  # a name and a text
 
 
 class Family(Protocol):
@@ -59,3 +65,27 @@ class Family(Protocol):
         UsageError
             If a nonlinearity has no f, or needs what the observer does not know.
         """
+
+    def check(self, spec: "Spec", engine: "Engine") -> "list[Finding]":
+        """What the structure of a spec allows, before any design."""
+
+    def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
+        """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
+
+    def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
+        """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""
+
+    def gains(self, spec: "Spec", file: "ResultFile") -> "Mapping[str, Array]":
+        """Exact gains of a result file."""
+
+    def claim(self, spec: "Spec", file: "ResultFile") -> "Claim":
+        """Claim of a certified result file, checked with no solver."""
+
+    def absence(self, spec: "Spec", file: "ResultFile") -> "Proof":
+        """Proof that an infeasible result file has no solution; a `UsageError` where it holds none."""
+
+    def proved(self, observer: Mapping[str, Any], guarantee: Mapping[str, Any]) -> Rows:
+        """Lines of a table on what is proved, from the entries of these names of a result file."""
+
+    def figures(self, observer: Mapping[str, Any]) -> Rows:
+        """Lines on what an engineer asks first of the gains, from its entry `observer`."""

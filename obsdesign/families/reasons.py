@@ -4,8 +4,6 @@ from typing import Any
 
 from obsdesign.model.structure import Mode
 
-Diagnosis = dict[str, Any]  # condition, reason, feasible, suggestion, and data of the condition
-
 
 def described(mode: Mode) -> dict[str, Any]:
     """Eigenvalue and eigenvector of a mode, by the names of the states."""

@@ -1,25 +1,19 @@
-"""Result files, read exactly; and what one is proved to say."""
+"""Result files, read exactly."""
 
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.dissipation.certificate import Certificate
 from obsdesign.errors import UsageError
-from obsdesign.families.guarantee import Guarantee
-from obsdesign.families.sporadic.certificate import SporadicCertificate
+from obsdesign.files.text import digest
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
-from obsdesign.lmi.proof import Check
-from obsdesign.reading import loads
-from obsdesign.spec import Spec
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
@@ -36,19 +30,23 @@ class ResultFile:
         If it is unreadable, no result of this format, or holds what is no number where one must stand.
     """
 
-    def __init__(self, path: str) -> None:
-        self.path = path
-        self.content = self.read()
+    def __init__(self, path: str, raw: bytes) -> None:
+        self.path, self.raw = path, raw
+        self.content = self.parsed(raw)
         if self.content.get("obsdesign") != "1":
             raise self.wrong("obsdesign", "not a result of format 1")
-        self.spec = self.embedded()
 
-    def read(self) -> dict[str, Any]:
-        """JSON with every number kept as the text that was written."""
+    @classmethod
+    def open(cls, path: str) -> Self:
+        """Read a file."""
         try:
-            raw = Path(self.path).read_bytes()
+            raw = Path(path).read_bytes()
         except OSError as error:
-            raise UsageError(f"{self.path}: cannot be read: {error.strerror}") from None
+            raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+        return cls(path, raw)
+
+    def parsed(self, raw: bytes) -> dict[str, Any]:
+        """JSON with every number kept as the text that was written."""
         if len(raw) > LARGEST:
             raise UsageError(f"{self.path}: larger than {LARGEST} bytes")
         try:
@@ -76,10 +74,8 @@ class ResultFile:
             value = value[key]
         return value
 
-    def embedded(self) -> Spec:
-        """Spec that travels in the file, if its hash is right."""
-        from obsdesign.files import digest
-
+    def spec_text(self) -> str:
+        """Text of the spec that travels in the file, if its hash is right."""
         text, found = self.at("spec", "text"), self.at("spec", "sha256")
         try:
             right = isinstance(text, str) and digest(text) == found
@@ -87,7 +83,7 @@ class ResultFile:
             raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
         if not right:
             raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
-        return loads(text, f"{self.path} (spec.text)")
+        return str(text)
 
     def number(self, *keys: str) -> fmpq:
         """Exact value of one number."""
@@ -148,24 +144,3 @@ class ResultFile:
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
-
-
-@dataclass(frozen=True)
-class Proof:
-    """What a file claims, in words, and the conditions that were checked of it."""
-
-    claim: str
-    checks: tuple[Check, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the claim is proved."""
-        return all(check.holds for check in self.checks)
-
-
-@dataclass(frozen=True)
-class Verified(Proof):
-    """A guarantee that was read and checked, and its certificate."""
-
-    certificate: Certificate | SporadicCertificate
-    guarantee: Guarantee | None  # None: the claim is not about the plant of the spec

@@ -3,37 +3,51 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from obsdesign.families.incremental import table as incremental
-from obsdesign.families.lipschitz import table as lipschitz
-from obsdesign.families.sporadic import table as sporadic
-from obsdesign.tables.text import aligned, limit_text
+from obsdesign.families import FAMILIES
+from obsdesign.tables.search import certified, search_rows
+from obsdesign.tables.text import limit_text
 
-GAINS = {"sporadic": sporadic.gains, "lipschitz": lipschitz.gains}  # what an engineer asks first of them
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
 
 
-def design_table(content: Mapping[str, Any], target: str) -> str:
-    """What an engineer wants to know of a result, one line each."""
+def design_rows(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What an engineer wants to know of a result, from the result file."""
     rows = [("problem", content["name"]), ("status", content["status"])]
-    claimed, made, search = (content.get(key, {}) for key in ("guarantee", "observer", "search"))
-    if made:
-        rows += claim(claimed, made["type"])
-    rows += [*limits(claimed), *lipschitz.background(claimed)]
-    if made:
-        rows += GAINS.get(made["type"], incremental.gains)(made)
+    claimed, made = content.get("guarantee", {}), content.get("observer", {})
+    family = FAMILIES[made["type"]] if made else None
+    rows += family.proved(made, claimed) if family else []
+    rows += [*limits(claimed), *background(claimed)]
+    rows += family.figures(made) if family else []
     rows += proof(content.get("certificate", {}))
     if "diagnosis" in content:
         rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
-    rows += lipschitz.front(search) if lipschitz.is_front(search) else list(incremental.curves(search))
-    rows += [("note", note) for note in content.get("notes", [])]
-    return aligned([*rows, ("file", target)])
+    rows += search_rows(content.get("search", {}))
+    return rows + [("note", note) for note in content.get("notes", [])]
 
 
-def claim(claimed: Mapping[str, Any], family: str) -> list[tuple[str, str]]:
-    """What is proved of the gains."""
-    if family == "lipschitz":
-        return lipschitz.claim(claimed)
-    return sporadic.claim(claimed) if family == "sporadic" else incremental.claim(claimed, family)
+def background(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What bounds the limit, and what the relaxations cost."""
+    rows = []
+    if "widened" in claimed:
+        wide = claimed["widened"]
+        rows += [("widened", f"gamma {wide['gamma']:.6g} as if the Lipschitz constant were {wide['lipschitz']:.6g}")]
+    if "ceiling" in claimed:
+        rows += [("ceiling", f"lipschitz {claimed['ceiling']:.6g}   no gain tolerates more")]
+    return rows + [("relaxation", compared(row)) for row in claimed.get("comparison", [])]
+
+
+def compared(row: Mapping[str, Any]) -> str:
+    """One relaxation of a comparison."""
+    parts = [f"{row['relaxation']:<12}"]
+    if row.get("limit"):
+        parts.append(f"limit {limit_text(row['limit'])}")
+    if "certified" in row:
+        parts.append(f"certified {certified(row['certified'])}")
+    if row.get("status") in ("refused", "undecided"):
+        parts.append(f"{row['status']}, see the note")
+    elif "reason" in row:
+        parts.append(row["reason"])
+    return "   ".join(parts)
 
 
 def limits(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:

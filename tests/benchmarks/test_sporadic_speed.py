@@ -170,7 +170,7 @@ def test_a_curve_of_certified_bounded_gains_takes_less_than_15_s(benchmark, spec
 
     seconds, made = benchmark.pedantic(lambda: processor_time(run), rounds=1)
     benchmark.extra_info["processor time [s]"] = seconds
-    points = made.curves[0]["points"]
+    points = made.search.curves[0]["points"]
     assert [p["status"] for p in points] == ["certified"] * 20
     assert max(p["certified"]["L"] for p in points) <= 50
     assert seconds < 15

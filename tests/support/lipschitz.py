@@ -1,15 +1,17 @@
 """Results of Lipschitz systems made by hand, of gains that are given, so that nothing is searched."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
+from obsdesign.design import Design, Solver
 from obsdesign.dissipation.claim import claim
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.relaxations import Lipschitz, lipschitz_multiplier, proportions
+from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.files import to_json
-from obsdesign.files.result import result
 from obsdesign.lmi.formula import printed, rational
 from obsdesign.reading import loads
 
@@ -44,7 +46,7 @@ QUIET_L = np.array([[4.0], [4.0]])
 
 def proof(spec, lipschitz, gamma, gain, decay):
     """A constant that a gain is proved to tolerate, with gamma."""
-    plant, request = spec.augmented, spec.lipschitz
+    plant, request = spec.augmented, spec.observer
     constants = [lipschitz * share for share in proportions(request.lipschitz)]
     multiplier = lipschitz_multiplier(constants, [(block.nq, block.nf) for block in spec.multiplier.blocks])
     L2 = rational(np.zeros((len(plant.Cq), len(plant.C))))
@@ -52,7 +54,7 @@ def proof(spec, lipschitz, gamma, gain, decay):
     certificate = claim(Engine(), family, gamma)
     assert certificate is not None
     assert certificate.holds
-    return Proved(lipschitz, certificate)
+    return Claim(lipschitz, certificate)
 
 
 def designed(text, lipschitz, gamma=1.0, gain=L, admissible=None, decay=0.05):
@@ -61,9 +63,14 @@ def designed(text, lipschitz, gamma=1.0, gain=L, admissible=None, decay=0.05):
     larger = proof(spec, *admissible, gain, decay) if admissible else None
     proved = proof(spec, lipschitz, gamma, gain, decay)
     limit = {"lipschitz": float("inf"), "attained": False}
-    return spec, LipschitzDesign("certified", {"L": gain}, proved, larger, limit)
+    return spec, Outcome(Verdict.CERTIFIED, {"L": gain}, replace(proved, admissible=larger), limit)
+
+
+def written(spec, outcome):
+    """Result of an outcome."""
+    return json.loads(to_json(Design(spec, outcome, Solver("clarabel", 0, 0.0)).result))
 
 
 def made(*arguments, **options):
     """Result of such a gain."""
-    return json.loads(to_json(result(*designed(*arguments, **options), "clarabel")))
+    return written(*designed(*arguments, **options))

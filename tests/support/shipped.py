@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from obsdesign.reading import load
-from obsdesign.work import design
+from obsdesign.work import solve
 
 SPECS = Path(__file__).parents[2] / "specs"
 NAMES = [str(p.relative_to(SPECS).with_suffix("")) for p in sorted(SPECS.glob("**/*.yaml"))]
@@ -22,7 +22,7 @@ def shipped(name):
 @cache
 def solved(name):
     """A spec and its design; a test that asks for it is `on` the name."""
-    return shipped(name), design(shipped(name))
+    return shipped(name), solve(shipped(name))
 
 
 def on(*values):

@@ -6,11 +6,16 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.incremental.claim import require_alpha
+from obsdesign.families.incremental.request import request_of
+from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.outcome import Diagnosis, Proof
+from obsdesign.files.read import ResultFile
 from obsdesign.lmi.faces import refutation
 from obsdesign.lmi.farkas import Refutation, check
-from obsdesign.lmi.formula import Array, Unknown, Values, printed, rational
+from obsdesign.lmi.formula import Array, Unknown, Values, approximate, printed, rational
 from obsdesign.lmi.proof import Formula
+from obsdesign.spec import Spec
 
 
 def question(family: Incremental, gamma: fmpq | None = None) -> tuple[Formula, tuple[Unknown, ...]]:
@@ -47,3 +52,27 @@ def absence(family: Incremental, known: dict[str, Any]) -> Diagnosis:
         return {"proof": "numerical"}
     level = {} if gamma is None else {"gamma": str(gamma)}
     return {"proof": "exact", "certificate": {**found.written(), "alpha": str(family.alpha), **level}}
+
+
+def read(spec: Spec, file: ResultFile) -> Proof:
+    """Prove anew that an infeasible result has no solution, and say what is proved.
+
+    Raises
+    ------
+    UsageError
+        The file holds no dual certificate: its verdict is numerical or structural; or it is malformed.
+    """
+    root = ("diagnosis", "certificate")
+    if "certificate" not in file.table("diagnosis"):
+        raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
+    request, alpha = request_of(spec).printed(), file.number(*root, "alpha")
+    require_alpha(file, request, alpha, "diagnosis.certificate.alpha")
+    given = {"L1": None, "L2": request.L2} | dict(request.gains or {})
+    family = THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, given["L1"], given["L2"])
+    if family.L2 is None:
+        raise file.wrong("diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free")
+    gamma = file.number(*root, "gamma") if "gamma" in file.table(*root) else None
+    refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
+    level = "" if gamma is None else f" and gamma = {approximate(gamma):g}"
+    words = f"Theorem 1 has no solution at alpha = {approximate(alpha):g}{level}, nor at a larger alpha"
+    return Proof(words, refutation.checks)

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
-from obsdesign.dissipation.certificate import Certificate
 from obsdesign.dissipation.claim import best_claim, claim
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
@@ -18,14 +17,17 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import SHARE, cancelled, falling, unbounded
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.incremental.accuracy import accurate
+from obsdesign.families.incremental.claim import Claim
 from obsdesign.families.incremental.decay import Decay, Point
 from obsdesign.families.incremental.extent import largest_class
 from obsdesign.families.incremental.linf import Linf
 from obsdesign.families.incremental.reasons import why_not
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
+from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.theorems import THEOREMS
-from obsdesign.lmi.formula import Array, Values, in_floats, rational_number
+from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.lmi.formula import Values, in_floats, rational_number
 from obsdesign.lmi.solve import Status
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
@@ -34,28 +36,12 @@ from obsdesign.spec import Spec
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
 
-@dataclass(frozen=True)
-class Design:
-    """Outcome for a spec: certified or uncertified gains, or why there are none."""
-
-    status: str  # certified | uncertified | infeasible
-    gains: dict[str, Array] = field(default_factory=dict)  # doubles, to be read as the decimals they print
-    certificate: Certificate | None = None
-    limit: dict[str, Any] = field(default_factory=dict)
-    limit_bounded: dict[str, Any] = field(default_factory=dict)
-    points: tuple[dict[str, Any], ...] = ()
-    diagnosis: dict[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    solves: int = 0
-    time_s: float = 0.0
-
-
 class Designer:
     """The steps of one design."""
 
     def __init__(self, spec: Spec, engine: Engine) -> None:
         self.spec, self.engine = spec, engine
-        self.request = spec.incremental.printed()
+        self.request = request_of(spec).printed()
         alpha = self.request.alpha
         self.range = alpha if isinstance(alpha, Range) else None
         self.lowest: fmpq = alpha.low if isinstance(alpha, Range) else alpha
@@ -67,7 +53,7 @@ class Designer:
         self.points: list[Point] = []
         self.cancelled: float | None = None  # level to certify where the limit is zero at a finite gain
 
-    def outcome(self) -> Design:
+    def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
         if self.family.plant.B.shape[1] == 0 and self.request.objective in {"min-gamma", "pareto", "gamma"}:
             raise UsageError("observer.objective: no disturbance acts on this plant; choose feasibility or max-alpha")
@@ -82,7 +68,7 @@ class Designer:
             return self.fastest()
         return self.accurate() or self.at(self.searched())
 
-    def accurate(self) -> Design | None:
+    def accurate(self) -> Outcome | None:
         """Gains in closed form for `objective: {gamma: ..}`, where nothing bounds them and the plant admits them."""
         gamma, outputs = self.request.gamma, [in_floats(self.family).H]
         if gamma is None or self.decay.restricting is not None:
@@ -96,7 +82,7 @@ class Designer:
             return None
         best = min(found, key=lambda solution: float(np.linalg.norm(solution.L1(float(gamma), outputs), 2)))
         made = self.proved(((family, None) for family in best.gains(float(gamma), outputs)), float(gamma))
-        if made.status != "certified":
+        if made.status is not Verdict.CERTIFIED:
             return None
         size = float(np.linalg.norm(made.gains["L1"], 2))
         self.notes.append(
@@ -107,7 +93,7 @@ class Designer:
 
     # One alpha
 
-    def at(self, alpha: fmpq) -> Design:
+    def at(self, alpha: fmpq) -> Outcome:
         """Design for one alpha: the limit, the bounded limit, gains, proof."""
         family = replace(self.family, alpha=alpha)
         search = searchable(family)
@@ -122,7 +108,7 @@ class Designer:
             return self.infeasible(alpha, {"gamma": {"asked": target, "least": gamma}, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
-        return replace(made, **limits, points=tuple(self.points), notes=tuple(self.notes))
+        return replace(made, **limits, search=self.search, notes=tuple(self.notes))
 
     def limits(self, search: Incremental, alpha: fmpq) -> tuple[dict[str, Any], float | None]:
         """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
@@ -187,26 +173,26 @@ class Designer:
         level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
         return math.sqrt(max(level, 0.0))
 
-    def gains(self, family: Incremental, gamma: float) -> Design:
+    def gains(self, family: Incremental, gamma: float) -> Outcome:
         """Gains of small norm that reach gamma, rounded and proved."""
         made = self.proved(small_gains(self.engine, family, gamma, self.request.bounds), gamma)
         if not made.gains:
             raise UndecidedError(f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}")
         return made
 
-    def proved(self, candidates: Iterable[tuple[Incremental, Values | None]], gamma: float) -> Design:
+    def proved(self, candidates: Iterable[tuple[Incremental, Values | None]], gamma: float) -> Outcome:
         """Return the first of some candidates that is proved to reach gamma; or else the last of them, uncertified."""
-        made = Design("uncertified")
+        made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
             certificate = claim(self.engine, candidate, gamma, values, self.request.bounds.P)
-            made = Design("uncertified", doubles(candidate), certificate)
+            made = Outcome(Verdict.UNCERTIFIED, doubles(candidate), Claim(certificate) if certificate else None)
             if certificate and certificate.holds:
-                return self.completed(candidate, replace(made, status="certified"))
+                return self.completed(candidate, replace(made, status=Verdict.CERTIFIED))
         return made
 
-    def completed(self, family: Incremental, made: Design) -> Design:
+    def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
-        if not self.request.reconstruct or made.certificate is None or not isinstance(family, Linf):
+        if not self.request.reconstruct or not isinstance(made.claim, Claim) or not isinstance(family, Linf):
             return made
         self.engine.report(0.9, "reconstruction of w")
         bound = reconstruct(self.engine, self.spec, family)
@@ -215,7 +201,12 @@ class Designer:
             return made
         if any(block.f is None for block in self.spec.nonlinearities):
             self.notes.append("the bound on |what - w| takes f to depend on q only, since it is not given")
-        return replace(made, certificate=replace(made.certificate, reconstruction=bound))
+        return replace(made, claim=replace(made.claim, reconstruction=bound))
+
+    @property
+    def search(self) -> Search | None:
+        """Points that were looked at, if any were."""
+        return Search("alpha", tuple(self.points)) if self.points else None
 
     # Many alphas
 
@@ -254,7 +245,7 @@ class Designer:
             return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
         return f"alpha = {alpha:g} has the least gamma of the range, by a grid and a golden section"
 
-    def fastest(self) -> Design:
+    def fastest(self) -> Outcome:
         """Largest alpha by bisection on feasibility; the shipped one is within the slack of it."""
         low, high = (self.range.low, self.range.high) if self.range else (self.lowest, self.lowest)
         feasible, unknown = self.decay.feasible(low)
@@ -273,7 +264,7 @@ class Designer:
 
     # Analysis
 
-    def analysis(self, alpha: fmpq) -> Design:
+    def analysis(self, alpha: fmpq) -> Outcome:
         """Certify given gains, for the least gamma that they achieve."""
         family = replace(self.family, alpha=alpha)
         slowest = in_floats(family).slowest_pole()
@@ -286,15 +277,16 @@ class Designer:
         if status is Status.INFEASIBLE:
             return self.infeasible(alpha, {"gains": "no storage function of Theorem 1 proves these gains"})
         proved = certificate is not None and certificate.holds
-        made = Design("certified" if proved else "uncertified", doubles(family), certificate)
+        verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
+        made = Outcome(verdict, doubles(family), Claim(certificate) if certificate else None)
         made = self.completed(family, made)
         limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-        return replace(made, limit={**known, "attained": False}, points=tuple(self.points), notes=tuple(self.notes))
+        return replace(made, limit={**known, "attained": False}, search=self.search, notes=tuple(self.notes))
 
     # Answers without gains
 
-    def infeasible(self, alpha: fmpq, known: dict[str, Any] | None = None) -> Design:
+    def infeasible(self, alpha: fmpq, known: dict[str, Any] | None = None) -> Outcome:
         """Answer with the reason, in the terms of the model."""
         self.engine.report(0.9, "diagnosis")
         found = known or {}
@@ -304,7 +296,7 @@ class Designer:
         diagnosis = why_not(self.spec, replace(self.family, alpha=alpha), largest, found)
         if not found and diagnosis["condition"] != "detectability":
             diagnosis = self.with_class(alpha, diagnosis)
-        return Design("infeasible", diagnosis=diagnosis, points=tuple(self.points), notes=tuple(self.notes), **limits)
+        return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, search=self.search, notes=tuple(self.notes), **limits)
 
     def with_class(self, alpha: fmpq, diagnosis: dict[str, Any]) -> dict[str, Any]:
         """Diagnosis with the largest class of one nonlinearity that is feasible at alpha, if one is to blame."""
@@ -330,7 +322,7 @@ def shown(value: Any) -> str:
     return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"
 
 
-def design_incremental(spec: Spec, engine: Engine) -> Design:
+def design_incremental(spec: Spec, engine: Engine) -> Outcome:
     """Design, or analyze, an observer with the gains L1 and L2.
 
     Raises

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import in_floats, printed
 from obsdesign.model.multiplier import Block, Multiplier, Scaled
 from obsdesign.spec import Spec

@@ -5,7 +5,8 @@ from typing import Any
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.incremental.absence import absence
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
-from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reasons import described
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import System, invariant_zeros, text
 from obsdesign.model.structure import Mode, accuracy, decay_limit, undetectable

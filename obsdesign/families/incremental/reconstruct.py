@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.dissipation.bounds import Range
-from obsdesign.dissipation.certificate import (
-    Certificate,
+from obsdesign.dissipation.certificate import Certificate
+from obsdesign.dissipation.claim import DIGITS, best_claim
+from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.incremental.decay import Decay
+from obsdesign.families.incremental.linf import Linf
+from obsdesign.families.incremental.reconstructed import (
     Reconstructed,
     SlopeProof,
     inapplicable,
     prove_slope,
     reconstructed,
 )
-from obsdesign.dissipation.claim import DIGITS, best_claim
-from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.engine import Engine
-from obsdesign.families.incremental.decay import Decay
-from obsdesign.families.incremental.linf import Linf
 from obsdesign.families.incremental.reconstruction import SLOPE, Slope, constants, levels, slopes
 from obsdesign.lmi.formula import Problem, Unknown, in_floats, printed, rational_number
 from obsdesign.lmi.proof import rounded

@@ -24,6 +24,7 @@ from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Axis, Reader
+from obsdesign.spec import Spec
 
 Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
 ALPHA = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
@@ -169,3 +170,9 @@ def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
         return Bounds()
     gain, norm = read_largest_gain(reader, section.L1, "L1")
     return Bounds(gain, norm, read_bound(reader, section.P, "P"), read_bound(reader, section.gamma, "gamma"))
+
+
+def request_of(spec: Spec) -> Request:
+    """What a spec of this family asks for."""
+    assert isinstance(spec.observer, Request)
+    return spec.observer

@@ -3,7 +3,8 @@
 import numpy as np
 
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reasons import described
 from obsdesign.lmi.formula import Array
 from obsdesign.model.multiplier import Scaled
 from obsdesign.model.pencil import text

@@ -1,17 +1,16 @@
 """Gains L1 and L2 as text, and figures of any gain."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.tables.text import matrix_text, pole_text, spectral_norm
 
 
-def claim(claimed: Mapping[str, Any], family: str) -> list[tuple[str, str]]:
-    """What is proved of the gains L1 and L2."""
+def claim(claimed: Mapping[str, Any], meaning: str) -> list[tuple[str, str]]:
+    """What is proved of the gains L1 and L2, for what gamma means."""
     if "gamma" not in claimed:
         return []
-    rows = [("gamma", f"{claimed['gamma']:g}   {THEOREMS[family].meaning}")]
+    rows = [("gamma", f"{claimed['gamma']:g}   {meaning}")]
     rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
@@ -37,22 +36,3 @@ def reconstruction_text(bound: Mapping[str, float]) -> str:
     """Bound on the reconstruction error."""
     terms = zip(("w", "w_rate", "x_rate"), ("sup|w|", "sup|w'|", "sup|x'|"), strict=True)
     return "limsup |what - w| <= " + " + ".join(f"{bound[key]:.4g} {norm}" for key, norm in terms if bound[key])
-
-
-def curves(search: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Points of a search, or of each of its curves."""
-    parameter = search.get("parameter", "alpha")
-    for curve in search.get("curves", [{"points": search.get("points", [])}]):
-        if "injection" in curve:
-            yield "curve", f"{curve['injection']}, {curve['relaxation']}"
-        yield from (("curve", f"{parameter} {p[parameter]:<10.4g} {shown(p)}") for p in curve["points"])
-
-
-def shown(point: Mapping[str, Any]) -> str:
-    """One point of a curve."""
-    if "gamma" not in point:
-        return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
-    proved = point.get("certified")
-    return f"gamma {point['gamma']:.6g}" + (
-        f"   certified {proved['gamma']:.6g}, |L| = {proved['L']:.4g}" if proved else ""
-    )

@@ -1,18 +1,32 @@
-"""What a Lipschitz constant that is proved for a gain says of the plant: constants, margin, and a sentence."""
+"""Claims of observers of Lipschitz systems, as a file holds them and as it is read."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import Bounds, Range
+from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
-from obsdesign.families.lipschitz.relaxations import EQUATIONS, proportions
-from obsdesign.lmi.formula import printed
+from obsdesign.families.lipschitz.relaxations import EQUATIONS, Lipschitz, proportions
+from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
+from obsdesign.families.outcome import Outcome
+from obsdesign.files.read import ResultFile
+from obsdesign.lmi.formula import Array, Inequality, approximate, identity, printed, rational
+from obsdesign.lmi.proof import Check, prove
+from obsdesign.spec import Spec
+
+GUARANTEE = ("guarantee",)
+CERTIFICATE = ("certificate",)
+ADMISSIBLE = ("certificate", "admissible")
 
 
 @dataclass(frozen=True)
-class LipschitzClaim:
+class Claim:
     """What a gain is proved to achieve for every f whose blocks have Lipschitz constants within those claimed.
 
     Proposition 1 of Abbaszadeh and Marquez (2010): f + h has constants of at most those of f and h together. So what
@@ -20,56 +34,97 @@ class LipschitzClaim:
     Cq.
     """
 
-    declared: tuple[fmpq, ...]  # constant of each block of f
     lipschitz: fmpq  # proved, the largest of those of the blocks
-    guarantee: Quadratic  # at this constant
-    admissible: tuple[fmpq, Quadratic] | None  # a larger constant that the gain tolerates too, and the guarantee there
-    drive: str  # letter of what drives the plant with its disturbance model; empty if nothing does
-    validity: str | None  # where the declared constants hold; None: everywhere
+    certificate: Certificate  # at this constant
+    admissible: "Claim | None" = None  # for the largest constant that the gain is proved to tolerate, if that is larger
+    bound: tuple[Check, ...] = ()  # that the gain is within the bound of the spec, as a file is held against it
 
     @property
-    def covers(self) -> bool:
+    def checks(self) -> tuple[Check, ...]:
+        """Every condition, those of the largest constant included."""
+        beyond = self.admissible.checks if self.admissible else ()
+        named = (replace(check, name=f"admissible: {check.name}") for check in beyond)
+        return (*self.certificate.checks, *self.bound, *named)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is proved."""
+        return all(check.holds for check in self.checks)
+
+    def covers(self, spec: Spec) -> bool:
         """Whether the declared constants are within those that are proved."""
-        return bool(self.lipschitz >= needed(self.declared))
+        return bool(self.lipschitz >= needed(request_of(spec).lipschitz))
 
-    @property
-    def spare(self) -> fmpq:
+    def guarantee(self, spec: Spec) -> Quadratic | None:
+        """Guarantee in doubles; None where the declared constants are not covered."""
+        return self.certificate.guarantee if self.covers(spec) else None
+
+    def headline(self, spec: Spec) -> str:
+        """Claim in one line."""
+        g = self.certificate.guarantee
+        level = f", gamma {g.gamma:g}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
+        more = f"; constants up to {approximate(self.admissible.lipschitz):g} are tolerated" if self.admissible else ""
+        return f"Lipschitz constant {approximate(self.lipschitz):g}{level}; decay rate {g.alpha:g} 1/s{more}"
+
+    def spare(self, spec: Spec) -> fmpq:
         """What is tolerated beyond the largest declared constant; negative where not even that is."""
-        return (self.admissible[0] if self.admissible else self.lipschitz) - needed(self.declared)
+        return (self.admissible or self).lipschitz - needed(request_of(spec).lipschitz)
 
-    @property
-    def margin(self) -> float:
+    def margin(self, spec: Spec) -> float:
         """Largest double within what is spare."""
-        return below(self.spare)
+        return below(self.spare(spec))
 
-    @property
-    def constants(self) -> list[float]:
+    def constants(self, spec: Spec) -> list[float]:
         """Constants of the blocks that are proved."""
-        return self.shared(self.lipschitz)
+        return shared(self.lipschitz, spec)
 
-    def shared(self, largest: fmpq) -> list[float]:
-        """Constants of the blocks in proportion to the declared ones."""
-        return [below(largest * share) for share in proportions(self.declared)]
-
-    def statement(self) -> str:
+    def statement(self, spec: Spec) -> str:
         """Claim in words, with norms over [0, T] for every T, and with the observer written out."""
-        g = self.guarantee
-        level = f"norm2(z) <= sqrt(e0' P e0) + {g.gamma!r} norm2({self.drive}), and "
+        g, drive = self.certificate.guarantee, spec.observer.drive if spec.disturbed else ""
+        level = f"norm2(z) <= sqrt(e0' P e0) + {g.gamma!r} norm2({drive}), and "
         decays = f"|e(t)| <= sqrt(cond(P)) exp(-{g.alpha!r} t) |e0|" if g.alpha else "e(t) -> 0"
-        said = f"{level}{decays} where {self.drive} = 0" if self.drive else decays
-        parts = [f"{said}; for {EQUATIONS}", f"for every f with {bounds('f', self.constants)}", *self.beyond()]
-        return "; ".join([*parts, f"local: {self.validity}"] if self.validity else parts)
+        said = f"{level}{decays} where {drive} = 0" if drive else decays
+        every = f"for every f with {bounds('f', self.constants(spec))}"
+        parts = [f"{said}; for {EQUATIONS}", every, *self.beyond(spec)]
+        return "; ".join([*parts, f"local: {spec.validity}"] if spec.validity else parts)
 
-    def beyond(self) -> list[str]:
+    def beyond(self, spec: Spec) -> list[str]:
         """Clause on what is left for an uncertainty, or on what is missing."""
-        if not self.covers:
-            return [f"the spec declares {float(needed(self.declared))!r}, of which this says nothing"]
-        if self.margin <= 0:
+        if not self.covers(spec):
+            return [f"the spec declares {float(needed(request_of(spec).lipschitz))!r}, of which this says nothing"]
+        if self.margin(spec) <= 0:
             return []
-        level = f" and gamma = {self.admissible[1].gamma!r}" if self.admissible and self.drive else ""
-        same = f"with another P{level} the same" if self.admissible else "the same"
-        left = bounds("h", self.shared(self.spare))
+        more = self.admissible
+        level = f" and gamma = {approximate(more.certificate.gamma)!r}" if more and spec.disturbed else ""
+        same = f"with another P{level} the same" if more else "the same"
+        left = bounds("h", shared(self.spare(spec), spec))
         return [f"Proposition 1: {same} for f + h, for every h through the same Bf and Cq with {left}"]
+
+    def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
+        """What is proved, what that leaves for an uncertainty, the limit it is near to, and the witnesses."""
+        g, more, constants = self.certificate.guarantee, self.admissible, self.constants(spec)
+        guarantee = {
+            "lipschitz": approximate(self.lipschitz),
+            **({"constants": constants} if len(constants) > 1 else {}),
+            **({"gamma": g.gamma} if spec.disturbed else {}),
+            "decay": g.alpha,
+            **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
+            **({"admissible": approximate(more.lipschitz)} if more else {}),
+            "margin": self.margin(spec),
+            **limits,
+            "statement": self.statement(spec),
+        }
+        certificate = self.certificate.written()
+        if more:
+            level = more.certificate
+            numbers = {key: approximate(getattr(level, key)) for key in ("gamma", "mu1", "mu2") if spec.disturbed}
+            certificate["admissible"] = {"lipschitz": approximate(more.lipschitz), **numbers, **level.written()}
+        return {"guarantee": guarantee, "certificate": certificate}
+
+
+def shared(largest: fmpq, spec: Spec) -> list[float]:
+    """Constants of the blocks in proportion to the declared ones."""
+    return [below(largest * share) for share in proportions(request_of(spec).lipschitz)]
 
 
 def needed(declared: Sequence[fmpq]) -> fmpq:
@@ -95,3 +150,123 @@ def below(x: fmpq) -> float:
     while printed(double) > x:
         double = math.nextafter(double, -math.inf)
     return double
+
+
+def read(spec: Spec, file: ResultFile) -> Claim:
+    """Claim of a file, checked: of its constant, and of the largest constant that is tolerated."""
+    L, lipschitz = read_gains(spec, file)["L"], read_constant(file, *GUARANTEE)
+    decay = file.number(*GUARANTEE, "decay")
+    require_request(spec, file, L, lipschitz, decay)
+    certificate = read_certificate(spec, file, L, lipschitz, decay, GUARANTEE, CERTIFICATE)
+    claim = Claim(lipschitz, certificate, bound=within(request_of(spec), L))
+    if "admissible" in file.table(*GUARANTEE):
+        largest = require_admissible(file, lipschitz)
+        more = read_certificate(spec, file, L, largest, decay, ADMISSIBLE, ADMISSIBLE)
+        claim = replace(claim, admissible=Claim(largest, more))
+    require_consequences(spec, file, claim)
+    return claim
+
+
+def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
+    """Exact gain of a file."""
+    plant = spec.augmented
+    return {"L": file.matrix((plant.n, len(plant.C)), "observer", "L")}
+
+
+def read_constant(file: ResultFile, *keys: str) -> fmpq:
+    """Constant of a claim."""
+    found = file.number(*keys, "lipschitz")
+    if not 0 <= approximate(found) < math.inf:
+        raise file.wrong(f"{'.'.join(keys)}.lipschitz", "no Lipschitz constant")
+    return found
+
+
+def read_certificate(
+    spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, decay: fmpq, claim: Sequence[str], witness: Sequence[str]
+) -> Certificate:
+    """Certificate of a constant and a decay rate, with gamma, mu1 and mu2, P and multipliers where they stand."""
+    plant = spec.augmented
+    constants = [lipschitz * share for share in proportions(request_of(spec).lipschitz)]
+    family = Lipschitz.of(plant, spec.multiplier, constants, spec.H, decay, L)
+    values = {"P": file.matrix((plant.n, plant.n), *witness, "P")}
+    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    gamma, mu1, mu2 = read_levels(file, claim) if spec.disturbed else (fmpq(1),) * 3
+    return certify(family, gamma, mu1, mu2, values)
+
+
+def read_levels(file: ResultFile, claim: Sequence[str]) -> tuple[fmpq, fmpq, fmpq]:
+    """Gamma, mu1 and mu2, which are 1 and the square of gamma: the statement relies on it."""
+    gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
+    name = ".".join(claim)
+    if not math.isfinite(approximate(gamma * gamma)):
+        raise file.wrong(f"{name}.gamma", "beyond the range of doubles")
+    for key, found, expected in (("mu1", mu1, fmpq(1)), ("mu2", mu2, printed(below(gamma * gamma)))):
+        if found != expected:
+            raise file.wrong(f"{name}.{key}", f"{approximate(expected)!r} belongs to this gamma")
+    return gamma, mu1, mu2
+
+
+def within(request: LipschitzRequest, L: Array) -> tuple[Check, ...]:
+    """Whether the gain is within the bound of the spec, if it is a designed one."""
+    if request.bounds.L1 is None or request.gains:
+        return ()
+    return prove([Inequality("|L| <= kappa", excess(L, request.bounds))])
+
+
+def excess(L: Array, bounds: Bounds) -> Array:
+    """L'L - kappa^2 I, or its trace with the Frobenius norm: what must be <= 0."""
+    assert bounds.L1 is not None
+    square, product = bounds.L1 * bounds.L1, L.T @ L
+    if bounds.norm == "spectral":
+        return np.asarray(product - square * identity(len(product), product))
+    return rational([[np.trace(product) - square]])
+
+
+def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, decay: fmpq) -> None:
+    """Hold a claim against what the spec asks: the family, the decay, the constant, a given gain."""
+    request = request_of(spec)
+    for key, asked in (("type", request.type), ("relaxation", request.relaxation)):
+        if file.at("observer", key) != asked:
+            raise file.wrong(f"observer.{key}", f"the spec asks for {asked}")
+    low, high = (request.decay.low, request.decay.high) if isinstance(request.decay, Range) else (request.decay,) * 2
+    if not printed(low) <= decay <= printed(high):
+        raise file.wrong("guarantee.decay", f"{approximate(decay):g} is not what the spec asks for")
+    declared = needed(request.lipschitz)
+    least = fmpq(0) if request.objective == "max-lipschitz" else declared
+    if lipschitz < least or (request.objective == "min-gamma" and lipschitz > declared):
+        raise file.wrong("guarantee.lipschitz", f"{approximate(lipschitz):g} is not what the spec asks for")
+    if request.gains and (printed(request.gains["L"]) != L).any():
+        raise file.wrong("observer.L", "differs from the gain that the spec gives")
+
+
+def require_admissible(file: ResultFile, lipschitz: fmpq) -> fmpq:
+    """Largest constant that is said to be tolerated, as it stands in the guarantee and beside its witness."""
+    largest = read_constant(file, *ADMISSIBLE)
+    if file.number(*GUARANTEE, "admissible") != file.number(*ADMISSIBLE, "lipschitz"):
+        raise file.wrong("guarantee.admissible", "differs from that of the certificate")
+    if largest < lipschitz:
+        raise file.wrong("guarantee.admissible", "below the constant that is claimed")
+    return largest
+
+
+def require_consequences(spec: Spec, file: ResultFile, claim: Claim) -> None:
+    """Hold what follows from the numbers of a claim against what the file says."""
+    if not spec.disturbed and "gamma" in file.table(*GUARANTEE):
+        raise file.wrong("guarantee.gamma", "the plant has no w")
+    constants = claim.constants(spec)
+    expected = {"margin": [claim.margin(spec)], **({"constants": constants} if len(constants) > 1 else {})}
+    for key, numbers in expected.items():
+        if file.numbers(*GUARANTEE, key) != [printed(x) for x in numbers]:
+            raise file.wrong(f"guarantee.{key}", "does not follow from the certificate")
+    if file.at(*GUARANTEE, "statement") != claim.statement(spec):
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+
+
+def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
+    """Entry `observer` of a result file: the gain, and figures of the linear error dynamics."""
+    if not outcome.gains:
+        return {}
+    L = outcome.gains["L"]
+    P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
+    relaxation = request_of(spec).relaxation
+    return {"relaxation": relaxation, "L": L.tolist(), **figures(spec.augmented.doubles, -L, P)}

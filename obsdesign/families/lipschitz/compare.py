@@ -7,19 +7,22 @@ from typing import Any
 import numpy as np
 
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.lipschitz.outcome import LipschitzDesign
+from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS
 from obsdesign.families.lipschitz.request import LipschitzRelaxation
+from obsdesign.families.outcome import Outcome, Verdict, finite
 from obsdesign.lmi.formula import approximate
 
 
-def compared(design: Callable[[LipschitzRelaxation], LipschitzDesign]) -> LipschitzDesign:
+def compared(design: Callable[[LipschitzRelaxation], Outcome], disturbed: bool) -> Outcome:
     """Design of the tightest relaxation that has one, with a row for each.
 
     Parameters
     ----------
     design
         Outcome of a relaxation.
+    disturbed
+        Whether there is a w.
 
     Raises
     ------
@@ -39,21 +42,21 @@ def compared(design: Callable[[LipschitzRelaxation], LipschitzDesign]) -> Lipsch
             notes.append(f"{relaxation} is {status}: {'; '.join(said)}")
             continue
         outcomes.append(made)
-        rows.append(row(relaxation, made))
-    best = next((made for made in outcomes if made.status == "certified"), None)
+        rows.append(row(relaxation, made, disturbed))
+    best = next((made for made in outcomes if made.status is Verdict.CERTIFIED), None)
     if best is None and error:
         raise error
     made = best or outcomes[0]
-    return replace(made, comparison=tuple(rows), notes=(*made.notes, *notes))
+    return replace(made, beyond={**made.beyond, "comparison": rows}, notes=(*made.notes, *notes))
 
 
-def row(relaxation: str, made: LipschitzDesign) -> dict[str, Any]:
-    """What became of one relaxation."""
-    found: dict[str, Any] = {"relaxation": relaxation, "status": made.status, "limit": made.limit}
-    if made.proved:
+def row(relaxation: str, made: Outcome, disturbed: bool) -> dict[str, Any]:
+    """What became of one relaxation; without w its gamma means nothing."""
+    found: dict[str, Any] = {"relaxation": relaxation, "status": str(made.status), "limit": finite(made.limit)}
+    if isinstance(made.claim, Claim):
         found["certified"] = {
-            "lipschitz": approximate(made.proved.lipschitz),
-            "gamma": approximate(made.proved.certificate.gamma),
+            "lipschitz": approximate(made.claim.lipschitz),
+            **({"gamma": approximate(made.claim.certificate.gamma)} if disturbed else {}),
             "L": float(np.linalg.norm(made.gains["L"], 2)),
         }
     if made.diagnosis:

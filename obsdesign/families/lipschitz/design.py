@@ -16,12 +16,12 @@ from obsdesign.families.lipschitz.compare import compared
 from obsdesign.families.lipschitz.given_gains import gamma_of, largest_of
 from obsdesign.families.lipschitz.max_lipschitz import largest
 from obsdesign.families.lipschitz.min_gamma import least_gamma
-from obsdesign.families.lipschitz.outcome import LipschitzDesign
 from obsdesign.families.lipschitz.pareto import scanned, weighed
 from obsdesign.families.lipschitz.relaxations import Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling
+from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Array, Exact, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -37,12 +37,19 @@ class Designer:
     request: LipschitzRequest
     engine: Engine
 
-    def outcome(self) -> LipschitzDesign:
+    def outcome(self) -> Outcome:
         """Design of the relaxation, or of each of them side by side."""
         require_agreement(self.request)
         relaxation = self.request.relaxation
-        made = compared(self.of) if relaxation == "compare" else self.of(relaxation)
-        return replace(made, ceiling=ceiling(self.unit) if len(self.decays) == 1 else None)
+        if relaxation == "compare":
+            return compared(self.bounded, bool(self.plant.B.shape[1]))
+        return self.bounded(relaxation)
+
+    def bounded(self, relaxation: LipschitzRelaxation) -> Outcome:
+        """Outcome of one relaxation, and the constant that no gain can exceed."""
+        made = self.of(relaxation)
+        most = ceiling(self.unit) if len(self.decays) == 1 else None
+        return made if most is None else replace(made, beyond={**made.beyond, "ceiling": most})
 
     @property
     def decays(self) -> tuple[fmpq, ...]:
@@ -55,7 +62,7 @@ class Designer:
         """S-procedure for the constant 1 at the least decay."""
         return Lipschitz.of(self.plant, self.multiplier, proportions(self.request.lipschitz), self.H, self.decays[0])
 
-    def of(self, relaxation: LipschitzRelaxation) -> LipschitzDesign:
+    def of(self, relaxation: LipschitzRelaxation) -> Outcome:
         """Outcome of one relaxation."""
         request, weight = replace(self.request, relaxation=relaxation), self.request.weight
         require_agreement(request)
@@ -68,13 +75,13 @@ class Designer:
             return (largest_of if request.objective == "max-lipschitz" else gamma_of)(study, L)
         blocked = study.obstacle()
         if blocked:
-            return LipschitzDesign("infeasible", diagnosis=blocked)
+            return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
         return {"max-lipschitz": largest, "min-gamma": least_gamma, "pareto": weighed}[request.objective](study)
 
 
 def design_lipschitz(
     plant: Plant[Exact], multiplier: Multiplier, H: Array, request: LipschitzRequest, engine: Engine
-) -> LipschitzDesign:
+) -> Outcome:
     """Design, or analyze, an observer of a Lipschitz system.
 
     Parameters

@@ -18,10 +18,10 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.gain import ROOM, bounded, rounded_gains, within
 from obsdesign.dissipation.inequality import LARGE, ONE
 from obsdesign.dissipation.zero import settled
+from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.closed_forms import regular
 from obsdesign.families.lipschitz.max_lipschitz import unlimited
 from obsdesign.families.lipschitz.min_gamma import small_gains
-from obsdesign.families.lipschitz.outcome import Proved
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
 from obsdesign.families.lipschitz.study import Study, out_of_bounds, recast
 from obsdesign.families.lipschitz.suprema import Supremum, largest_for_gamma
@@ -82,7 +82,7 @@ class Front(ABC):
     def family(self, constant: float) -> Lipschitz:
         """Inequalities that the gains of the front satisfy for a constant that is no larger than theirs."""
 
-    def gains(self, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Proved | None]]:
+    def gains(self, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
         """Gains of small norm for a point that is a little worse than a limit, and their proofs."""
         yield from small_gains(self.study, self.family(float(constant)), constant, gamma)
 
@@ -121,7 +121,7 @@ class Direct(Front):
         """Theorem 4 with xi <= 1 / constant."""
         return in_floats(recast(self.study.unit, Theorem4)).stretched(constant)
 
-    def gains(self, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Proved | None]]:
+    def gains(self, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
         """Those of the largest least eigenvalue of P, where nothing is bounded, before those of small norm."""
         if not self.restricted:
             family = self.family(float(constant) * (1 + ROOM))

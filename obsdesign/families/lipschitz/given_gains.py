@@ -7,10 +7,11 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.claim import BACKOFFS
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.zero import settled
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.reasons import useless
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import largest_constant
+from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Array, in_floats, printed
 from obsdesign.lmi.solve import Status
 
@@ -18,7 +19,7 @@ BEYOND = 1e3  # times the declared constant, or 1: what is proved of gains that 
 ANY = "the gains tolerate any Lipschitz constant; the one certified is an example"
 
 
-def tolerated(study: Study, L: Array) -> tuple[float, Proved | None]:
+def tolerated(study: Study, L: Array) -> tuple[float, Claim | None]:
     """Largest constant of the relaxation for gains, in rationals, and a proof of nearly that; (0, None) if none."""
     stretch = study.stretch(L)
     answer = stretch.least(Bounds())
@@ -33,7 +34,7 @@ def tolerated(study: Study, L: Array) -> tuple[float, Proved | None]:
     return limit, None
 
 
-def largest_of(study: Study, L: Array) -> LipschitzDesign:
+def largest_of(study: Study, L: Array) -> Outcome:
     """Certify nearly the largest constant that gains tolerate."""
     found, proved = tolerated(study, L)
     if not found:
@@ -41,10 +42,10 @@ def largest_of(study: Study, L: Array) -> LipschitzDesign:
     best = largest_constant(study.engine, study.unit, study.relaxation)
     limit = {"lipschitz": best.value, "attained": best.attained}
     notes = (ANY,) if found == math.inf else ()
-    return LipschitzDesign.of(L, proved, limit=limit, notes=notes)
+    return study.outcome(L, proved, limit=limit, notes=notes)
 
 
-def gamma_of(study: Study, L: Array) -> LipschitzDesign:
+def gamma_of(study: Study, L: Array) -> Outcome:
     """Certify nearly the least gamma that gains have, in the relaxation, at the declared constant."""
     constant = study.declared
     answer = study.engine.minimise(study.attenuation(float(constant), L=L).least_gamma())
@@ -58,18 +59,18 @@ def gamma_of(study: Study, L: Array) -> LipschitzDesign:
     limit = settled(study.engine, family, study.engine.minimise(family.least_gamma()))
     best = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
     limits = {**best, "attained": best.get("gamma") == 0}
-    return LipschitzDesign.of(L, proved, limit=limits, admissible=more(study, L, proved))
+    return study.outcome(L, tolerating(study, L, proved), limit=limits)
 
 
-def more(study: Study, L: Array, proved: Proved | None) -> Proved | None:
-    """Largest constant, above one that is proved, that the s-procedure proves of gains, with a gamma of its own."""
+def tolerating(study: Study, L: Array, proved: Claim | None) -> Claim | None:
+    """Claim with the largest constant above its own that the s-procedure proves of gains, with a gamma of its own."""
     if proved is None:
         return None
     _, found = tolerated(replace(study, request=replace(study.request, relaxation="s-procedure")), L)
-    return found if found and found.lipschitz > proved.lipschitz else None
+    return replace(proved, admissible=found) if found and found.lipschitz > proved.lipschitz else proved
 
 
-def refused(study: Study, L: Array, known: float | None) -> LipschitzDesign:
+def refused(study: Study, L: Array, known: float | None) -> Outcome:
     """Answer that gains achieve nothing."""
     family = replace(study.unit, L1=-L).stretched(study.declared)
-    return LipschitzDesign("infeasible", {"L": in_floats(L)}, diagnosis=useless(family, float(study.declared), known))
+    return Outcome(Verdict.INFEASIBLE, {"L": in_floats(L)}, diagnosis=useless(family, float(study.declared), known))

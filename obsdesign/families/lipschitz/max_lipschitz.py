@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
@@ -12,17 +11,18 @@ from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import ROOM, bounded, descended, rounded_gains
 from obsdesign.dissipation.zero import TABLE, tabulated
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.reasons import too_small
 from obsdesign.families.lipschitz.study import Study, out_of_bounds
 from obsdesign.families.lipschitz.suprema import largest_constant
+from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.solve import Status
 
 DIGITS = 6  # of a shipped constant
 
 
-def largest(study: Study) -> LipschitzDesign:
+def largest(study: Study) -> Outcome:
     """Design for the largest constant within the bounds, and a gamma that its gain has."""
     supremum = largest_constant(study.engine, study.unit, study.relaxation)
     limits: dict[str, Any] = {"limit": {"lipschitz": supremum.value, "attained": supremum.attained}}
@@ -30,7 +30,7 @@ def largest(study: Study) -> LipschitzDesign:
     if study.restricted:
         found = bounded(study.stretch().least, study.bounds)
         if out_of_bounds(found):
-            return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
+            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         if found.status is not Status.OPTIMAL:
             raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.reason}")
         best = study.stretch().constant(found)
@@ -38,14 +38,14 @@ def largest(study: Study) -> LipschitzDesign:
     if best == math.inf:
         raise unlimited(study)
     constant = printed(round_down(best / (1 + study.slack), DIGITS))
-    made = study.first(small_gains(study, constant))
-    if not made.gains:
+    L, claim = study.first(small_gains(study, constant))
+    if L is None:
         raise UndecidedError(f"no gain was found for the Lipschitz constant {float(constant):g}")
     notes = () if constant >= study.declared else (short(study, constant),)
-    return replace(made, notes=notes, **limits)
+    return study.outcome(L, claim, notes=notes, **limits)
 
 
-def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Proved | None]]:
+def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Claim | None]]:
     """Gains of small norm for a constant, in more and more digits, and their proofs."""
     stretch = study.stretch()
     wide = stretch.wide(float(constant))

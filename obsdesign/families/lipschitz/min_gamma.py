@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
@@ -11,13 +11,14 @@ from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.gain import rounded_gains, smallest, within
 from obsdesign.dissipation.zero import SHARE, cancelled, falling, settled, tabulated
 from obsdesign.errors import UndecidedError
-from obsdesign.families.lipschitz.given_gains import more
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
+from obsdesign.families.lipschitz.claim import Claim
+from obsdesign.families.lipschitz.given_gains import tolerating
 from obsdesign.families.lipschitz.reasons import out_of_reach, too_small
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
 from obsdesign.families.lipschitz.study import Study, out_of_bounds
 from obsdesign.families.lipschitz.suprema import cancels
-from obsdesign.lmi.formula import Array, printed
+from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.lmi.formula import Array
 from obsdesign.lmi.solve import Answer, Status
 
 CANCELS = (
@@ -44,15 +45,15 @@ class Level:
         return max(round_down(self.gamma * (1 + slack), 6), round_up(self.gamma, 6))
 
 
-def least_gamma(study: Study) -> LipschitzDesign:
+def least_gamma(study: Study) -> Outcome:
     """Design for the least gamma within the bounds."""
     family = study.attenuation(float(study.declared))
     limit = limit_of(study, family)
-    limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "widened": widened(study)}
+    limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "beyond": widened(study)}
     if study.restricted:
         answer = settled(study.engine, family, within(study.engine, family, study.bounds))
         if out_of_bounds(answer):
-            return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
+            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         if answer.status is not Status.OPTIMAL:
             raise UndecidedError(f"the least gamma within the bounds was not found: {answer.reason}")
         limit = level_of(answer, limit.instead)
@@ -60,13 +61,13 @@ def least_gamma(study: Study) -> LipschitzDesign:
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if asked < limit.gamma:
         reason = out_of_reach(asked, limit.gamma, float(study.declared))
-        return LipschitzDesign("infeasible", diagnosis=reason, **limits)
+        return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
     target = min(limit.target(study.slack), asked)
-    made = study.first(small_gains(study, family, study.declared, target))
-    if not made.gains:
+    L, claim = study.first(small_gains(study, family, study.declared, target))
+    if L is None:
         raise UndecidedError(f"no gain was found for gamma = {target:g}")
     notes = (CANCELS,) if limit.instead and cancels(study.unit.plant) else ()
-    return replace(made, admissible=more(study, printed(made.gains["L"]), made.proved), notes=notes, **limits)
+    return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
 
 
 def limit_of(study: Study, family: Lipschitz) -> Level:
@@ -103,14 +104,14 @@ def level_of(answer: Answer, instead: float | None) -> Level:
     return Level(0.0, instead) if instead and gamma < SHARE * instead else Level(gamma)
 
 
-def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Proved | None]]:
+def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
     """Gains of small norm that reach a gamma in a family, in more and more digits, and their proofs."""
     values = smallest(study.engine, family, gamma, study.bounds)
     for L1 in rounded_gains(values, study.bounds) if values else ():
         yield -L1, study.proved(-L1, constant, gamma, values)
 
 
-def widened(study: Study) -> dict[str, float]:
+def widened(study: Study) -> dict[str, Any]:
     """Least gamma over all constants from the declared one on, and its constant; where Theorem 3 is not monotone."""
     if study.relaxation != "abbaszadeh":
         return {}
@@ -119,4 +120,4 @@ def widened(study: Study) -> dict[str, float]:
     if answer.status is not Status.OPTIMAL:
         return {}
     constant = study.constant_of(answer.values["xi"].item())
-    return {"lipschitz": constant, "gamma": math.sqrt(max(answer.objective, 0.0))}
+    return {"widened": {"lipschitz": constant, "gamma": math.sqrt(max(answer.objective, 0.0))}}

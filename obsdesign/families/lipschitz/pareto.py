@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import size_of
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
 from obsdesign.errors import UndecidedError
+from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.front import Front, Optimum, front, weighted
 from obsdesign.families.lipschitz.min_gamma import small_gains
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
 from obsdesign.families.lipschitz.reasons import too_small
 from obsdesign.families.lipschitz.study import Study
+from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.solve import Status
 
@@ -63,23 +64,23 @@ def visible(front: Front, constant: fmpq, gamma: float) -> float:
     return gamma if gamma > ROUNDED * reference else round_down(SHARE * reference, 6)
 
 
-def weighed(study: Study) -> LipschitzDesign:
+def weighed(study: Study) -> Outcome:
     """Design for one weight: the limit over all gains, the one within the bounds, a small gain and its proof."""
     weight = float(study.weight)
     best = certain(front(study, Bounds()).optimum(weight), weight)
     limits: dict[str, Any] = {"limit": best.numbers}
-    searched = front(study, study.bounds)
+    inner = front(study, study.bounds)
     if study.restricted:
-        inside = searched.optimum(weight)
+        inside = inner.optimum(weight)
         if inside is Status.INFEASIBLE:
-            return LipschitzDesign("infeasible", diagnosis=too_small(study.bounds), **limits)
+            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         best = certain(inside, weight)
         limits["limit_bounded"] = {**best.numbers, "attained": study.closed}
-    aim = goal(searched, best)
-    made = study.first(small_gains(study, searched.family(float(aim.constant)), aim.constant, aim.gamma))
-    if not made.gains:
+    aim = goal(inner, best)
+    L, claim = study.first(small_gains(study, inner.family(float(aim.constant)), aim.constant, aim.gamma))
+    if L is None:
         raise UndecidedError(f"no gain was found for lipschitz = {float(aim.constant):g} and gamma = {aim.gamma:g}")
-    return replace(made, notes=arbitrary(weight), **limits)
+    return study.outcome(L, claim, notes=arbitrary(weight), **limits)
 
 
 def certain(found: Optimum | Status, weight: float) -> Optimum:
@@ -113,7 +114,7 @@ class Spot:
     decay: float
     optimum: Optimum | Status = Status.INFEASIBLE
     L: Array | None = None  # in rationals
-    proved: Proved | None = None
+    proved: Claim | None = None
     corner: bool = False
 
     def point(self, norm: Bounds) -> dict[str, Any]:
@@ -130,20 +131,20 @@ class Spot:
         return {**known, "certified": {**claimed, "L": size_of(in_floats(self.L), norm)}}
 
 
-def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> LipschitzDesign:
+def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Outcome:
     """Certified points for weights and decays; the knee of the curve at the least decay that has one is shipped."""
     if len(decays) == 1:
         blocked = study.obstacle()
         if blocked:
-            return LipschitzDesign("infeasible", diagnosis=blocked)
+            return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
     curves = []
     for i, decay in enumerate(decays):
         study.engine.report(i / len(decays), f"decay = {float(decay):.4g}")
         curves.append(list(curve(replace(study, unit=replace(study.unit, alpha=decay)), weights)))
-    points = tuple(spot.point(study.bounds) for spots in curves for spot in spots)
+    search = searched(study, [spot.point(study.bounds) for spots in curves for spot in spots])
     candidates = next((spots for spots in curves if any(spot.proved for spot in spots)), [])
     if not candidates:
-        return replace(absent(study, curves), points=points)
+        return replace(absent(study, curves), search=search)
     best = knee(candidates)
     assert isinstance(best.optimum, Optimum)
     assert best.L is not None
@@ -151,10 +152,16 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Li
         f"shipped: the knee of the curve at the decay {best.decay:g}, weight {best.weight:g}, where gamma over the "
         "largest of the curve and the least lipschitz of the curve over lipschitz have the least sum"
     )
-    return LipschitzDesign.of(best.L, best.proved, limit=best.optimum.numbers, points=points, notes=(note,))
+    return study.outcome(best.L, best.proved, limit=best.optimum.numbers, search=search, notes=(note,))
 
 
-def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> LipschitzDesign:
+def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
+    """Points over the weight, over the decay, or over both."""
+    ranges = tuple(key for key in ("weight", "decay") if isinstance(getattr(study.request, key), Range))
+    return Search(ranges[0], tuple(points), ranges if len(ranges) > 1 else ())
+
+
+def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
     """Answer that no point has a solution.
 
     Raises
@@ -165,7 +172,7 @@ def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> LipschitzDesign:
     if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
     blocked = study.obstacle()
-    return LipschitzDesign("infeasible", diagnosis=blocked or too_small(study.bounds))
+    return Outcome(Verdict.INFEASIBLE, diagnosis=blocked or too_small(study.bounds))
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
@@ -215,7 +222,7 @@ def knee(spots: Sequence[Spot]) -> Spot:
     gamma = max(float(proved.certificate.gamma) for _, proved in known)
     constant = min(float(proved.lipschitz) for _, proved in known)
 
-    def cost(proved: Proved) -> float:
+    def cost(proved: Claim) -> float:
         return float(proved.certificate.gamma) / gamma + constant / float(proved.lipschitz)
 
     return min(known, key=lambda pair: cost(pair[1]))[0]

@@ -12,7 +12,8 @@ from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, seen, theorem2
-from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reasons import described
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
 from obsdesign.model.structure import decay_limit, undetectable

@@ -29,7 +29,7 @@ from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.forms import ENTRY, MATRIX, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
-from obsdesign.spec import Nonlinearity
+from obsdesign.spec import Nonlinearity, Spec
 
 ZERO = fmpq(0)
 UNSTRUCTURED = ("norm-bound", "abbaszadeh", "compare")
@@ -225,3 +225,9 @@ def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: Estima
 def is_identity(M: Array) -> bool:
     """Whether a matrix is the identity."""
     return M.shape[0] == M.shape[1] and bool((rational(np.eye(len(M))) == M).all())
+
+
+def request_of(spec: Spec) -> LipschitzRequest:
+    """What a spec of this family asks for."""
+    assert isinstance(spec.observer, LipschitzRequest)
+    return spec.observer

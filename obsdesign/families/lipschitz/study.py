@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from flint import fmpq
@@ -12,14 +12,13 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.lipschitz.claim import needed
+from obsdesign.families.lipschitz.claim import Claim, needed, within
 from obsdesign.families.lipschitz.closed_forms import norm_of
-from obsdesign.families.lipschitz.outcome import LipschitzDesign, Proved
 from obsdesign.families.lipschitz.reasons import gate
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
 from obsdesign.families.lipschitz.stretch import Stretch
-from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Answer, Status
@@ -101,7 +100,7 @@ class Study:
 
     def proved(
         self, L: Array, constant: fmpq, gamma: float | None = None, values: Values | None = None
-    ) -> Proved | None:
+    ) -> Claim | None:
         """Proof that a gain (in rationals) tolerates a constant, with a gamma; None if there is none.
 
         Parameters
@@ -119,7 +118,7 @@ class Study:
         else:
             found = self.at_once(family, gamma, values) if values else None
             certificate = found or claim(self.engine, family, gamma)
-        return Proved(constant, certificate) if certificate and certificate.holds else None
+        return Claim(constant, certificate) if certificate and certificate.holds else None
 
     def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
         """Proof by the storage function of a solution and the scales that go with it."""
@@ -142,14 +141,18 @@ class Study:
         scale = np.linalg.norm(values["P"], 2) * into**2 / whole if whole else 1.0
         return {name: np.array([[scale]]) for name in names}
 
-    def first(self, candidates: Iterable[tuple[Array, Proved | None]]) -> LipschitzDesign:
-        """The first gain with a proof; or else the last one, uncertified."""
-        made = LipschitzDesign("uncertified")
-        for L, proved in candidates:
-            made = LipschitzDesign.of(L, proved)
-            if proved:
+    def first(self, candidates: Iterable[tuple[Array, Claim | None]]) -> tuple[Array | None, Claim | None]:
+        """The first gain with a proof; or else the last one, without."""
+        found: tuple[Array | None, Claim | None] = (None, None)
+        for found in candidates:
+            if found[1]:
                 break
-        return made
+        return found
+
+    def outcome(self, L: Array, claim: Claim | None, **further: Any) -> Outcome:
+        """Outcome for a gain, in rationals, with a proof or without."""
+        held = replace(claim, bound=within(self.request, L)) if claim else None
+        return Outcome(Verdict.CERTIFIED if held else Verdict.UNCERTIFIED, {"L": in_floats(L)}, held, **further)
 
 
 def out_of_bounds(answer: Answer) -> bool:

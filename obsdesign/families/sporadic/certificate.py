@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from flint import arb, fmpq
@@ -9,6 +10,8 @@ from flint import arb, fmpq
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic
+from obsdesign.files.text import checks as listed
+from obsdesign.files.text import rows, written
 from obsdesign.lmi.formula import Array, Exact, Values, approximate, in_floats, rational
 from obsdesign.lmi.proof import Check, prove
 from obsdesign.model import loop
@@ -57,6 +60,16 @@ class SporadicCertificate:
     def holds(self) -> bool:
         """Whether the guarantee is proved."""
         return all(check.holds for check in self.checks)
+
+    def written(self) -> dict[str, Any]:
+        """Witness and checks, as a result file holds them."""
+        return {
+            "kind": "exact",
+            "P1": rows(self.P1),
+            "P2": rows(self.P2),
+            "multipliers": {name: written(value) for name, value in self.multipliers.items()},
+            "checks": listed(self.checks),
+        }
 
     @property
     def constants(self) -> SporadicConstants:

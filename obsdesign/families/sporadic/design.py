@@ -7,7 +7,7 @@ digits, and the guarantee is proved for the rounded ones, with a delta of its ow
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,10 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.sporadic import scan
 from obsdesign.families.sporadic.certificate import SporadicCertificate
+from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
 from obsdesign.families.sporadic.landscape import STEEPER
 from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
@@ -36,24 +37,6 @@ REFINEMENTS = 3  # bisections between the two
 LONGER = 10.0  # largest T2 that is tried for given gains, relative to the one that is asked for
 
 
-@dataclass(frozen=True)
-class SporadicDesign:
-    """Outcome of a request: certified or uncertified gains, or why there are none."""
-
-    status: str  # certified | uncertified | infeasible
-    gains: dict[str, Array] = field(default_factory=dict)  # L and H: doubles, to be read as the decimals they print
-    certificate: SporadicCertificate | None = None
-    limit: dict[str, Any] = field(default_factory=dict)
-    limit_bounded: dict[str, Any] = field(default_factory=dict)
-    longest: SporadicCertificate | None = None  # for the largest T2 that given gains are proved to tolerate
-    curves: tuple[dict[str, Any], ...] = ()  # injection, relaxation, points
-    diagnosis: Diagnosis = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    counts: dict[str, dict[str, int]] = field(default_factory=dict)  # scalar unknowns of each scheme
-    solves: int = 0
-    time_s: float = 0.0
-
-
 class Designer:
     """The steps of one design."""
 
@@ -68,28 +51,28 @@ class Designer:
         self.require()
         self.studies = [Study(self.setting, scheme, request) for scheme in self.schemes]
 
-    def outcome(self) -> SporadicDesign:
+    def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
         plant, multiplier = self.setting.plant, self.setting.multiplier
         T2, decay = float(self.T2.low), float(self.decay.low)
         blocked = hidden_mode(plant, multiplier, decay) or hiding_interval(plant, multiplier, decay, T2)
         if blocked:
-            return self.completed(SporadicDesign("infeasible", diagnosis=blocked))
+            return self.completed(Outcome(Verdict.INFEASIBLE, diagnosis=blocked))
         if self.request.gains:
             given = self.request.gains
             return self.completed(self.analysis((printed(given["L"]), printed(given["H"]))))
-        objectives: dict[str, Callable[[], SporadicDesign]] = {
+        objectives: dict[str, Callable[[], Outcome]] = {
             "max-T2": self.longest,
             "max-decay": self.fastest,
             "pareto": self.pareto,
         }
         return self.completed(objectives.get(self.request.objective, self.single)())
 
-    def completed(self, made: SporadicDesign) -> SporadicDesign:
+    def completed(self, made: Outcome) -> Outcome:
         """Add what every answer has."""
         family = self.setting.family(float(self.decay.low))
         counts = {f"{s.injection} {s.relaxation}": s.counts(family) for s in self.schemes}
-        return replace(made, notes=tuple(self.notes), counts=counts)
+        return replace(made, notes=tuple(self.notes), scalars=counts)
 
     # Gates
 
@@ -135,7 +118,7 @@ class Designer:
 
     # One T2 and one decay
 
-    def single(self) -> SporadicDesign:
+    def single(self) -> Outcome:
         """Least gamma, or feasibility, at the lowest T2 and decay that are asked for."""
         if isinstance(self.request.T2, Range) or isinstance(self.request.decay, Range):
             self.notes.append(
@@ -153,7 +136,7 @@ class Designer:
             )
         return self.shipped(made, {"gamma": made.gamma, "attained": False})
 
-    def shipped(self, made: Made, limit: dict[str, Any]) -> SporadicDesign:
+    def shipped(self, made: Made, limit: dict[str, Any]) -> Outcome:
         """Design of what was made.
 
         Raises
@@ -164,10 +147,10 @@ class Designer:
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
         bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True}
-        return SporadicDesign(
-            made.status,
+        return Outcome(
+            Verdict(made.status),
             in_doubles(made.gains),
-            made.certificate,
+            Claim(made.certificate) if made.certificate else None,
             limit=limit,
             limit_bounded=bounded,
             diagnosis=made.diagnosis,
@@ -177,7 +160,7 @@ class Designer:
         """Index of the least, the first if several are."""
         return min(range(len(found)), key=lambda i: size(found[i]))
 
-    def infeasible(self, study: Study, T2: float, decay: float) -> SporadicDesign:
+    def infeasible(self, study: Study, T2: float, decay: float) -> Outcome:
         """Answer that there are no gains, with what would be feasible."""
         self.engine.report(0.9, "diagnosis")
         if study.missing(T2, decay) < 0:
@@ -185,11 +168,11 @@ class Designer:
         largest = study.longest(SHORTER * T2, T2, decay)
         fastest = study.fastest(T2, SHORTER * decay, decay) if decay else None
         form = f"{study.scheme.relaxation} with injection {study.scheme.injection}"
-        return SporadicDesign("infeasible", diagnosis=too_long(T2, decay, largest, fastest, form))
+        return Outcome(Verdict.INFEASIBLE, diagnosis=too_long(T2, decay, largest, fastest, form))
 
     # Largest T2 or decay
 
-    def longest(self) -> SporadicDesign:
+    def longest(self) -> Outcome:
         """Largest T2, by what is missing for feasibility."""
         decay = float(self.decay.low)
         low, high = float(max(self.T2.low, self.request.T1)), float(self.T2.high)
@@ -207,7 +190,7 @@ class Designer:
             self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
         return made
 
-    def fastest(self) -> SporadicDesign:
+    def fastest(self) -> Outcome:
         """Largest decay, likewise."""
         T2 = printed(max(self.T2.low, self.request.T1))
         low, high = float(self.decay.low), float(self.decay.high)
@@ -226,7 +209,7 @@ class Designer:
         high: float,
         search: Callable[[Study, bool], float | None],
         place: Callable[[fmpq], tuple[fmpq, fmpq]],
-    ) -> SporadicDesign:
+    ) -> Outcome:
         """Design near the largest value that any of the schemes reaches."""
         reached = [search(study, False) for study in self.studies]
         best = self.best(reached, lambda value: -math.inf if value is None else -value)
@@ -244,7 +227,7 @@ class Designer:
                     "feasible": {},
                     "suggestion": "allow larger bounds",
                 }
-                return SporadicDesign("infeasible", diagnosis=diagnosis, **limits)
+                return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high}
         self.engine.report(0.8, "gains")
         found = study.at(*place(within_slack(limit, low, self.request.slack)))
@@ -252,7 +235,7 @@ class Designer:
             raise UndecidedError(f"solutions seem to end at {name} = {limit:g}, but no gains were found near it")
         return replace(self.shipped(found, {}), **{"limit_bounded": {}, **limits})
 
-    def blind(self) -> SporadicDesign | None:
+    def blind(self) -> Outcome | None:
         """L = 0 and H = 0 for the largest T2, where the error decays without any measurement; None if it does not."""
         T2, decay = printed(self.T2.high), printed(self.decay.low)
         nothing = (
@@ -267,11 +250,11 @@ class Designer:
             "the error decays at this rate without any measurement: T2 is unbounded, and no gain is needed"
         )
         limit = {"T2": float(T2), "attained": True, "unbounded": True}
-        return SporadicDesign("certified", in_doubles(nothing), certificate, limit)
+        return Outcome(Verdict.CERTIFIED, in_doubles(nothing), Claim(certificate), limit)
 
     # Curves
 
-    def pareto(self) -> SporadicDesign:
+    def pareto(self) -> Outcome:
         """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
         T2, decay = self.request.T2, self.request.decay
         if not isinstance(T2, Range) and not isinstance(decay, Range):
@@ -289,9 +272,9 @@ class Designer:
             made += [(study, point, m) for point, m in points if m.status == "certified"]
         if not made:
             return replace(
-                self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), curves=tuple(curves)
+                self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), search=searched(curves)
             )
-        return replace(self.farthest_point(made), curves=tuple(curves))
+        return replace(self.farthest_point(made), search=searched(curves))
 
     def curve(self, study: Study) -> list[tuple[Point, Made]]:
         """Points of one scheme over the range; above an infeasible one there is none."""
@@ -314,7 +297,7 @@ class Designer:
             lost = lost or points[-1][0]["status"] == "infeasible"
         return points
 
-    def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> SporadicDesign:
+    def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> Outcome:
         """Design for the farthest point with a gamma within the slack of the least."""
         least = min(m.gamma for _, _, m in made) * (1 + float(self.request.slack))
         near = [(study, point, m) for study, point, m in made if m.gamma <= least]
@@ -331,7 +314,7 @@ class Designer:
 
     # Analysis
 
-    def analysis(self, gains: Gains) -> SporadicDesign:
+    def analysis(self, gains: Gains) -> Outcome:
         """Certify given gains, for the least gamma that they achieve, and the T2 that they tolerate.
 
         For max-T2 and max-decay, within the slack of the largest value for which Theorem 2 has a solution.
@@ -348,16 +331,15 @@ class Designer:
         certificate = prove(self.setting, gains, T2, decay)
         if certificate is None:
             diagnosis = useless(float(T2), float(decay), tolerated)
-            return SporadicDesign("infeasible", in_doubles(gains), diagnosis=diagnosis)
+            return Outcome(Verdict.INFEASIBLE, in_doubles(gains), diagnosis=diagnosis)
         if not limit:
             _, gamma = self.studies[0].confirmed(float(T2), float(decay))
             limit = {"gamma": gamma} if math.isfinite(gamma) else {}
-        return SporadicDesign(
-            "certified" if certificate.holds else "uncertified",
+        return Outcome(
+            Verdict.CERTIFIED if certificate.holds else Verdict.UNCERTIFIED,
             in_doubles(gains),
-            certificate,
+            Claim(certificate, self.longest_proof(gains, tolerated or 0.0, decay)),
             limit={**limit, "attained": False},
-            longest=self.longest_proof(gains, tolerated or 0.0, decay),
         )
 
     def longest_proof(self, gains: Gains, edge: float, decay: fmpq) -> SporadicCertificate | None:
@@ -403,6 +385,12 @@ class Designer:
         return high if missing(high) < 0 else scan.edge(missing, low, high, EDGE * high)
 
 
+def searched(curves: Sequence[dict[str, Any]]) -> Search:
+    """Curves of a search over T2 or over the decay."""
+    points = curves[0]["points"]
+    return Search("decay" if "decay" in points[0] else "T2", tuple(points), curves=tuple(curves))
+
+
 def interval(value: fmpq | Range) -> Range:
     """Number as a range of itself."""
     return value if isinstance(value, Range) else Range(value, value)
@@ -415,7 +403,7 @@ def in_doubles(gains: Gains | None) -> dict[str, Array]:
 
 def design_sporadic(
     plant: Plant[Exact], multiplier: Multiplier, H: Array, request: SporadicRequest, engine: Engine
-) -> SporadicDesign:
+) -> Outcome:
     """Design, or analyze, an observer for sporadic measurements.
 
     Parameters

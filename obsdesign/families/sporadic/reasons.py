@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from obsdesign.families.reasons import Diagnosis, described
+from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reasons import described
 from obsdesign.lmi.formula import Array, Exact, in_floats
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import text

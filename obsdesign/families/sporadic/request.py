@@ -22,6 +22,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
+from obsdesign.spec import Spec
 
 INJECTIONS = {  # how the correction evolves between measurements, and its relaxations, the tightest first
     "dynamic": ("proposition-2", "proposition-3", "proposition-4"),
@@ -204,3 +205,9 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
     if steep and not section.gains and high < least * ABOVE and reader.clean(loc):
         reader.wrong(loc, f"{steep[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
     return delta if isinstance(delta, Range) else Range(low, high, points=1)
+
+
+def request_of(spec: Spec) -> SporadicRequest:
+    """What a spec of this family asks for."""
+    assert isinstance(spec.observer, SporadicRequest)
+    return spec.observer

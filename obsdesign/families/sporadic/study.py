@@ -10,7 +10,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.decimals import round_down
-from obsdesign.families.reasons import Diagnosis
+from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.gains import ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
 from obsdesign.families.sporadic.landscape import Form, Landscape

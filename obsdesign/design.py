@@ -1,0 +1,252 @@
+"""A design: an observer for a spec, with what is proved of it, as it is shown, saved, verified and simulated.
+
+A result file is read and proved anew here too: from the spec, the gains and the witness in it, with no solver.
+"""
+
+import datetime
+import html
+import json
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from obsdesign import __version__
+from obsdesign.families import FAMILIES
+from obsdesign.families.guarantee import Guarantee
+from obsdesign.families.outcome import Claim, Diagnosis, Outcome, Proof, Search, Verdict
+from obsdesign.files import ResultFile, digest, to_json, write_whole
+from obsdesign.lmi.formula import Array, approximate
+from obsdesign.reading import loads
+from obsdesign.spec import Spec
+
+if TYPE_CHECKING:
+    from obsdesign.simulate import HybridRun, Run
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Solver:
+    """What solved a problem, and how much of it that took."""
+
+    name: str
+    solves: int
+    time_s: float
+
+    def written(self) -> dict[str, Any]:
+        """Entry of a result file."""
+        vendor = "clarabel" if self.name == "clarabel" else "cvxpy"
+        return {"name": self.name, "version": version(vendor), "solves": self.solves, "time_s": round(self.time_s, 4)}
+
+
+@dataclass(frozen=True)
+class Design:
+    """Gains for the plant of a spec with what is proved of them, or why there are none.
+
+    Attributes
+    ----------
+    spec
+        The problem.
+    outcome
+        What came of it: status, gains, claim, limits, search, diagnosis.
+    solver
+        None of a design that was read from a file.
+    recorded
+        The file that it was read from.
+    """
+
+    spec: Spec
+    outcome: Outcome
+    solver: Solver | None = None
+    recorded: Mapping[str, Any] | None = None
+
+    @property
+    def status(self) -> Verdict:
+        """`certified`, `uncertified` or `infeasible`."""
+        return self.outcome.status
+
+    @property
+    def gains(self) -> dict[str, Array]:
+        """Gains by name, as doubles that print as the decimals that were proved; empty where there are none."""
+        return self.outcome.gains
+
+    @property
+    def claim(self) -> Claim | None:
+        """What was proved of the gains, or tried to be."""
+        return self.outcome.claim
+
+    @property
+    def limit(self) -> dict[str, Any]:
+        """Infimum or supremum of the objective over all gains, under the name of the quantity; numerical."""
+        return self.outcome.limit
+
+    @property
+    def limit_bounded(self) -> dict[str, Any]:
+        """The same within the bounds of the spec."""
+        return self.outcome.limit_bounded
+
+    @property
+    def search(self) -> Search | None:
+        """Points of a search: the curve of gamma against the decay rate, a trade-off over a weight, .."""
+        return self.outcome.search
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """Why there are no gains: `condition`, `reason`, `feasible`, `suggestion`; empty where there are some."""
+        return self.outcome.diagnosis
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know, in sentences."""
+        return (*self.spec.notes, *self.outcome.notes)
+
+    @property
+    def guarantee(self) -> Guarantee | None:
+        """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
+        proved = self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
+        return self.claim.guarantee(self.spec) if proved and self.claim else None
+
+    @cached_property
+    def result(self) -> Mapping[str, Any]:
+        """Result file as a dictionary: the one that was read, or the one that `save` writes."""
+        return self.written() if self.recorded is None else self.recorded
+
+    def written(self) -> dict[str, Any]:
+        """Everything about the design, as a result file holds it; numbers are finite."""
+        spec, made = self.spec, self.outcome
+        assert self.solver
+        entries: dict[str, Any] = {}
+        if observer := FAMILIES[spec.observer.type].written(spec, made):
+            entries["observer"] = {"type": spec.observer.type, **observer}
+        if made.claim:
+            entries |= made.claim.written(spec, made.limits())
+        elif made.limit:
+            entries["guarantee"] = made.limits()
+        return {
+            "obsdesign": FORMAT,
+            "name": spec.name,
+            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+            "status": str(made.status),
+            **entries,
+            **({"diagnosis": made.diagnosis} if made.diagnosis else {}),
+            **({"search": made.search.written()} if made.search else {}),
+            **({"notes": list(self.notes)} if self.notes else {}),
+            "solver": {**self.solver.written(), **({"scalars": made.scalars} if made.scalars else {})},
+            "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
+            "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the result file, whole or not at all.
+
+        Raises
+        ------
+        UsageError
+            The folder does not exist or may not be written.
+        """
+        write_whole(os.fspath(path), to_json(self.result).encode())
+
+    def verify(self) -> Proof:
+        """Prove the claim anew from what `save` writes, in rationals and with no solver.
+
+        Raises
+        ------
+        UsageError
+            The design claims nothing that could be proved.
+        """
+        name = f"{self.spec.name or 'design'}.gains.json"
+        return proof_of(ResultFile(name, to_json(self.result).encode()), self.spec)
+
+    def simulate(self) -> "Run | HybridRun":
+        """Run plant and observer, and hold the run against every bound of the guarantee.
+
+        Raises
+        ------
+        UsageError
+            There are no gains, or a nonlinearity has no f.
+        """
+        from obsdesign.simulate import simulate
+
+        return simulate(self.spec, self.gains, self.guarantee)
+
+    def table(self) -> list[tuple[str, str]]:
+        """What an engineer wants to know of it, as rows of a name and a text."""
+        from obsdesign.tables.design import design_rows
+
+        return design_rows(self.result)
+
+    def __str__(self) -> str:
+        from obsdesign.tables.text import aligned
+
+        return aligned(self.table())
+
+    def _repr_html_(self) -> str:
+        """Table of the design for a notebook."""
+        rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>" for name, text in self.table())
+        return f"<table>{''.join(rows)}</table>"
+
+
+def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
+    """Design of a result file; a claim of one that says it is certified is proved anew.
+
+    Raises
+    ------
+    UsageError
+        The file is malformed, has no gains, or belongs to another spec.
+    """
+    spec = spec_of(file, spec)
+    family, status = FAMILIES[spec.observer.type], file.at("status")
+    if status == Verdict.INFEASIBLE:
+        raise file.wrong("status", "infeasible: this result has no gains")
+    gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
+    claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
+    verdict = Verdict.CERTIFIED if claim and claim.holds else Verdict.UNCERTIFIED
+    return Design(spec, Outcome(verdict, gains, claim), recorded=json.loads(file.raw))
+
+
+def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
+    """Spec that travels in a file, which must be the one that is given, if one is.
+
+    Raises
+    ------
+    UsageError
+        The file belongs to another spec, or its spec was altered or is not valid.
+    """
+    text = file.spec_text()
+    if spec is None:
+        return loads(text, f"{file.path} (spec.text)")
+    if spec.text != text:
+        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    return spec
+
+
+def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
+    """Prove the claim of a result file: its guarantee, or that there is no solution.
+
+    Raises
+    ------
+    UsageError
+        The file claims nothing that can be proved, is malformed, or belongs to another spec.
+    """
+    spec = spec_of(file, spec)
+    family, status = FAMILIES[spec.observer.type], file.at("status")
+    if status == Verdict.INFEASIBLE:
+        return family.absence(spec, file)
+    if status != Verdict.CERTIFIED:
+        raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
+    claim = family.claim(spec, file)
+    return Proof(claim.headline(spec), claim.checks)
+
+
+def doubles(file: ResultFile, name: str, gain: Array) -> Array:
+    """Gain in doubles."""
+    found = np.vectorize(approximate, otypes=[float])(gain)
+    if not np.isfinite(found).all():
+        raise file.wrong(f"observer.{name}", "beyond the range of doubles")
+    return np.asarray(found)

@@ -1,0 +1,54 @@
+"""What the structure of a spec allows, or rules out, before any design."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from obsdesign.lmi.formula import Array, Float
+from obsdesign.model.plant import Plant
+from obsdesign.model.structure import decay_limit, undetectable
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One finding, with the numbers that belong to it."""
+
+    name: str
+    holds: bool
+    decides: bool  # whether a failure rules every gain out
+    sentence: str
+    numbers: Mapping[str, Any]
+
+    @property
+    def stands(self) -> bool:
+        """Whether it leaves room for a design."""
+        return self.holds or not self.decides
+
+    def written(self) -> dict[str, Any]:
+        """Entry of a report."""
+        said = {"name": self.name, "holds": self.holds, "decides": self.decides, "sentence": self.sentence}
+        return {**said, **self.numbers}
+
+
+def finding(name: str, holds: bool, sentence: str, *, decides: bool = False, **numbers: Any) -> Finding:
+    """One finding."""
+    return Finding(name, bool(holds), bool(decides), sentence, numbers)
+
+
+def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list[Finding]:
+    """Modes that no output shows, and the decay rate that they leave."""
+    limit = decay_limit(plant, K)
+    found = [
+        finding("detectability", False, mode.sentence, decides=True, eigenvalue=complex_pair(mode.eigenvalue))
+        for mode in undetectable(plant, K, rate)
+    ] or [finding("detectability", True, f"no hidden mode is slower than {name} = {rate:g}", decides=True)]
+    if isfinite(limit):
+        said = f"detectability limits {name} to {limit + 0.0:g}"
+        found.append(finding("decay", limit > rate, said, decides=True, limit=limit))
+    return found
+
+
+def complex_pair(value: complex) -> list[float]:
+    """[real, imaginary]."""
+    return [float(value.real), float(value.imag)]

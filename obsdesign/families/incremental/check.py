@@ -1,0 +1,77 @@
+"""What a spec allows an observer with the gains L1 and L2."""
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.families.finding import Finding, complex_pair, detectability, finding
+from obsdesign.families.incremental.request import request_of
+from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
+from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.lmi.formula import in_floats
+from obsdesign.model.loop import well_posed
+from obsdesign.model.pencil import invariant_zeros
+from obsdesign.model.structure import accuracy, condition1, linear
+from obsdesign.spec import Spec
+
+
+def check(spec: Spec) -> list[Finding]:
+    """Detectability, Condition 1, zeros, arbitrary accuracy and loops."""
+    plant, multiplier = spec.plant.doubles, in_floats(spec.multiplier)
+    augmented = spec.augmented.doubles
+    K = multiplier.member
+    alpha = request_of(spec).alpha
+    findings = detectability(augmented, K, float(alpha.low if isinstance(alpha, Range) else alpha), "alpha")
+    nf = plant.Bf.shape[1]
+    findings += [
+        finding("condition 1", test.holds, test.sentence, eigenvalue=complex_pair(test.eigenvalue))
+        for test in condition1(plant, in_floats(spec.generator.Am))
+    ]
+    for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
+        zeros = invariant_zeros(system)
+        findings.append(
+            finding(
+                f"zeros, {name}",
+                zeros.left_invertible,
+                f"{name}: {zeros.sentence}",
+                zeros=[complex_pair(z) for z in zeros.values],
+                normal_rank=zeros.normal_rank,
+            )
+        )
+    findings += [*slopes(spec, alpha.low if isinstance(alpha, Range) else alpha), *attainable(spec)]
+    loops = {"plant": augmented.Dqf}
+    request = request_of(spec)
+    L2 = request.gains["L2"] if request.gains else request.L2
+    if L2 is not None:
+        loops["observer"] = augmented.Dqf + in_floats(L2) @ augmented.Df
+    for name, D in loops.items():
+        verdict = well_posed(D, multiplier)
+        findings.append(finding(f"loop of the {name}", verdict.unique, f"{name}: {verdict.sentence}"))
+    return findings
+
+
+def slopes(spec: Spec, alpha: fmpq) -> list[Finding]:
+    """What nonlinearities without an upper slope bound rule out."""
+    request = request_of(spec)
+    gain = request.gains["L2"] if request.gains else request.L2
+    family = in_floats(THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
+    answer = too_stiff(family) or failing_passivity(spec, family)
+    return [finding(answer["condition"], False, answer["reason"], decides=True)] if answer else []
+
+
+def attainable(spec: Spec) -> list[Finding]:
+    """What any gamma > 0 needs (Theorem 2, Lemma 5), slopes without a bound, and what the reconstruction of w needs."""
+    augmented, B = spec.augmented.doubles, spec.plant.doubles.B
+    request, found = request_of(spec), []
+    gain = request.gains["L2"] if request.gains else request.L2
+    if augmented.B.shape[1]:
+        tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)
+        found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers) for t in tests]
+        reached = all(test.holds for test in tests)
+        said = "the conditions for any gamma > 0 hold" if reached else "Theorem 2 does not give any gamma > 0 here"
+        found.append(finding("any accuracy", reached, said))
+    if B.shape[1]:
+        rank = int(np.linalg.matrix_rank(B))
+        said = f"B has rank {rank} of {B.shape[1]}, which `reconstruct: w` needs to be full"
+        found.append(finding("rank B", rank == B.shape[1], said, decides=request.reconstruct, rank=rank))
+    return found

@@ -1,0 +1,159 @@
+"""Claims of observers with the gains L1 and L2 (families l2 and linf), as a file holds them and as it is read."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.figures import figures
+from obsdesign.dissipation.guarantee import Quadratic
+from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families.incremental.linf import Linf
+from obsdesign.families.incremental.reconstructed import Reconstructed, inapplicable, prove_slope, reconstructed
+from obsdesign.families.incremental.reconstruction import SLOPE, levels, slopes
+from obsdesign.families.incremental.request import Request, request_of
+from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.outcome import Outcome
+from obsdesign.files.read import ResultFile
+from obsdesign.lmi.formula import Array, approximate
+from obsdesign.lmi.proof import Check
+from obsdesign.spec import Spec
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Gains reach a level gamma at a decay rate; and |what - w| is bounded, where that is asked for."""
+
+    certificate: Certificate
+    reconstruction: Reconstructed | None = None
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every condition, those of the bound on the reconstruction of w included."""
+        return (*self.certificate.checks, *(self.reconstruction.conditions() if self.reconstruction else ()))
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is proved."""
+        return all(check.holds for check in self.checks)
+
+    def guarantee(self, spec: Spec) -> Quadratic:  # noqa: ARG002
+        """Guarantee in doubles."""
+        bound = self.reconstruction.bound if self.reconstruction else None
+        return replace(self.certificate.guarantee, reconstruction=bound)
+
+    def headline(self, spec: Spec) -> str:
+        """Claim in one line."""
+        g = self.certificate.guarantee
+        return f"gamma {g.gamma:g}, {THEOREMS[spec.observer.type].meaning}; decay rate {g.alpha:g} 1/s"
+
+    def statement(self, spec: Spec) -> str:
+        """Guarantee of the family in words, and where it holds."""
+        g = self.certificate.guarantee
+        said = THEOREMS[spec.observer.type].statement(g.gamma, g.alpha)
+        bound = self.reconstruction.bound if self.reconstruction else None
+        if bound:
+            rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""
+            constants = f"{bound.w!r} sup|w| + {bound.w_rate!r} sup|w'|{rest}"
+            said += f"; limsup |what - w| <= {constants}, what = pinv(B) L1 (yhat - y)"
+        return f"{said}; local: {spec.validity}" if spec.validity else said
+
+    def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
+        """What is proved and the limit it is near to, and the witness."""
+        g = self.certificate.guarantee
+        guarantee = {"gamma": g.gamma, "alpha": g.alpha, "mu1": g.mu1, "mu2": g.mu2, **limits}
+        certificate = self.certificate.written()
+        if self.reconstruction:
+            bound = self.reconstruction.bound
+            guarantee["reconstruction"] = {"w": bound.w, "w_rate": bound.w_rate, "x_rate": bound.x_rate}
+            certificate["reconstruction"] = self.reconstruction.written()
+        return {"guarantee": {**guarantee, "statement": self.statement(spec)}, "certificate": certificate}
+
+
+def read(spec: Spec, file: ResultFile) -> Claim:
+    """Claim of a file, checked: the guarantee, and the bound on the reconstruction of w if one is claimed."""
+    gains = read_gains(spec, file)
+    require_request(spec, file, gains)
+    kind = THEOREMS[spec.observer.type]
+    family = kind(spec.augmented, spec.multiplier, spec.H, file.number("guarantee", "alpha"), gains["L1"], gains["L2"])
+    request = request_of(spec)
+    largest = None if request.gains else request.bounds.P
+    claim = Claim(read_certificate(file, family, ("guarantee",), ("certificate",), largest))
+    if "reconstruction" in file.table("guarantee"):
+        claim = replace(claim, reconstruction=read_reconstruction(spec, file, family))
+    if file.at("guarantee", "statement") != claim.statement(spec):
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+    return claim
+
+
+def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
+    """Exact gains of a file."""
+    plant = spec.augmented
+    shapes = {"L1": (plant.n, len(plant.C)), "L2": (len(plant.Cq), len(plant.C))}
+    return {name: file.matrix(shape, "observer", name) for name, shape in shapes.items()}
+
+
+def read_certificate(
+    file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str], largest: fmpq | None = None
+) -> Certificate:
+    """Certificate of a claim (gamma, mu1, mu2) by a witness (P, multipliers), checked."""
+    n = family.plant.n
+    values = {"P": file.matrix((n, n), *witness, "P")}
+    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
+    return certify(family, gamma, mu1, mu2, values, largest)
+
+
+def read_reconstruction(spec: Spec, file: ResultFile, family: Incremental) -> Reconstructed:
+    """Bound on |what - w|, with its levels and slopes checked."""
+    root = ("certificate", "reconstruction")
+    if not spec.observer.reconstruct or not isinstance(family, Linf):
+        raise file.wrong("guarantee.reconstruction", "the spec does not ask for it")
+    proofs = {}
+    for name, slope in slopes(family.multiplier).items() if family.plant.Bf.shape[1] else ():
+        values = file.unknowns(slope.unknowns, *root, "slopes", name, "values")
+        proofs[name] = prove_slope(slope, file.number(*root, "slopes", name, "bound"), values)
+    reason = inapplicable(spec, proofs[SLOPE].bound if proofs else None)
+    if reason:
+        raise file.wrong("guarantee.reconstruction", reason)
+    certificates = {}
+    for name, level in levels(family).items():
+        path = (*root, "levels", name)
+        certificates[name] = read_certificate(file, replace(level, alpha=file.number(*path, "alpha")), path, path)
+    c_w, c_w_rate, c_x_rate = (file.number("guarantee", "reconstruction", key) for key in ("w", "w_rate", "x_rate"))
+    return reconstructed(family, certificates, proofs, (c_w, c_w_rate, c_x_rate))
+
+
+def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) -> None:
+    """Hold the claim against what the spec asks: the family, alpha, given gains, the statement."""
+    request = request_of(spec).printed()
+    if file.at("observer", "type") != request.type:
+        raise file.wrong("observer.type", f"the spec asks for {request.type}")
+    alpha, gamma = file.number("guarantee", "alpha"), file.number("guarantee", "gamma")
+    require_alpha(file, request, alpha, "guarantee.alpha")
+    given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
+    for name, found in gains.items():
+        if name in given and (given[name] != found).any():
+            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
+    if not math.isfinite(approximate(gamma)):
+        raise file.wrong("guarantee.gamma", "beyond the range of doubles")
+
+
+def require_alpha(file: ResultFile, request: Request, alpha: fmpq, key: str) -> None:
+    """Hold a decay rate against the number or the range that the spec asks for."""
+    low, high = (request.alpha.low, request.alpha.high) if isinstance(request.alpha, Range) else (request.alpha,) * 2
+    if not low <= alpha <= high:
+        raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for")
+
+
+def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
+    """Entry `observer` of a result file: gains, and figures of the linear error dynamics."""
+    if not outcome.gains:
+        return {}
+    P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
+    L1, L2 = outcome.gains["L1"], outcome.gains["L2"]
+    return {"L1": L1.tolist(), "L2": L2.tolist(), **figures(spec.augmented.doubles, L1, P)}

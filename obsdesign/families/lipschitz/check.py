@@ -1,0 +1,64 @@
+"""What a spec allows an observer of a Lipschitz system."""
+
+from math import isfinite
+
+import numpy as np
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.engine import Engine
+from obsdesign.errors import UndecidedError
+from obsdesign.families.finding import Finding, detectability, finding
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, proportions
+from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
+from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
+from obsdesign.lmi.formula import in_floats
+from obsdesign.spec import Spec
+
+
+def check(spec: Spec, engine: Engine) -> list[Finding]:
+    """Detectability at the decay that is asked for, constants that no gain can exceed, sigma(H), and L D = B."""
+    request = request_of(spec)
+    decay = request.decay.low if isinstance(request.decay, Range) else request.decay
+    plant, K = spec.augmented.doubles, in_floats(spec.multiplier.member)
+    found = detectability(plant, K, float(decay), "decay")
+    unit = Lipschitz.of(spec.augmented, spec.multiplier, proportions(request.lipschitz), spec.H, decay)
+    most = ceiling(unit) if all(f.holds for f in found) else None
+    levels = request.objective != "max-lipschitz"
+    if most is not None:
+        declared = float(max(request.lipschitz))
+        below = declared < most
+        said = f"a linear f of the constant {most:.6g} hides a mode, and the declared one is {declared:g}"
+        found.append(finding("ceiling", below, said, decides=levels, ceiling=most))
+    if all(f.stands for f in found):
+        found += suprema(engine, unit, request)
+    return [*found, *(attenuation(spec, request) if plant.B.shape[1] else [])]
+
+
+def suprema(engine: Engine, unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:
+    """Suprema of the constants for which each relaxation has a gain, and a gamma where that is asked for."""
+    declared, found = float(max(request.lipschitz)), []
+    levels = request.objective != "max-lipschitz"
+    asked = RELAXATIONS[0] if request.relaxation == "compare" else request.relaxation
+    for relaxation in RELAXATIONS:
+        try:
+            most = (largest_for_gamma if levels else largest_constant)(engine, unit, relaxation).value
+        except UndecidedError:
+            continue
+        bound, numbers = (f"below {most:.8g}", {"supremum": most}) if isfinite(most) else ("of any size", {})
+        said = f"{relaxation}: there are gains for constants {bound}, and the declared one is {declared:g}"
+        decides = levels and relaxation == asked
+        found.append(finding(f"supremum, {relaxation}", declared < most, said, decides=decides, **numbers))
+    return found
+
+
+def attenuation(spec: Spec, request: LipschitzRequest) -> list[Finding]:
+    """What Theorems 3 and 4 need of H, and whether a finite gain keeps w from the error."""
+    size = float(np.linalg.norm(in_floats(spec.H), 2))
+    needed = request.relaxation == "abbaszadeh" and request.objective != "max-lipschitz"
+    said = f"sigma(H) = {size:.6g}, and Theorems 3 and 4 (relaxation abbaszadeh) need it to be below 1"
+    free = cancels(spec.augmented)
+    exact = "and gamma = 0 is possible with that gain if it also converges" if free else "so that gamma > 0"
+    return [
+        finding("sigma(H)", size < 1, said, decides=needed, sigma=size),
+        finding("L D = B", free, f"L D = B has {'a' if free else 'no'} solution L, {exact}"),
+    ]

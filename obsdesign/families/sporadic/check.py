@@ -1,0 +1,21 @@
+"""What a spec allows an observer whose measurements arrive sporadically."""
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.families.finding import Finding, detectability, finding
+from obsdesign.families.sporadic.reasons import hiding_interval
+from obsdesign.families.sporadic.request import request_of
+from obsdesign.lmi.formula import in_floats
+from obsdesign.spec import Spec
+
+
+def check(spec: Spec) -> list[Finding]:
+    """Detectability at the decay that is asked for, and intervals that hide modes."""
+    request = request_of(spec)
+    plant, multiplier = spec.augmented, spec.multiplier
+    decay, T2 = (float(v.low if isinstance(v, Range) else v) for v in (request.decay, request.T2))
+    hiding = hiding_interval(plant, multiplier, decay, max(T2, float(request.T1)))
+    seen = f"no interval up to T2 = {T2:g} hides the difference of two modes"
+    return [
+        *detectability(plant.doubles, in_floats(multiplier.member), decay, "lambda_t"),
+        finding("sampling", not hiding, hiding.get("reason", seen), decides=True),
+    ]

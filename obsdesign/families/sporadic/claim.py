@@ -1,0 +1,144 @@
+"""Claims of observers whose measurements arrive sporadically, as a file holds them and as it is read."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.dissipation.bounds import Range
+from obsdesign.families.outcome import Outcome
+from obsdesign.families.sporadic.certificate import LARGEST_EXPONENT, MEANING, SporadicCertificate, certify_sporadic
+from obsdesign.families.sporadic.figures import figures
+from obsdesign.families.sporadic.guarantee import SporadicGuarantee
+from obsdesign.families.sporadic.request import SporadicRequest, request_of
+from obsdesign.files.read import ResultFile
+from obsdesign.lmi.formula import Array, approximate, printed, rational_number
+from obsdesign.lmi.proof import Check
+from obsdesign.spec import Spec
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Gains reach a level gamma at a decay rate for every sequence of measurements that are T1 to T2 apart."""
+
+    certificate: SporadicCertificate
+    longest: SporadicCertificate | None = None  # for the largest T2 that given gains are proved to tolerate
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every condition, those of the longest T2 included."""
+        more = self.longest.checks if self.longest else ()
+        return (*self.certificate.checks, *(replace(check, name=f"T2_max: {check.name}") for check in more))
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is proved."""
+        return all(check.holds for check in self.checks)
+
+    def guarantee(self, spec: Spec) -> SporadicGuarantee:  # noqa: ARG002
+        """Guarantee in doubles."""
+        return self.certificate.guarantee
+
+    def headline(self, spec: Spec) -> str:  # noqa: ARG002
+        """Claim in one line."""
+        g = self.certificate.guarantee
+        return f"gamma {g.gamma:g}, {MEANING}; decay rate {g.decay:g} 1/s, intervals from {g.T1:g} to {g.T2:g} s"
+
+    def statement(self, spec: Spec) -> str:  # noqa: ARG002
+        """Guarantee in words, with the observer written out."""
+        return self.certificate.statement()
+
+    def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
+        """What is proved, the limit it is near to, and the witnesses."""
+        proof, longest = self.certificate, self.longest
+        certificate = proof.written()
+        if longest:
+            numbers = {key: approximate(getattr(longest, key)) for key in ("gamma", "mu")}
+            delta = approximate(longest.family.delta)
+            certificate["T2_max"] = {**numbers, "delta": delta, **longest.written()}
+        guarantee = {
+            **{key: value for key, value in asdict(proof.constants).items() if math.isfinite(value)},
+            "T1": approximate(proof.T1),
+            "T2": approximate(proof.T2),
+            **({"T2_max": approximate(longest.T2)} if longest else {}),
+            "mu": approximate(proof.mu),
+            **limits,
+            "statement": self.statement(spec),
+        }
+        return {"guarantee": guarantee, "certificate": certificate}
+
+
+def read(spec: Spec, file: ResultFile) -> Claim:
+    """Claim of a file, checked: of its intervals, and of the longest that is tolerated."""
+    gains = read_gains(spec, file)
+    asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
+    require_request(file, request_of(spec), gains, asked)
+    claim = Claim(read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",)))
+    if not claim.holds:
+        return claim
+    for key, value in asdict(claim.certificate.constants).items():
+        if math.isfinite(value) and file.number("guarantee", key) != rational_number(repr(value)):
+            raise file.wrong(f"guarantee.{key}", "does not follow from the certificate")
+    if file.at("guarantee", "statement") != claim.statement(spec):
+        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
+    if "T2_max" not in file.table("guarantee"):
+        return claim
+    root = ("certificate", "T2_max")
+    asked["T2"] = file.number("guarantee", "T2_max")
+    return replace(claim, longest=read_certificate(spec, file, gains, asked, root, (*root, "delta"), root))
+
+
+def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
+    """Exact gains of a file."""
+    n, ny = spec.augmented.n, len(spec.augmented.C)
+    return {name: file.matrix(shape, "observer", name) for name, shape in {"L": (n, ny), "H": (ny, ny)}.items()}
+
+
+def read_certificate(
+    spec: Spec,
+    file: ResultFile,
+    gains: Mapping[str, Array],
+    claim: Mapping[str, fmpq],
+    level: Sequence[str],
+    exponent: Sequence[str],
+    witness: Sequence[str],
+) -> SporadicCertificate:
+    """Certificate of a claim (T1, T2, decay), with gamma and mu, delta, and P1, P2 and multipliers where they stand."""
+    plant = spec.augmented
+    n, ny = plant.n, len(plant.C)
+    delta = file.number(*exponent)
+    if not 0 <= delta * claim["T2"] <= LARGEST_EXPONENT:
+        raise file.wrong(".".join(exponent), f"delta T2 is not between 0 and {LARGEST_EXPONENT}")
+    values = {"P1": file.matrix((n, n), *witness, "P1"), "P2": file.matrix((ny, ny), *witness, "P2")}
+    values |= file.unknowns(spec.multiplier.unknowns(), *witness, "multipliers")
+    gamma, mu = file.number(*level, "gamma"), file.number(*level, "mu")
+    intervals, pair = (claim["T1"], claim["T2"]), (gains["L"], gains["H"])
+    return certify_sporadic(plant, spec.multiplier, spec.H, pair, intervals, claim["decay"], delta, gamma, mu, values)
+
+
+def require_request(
+    file: ResultFile, request: SporadicRequest, gains: Mapping[str, Array], claim: Mapping[str, fmpq]
+) -> None:
+    """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains."""
+    if file.at("observer", "type") != request.type:
+        raise file.wrong("observer.type", f"the spec asks for {request.type}")
+    asked = {"T1": request.T1, "T2": request.T2, "decay": request.decay}
+    for name, value in asked.items():
+        low, high = (value.low, value.high) if isinstance(value, Range) else (value, value)
+        if not printed(low) <= claim[name] <= printed(high):
+            raise file.wrong(f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for")
+    for name in ("T1", "T2"):
+        if file.number("observer", name) != claim[name]:
+            raise file.wrong(f"observer.{name}", "differs from that of the guarantee")
+    for name, given in (request.gains or {}).items():
+        if (printed(given) != gains[name]).any():
+            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
+
+
+def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
+    """Entry `observer` of a result file: gains, their intervals, and how the error contracts over one."""
+    if not isinstance(outcome.claim, Claim):
+        return {}
+    return figures(spec, outcome.gains["L"], outcome.gains["H"], outcome.claim.certificate)
