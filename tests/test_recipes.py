@@ -51,7 +51,7 @@ def test_a_nonlinearity_with_data_is_read_and_designed_with():
     assert (block.type, block.nq, block.lipschitz) == ("banded 1/2", 1, ())
     assert (fmpq(1, 4) == spec.multiplier.blocks[0].M11).all()
     own, known = (solve(loads(of_type(text))) for text in ("{banded: 0.5}", "{lipschitz: 0.5}"))
-    assert (own.certificate.gamma, own.status) == (known.certificate.gamma, known.status)
+    assert (own.claim.certificate.gamma, own.status) == (known.claim.certificate.gamma, known.status)
 
 
 @pytest.mark.usefixtures("_a_nonlinearity")

@@ -22,7 +22,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.lipschitz.relaxations import Lipschitz, lipschitz_multiplier
-from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
+from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import largest_constant
 from obsdesign.lmi.formula import Array, in_floats, rational, rational_number
 from obsdesign.nonlinearities.evidence.constant import patient_norm
@@ -133,7 +133,7 @@ class StateFunction:
         if any(block.f is None for block in spec.nonlinearities):
             raise UsageError(f"{spec.path}: --scaling needs the f of every nonlinearity")
         J, box = whole(spec)
-        request = request_of(spec)
+        request = spec.observer
         decay, relaxation = fmpq(0), "s-procedure"
         if isinstance(request, LipschitzRequest):
             decay = request.decay.low if isinstance(request.decay, Scanned) else request.decay
