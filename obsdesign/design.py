@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign import __version__
+from obsdesign.errors import UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.outcome import Claim, Diagnosis, Outcome, Proof, Search, Verdict
 from obsdesign.files import ResultFile, digest, to_json, write_whole
 from obsdesign.lmi.formula import Array, approximate
-from obsdesign.reading import loads
+from obsdesign.reading import loads, with_simulation
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
@@ -163,17 +164,25 @@ class Design:
         name = f"{self.spec.name or 'design'}.gains.json"
         return proof_of(ResultFile(name, to_json(self.result).encode()), self.spec)
 
-    def simulate(self) -> "Run | HybridRun":
+    def simulate(self, **changes: Any) -> "Run | HybridRun":
         """Run plant and observer, and hold the run against every bound of the guarantee.
+
+        Parameters
+        ----------
+        **changes
+            Keys of the section `simulation` of a spec: `horizon=5`, `x0=[1, 0]`, `w=["sin(t)"]`, ..
 
         Raises
         ------
         UsageError
-            There are no gains, or a nonlinearity has no f.
+            There are no gains, a nonlinearity has no f, or a change is not valid.
         """
         from obsdesign.simulate import simulate
 
-        return simulate(self.spec, self.gains, self.guarantee)
+        if not self.gains:
+            raise UsageError(f"{self.spec.path}: no gains to simulate: {self.diagnosis.get('reason', self.status)}")
+        spec = with_simulation(self.spec, changes) if changes else self.spec
+        return simulate(spec, self.gains, self.guarantee)
 
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""

@@ -99,11 +99,11 @@ def test_y_is_not_known_between_measurements():
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_every_family_runs_an_observer_of_the_states_of_a_shipped_spec(kind):
     from obsdesign.reading import load
-    from obsdesign.work import design
+    from obsdesign.work import solve
 
     name = {"l2": "pendulum", "linf": "chakrabarty2016-cubic", "lipschitz": "abbaszadeh2010-flexible-joint-gains",
             "sporadic": "ferrante2019-oscillator-gains"}[kind]  # fmt: skip
     spec = load(str(Path(__file__).parents[1] / "specs" / f"{name}.yaml"))
-    observer = FAMILIES[kind].observer(spec, design(spec).gains)
+    observer = FAMILIES[kind].observer(spec, solve(spec).gains)
     assert set(spec.plant.states) <= set(observer.estimates)
     assert bool(observer.jump) == FAMILIES[kind].sampled

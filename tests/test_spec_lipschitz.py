@@ -179,11 +179,11 @@ def test_mistakes_of_the_observer_do_not_hide_that_f_has_the_size_of_the_state()
 
 
 def request_of(line):
-    return loads(BASE.replace(SLACK, f"  {line}")).lipschitz
+    return loads(BASE.replace(SLACK, f"  {line}")).observer
 
 
 def test_defaults():
-    assert loads(BASE.replace(f"{SLACK}\n", "")).lipschitz == LipschitzRequest("lipschitz", (fmpq(2, 5),))
+    assert loads(BASE.replace(f"{SLACK}\n", "")).observer == LipschitzRequest("lipschitz", (fmpq(2, 5),))
     spec = loads(BASE)
     assert spec.plant.Bf.tolist() == spec.plant.Cq.tolist() == [[1, 0], [0, 1]]
     assert spec.nonlinearities[0].nq == 2

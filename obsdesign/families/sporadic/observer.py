@@ -7,7 +7,7 @@ import numpy as np
 from obsdesign.dissipation.bounds import Range
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
-from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.lmi.formula import Array, identity, printed
 from obsdesign.model.equations import free, linear
 from obsdesign.spec import Spec
@@ -42,7 +42,7 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         algebraic={**copy.algebraic, **copy.outputs},
         jump=dict(zip(theta, innovation, strict=True)),
         twins=copy.twins,
-        intervals=intervals(spec.sporadic),
+        intervals=intervals(request_of(spec)),
     )
 
 
