@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
     from obsdesign.families.finding import Finding
     from obsdesign.families.outcome import Proof
+    from obsdesign.reading import Spec
     from obsdesign.simulate import Run
-    from obsdesign.spec import Spec
     from obsdesign.work import check, lipschitz, load, read, solve, verify
 
 __version__ = "0.1.0"
@@ -46,7 +46,7 @@ __all__ = [
 HOMES = {
     "work": ("check", "lipschitz", "load", "read", "solve", "verify"),
     "design": ("Design",),
-    "spec": ("Spec",),
+    "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
     "families.finding": ("Finding",),
     "families.outcome": ("Proof",),

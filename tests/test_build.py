@@ -1,5 +1,7 @@
 """Specs from Python values: the numbers and the messages of the same file, and a text that reads back to it."""
 
+import subprocess
+import sys
 from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -65,6 +67,14 @@ def test_every_shipped_spec_can_be_built_from_its_values(path):
     again = build(compose(spec.text, "").root.plain())
     assert same(spec, again, "text", "path", "name")
     assert same(again, loads(again.text, "<python>"))
+
+
+def test_the_first_name_that_is_used_may_be_that_of_the_spec():
+    code = (
+        "import obsdesign as od; print(od.Spec(system={'A': -1, 'C': 1}, observer={'type': 'l2', 'alpha': 1}).plant.A)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[[-1]]\n"
 
 
 def test_the_dataclass_is_replaced_as_any_other():
