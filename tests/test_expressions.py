@@ -182,10 +182,10 @@ def test_a_mistake_is_named_with_its_column_and_what_is_allowed(text, column, wo
     ],
 )
 def test_hostile_text_is_refused_at_once(text, column):
-    start = time.perf_counter()
+    start = time.process_time()
     error = refusal(text)
     assert error.column == column, error.message
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5
     assert len(error.message) < 200
 
 
@@ -198,15 +198,16 @@ def test_hostile_text_is_refused_at_once(text, column):
         "sin(" * 99 + "x" + ")" * 99,
         "x**1e4",
     ],
+    ids=["a sum", "a product", "brackets", "functions", "a power"],
 )
 def test_the_largest_expressions_within_the_limits_have_every_reading(text):
-    start = time.perf_counter()
+    start = time.process_time()
     expression = parse(text, NAMES)
     assert expression.text.count("x") == text.count("x")
     slope = expression.derivative("x")
     assert expression.scalar(["x"])(1.0) == pytest.approx(expression.function(["x"])(1.0))
     assert slope.scalar(["x"])(1.0) == pytest.approx(slope.function(["x"])(1.0))
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - start < 5
 
 
 @pytest.mark.parametrize(
