@@ -16,7 +16,6 @@ from obsdesign.families.sporadic.certificate import certify_sporadic
 from obsdesign.families.sporadic.design import design_sporadic
 from obsdesign.families.sporadic.gains import Setting, reaching
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.families.sporadic.scan import Valley, edge
 from obsdesign.families.sporadic.scheme import schemes
 from obsdesign.families.sporadic.study import Study
 from obsdesign.lmi.formula import in_floats, rational, rational_number
@@ -395,34 +394,6 @@ def test_gamma_without_a_disturbance_is_refused():
 def test_a_range_of_delta_that_is_cut_is_mentioned():
     made = oscillator("0.1", delta=("0.05", "100"), injections=("hold",))
     assert any("begins at" in note for note in made.notes)
-
-
-# Searches
-
-
-@pytest.mark.parametrize("minimum", [1.0, 1.3, 7.0, 99.0, 100.0])
-def test_a_valley_is_found_by_a_grid_and_nearby(minimum):
-    def function(x):
-        return 2 + math.log(x / minimum) ** 2 + 0.1 * abs(math.log(x / minimum)) ** 3
-
-    whole, nearby = Valley(function, 1, 100), Valley(function, 1, 100)
-    assert whole.everywhere(9) == pytest.approx(2, abs=1e-4)
-    assert nearby.near(3.0) == pytest.approx(2, abs=1e-4)
-    assert len(nearby.values) < 25
-
-
-def test_a_valley_with_walls_is_found():
-    function = Valley(lambda x: (x - 5) ** 2 if 4 < x < 7 else math.inf, 1, 100)
-    assert function.everywhere(25) == pytest.approx(0, abs=1e-2)
-
-
-def test_a_function_that_is_nowhere_finite_has_no_valley():
-    assert Valley(lambda _: math.inf, 1, 100).near(5.0) == math.inf
-
-
-@pytest.mark.parametrize("function", [lambda x: x**3 - 2, lambda x: math.inf if x > 1.2599 else x - 2])
-def test_the_edge_of_an_increasing_function(function):
-    assert edge(function, 0.0, 10.0, 1e-6) == pytest.approx(1.2599, abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ falls with kappa and is reliable to compute over many decades; minimising the bo
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,13 +14,15 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental, unshifted
+from obsdesign.dissipation.scan import edge, strides
 from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 
 DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
 KAPPAS = 12  # bounds that are tried for the smallest gain
 STRIDE = 4  # down from a bound that will do, until one will not
-NEAR = 1.15  # ratio of two of them between which the smallest is
+NEAR = 0.13  # relative, to which the smallest is found
+NEARER = 0.005  # .. where the gain is not within its bound there
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
 ROUNDING = 1e-5  # of a bound on L1, likewise
 WIDEST = 2  # convex bounds beyond the bound on |L1| that are tried
@@ -121,51 +123,27 @@ def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) 
 def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values | None:
     """P, Y, .. of a gain of small norm whose objective is at most a goal; None if none was found.
 
-    The smallest kappa is found to `NEAR` by bisection of its logarithm, from the gain of the widest margin down.
+    The smallest kappa is found to `NEAR`, from the gain of the widest margin down.
     """
     allowed = limit_of(bounds)
     values = wide if norm(wide, bounds) <= allowed and bounds.floor is None else None
-    ladder = Ladder(goal=goal, high=min(norm(wide, bounds), WIDEST * allowed))
     start: Values | None = None
-    while (kappa := ladder.next()) is not None:
+
+    def reaches(kappa: float) -> bool:
+        nonlocal start, values
         answer = solve(sized(bounds, kappa), start)
-        reached = max(answer.objective, 0.0) if answer.status is Status.OPTIMAL else math.inf
-        fits = answer.status is Status.OPTIMAL and norm(answer.values, bounds) <= allowed
-        if ladder.tell(kappa, reached, fits=fits):
-            start = answer.values
-            values = start if fits else values
+        if answer.status is not Status.OPTIMAL or answer.objective > goal:
+            return False
+        start = answer.values
+        values = start if norm(start, bounds) <= allowed else values
+        return True
+
+    inside, outside = strides(reaches, min(norm(wide, bounds), WIDEST * allowed), 1 / STRIDE, KAPPAS)
+    for tolerance in (NEAR, NEARER):
+        fits = start is not None and norm(start, bounds) <= allowed
+        if inside is not None and outside is not None and (tolerance == NEAR or not fits):
+            inside = edge(reaches, inside, outside, tolerance)
     return values
-
-
-@dataclass
-class Ladder:
-    """Search for the smallest kappa whose least objective is at most a goal."""
-
-    goal: float
-    high: float  # where to begin; then the smallest that is known to do
-    low: float = 0.0  # the largest that is known not to
-    level: float | None = None  # objective at high
-    fits: bool = False  # the gain at high is within its bound
-    tried: int = 0
-
-    def next(self) -> float | None:
-        """Next kappa to try; None at the end."""
-        self.tried += 1
-        if self.tried > KAPPAS or (self.low and self.fits and self.high <= NEAR * self.low):
-            return None
-        if self.level is None:
-            return self.high if not self.low else 2 * self.low
-        if self.low:
-            return math.sqrt(self.low * self.high)
-        return self.high / STRIDE
-
-    def tell(self, kappa: float, reached: float, *, fits: bool) -> bool:
-        """Take the objective of a kappa into account, and say whether it will do."""
-        if reached <= self.goal:
-            self.high, self.level, self.fits = kappa, reached, fits
-            return True
-        self.low = kappa
-        return False
 
 
 def limit_of(bounds: Bounds) -> float:

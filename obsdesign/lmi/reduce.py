@@ -177,15 +177,18 @@ def null_space(matrix: Array) -> Array:
 
 def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
     """Scale rows of each block (by congruence) and coordinates z by powers of two; z = T scaled z."""
-    factors = np.ones(len(program.cost))
-    scaled = program
+    ends = np.cumsum([block.order for block in program.blocks])[:-1]
+    sizes = [np.abs(block.terms) for block in program.blocks]
+    rows, factors = np.ones(sum(block.order for block in program.blocks)), np.ones(len(program.cost))
     for _ in range(sweeps):
-        blocks = tuple(b.scaled(1 / power_of_two(np.sqrt(b.sizes()[1]))) for b in scaled.blocks)
-        largest = np.max([np.abs(b.terms[1:]).max(axis=(1, 2)) for b in blocks], axis=0)
-        step = 1 / power_of_two(largest)
-        factors = factors * step
-        scaled = scaled_coordinates(replace(scaled, blocks=blocks), step)
-    return scaled, np.diag(factors)
+        d = 1 / power_of_two(np.sqrt(np.concatenate([size.max(axis=(0, 2)) for size in sizes])))
+        sizes = [size * (part[:, None] * part) for size, part in zip(sizes, np.split(d, ends), strict=True)]
+        step = 1 / power_of_two(np.max([size[1:].max(axis=(1, 2)) for size in sizes], axis=0))
+        weights = np.append(1.0, step)[:, None, None]
+        sizes = [size * weights for size in sizes]
+        rows, factors = rows * d, factors * step
+    blocks = tuple(block.scaled(row) for block, row in zip(program.blocks, np.split(rows, ends), strict=True))
+    return scaled_coordinates(replace(program, blocks=blocks), factors), np.diag(factors)
 
 
 def diagonal(program: Program, z: Array) -> tuple[Program, Array]:

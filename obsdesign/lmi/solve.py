@@ -189,7 +189,8 @@ class Search:
 
 def violation(program: Program, z: Array) -> float:
     """Largest eigenvalue of F(z) over all blocks."""
-    return max(float(np.linalg.eigvalsh(block.at(z))[-1]) for block in program.blocks)
+    values = [block.at(z) for block in program.blocks]
+    return max(float(F[0, 0] if len(F) == 1 else np.linalg.eigvalsh(F)[-1]) for F in values)
 
 
 def verdict(t: float) -> Status:

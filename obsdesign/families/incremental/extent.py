@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.dissipation.scan import edge
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import in_floats, printed
 from obsdesign.model.multiplier import Block, Multiplier, Scaled
@@ -42,23 +43,19 @@ def largest_class(spec: Spec, feasible: Callable[[Multiplier], bool]) -> Diagnos
             changed = [[reduced(b, share) for b in part] if k == i else part for k, part in enumerate(parts)]
             return feasible(Multiplier(tuple(block for part in changed for block in part)))
 
-        share = edge(enough)
+        share = largest_share(enough)
         if share is not None:
             return {"nonlinearity": i + 1, "feasible": size([reduced(block, share) for block in blocks], share)}
     return {}
 
 
-def edge(feasible: Callable[[float], bool]) -> float | None:
-    """Largest feasible share, by bisection of its logarithm; None if even the smallest is infeasible."""
-    low, high = SMALLEST, 1.0
-    if not feasible(low):
+def largest_share(feasible: Callable[[float], bool]) -> float | None:
+    """Largest feasible share; None if even the smallest is infeasible."""
+    if not feasible(SMALLEST):
         return None
-    if feasible(high):  # slopes up to `STEEPEST` where there is no bound at all
-        return high
-    while high > (1 + EDGE) * low:
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if feasible(middle) else (low, middle)
-    return low
+    if feasible(1.0):  # slopes up to `STEEPEST` where there is no bound at all
+        return 1.0
+    return edge(feasible, SMALLEST, 1.0, EDGE)
 
 
 def reduced(block: Block, share: float) -> Scaled:

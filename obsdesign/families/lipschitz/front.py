@@ -17,6 +17,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.gain import ROOM, bounded, rounded_gains, within
 from obsdesign.dissipation.inequality import LARGE, ONE
+from obsdesign.dissipation.scan import Minimum, edge
 from obsdesign.dissipation.zero import settled
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.closed_forms import regular
@@ -32,7 +33,6 @@ from obsdesign.lmi.solve import Answer, Status, reduction
 GRID = 1 - np.geomspace(1, 1e-3, 16)  # share of the way from the declared constant to the supremum
 ROUNDED = 2e-5  # share of the objective below which gamma^2 is rounding
 UNBOUNDED = 1e4  # times the declared constant, or 1: how far it is searched where there is no supremum
-COSTLY = 1e12  # cost of a constant without a gamma
 SHARP = 1e-6  # relative accuracy of the constant
 EDGE = 3e-5  # .. and of the largest within bounds
 
@@ -195,10 +195,7 @@ class Searched(Front):
         if not self.restricted:
             return high
         high = min(high, UNBOUNDED * max(low, 1.0))
-        while high - low > EDGE * high:
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.gamma(middle) < math.inf else (low, middle)
-        return low
+        return edge(lambda constant: self.gamma(constant) < math.inf, low, high, EDGE)
 
     @cached_property
     def grid(self) -> tuple[float, ...]:
@@ -231,21 +228,13 @@ class Searched(Front):
 
     def between(self, weight: float, best: int) -> float:
         """Constant of the least objective about a point of the grid."""
-        from scipy.optimize import minimize_scalar
-
         grid = (*self.grid, self.largest)
-        ends = grid[max(best - 1, 0)], grid[best + 1]
 
         def cost(constant: float) -> float:
-            return min(weighted(weight, float(constant), self.gamma(float(constant))), COSTLY)
+            return weighted(weight, constant, self.gamma(constant))
 
-        found = minimize_scalar(
-            cost,
-            bounds=ends,
-            method="bounded",
-            options={"xatol": SHARP * grid[best]},
-        )
-        return min(float(found.x), grid[best], key=cost)
+        costs = {constant: cost(constant) for constant in self.grid}
+        return Minimum(cost, grid[0], grid[-1], SHARP, 12, costs).between(grid[max(best - 1, 0)], grid[best + 1])[0]
 
 
 def largest_floor(family: Lipschitz, gamma: float) -> Problem:

@@ -10,13 +10,15 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
 from obsdesign.dissipation.inequality import LARGE, ONE
+from obsdesign.dissipation.scan import edge, strides
 from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Unstructured
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, Values
 from obsdesign.lmi.solve import Answer, Status
 
 EDGE = 1e-6  # relative, of a constant that is found by bisection
-MOST = 1e6  # times the scale: from there on any constant counts as tolerated
+STRIDE = 4.0  # between constants, until one holds and another does not
+STRIDES = 10  # .. up from the scale: from there on any constant counts as tolerated
 NONE = 1e-10  # least objective that is told from zero: the constant is not bounded
 
 
@@ -118,19 +120,19 @@ class Stretch:
 
     def bisected(self, bounds: Bounds) -> Answer:
         """Largest constant of several blocks, with the point of widest margin at nearly that."""
-        low, best = 0.0, self.feasible(self.scale, bounds)
-        high = self.scale
-        while best.status is Status.OPTIMAL and high < MOST * self.scale:
-            low, high = high, 4 * high
-            best, below = self.feasible(high, bounds), best
-        if best.status is Status.OPTIMAL:
-            return replace(best, objective=0.0)
-        best = below if low else best
-        while high - low > EDGE * high and high > self.scale / MOST:
-            middle = math.sqrt(low * high) if low else high / 4
-            found = self.feasible(middle, bounds)
-            low, high, best = (middle, high, found) if found.status is Status.OPTIMAL else (low, middle, best)
-        return replace(best, objective=self.objective(low)) if low else best
+        known: dict[float, Answer] = {}
+
+        def holds(constant: float) -> bool:
+            known[constant] = self.feasible(constant, bounds)
+            return known[constant].status is Status.OPTIMAL
+
+        low, high = strides(holds, self.scale, STRIDE, STRIDES)
+        if low is None:
+            return known[min(known)]
+        if high is None:
+            return replace(known[low], objective=0.0)
+        low = edge(holds, low, high, EDGE)
+        return replace(known[low], objective=self.objective(low))
 
     def feasible(self, constant: float, bounds: Bounds) -> Answer:
         """Point of largest margin at a constant, within bounds."""

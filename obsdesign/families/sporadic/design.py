@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation import scan
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.outcome import Outcome, Search, Verdict
-from obsdesign.families.sporadic import scan
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
@@ -33,7 +33,6 @@ from obsdesign.model.plant import Plant
 
 SHORTER = 1e-3  # least T2 or decay, relative to the one that is asked for, that an answer looks for
 BACKOFFS = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # from the largest T2 of given gains to one that is proved
-REFINEMENTS = 3  # bisections between the two
 LONGER = 10.0  # largest T2 that is tried for given gains, relative to the one that is asked for
 
 
@@ -344,34 +343,27 @@ class Designer:
 
     def longest_proof(self, gains: Gains, edge: float, decay: fmpq) -> SporadicCertificate | None:
         """Proof for the longest T2 that is found, below the edge where solutions end numerically."""
-        above, proof = edge, None
-        for backoff in BACKOFFS if edge else ():
-            T2 = printed(round_down(edge * (1 - backoff), 6))
-            proof = self.proof_at(gains, T2, decay)
-            if proof:
-                break
-            above = float(T2)
-        for _ in range(REFINEMENTS if proof else 0):
-            assert proof is not None
-            middle = printed(round_down((float(proof.T2) + above) / 2, 6))
-            longer = self.proof_at(gains, middle, decay)
-            proof, above = (longer, above) if longer else (proof, float(middle))
-        return proof
+        proofs: dict[float, SporadicCertificate] = {}
+        above = edge
 
-    def proof_at(self, gains: Gains, T2: fmpq, decay: fmpq) -> SporadicCertificate | None:
-        """Proof of given gains for a T2, at any gamma; None if there is none."""
-        certificate = prove(self.setting, gains, T2, decay)
-        return certificate if certificate and certificate.holds else None
+        def proved(T2: float) -> bool:
+            certificate = prove(self.setting, gains, printed(round_down(T2, 6)), decay)
+            if not certificate or not certificate.holds:
+                return False
+            proofs[T2] = certificate
+            return True
+
+        for backoff in BACKOFFS if edge else ():
+            if proved(edge * (1 - backoff)):
+                return proofs[scan.edge(proved, edge * (1 - backoff), above, backoff / 7)]
+            above = edge * (1 - backoff)
+        return None
 
     def tolerated(self, gains: Gains, T2: float, decay: float) -> float | None:
         """Largest T2 for which Theorem 2 has a solution with given gains, at any gamma; numerical."""
         landscape = self.setting.analysis(gains, decay)
         low, high = SHORTER * T2, max(LONGER * T2, float(self.T2.high))
-        if landscape.least_missing(low) >= 0:
-            return None
-        if landscape.least_missing(high) < 0:
-            return high
-        return scan.edge(landscape.least_missing, low, high, EDGE * T2)
+        return scan.zero(landscape.least_missing, low, high, EDGE * T2)
 
     def sustained(self, gains: Gains, T2: float) -> float:
         """Largest decay of the range for which it has one; numerical."""
@@ -380,9 +372,8 @@ class Designer:
             return self.setting.analysis(gains, decay).least_missing(T2)
 
         low, high = float(self.decay.low), float(self.decay.high)
-        if missing(low) >= 0:
-            return low
-        return high if missing(high) < 0 else scan.edge(missing, low, high, EDGE * high)
+        found = scan.zero(missing, low, high, EDGE * high)
+        return low if found is None else found
 
 
 def searched(curves: Sequence[dict[str, Any]]) -> Search:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation import scan
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.decimals import round_up, significant, square_below
 from obsdesign.dissipation.engine import Engine
@@ -14,7 +15,6 @@ from obsdesign.dissipation.gain import DIGITS
 from obsdesign.families.sporadic.certificate import SporadicCertificate, certify_sporadic
 from obsdesign.families.sporadic.landscape import LARGEST, Landscape, root, solve_once
 from obsdesign.families.sporadic.relaxations import Given, WithGains
-from obsdesign.families.sporadic.scan import edge
 from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Exact, Values, in_floats, printed, rational, rational_number
 from obsdesign.lmi.probe import probe
@@ -27,11 +27,11 @@ CENTERINGS = 6  # of the bound on |L| about the solution, which makes it tight t
 SETTLED = 0.01  # relative change of gamma below which they end
 STRIDE = 4.0  # between bounds on |L|, until one will do and another will not
 STRIDES = 12
-NEAR = 0.1  # logarithm of the ratio of two such bounds between which the smallest is
+NEAR = 0.03  # relative, to which the smallest such bound is found
+TINY = 1e-300
 ROUNDING = 1e-5  # of a bound on |L|, left to the rounding of the gain
 BACKOFFS = (1e-4, 1e-3, 1e-2)  # of the least gamma that gains achieve
 WITNESS = (12, 17)  # digits
-TINY = 1e-300
 Gains = tuple[Array, Array]  # L, H
 
 
@@ -98,56 +98,40 @@ def within(landscape: Landscape, T2: float, exponent: float | None = None) -> Ca
     return bounded(landscape.engine, landscape.with_gains(delta, T2), landscape.kappa)
 
 
-class Smallest:
-    """Search for the smallest bound on |L| whose least gamma is at most a goal, at one delta.
+def smallest_at(engine: Engine, relaxation: WithGains, goal: float, near: float) -> Candidate | None:
+    """Gains of small norm whose gamma is below a goal at one delta; None if no bound on |L| will do.
 
     The least gamma falls as the bound grows, and is reliable to compute over many decades; minimizing |L| at a given
     gamma is not.
     """
+    known: dict[str, Candidate | None] = {}
 
-    def __init__(self, engine: Engine, relaxation: WithGains, goal: float) -> None:
-        self.engine, self.relaxation, self.goal = engine, relaxation, goal
-        self.best: Candidate | None = None
+    def excess(kappa: float) -> float:
+        """Logarithm of gamma / goal."""
+        place = f"{kappa:.12g}"
+        if place not in known:
+            known[place] = bounded(engine, relaxation, kappa)
+        found = known[place]
+        return math.log(max(found.gamma, TINY) / goal) if found else math.inf
 
-    def excess(self, small: float) -> float:
-        """Logarithm of gamma / goal as an increasing function of -log kappa."""
-        found = bounded(self.engine, self.relaxation, math.exp(-small))
-        value = math.log(max(found.gamma, TINY) / self.goal) if found else math.inf
-        if found and value < 0 and (self.best is None or found.size < self.best.size):
-            self.best = found
-        return value
-
-    def search(self, kappa: float) -> Candidate | None:
-        """Search from a bound up, or down; None if no bound will do."""
-        step = math.log(STRIDE)
-        low = high = -math.log(kappa)
-        reached = self.excess(low) < 0
-        for _ in range(STRIDES):
-            if reached:
-                high += step
-                if self.excess(high) >= 0:
-                    break
-                low = high
-            else:
-                low -= step
-                if self.excess(low) < 0:
-                    break
-                high = low
-        if self.best is not None and high > low:
-            edge(self.excess, low, high, NEAR)
-        return self.best
+    begin = STRIDE ** round(math.log(near, STRIDE))  # powers of one number, wherever it begins
+    inside, outside = scan.strides(lambda kappa: excess(kappa) < 0, begin, 1 / STRIDE, STRIDES)
+    if inside is not None and outside is not None:
+        scan.zero(lambda small: excess(math.exp(-small)), -math.log(inside), -math.log(outside), NEAR)
+    fitting = [found for found in known.values() if found and found.gamma < goal]
+    return min(fitting, key=lambda candidate: candidate.size, default=None)
 
 
 def smallest(
     landscape: Landscape, T2: float, goal: float, delta: float, kappa: float, *, thorough: bool
 ) -> Candidate | None:
     """Gains of small norm that reach a gamma: at a delta, and then at the best delta for a bound of that size."""
-    first = Smallest(landscape.engine, landscape.with_gains(delta, T2), goal).search(kappa)
+    first = smallest_at(landscape.engine, landscape.with_gains(delta, T2), goal, kappa)
     if first is None or not first.size or not thorough:
         return first
     sized = replace(landscape, kappa=first.size, pieces=None)
     better, _ = sized.least_gamma(T2, delta * T2)
-    second = Smallest(landscape.engine, landscape.with_gains(better, T2), goal).search(first.size)
+    second = smallest_at(landscape.engine, landscape.with_gains(better, T2), goal, first.size)
     return second if second and second.size < first.size else first
 
 

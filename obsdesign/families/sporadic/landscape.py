@@ -11,8 +11,8 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.scan import Minimum
 from obsdesign.families.sporadic.relaxations import Bound, Relaxation, WithGains
-from obsdesign.families.sporadic.scan import Valley
 from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, matrices, probe
@@ -155,21 +155,21 @@ class Landscape:
 
         With a bound on |L| the curve may have several valleys, so that a coarse grid guards the search nearby.
         """
-        valley = Valley(lambda delta: self.gamma(delta, T2), *self.interval)
-        if exponent is None or math.isinf(valley.near(exponent / T2)):
-            valley.everywhere(self.range.points)
+        search = Minimum(lambda delta: self.gamma(delta, T2), *self.interval)
+        if exponent is None or math.isinf(search.near(exponent / T2)[1]):
+            search.everywhere(self.range.points)
         elif self.kappa is not None:
-            valley.everywhere(GUARD)
-        return valley.best
+            search.everywhere(GUARD)
+        return search.best
 
     def least_missing(self, T2: float) -> float:
         """What is missing for feasibility at the best delta; a delta at which nothing is will do."""
-        valley = Valley(lambda delta: self.missing(delta, T2), *self.interval)
-        if self.exponent is not None and valley.at(self.exponent / T2) >= MISSING:
-            valley.near(self.exponent / T2)
-        if not valley.values or valley.best[1] >= MISSING:
-            valley.everywhere(GUARD)
-        delta, value = valley.best
+        search = Minimum(lambda delta: self.missing(delta, T2), *self.interval)
+        if self.exponent is not None and search.at(self.exponent / T2) >= MISSING:
+            search.near(self.exponent / T2)
+        if not search.values or search.best[1] >= MISSING:
+            search.everywhere(GUARD)
+        delta, value = search.best
         self.exponent = delta * T2
         return value - MISSING
 

@@ -10,13 +10,13 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.decimals import round_down
+from obsdesign.dissipation.scan import zero
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.gains import ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
 from obsdesign.families.sporadic.landscape import Form, Landscape
 from obsdesign.families.sporadic.reasons import out_of_reach, too_small
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.families.sporadic.scan import edge
 from obsdesign.families.sporadic.scheme import Scheme
 from obsdesign.lmi.formula import in_floats, rational_number
 from obsdesign.lmi.solve import Status
@@ -24,7 +24,7 @@ from obsdesign.lmi.solve import Status
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero
-EDGE = 5e-5  # relative, of a largest T2 or decay
+EDGE = 1e-6  # relative, of a largest T2 or decay
 Point = dict[str, Any]
 
 
@@ -99,7 +99,7 @@ class Study:
         if math.isfinite(gamma) and landscape.missing(delta, T2) >= 0:  # only with a singular P1
             return delta, math.inf
         if math.isfinite(gamma):
-            self.exponent = delta * T2
+            self.exponent = delta * T2 if delta < landscape.interval[1] else math.inf
             gamma = gamma if self.setting.plant.B.shape[1] else 0.0
         return delta, gamma
 
@@ -143,11 +143,7 @@ class Study:
     def farthest(self, function: Callable[[float], float], low: float, high: float) -> float | None:
         """Largest argument at which a function is negative."""
         self.exponent = None
-        if function(low) >= 0:
-            return None
-        if function(high) < 0:
-            return high
-        return edge(function, low, high, EDGE * high)
+        return zero(function, low, high, EDGE * high)
 
     # Gains
 

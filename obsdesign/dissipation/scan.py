@@ -1,0 +1,146 @@
+"""Searches of one variable: the least value, the zero of an increasing function, and the end of what is feasible.
+
+A search says where to look, from a neighbor on a curve if there is one; what is written comes from a solve that knows
+nothing of the path. Values of a function may be infinite where there is nothing. Where there are values, Brent's
+methods of scipy.optimize search; where there is only yes and no these would halve as well, and scipy.optimize takes
+0.2 s to import.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+Function = Callable[[float], float]
+SHARP = 5e-3  # relative width to which a minimum is found; its value is then good to about 1e-6
+WIDTH = 1.25  # ratio of the ends of a first bracket to the guess in it
+FAR = 1e3  # what stands for infinity, relative to the finite values
+
+
+@dataclass
+class Minimum:
+    """The least value of a function of a positive number on an interval; every value is kept."""
+
+    function: Function
+    low: float
+    high: float
+    sharp: float = SHARP
+    digits: int = 6  # of a point
+    values: dict[float, float] = field(default_factory=dict)
+
+    def at(self, x: float) -> float:
+        """Value at a point, which is rounded and kept inside."""
+        x = min(max(float(f"{x:.{self.digits}g}"), self.low), self.high)
+        if x not in self.values:
+            self.values[x] = self.function(x)
+        return self.values[x]
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """Point of the least value, and the value."""
+        return min(self.values.items(), key=lambda pair: pair[1])
+
+    def everywhere(self, points: int) -> tuple[float, float]:
+        """Search by a grid, denser towards zero, and about its best point."""
+        for x in np.geomspace(self.low, self.high, points) if self.low < self.high else [self.low]:
+            self.at(float(x))
+        return self.around()
+
+    def around(self) -> tuple[float, float]:
+        """Search between the neighbors of the best point."""
+        best, value = self.best
+        below = max((x for x in self.values if x < best), default=best)
+        above = min((x for x in self.values if x > best), default=best)
+        return self.best if math.isinf(value) else self.between(below, above)
+
+    def near(self, guess: float) -> tuple[float, float]:
+        """Search about a guess at the minimum of a function with one valley, moving on as long as it falls."""
+        best = min(max(guess, self.low), self.high)
+        reach = WIDTH if self.low < best < self.high else WIDTH**4
+        low, high = best / reach, best * reach
+        while True:
+            last = best
+            best, value = self.between(max(low, self.low), min(high, self.high))
+            reach *= reach
+            if best == last or math.isinf(value):
+                return self.best
+            if self.low < best <= low * (1 + 2 * self.sharp):
+                low, high = best / reach, best * (1 + self.sharp)
+            elif self.high > best >= high / (1 + 2 * self.sharp):
+                low, high = best / (1 + self.sharp), best * reach
+            else:
+                return self.best
+
+    def between(self, low: float, high: float) -> tuple[float, float]:
+        """Search a part by the method of Brent; an end of the whole interval is tried before."""
+        from scipy.optimize import minimize_scalar
+
+        step = 1 + self.sharp
+        for end, inside in ((self.low, low * step), (self.high, high / step)):
+            if end in {low, high} and low < inside < high and self.at(end) <= self.at(inside) < math.inf:
+                return self.best
+        if high > low * (1 + 4 * self.sharp):
+            largest = FAR * max((abs(v) for v in self.values.values() if math.isfinite(v)), default=1.0)
+            minimize_scalar(
+                lambda u: min(self.at(math.exp(u)), largest),
+                bounds=(math.log(low), math.log(high)),
+                method="bounded",
+                options={"xatol": self.sharp},
+            )
+        return self.best
+
+
+def zero(function: Function, low: float, high: float, tolerance: float) -> float | None:
+    """Largest x of an interval at which an increasing function is found to be negative; None if it is not at `low`.
+
+    Its zero is no more than the tolerance beyond.
+    """
+    from scipy.optimize import brentq
+
+    below = function(low)
+    if below >= 0:
+        return None
+    above = function(high)
+    if above < 0:
+        return high
+    known = {low: below, high: above}
+
+    def finite(x: float) -> float:
+        if x not in known:
+            known[x] = function(x)
+        return known[x] if math.isfinite(known[x]) else math.copysign(max(-below, 1.0), known[x])
+
+    brentq(finite, low, high, xtol=tolerance / 2, rtol=1e-12)
+    return max(x for x, value in known.items() if value < 0)
+
+
+def edge(holds: Callable[[float], bool], inside: float, outside: float, tolerance: float) -> float:
+    """End, to a relative tolerance, of where a condition holds: it does inside, and does not outside.
+
+    The interval is halved, on a logarithmic scale where both ends are positive.
+    """
+    while abs(outside - inside) > tolerance * max(inside, outside):
+        middle = math.sqrt(inside * outside) if inside * outside > 0 else (inside + outside) / 2
+        inside, outside = (middle, outside) if holds(middle) else (inside, middle)
+    return inside
+
+
+def strides(
+    holds: Callable[[float], bool], start: float, factor: float, steps: int
+) -> tuple[float | None, float | None]:
+    """Neighbors x and x factor, the first where a condition holds and the second where it does not.
+
+    From a start on as long as it holds there, or else back until it does; None for what was not found.
+    """
+    if holds(start):
+        for _ in range(steps):
+            if not holds(start * factor):
+                return start, start * factor
+            start *= factor
+        return start, None
+    for _ in range(steps):
+        start /= factor
+        if holds(start):
+            return start, start * factor
+    return None, start
