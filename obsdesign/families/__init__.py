@@ -1,24 +1,27 @@
 """Families of observers, a folder each, and by name: the only place that names a family outside its folder.
 
-Importing it imports no family's mathematics, no solver and no reader: what a family does it imports when it is asked.
-To add one: a folder whose `__init__.py` holds an object as `family.py` describes it, and its name here.
+Importing it imports no family's mathematics, no solver and no reader. To add one: a folder with the modules that
+`Family` names, and a line in FAMILIES.
 """
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.families.family import Family
-from obsdesign.families.incremental import INCREMENTAL
-from obsdesign.families.lipschitz import LIPSCHITZ
-from obsdesign.families.sporadic import SPORADIC
 
 if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine
     from obsdesign.spec import Spec
 
-FAMILIES: dict[str, Family] = {
-    name: family for family in (INCREMENTAL, SPORADIC, LIPSCHITZ) for name in family.names
-}  # by observer.type
+FAMILIES: dict[str, Family] = {  # by observer.type
+    name: family
+    for family in (
+        Family(("l2", "linf"), "obsdesign.families.incremental", refutes=True),
+        Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
+        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True),
+    )
+    for name in family.names
+}
 
 __all__ = ["FAMILIES", "Family", "rescaled"]
 

@@ -1,7 +1,9 @@
 """What a family of observers is to the rest: all that a stage may know of it."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine
@@ -17,25 +19,54 @@ if TYPE_CHECKING:
 Rows = list[tuple[str, str]]  # a name and a text
 
 
-class Family(Protocol):
-    """A family of observers: one object, in the `__init__.py` of its folder; its methods import what they use."""
+@dataclass(frozen=True)
+class Family:
+    """A family of observers: its names, and the folder that does its work.
 
-    unstructured: bool = False  # f acts on every state through every state, unless Bf and Cq are given
-    sampled: bool = False  # y is known at instants only, and `simulation:` may say at which
+    What each method here asks for is a function of a module of the folder:
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Values of `observer.type`."""
+    request.py    `SECTION`, `request`; `nonlinearities`, if f is unstructured
+    check.py      `check`
+    design.py     `design`
+    claim.py      `written`, `read`, `read_gains`
+    absence.py    `read`, if it refutes
+    observer.py   `observer`
+    table.py      `proved`, `figures`
+
+    A module is imported when it is first needed, so that a proof imports no solver.
+
+    Attributes
+    ----------
+    names
+        Values of `observer.type`.
+    folder
+        Module path of the folder.
+    unstructured
+        Whether f acts on every state through every state, unless Bf and Cq are given.
+    sampled
+        Whether y is known at instants only, and `simulation:` may say at which.
+    refutes
+        Whether a file may hold a dual certificate that there is no solution.
+    """
+
+    names: tuple[str, ...]
+    folder: str
+    unstructured: bool = False
+    sampled: bool = False
+    refutes: bool = False
+
+    def part(self, name: str) -> Any:
+        """Module of the folder."""
+        return import_module(f"{self.folder}.{name}")
 
     @property
     def Section(self) -> "type[ObserverSection]":
         """Keys of the section `observer:`; what messages and the JSON Schema say of them comes from here."""
+        section: type[ObserverSection] = self.part("request").SECTION
+        return section
 
     def nonlinearities(
-        self,
-        reader: "Reader",  # noqa: ARG002
-        plant: "Sequence[Nonlinearity | None]",
-        model: "Sequence[Nonlinearity | None]",
+        self, reader: "Reader", plant: "Sequence[Nonlinearity | None]", model: "Sequence[Nonlinearity | None]"
     ) -> "tuple[Nonlinearity, ...]":
         """Blocks of f as the family takes them; a block that is None was refused already.
 
@@ -44,7 +75,10 @@ class Family(Protocol):
         plant, model
             Those of the plant and of the disturbance model.
         """
-        return tuple(block for block in (*plant, *model) if block is not None)
+        if not self.unstructured:
+            return tuple(block for block in (*plant, *model) if block is not None)
+        blocks: tuple[Nonlinearity, ...] = self.part("request").nonlinearities(reader, plant, model)
+        return blocks
 
     def request(self, reader: "Reader", section: Any, problem: "Estimation") -> "Request":
         """What a spec asks for, in its numbers; what the family cannot take is noted in the reader.
@@ -56,6 +90,48 @@ class Family(Protocol):
         problem
             The plant and what of its error must be small, as far as they were read.
         """
+        asked: Request = self.part("request").request(reader, section, problem)
+        return asked
+
+    def check(self, spec: "Spec", engine: "Engine") -> "list[Finding]":
+        """What the structure of a spec allows, before any design."""
+        found: list[Finding] = self.part("check").check(spec, engine)
+        return found
+
+    def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
+        """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
+        outcome: Outcome = self.part("design").design(spec, engine)
+        return outcome
+
+    def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
+        """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""
+        entry: dict[str, Any] = self.part("claim").written(spec, outcome)
+        return entry
+
+    def gains(self, spec: "Spec", file: "ResultFile") -> "Mapping[str, Array]":
+        """Exact gains of a result file."""
+        gains: Mapping[str, Array] = self.part("claim").read_gains(spec, file)
+        return gains
+
+    def claim(self, spec: "Spec", file: "ResultFile") -> "Claim":
+        """Claim of a certified result file, checked with no solver."""
+        claim: Claim = self.part("claim").read(spec, file)
+        return claim
+
+    def absence(self, spec: "Spec", file: "ResultFile") -> "Proof":
+        """Proof that an infeasible result file has no solution, from the dual certificate that it holds.
+
+        Raises
+        ------
+        UsageError
+            It holds none: its verdict is numerical or structural; or it is malformed.
+        """
+        if "certificate" not in file.table("diagnosis"):
+            raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
+        if not self.refutes:
+            raise file.wrong("diagnosis.certificate", f"there is none for type {spec.observer.type}")
+        proof: Proof = self.part("absence").read(spec, file)
+        return proof
 
     def observer(self, spec: "Spec", gains: "Mapping[str, Array]") -> "Observer":
         """Equations of the observer with given gains, in doubles.
@@ -65,27 +141,15 @@ class Family(Protocol):
         UsageError
             If a nonlinearity has no f, or needs what the observer does not know.
         """
-
-    def check(self, spec: "Spec", engine: "Engine") -> "list[Finding]":
-        """What the structure of a spec allows, before any design."""
-
-    def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
-        """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
-
-    def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
-        """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""
-
-    def gains(self, spec: "Spec", file: "ResultFile") -> "Mapping[str, Array]":
-        """Exact gains of a result file."""
-
-    def claim(self, spec: "Spec", file: "ResultFile") -> "Claim":
-        """Claim of a certified result file, checked with no solver."""
-
-    def absence(self, spec: "Spec", file: "ResultFile") -> "Proof":
-        """Proof that an infeasible result file has no solution; a `UsageError` where it holds none."""
+        observer: Observer = self.part("observer").observer(spec, gains)
+        return observer
 
     def proved(self, observer: Mapping[str, Any], guarantee: Mapping[str, Any]) -> Rows:
         """Lines of a table on what is proved, from the entries of these names of a result file."""
+        rows: Rows = self.part("table").proved(observer, guarantee)
+        return rows
 
     def figures(self, observer: Mapping[str, Any]) -> Rows:
         """Lines on what an engineer asks first of the gains, from its entry `observer`."""
+        rows: Rows = self.part("table").figures(observer)
+        return rows

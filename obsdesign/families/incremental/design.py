@@ -322,7 +322,7 @@ def shown(value: Any) -> str:
     return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"
 
 
-def design_incremental(spec: Spec, engine: Engine) -> Outcome:
+def design(spec: Spec, engine: Engine) -> Outcome:
     """Design, or analyze, an observer with the gains L1 and L2.
 
     Raises

@@ -101,7 +101,7 @@ class Request:
         )
 
 
-def read_request(reader: Reader, section: Observer, problem: Estimation) -> Request:
+def request(reader: Reader, section: Observer, problem: Estimation) -> Request:
     """Return the request, held against what the family knows."""
     objective = "gamma" if isinstance(section.objective, Level) else section.objective
     gamma = None
@@ -176,3 +176,6 @@ def request_of(spec: Spec) -> Request:
     """What a spec of this family asks for."""
     assert isinstance(spec.observer, Request)
     return spec.observer
+
+
+SECTION = Observer

@@ -3,21 +3,22 @@
 from collections.abc import Mapping
 from typing import Any
 
+from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.tables.text import matrix_text, pole_text, spectral_norm
 
 
-def claim(claimed: Mapping[str, Any], meaning: str) -> list[tuple[str, str]]:
-    """What is proved of the gains L1 and L2, for what gamma means."""
+def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What is proved of the gains L1 and L2."""
     if "gamma" not in claimed:
         return []
-    rows = [("gamma", f"{claimed['gamma']:g}   {meaning}")]
+    rows = [("gamma", f"{claimed['gamma']:g}   {THEOREMS[observer['type']].meaning}")]
     rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
     return rows
 
 
-def gains(made: Mapping[str, Any]) -> list[tuple[str, str]]:
+def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What an engineer asks first of the gains L1 and L2."""
     return [("gain", f"|L1| = {spectral_norm(made['L1']):.4g}"), ("L2", matrix_text(made["L2"])), *linear(made)]
 

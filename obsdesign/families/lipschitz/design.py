@@ -18,13 +18,14 @@ from obsdesign.families.lipschitz.max_lipschitz import largest
 from obsdesign.families.lipschitz.min_gamma import least_gamma
 from obsdesign.families.lipschitz.pareto import scanned, weighed
 from obsdesign.families.lipschitz.relaxations import Lipschitz, proportions
-from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
+from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest, request_of
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Array, Exact, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.spec import Spec
 
 
 @dataclass(frozen=True)
@@ -103,3 +104,8 @@ def design_lipschitz(
         The solver found neither a solution nor that there is none.
     """
     return Designer(plant, multiplier, H, request, engine).outcome()
+
+
+def design(spec: Spec, engine: Engine) -> Outcome:
+    """Design, or analyze, the observer that a spec asks for."""
+    return design_lipschitz(spec.augmented, spec.multiplier, spec.H, request_of(spec), engine)

@@ -115,7 +115,7 @@ class LipschitzRequest:
                 yield (name,), "compare takes a number, not a range; choose one relaxation for a curve"
 
 
-def read_request(reader: Reader, section: LipschitzObserver, problem: Estimation) -> LipschitzRequest:
+def request(reader: Reader, section: LipschitzObserver, problem: Estimation) -> LipschitzRequest:
     """Return the request, held against what the family knows."""
     decay = read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
     if isinstance(decay, Range) and section.objective != "pareto":
@@ -163,7 +163,7 @@ def read_bounds(reader: Reader, section: LipschitzBounds | None) -> Bounds:
     return Bounds(gain, norm, gamma=read_bound(reader, section.gamma, "gamma"), floor=least)
 
 
-def as_lipschitz(
+def nonlinearities(
     reader: Reader, plant: Sequence[Nonlinearity | None], model: Sequence[Nonlinearity | None]
 ) -> tuple[Nonlinearity, ...]:
     """Blocks with the multipliers |df| <= k |dq| of their constants, for a block or for each of its components.
@@ -231,3 +231,6 @@ def request_of(spec: Spec) -> LipschitzRequest:
     """What a spec of this family asks for."""
     assert isinstance(spec.observer, LipschitzRequest)
     return spec.observer
+
+
+SECTION = LipschitzObserver

@@ -10,7 +10,7 @@ from obsdesign.tables.text import matrix_text, spectral_norm
 Rows = list[tuple[str, str]]
 
 
-def claim(claimed: Mapping[str, Any]) -> Rows:
+def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
     """What is proved of the gain."""
     if "lipschitz" not in claimed:
         return []
@@ -28,6 +28,6 @@ def claim(claimed: Mapping[str, Any]) -> Rows:
     return [*rows, ("decay rate", f"{claimed['decay']:g} 1/s")]
 
 
-def gains(made: Mapping[str, Any]) -> Rows:
+def figures(made: Mapping[str, Any]) -> Rows:
     """What an engineer asks first of the gain L."""
     return [("gain", f"|L| = {spectral_norm(made['L']):.4g}"), ("L", matrix_text(made["L"])), *linear(made)]

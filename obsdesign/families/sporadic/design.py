@@ -24,12 +24,13 @@ from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
 from obsdesign.families.sporadic.landscape import STEEPER
 from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
-from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.scheme import Scheme, schemes
 from obsdesign.families.sporadic.study import EDGE, Made, Point, Study, within_slack
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.spec import Spec
 
 SHORTER = 1e-3  # least T2 or decay, relative to the one that is asked for, that an answer looks for
 BACKOFFS = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # from the largest T2 of given gains to one that is proved
@@ -415,3 +416,8 @@ def design_sporadic(
         The solver found neither a solution nor that there is none.
     """
     return Designer(plant, multiplier, H, request, engine).outcome()
+
+
+def design(spec: Spec, engine: Engine) -> Outcome:
+    """Design, or analyze, the observer that a spec asks for."""
+    return design_sporadic(spec.augmented, spec.multiplier, spec.H, request_of(spec), engine)

@@ -118,7 +118,7 @@ class SporadicRequest:
                 yield ("injection",), f"{name} has none of the relaxations that are listed; {known}"
 
 
-def read_request(reader: Reader, section: SporadicObserver, problem: Estimation) -> SporadicRequest:
+def request(reader: Reader, section: SporadicObserver, problem: Estimation) -> SporadicRequest:
     """Return the request, held against what the family knows."""
     loc: Loc = ("observer",)
     require_sampled(reader, problem)
@@ -211,3 +211,6 @@ def request_of(spec: Spec) -> SporadicRequest:
     """What a spec of this family asks for."""
     assert isinstance(spec.observer, SporadicRequest)
     return spec.observer
+
+
+SECTION = SporadicObserver

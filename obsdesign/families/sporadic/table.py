@@ -7,7 +7,7 @@ from obsdesign.families.sporadic.certificate import MEANING
 from obsdesign.tables.text import matrix_text, spectral_norm
 
 
-def claim(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
+def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved of the gains L and H."""
     rows = [("gamma", f"{claimed['gamma']:g}   {MEANING}")]
     rows += [("decay rate", f"{claimed['decay']:g} 1/s")]
@@ -17,7 +17,7 @@ def claim(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def gains(made: Mapping[str, Any]) -> list[tuple[str, str]]:
+def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Gains for sporadic measurements, and how they contract the error over one interval."""
     rows = [
         ("gain", f"|L| = {spectral_norm(made['L']):.4g}"),
