@@ -1,21 +1,17 @@
 """What README says of adding to it, done: registered and nothing else changed."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 import pytest
 from flint import fmpq
+from support.luenberger.request import LuenbergerRequest
 from support.wrong_specs import problem_of
 
 from obsdesign.families import FAMILIES, Family
-from obsdesign.families.asked import SEARCHED, ObserverSection, read_searched
 from obsdesign.lmi.formula import block_diagonal, rational
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities import TEMPLATES, Template
 from obsdesign.nonlinearities.data import Constant
 from obsdesign.reading import json_schema, loads
-from obsdesign.sections.forms import ENTRY, key, required
 from obsdesign.work import solve
 
 SPEC = """\
@@ -78,43 +74,9 @@ def test_the_json_schema_knows_the_nonlinearity():
     assert schema["banded"] == {"type": ["number", "string"], "description": "norm(df) <= banded norm(dq)"}
 
 
-class LuenbergerSection(ObserverSection):
-    """What is asked of an observer with given poles."""
-
-    poles: str = required(ENTRY, "1/s, all of them")
-    speed: str | None = key(SEARCHED, "1/s")
-
-
-@dataclass(frozen=True)
-class LuenbergerRequest:
-    """The same in numbers."""
-
-    type: str
-    poles: fmpq
-    drive: ClassVar[str] = "v"
-    reconstruct: ClassVar[bool] = False
-    gains: ClassVar[None] = None
-
-
-class LuenbergerFamily(Family):
-    """A family of observers."""
-
-    names = ("luenberger",)
-    Section = LuenbergerSection
-
-    def request(self, reader, section, problem):
-        """Poles, which are not positive; as many states as the plant has."""
-        if section.speed is not None:
-            read_searched(reader, section.speed, ("observer", "speed"), "> 0")
-        poles = reader.number(section.poles, ("observer", "poles"))
-        if poles > 0:
-            reader.wrong(("observer", "poles"), f"must not be positive, for {problem.states.size} states")
-        return LuenbergerRequest(section.type, poles)
-
-
 @pytest.fixture
 def _a_family(monkeypatch):
-    monkeypatch.setitem(FAMILIES, "luenberger", LuenbergerFamily())
+    monkeypatch.setitem(FAMILIES, "luenberger", Family(("luenberger",), "support.luenberger"))
 
 
 def asked(text):

@@ -4,6 +4,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import Finding, complex_pair, detectability, finding
 from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
@@ -15,7 +16,7 @@ from obsdesign.model.structure import accuracy, condition1, linear
 from obsdesign.spec import Spec
 
 
-def check(spec: Spec) -> list[Finding]:
+def check(spec: Spec, _: Engine) -> list[Finding]:
     """Detectability, Condition 1, zeros, arbitrary accuracy and loops."""
     plant, multiplier = spec.plant.doubles, in_floats(spec.multiplier)
     augmented = spec.augmented.doubles

@@ -1,6 +1,7 @@
 """What a spec allows an observer whose measurements arrive sporadically."""
 
 from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import Finding, detectability, finding
 from obsdesign.families.sporadic.reasons import hiding_interval
 from obsdesign.families.sporadic.request import request_of
@@ -8,7 +9,7 @@ from obsdesign.lmi.formula import in_floats
 from obsdesign.spec import Spec
 
 
-def check(spec: Spec) -> list[Finding]:
+def check(spec: Spec, _: Engine) -> list[Finding]:
     """Detectability at the decay that is asked for, and intervals that hide modes."""
     request = request_of(spec)
     plant, multiplier = spec.augmented, spec.multiplier
