@@ -245,20 +245,15 @@ def test_a_picture_is_the_same_for_the_same_points(figure, points):
 
 
 @pytest.mark.parametrize(
-    ("search", "chosen"),
-    [
-        ({"parameter": "weight", "points": CURVE}, front_figure(CURVE, SHIPPED, "Example")),
-        (
-            {"parameter": "weight", "parameters": ["weight", "decay"], "points": SURFACE},
-            surface_figure(SURFACE, SHIPPED, "Example"),
-        ),
-    ],
+    ("searched", "figure", "points"),
+    [({}, front_figure, CURVE), ({"parameters": ["weight", "decay"]}, surface_figure, SURFACE)],
     ids=["curve", "surface"],
 )
-def test_the_command_line_chooses_the_figure_by_what_was_searched(tmp_path, search, chosen):
+def test_the_command_line_chooses_the_figure_by_what_was_searched(tmp_path, searched, figure, points):
     path = tmp_path / "curve.png"
+    search = {"parameter": "weight", "points": points, **searched}
     plot_curve({"name": "Example", "search": search, "guarantee": SHIPPED}, str(path), quiet=True)
-    assert path.read_bytes() == chosen
+    assert path.read_bytes() == figure(points, SHIPPED, "Example")
 
 
 def test_a_signal_that_escapes_is_readable_where_it_begins():

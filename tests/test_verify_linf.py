@@ -21,6 +21,7 @@ observer: {type: linf, reconstruct: w, alpha: 0.5, bounds: {L1: 20}}
 ROOT = ("certificate", "reconstruction")
 LEVELS = ("pinv(B) A e", "(Cq + L2 C) e", "pinv(B) e' from w'", "pinv(B) e' from d")
 SLOPES = ("slope of f", "variation of the slope")
+pytestmark = pytest.mark.xdist_group("verify-linf")  # its results are solved for once
 
 
 @pytest.fixture(scope="module")
