@@ -79,6 +79,7 @@ def solve(
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
     from obsdesign.files import require_writable, to_json, write_whole
+    from obsdesign.tables.text import aligned
     from obsdesign.work import load
 
     with limited(timeout):
@@ -94,10 +95,10 @@ def solve(
         else:
             write_whole(target, text.encode())
         if not quiet and target != "-":
-            typer.echo(text if as_json else f"{shown(design, target)}\n", nl=False)
+            typer.echo(text if as_json else f"{aligned([*design.table(), ('file', target)])}\n", nl=False)
         beside = Path(target).parent if target != "-" else Path()
         if plot:
-            plot_curve(design.result, str(beside / f"{name}.curve.png"), quiet)
+            plot_search(design.result, str(beside / f"{name}.curve.png"), quiet)
         if simulate and design.gains:
             files = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
             summary = simulated(design, files, quiet)
@@ -223,13 +224,6 @@ def as_text(report: Mapping[str, Any]) -> str:
     return json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False)
 
 
-def shown(design: "Design", target: str) -> str:
-    """Table of a design, and the file that it is in."""
-    from obsdesign.tables.text import aligned
-
-    return aligned([*design.table(), ("file", target)])
-
-
 def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str]) -> str:
     """Summary of a run, and the files that it is in."""
     from obsdesign.tables.run import run_table
@@ -289,7 +283,7 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
     """Design that is to be simulated; a spec without gains is solved first."""
     from obsdesign.work import load, read
 
-    if is_result(source):
+    if source.endswith(".json"):
         if gains:
             raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
         return read(source)
@@ -322,32 +316,16 @@ def simulated(design: "Design", files: tuple[str, str], quiet: bool) -> Mapping[
     return run.summary
 
 
-def plot_curve(content: Mapping[str, Any], path: str, quiet: bool) -> None:
+def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:
     """Figure of the points of a search."""
     from obsdesign.files import write_whole
-    from obsdesign.plot import curves_figure, front_figure, surface_figure, tradeoff_figure
+    from obsdesign.plot import search_figure
 
-    search = content.get("search", {})
-    if "curves" in search:
-        write_whole(path, curves_figure(search["curves"], search["parameter"], content["name"]))
-        return
-    points = search.get("points", [])
-    if not points:
-        if not quiet:
-            typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
-        return
-    claimed = content.get("guarantee", {})
-    if search["parameter"] in ("weight", "decay"):
-        draw = surface_figure if "parameters" in search else front_figure
-        write_whole(path, draw(points, claimed if "lipschitz" in claimed else None, content["name"]))
-        return
-    shipped = claimed if "gamma" in claimed else None
-    write_whole(path, tradeoff_figure(points, shipped, content["name"]))
-
-
-def is_result(path: str) -> bool:
-    """Whether a file is meant as a result, by its name."""
-    return path.endswith(".json")
+    figure = search_figure(result)
+    if figure is not None:
+        write_whole(path, figure)
+    elif not quiet:
+        typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
 
 
 def stem(path: str) -> str:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import same_color
 
-from obsdesign.cli import plot_curve
-from obsdesign.plot import front_figure, surface_figure
+from obsdesign.plot import front_figure, search_figure, surface_figure
 from obsdesign.plot.axis import highest
 from obsdesign.plot.canvas import COLORS
 from obsdesign.plot.front import (
@@ -249,11 +248,10 @@ def test_a_picture_is_the_same_for_the_same_points(figure, points):
     [({}, front_figure, CURVE), ({"parameters": ["weight", "decay"]}, surface_figure, SURFACE)],
     ids=["curve", "surface"],
 )
-def test_the_command_line_chooses_the_figure_by_what_was_searched(tmp_path, searched, figure, points):
-    path = tmp_path / "curve.png"
+def test_the_figure_follows_from_what_was_searched(searched, figure, points):
     search = {"parameter": "weight", "points": points, **searched}
-    plot_curve({"name": "Example", "search": search, "guarantee": SHIPPED}, str(path), quiet=True)
-    assert path.read_bytes() == figure(points, SHIPPED, "Example")
+    result = {"name": "Example", "search": search, "guarantee": SHIPPED}
+    assert search_figure(result) == figure(points, SHIPPED, "Example")
 
 
 def test_a_signal_that_escapes_is_readable_where_it_begins():

@@ -1,5 +1,8 @@
 """Figures of runs, and of trade-off curves and surfaces, as PNG."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.plot import run as continuous
 from obsdesign.plot.front import front_figure
@@ -9,7 +12,7 @@ from obsdesign.plot.tradeoff import curves_figure, tradeoff_figure
 from obsdesign.simulate import HybridRun, Run
 from obsdesign.spec import Spec
 
-__all__ = ["curves_figure", "front_figure", "run_figure", "surface_figure", "tradeoff_figure"]
+__all__ = ["curves_figure", "front_figure", "run_figure", "search_figure", "surface_figure", "tradeoff_figure"]
 
 
 def run_figure(spec: Spec, run: Run | HybridRun, guarantee: Guarantee | None) -> bytes:
@@ -17,3 +20,20 @@ def run_figure(spec: Spec, run: Run | HybridRun, guarantee: Guarantee | None) ->
     if isinstance(run, HybridRun):
         return hybrid_figure(spec, run, guarantee)
     return continuous.run_figure(spec, run, guarantee)
+
+
+def search_figure(result: Mapping[str, Any]) -> bytes | None:
+    """Draw the points of a search, from a result file, in the form that fits them; None where there are none.
+
+    Curves side by side, or a trade-off over a weight, over a weight and a decay rate, or of gamma against a rate.
+    """
+    search, claimed = result.get("search", {}), result.get("guarantee", {})
+    points = search.get("points", [])
+    if "curves" in search:
+        return curves_figure(search["curves"], search["parameter"], result["name"])
+    if not points:
+        return None
+    if any("weight" in point for point in points):
+        draw = surface_figure if "parameters" in search else front_figure
+        return draw(points, claimed if "lipschitz" in claimed else None, result["name"])
+    return tradeoff_figure(points, claimed if "gamma" in claimed else None, result["name"])

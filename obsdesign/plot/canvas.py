@@ -3,10 +3,11 @@
 Colors are those of Okabe and Ito, which people with any color vision tell apart.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Arguments = ParamSpec("Arguments")
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DPI = 150
 STYLE: dict[Any, Any] = {
@@ -70,6 +72,17 @@ def png(figure: "Figure") -> bytes:
     buffer = BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
+
+
+def drawn(sheet: "Callable[Arguments, Figure]") -> Callable[Arguments, bytes]:
+    """Function that composes a figure as one that draws it: a PNG, the same for the same arguments."""
+
+    @wraps(sheet)
+    def picture(*args: Arguments.args, **kwargs: Arguments.kwargs) -> bytes:
+        with style():
+            return png(sheet(*args, **kwargs))
+
+    return picture
 
 
 def levels(low: float, high: float, most: int) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped, plain
-from obsdesign.plot.canvas import COLORS, new_figure, png, style
+from obsdesign.plot.canvas import COLORS, drawn, new_figure
 from obsdesign.plot.layout import legend_below
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ LABELS = {
 SYMBOLS = {"lipschitz": "lipschitz", "gamma": r"$\gamma$", "L": r"$|L|$"}
 
 
-def front_figure(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> bytes:
+def front_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> "Figure":
     """Draw `lipschitz`, `gamma` and |L| against the weight (or the decay rate), and `gamma` against `lipschitz`.
 
     Lines are limits and dots are certified gains. Marked are limits that no gain attains, corners (one design is the
@@ -48,20 +48,7 @@ def front_figure(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any]
         `certified`, a mapping with the `lipschitz`, `gamma` and norm `L` of the gains. They may come in any order.
     shipped
         `lipschitz` and `gamma` of the design that is shipped, or None.
-    title
-        Title of the figure.
-
-    Returns
-    -------
-    bytes
-        A PNG, the same for the same points.
     """
-    with style():
-        return png(front_sheet(points, shipped, title))
-
-
-def front_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> "Figure":
-    """Compose a figure of a trade-off: three panels over the weight, and the trade-off beside them."""
     front = Front.of(points)
     figure = new_figure(10.5, 6.6)
     figure.suptitle(heading(front, title), fontsize=11)
@@ -76,6 +63,9 @@ def front_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] 
     draw_tradeoff(figure.add_subplot(grid[:, 1]), front, shipped)
     legend_below(figure)
     return figure
+
+
+front_figure = drawn(front_sheet)
 
 
 @dataclass(frozen=True)

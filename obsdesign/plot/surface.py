@@ -8,7 +8,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import cross, highest, mark_shipped, plain
-from obsdesign.plot.canvas import COLORS, facets, halo, levels, new_figure, png, style, ticked
+from obsdesign.plot.canvas import COLORS, drawn, facets, halo, levels, new_figure, ticked
 from obsdesign.plot.front import (
     ARBITRARY,
     CORNER,
@@ -37,7 +37,7 @@ AROUND = ((0, 0), (0, 1), (1, 1), (1, 0))  # a cell
 EDGE = 0.04  # of a map: labels are cut there
 
 
-def surface_figure(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> bytes:
+def surface_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> "Figure":
     """Draw the limits of `lipschitz` and `gamma` over weight and decay rate, as contour maps and as surfaces.
 
     Where there is no design, or where the batch has not got to, the maps are gray and the surfaces have holes; gamma
@@ -46,19 +46,8 @@ def surface_figure(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, An
     Parameters
     ----------
     points, shipped, title
-        As for `front.front_figure`; the points may come in any order and need not fill the grid.
-
-    Returns
-    -------
-    bytes
-        A PNG, the same for the same points.
+        As for `front.front_sheet`; the points may come in any order and need not fill the grid.
     """
-    with style():
-        return png(surface_sheet(points, shipped, title))
-
-
-def surface_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> "Figure":
-    """Compose a figure of two rows: a map and a surface of each quantity."""
     grid = Grid.of(points)
     figure = new_figure(10.5, 8.4, gap=0.05)
     figure.suptitle(plain(title), fontsize=11)
@@ -71,6 +60,9 @@ def surface_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any
         draw_surface(figure.add_subplot(cells[row, 1], projection="3d"), grid, field)
     legend_below(figure)
     return figure
+
+
+surface_figure = drawn(surface_sheet)
 
 
 @dataclass(frozen=True)

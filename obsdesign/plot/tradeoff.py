@@ -5,7 +5,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.plot.axis import mark_refused, mark_shipped, plain, spread_axis, symbol
-from obsdesign.plot.canvas import COLORS, new_figure, png, style
+from obsdesign.plot.canvas import COLORS, drawn, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,55 +14,17 @@ TRUE = COLORS[0]
 MARKERS = "osD^vP"  # curves that coincide stay apart
 
 
-def tradeoff_figure(
-    points: Sequence[Mapping[str, Any]],
-    shipped: Mapping[str, Any] | None,
-    title: str,
-    x: str = "alpha",
-    y: str = "gamma",
-) -> bytes:
-    """Draw the curve of a search.
-
-    Parameters
-    ----------
-    points
-        Mappings with the searched x, the result y (missing or None where there is none) and "status".
-    shipped
-        The point of the design that is shipped, or None.
-    title, x, y
-        Title, and the keys on the axes.
-
-    Returns
-    -------
-    bytes
-        A PNG, the same for the same points.
-    """
-    with style():
-        return png(tradeoff_sheet(points, shipped, title, x, y))
-
-
-def curves_figure(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> bytes:
-    """Draw several trade-off curves, one for each injection and relaxation, with the certified points on them.
+def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> "Figure":
+    """Draw several trade-off curves, one for each injection and relaxation: lines for the limits, marks for the gains.
 
     Parameters
     ----------
     curves
         Mappings with `injection`, `relaxation` and `points`: the parameter, the limit of the other quantity (gamma, or
         T2 against a decay), and `certified`, what the gains of the point are proved to achieve.
-    parameter, title
-        Key on the x axis, and the title.
-
-    Returns
-    -------
-    bytes
-        A PNG, the same for the same curves.
+    parameter
+        Key on the x axis.
     """
-    with style():
-        return png(curves_sheet(curves, parameter, title))
-
-
-def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> "Figure":
-    """Compose a figure of several curves: lines for the limits, marks for what is certified."""
     figure = new_figure(6.8, 4.4)
     axes = figure.add_subplot()
     axes.set_title(plain(title), fontsize=11)
@@ -89,9 +51,23 @@ def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str
 
 
 def tradeoff_sheet(
-    points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str, x: str, y: str
+    points: Sequence[Mapping[str, Any]],
+    shipped: Mapping[str, Any] | None,
+    title: str,
+    x: str = "alpha",
+    y: str = "gamma",
 ) -> "Figure":
-    """Compose a figure of a search; a point without a result stands at the foot, under its status."""
+    """Draw the curve of a search; a point without a result stands at the foot, under its status.
+
+    Parameters
+    ----------
+    points
+        Mappings with the searched x, the result y (missing or None where there is none) and "status".
+    shipped
+        The point of the design that is shipped, or None.
+    x, y
+        Keys on the axes.
+    """
     figure = new_figure(6.4, 4.2)
     axes = figure.add_subplot()
     axes.set_title(plain(title), fontsize=11)
@@ -108,3 +84,6 @@ def tradeoff_sheet(
     axes.set_ylabel(symbol(y))
     axes.legend()
     return figure
+
+
+curves_figure, tradeoff_figure = drawn(curves_sheet), drawn(tradeoff_sheet)
