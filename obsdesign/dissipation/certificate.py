@@ -46,7 +46,7 @@ class Certificate:
         """Guarantee in doubles."""
         P = np.vectorize(approximate, otypes=[float])(self.P)
         gamma, alpha, mu1, mu2 = map(approximate, (self.gamma, self.alpha, self.mu1, self.mu2))
-        return self.theorem.guarantee(gamma, alpha, mu1, mu2, P)
+        return self.theorem.about.guarantee(gamma, alpha, mu1, mu2, P)
 
 
 def certify(
@@ -70,7 +70,7 @@ def certify(
     )
     proved = prove([*family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}), *bounded])
     plant = family.plant
-    room = family.room(gamma, mu1, mu2)
+    margin = family.level_margin(gamma, mu1, mu2)
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     conditions = (
         *proved,
@@ -78,7 +78,7 @@ def certify(
         Check("mu1 > 0", mu1 > 0, approximate(mu1)),
         Check("gamma >= 0", gamma >= 0, approximate(gamma)),
         Check("mu2 >= 0", mu2 >= 0, approximate(mu2)),
-        Check(family.promise, room >= 0, approximate(room)),
+        Check(family.about.level, margin >= 0, approximate(margin)),
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
@@ -87,5 +87,6 @@ def certify(
 
 def rate(family: Incremental) -> Check:
     """Whether the decay rate is positive, or not negative where the family allows zero."""
-    allowed = family.alpha >= 0 if family.still else family.alpha > 0
-    return Check("decay >= 0" if family.still else "alpha > 0", allowed, approximate(family.alpha))
+    zero = family.about.zero_decay
+    allowed = family.alpha >= 0 if zero else family.alpha > 0
+    return Check("decay >= 0" if zero else "alpha > 0", allowed, approximate(family.alpha))

@@ -37,7 +37,7 @@ def claim(
         return None
     level = printed(gamma)
     mu = square_below(level)
-    solved = {name: rational(value) for name, value in family.normal(rational([[mu]])).items()}
+    solved = {name: rational(value) for name, value in family.weights(rational([[mu]])).items()}
     reduced = reduce(probe(problem))
     certificate = None
     for digits in DIGITS:
@@ -45,7 +45,7 @@ def claim(
         values = complete(
             lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
         )
-        certificate = certify(family, level, fmpq(1), mu, family.stated(values, mu), largest)
+        certificate = certify(family, level, fmpq(1), mu, family.unscaled(values, mu), largest)
         if certificate.holds:
             break
     return certificate

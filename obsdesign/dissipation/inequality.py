@@ -52,6 +52,19 @@ LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states,
 
 
 @dataclass(frozen=True)
+class Theorem:
+    """What is constant of a family, as the tableau is of a Runge-Kutta method."""
+
+    name: str  # of the family in a spec
+    guarantee: type[Quadratic]  # what it says of a run
+    decrease: str  # the dissipation inequality in words
+    gamma: str  # what gamma bounds, in words
+    level: str  # when mu1 and mu2 prove gamma, in words
+    monotone: bool  # whether the least gamma never decreases with alpha
+    zero_decay: bool = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
+
+
+@dataclass(frozen=True)
 class Incremental(ABC):
     """One instance of a family's inequalities: fixed alpha, and each gain given or (None) to be found.
 
@@ -59,13 +72,7 @@ class Incremental(ABC):
     f -> f - K q provides (`shifted`).
     """
 
-    name: ClassVar[str]  # of the family in a spec
-    guarantee: ClassVar[type[Quadratic]]  # what it says of a run
-    decrease: ClassVar[str]  # the dissipation inequality in words
-    meaning: ClassVar[str]  # of gamma
-    promise: ClassVar[str]
-    rises: ClassVar[bool]  # whether the least gamma never decreases with alpha
-    still: ClassVar[bool] = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
+    about: ClassVar[Theorem]
 
     plant: Plant[Array]
     multiplier: Multiplier
@@ -79,21 +86,21 @@ class Incremental(ABC):
         """The inequalities of the family for P, Y (or L1), the multiplier, mu1, mu2 (and R where L2 is free)."""
 
     @abstractmethod
-    def normal(self, mu: Array) -> Values:
+    def weights(self, mu: Array) -> Values:
         """Return mu1 and mu2 as the solver has them, for gamma^2 = mu and P of a size that does not depend on mu."""
 
     @abstractmethod
-    def stated(self, values: Values, mu: fmpq) -> Values:
-        """P and the multiplier of the claim mu1 = 1, mu2 = mu, from those for `normal`."""
+    def unscaled(self, values: Values, mu: fmpq) -> Values:
+        """P and the multiplier of the claim mu1 = 1, mu2 = mu, from those for `weights`."""
 
     @abstractmethod
-    def limited(self, P: Array, mu: Array, largest: Any) -> Array:
+    def storage_bound(self, P: Array, mu: Array, largest: Any) -> Array:
         """Return what must be <= 0 for the P of the claim to be at most `largest` I."""
 
     @staticmethod
     @abstractmethod
-    def room(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
-        """What must be >= 0 for mu1 and mu2 to prove gamma; `promise` says it in words."""
+    def level_margin(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
+        """What must be >= 0 for mu1 and mu2 to prove gamma; `Theorem.level` says it in words."""
 
     @staticmethod
     @abstractmethod
@@ -106,9 +113,9 @@ class Incremental(ABC):
         dissipation = self.dissipation_with_free_L2 if self.L2 is None else self.dissipation
         return [
             Inequality(
-                self.decrease,
+                self.about.decrease,
                 dissipation(v, weight * (self.H.mT @ self.H), supply),
-                strict=self.still and not self.alpha,
+                strict=self.about.zero_decay and not self.alpha,
             ),
             Inequality("P > 0", -v["P"], strict=True),
             *self.multiplier.inequalities(v),
@@ -189,22 +196,22 @@ class Incremental(ABC):
         def bounded(v: Values) -> list[Inequality]:
             rows = []
             if bounds and bounds.P is not None:
-                rows.append(Inequality(SMALL, self.limited(v["P"], v["mu"], float(bounds.P))))
+                rows.append(Inequality(SMALL, self.storage_bound(v["P"], v["mu"], float(bounds.P))))
             if bounds and bounds.floor is not None:
                 rows.append(Inequality(LARGE, float(bounds.floor) * self.eye - v["P"]))
             if bounds and bounds.L1 is not None:
                 rows += self.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
             return rows
 
-        limited = bounds is not None and bounds.L1 is not None
-        unknowns = [Unknown("mu", (1, 1)), *(self.gain_unknowns("t", bounds) if bounds and limited else [])]
-        injection = None if limited or self.L1 is not None else self.injection
-        return self.problem(unknowns, self.leveled, bounded, minimise="mu", injection=injection)
+        small = bounds is not None and bounds.L1 is not None
+        unknowns = [Unknown("mu", (1, 1)), *(self.gain_unknowns("t", bounds) if bounds and small else [])]
+        injection = None if small or self.L1 is not None else self.injection
+        return self.problem(unknowns, self.weighted, bounded, minimise="mu", injection=injection)
 
     def feasible(self) -> Problem:
         """The theorem for some gamma."""
         injection = None if self.L1 is not None else self.injection
-        return self.problem([Unknown("mu", (1, 1))], self.leveled, injection=injection)
+        return self.problem([Unknown("mu", (1, 1))], self.weighted, injection=injection)
 
     def witness(self, gamma: float | None, largest: Any = None) -> Problem:
         """The theorem for a gamma, or for some gamma, with nothing projected out; and P <= p I for the largest p."""
@@ -213,13 +220,13 @@ class Incremental(ABC):
         mu = gamma**2 * ONE
 
         def bounded(v: Values) -> list[Inequality]:
-            return [] if largest is None else [Inequality(SMALL, self.limited(v["P"], mu, float(largest)))]
+            return [] if largest is None else [Inequality(SMALL, self.storage_bound(v["P"], mu, float(largest)))]
 
-        return self.problem([], lambda v: {**v, **self.normal(mu)}, bounded)
+        return self.problem([], lambda v: {**v, **self.weights(mu)}, bounded)
 
-    def leveled(self, v: Values) -> Values:
+    def weighted(self, v: Values) -> Values:
         """Complete unknowns by mu1 and mu2."""
-        return {**v, **self.normal(v["mu"])}
+        return {**v, **self.weights(v["mu"])}
 
     def problem(
         self,

@@ -1,6 +1,6 @@
 """The plant (1) of Corless and Chakrabarty (2019), which is also the shape of the augmented plant (10)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar, cast
 
 from obsdesign.lmi.formula import Array, Float, in_floats
@@ -43,3 +43,8 @@ class Plant(Generic[N]):
     def doubles(self) -> "Plant[Float]":
         """Same plant in doubles."""
         return cast("Plant[Float]", in_floats(self))
+
+    @property
+    def undisturbed(self) -> "Plant[N]":
+        """Same plant without w."""
+        return replace(self, **{name: getattr(self, name)[:, :0] for name in ("B", "D", "Dq")}, exogenous=())

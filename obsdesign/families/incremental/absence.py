@@ -30,7 +30,7 @@ def question(family: Incremental, gamma: fmpq | None = None) -> tuple[Formula, t
     gains = [Unknown("Y", p.C.mT.shape)] if family.L1 is None else []
 
     def formula(v: Values) -> Any:
-        level = family.normal(v["mu"] if gamma is None else rational([[gamma * gamma]]))
+        level = family.weights(v["mu"] if gamma is None else rational([[gamma * gamma]]))
         exact = {name: mu if mu.dtype == object else rational(mu) for name, mu in level.items()}
         return family.theorem({**v, **exact})
 

@@ -64,11 +64,11 @@ class Accurate:
 def accurate(engine: Engine, family: Incremental) -> Accurate | None:
     """Solution of the conditions for a family in rationals, with the smallest Y; None if none was found."""
     alpha = float(family.alpha)
-    for ratio in FASTER if family.rises else BARELY:
+    for ratio in FASTER if family.about.monotone else BARELY:
         for fixed in with_feedback(engine, family, ratio * alpha):
             values = solution(engine, in_floats(fixed), ratio * alpha)
             if values is not None:
-                return Accurate(fixed, values, (ratio - 1) * alpha if family.rises else alpha)
+                return Accurate(fixed, values, (ratio - 1) * alpha if family.about.monotone else alpha)
     return None
 
 
@@ -104,13 +104,13 @@ def solution(engine: Engine, family: Incremental, rate: float) -> Values | None:
 def conditions(family: Incremental, rate: float) -> Problem:
     """(20) and (25) for P >= I, minimising its trace; in doubles."""
     p, nv = family.plant, family.plant.B.shape[1]
-    silent = replace(family, alpha=rate, plant=replace(p, B=p.B[:, :0], D=p.D[:, :0], Dq=p.Dq[:, :0]))
+    undisturbed = replace(family, alpha=rate, plant=p.undisturbed)
     none = np.zeros((1, 1))
 
     def inequalities(v: Values) -> list[Inequality]:
         return [
-            *silent.conditions(v, none, none),
-            *silent.usable_scales(v),
+            *undisturbed.conditions(v, none, none),
+            *undisturbed.usable_scales(v),
             Inequality("P >= I", np.eye(p.n) - v["P"]),
             equation("P B + Y D = C'F'", v["P"] @ p.B + v["Y"] @ p.D - p.C.mT @ v["F"].mT),
             equation("F [D Df] = 0", v["F"] @ np.hstack([p.D, p.Df])),

@@ -49,7 +49,7 @@ class Claim:
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
         g = self.certificate.guarantee
-        return f"gamma {g.gamma:g}, {THEOREMS[spec.observer.type].meaning}; decay rate {g.alpha:g} 1/s"
+        return f"gamma {g.gamma:g}, {THEOREMS[spec.observer.type].about.gamma}; decay rate {g.alpha:g} 1/s"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee of the family in words, and where it holds."""

@@ -217,17 +217,17 @@ class Designer:
         the minimum of the curve, or the fastest decay where the curve is flat there. Pareto takes the fastest decay
         within the slack of the least gamma.
         """
-        objective, rises = self.request.objective, self.family.rises
-        if self.range is None or (rises and (objective in {"feasibility", "gamma"} or self.request.gains)):
+        objective, monotone = self.request.objective, self.family.about.monotone
+        if self.range is None or (monotone and (objective in {"feasibility", "gamma"} or self.request.gains)):
             return self.lowest
         self.points = list(self.decay.curve(self.range.grid()))
-        if not rises and objective != "pareto":
+        if not monotone and objective != "pareto":
             self.points = sorted([*self.points, *self.decay.lowest(self.points)], key=lambda point: point["alpha"])
         known = [point for point in self.points if "gamma" in point]
         if not known:
             return self.lowest
         best = min(known, key=lambda point: point["gamma"])
-        if rises and objective != "pareto":
+        if monotone and objective != "pareto":
             best = self.points[0]
         else:
             level = best["gamma"] * (1 + (float(self.request.slack) if objective == "pareto" else FLAT))
@@ -241,7 +241,7 @@ class Designer:
             return (
                 f"alpha = {alpha:g} is the fastest decay of the curve with a least gamma within the slack of its least"
             )
-        if self.family.rises:
+        if self.family.about.monotone:
             return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
         return f"alpha = {alpha:g} has the least gamma of the range, by a grid and a golden section"
 

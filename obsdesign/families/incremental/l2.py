@@ -18,38 +18,40 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
-from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental
+from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental, Theorem
 from obsdesign.lmi.formula import Array, Inequality, Values
 
 
 class L2(Incremental):
     """Theorem 1, for a fixed alpha; each gain is given or (None) to be found."""
 
-    name = "l2"
-    guarantee = EnergyGuarantee
-    decrease = "V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0"
-    meaning = "norm2(z) <= gamma norm2(v) from zero error"
-    promise = "mu2 <= gamma^2 mu1"
-    rises = True
+    about = Theorem(
+        name="l2",
+        guarantee=EnergyGuarantee,
+        decrease="V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0",
+        gamma="norm2(z) <= gamma norm2(v) from zero error",
+        level="mu2 <= gamma^2 mu1",
+        monotone=True,
+    )
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(13), P > 0 and membership of the multiplier."""
         return tuple(self.conditions(v, v["mu1"], v["mu2"]))
 
-    def normal(self, mu: Array) -> Values:
+    def weights(self, mu: Array) -> Values:
         """mu1 = 1 and mu2 = mu."""
         return {"mu1": ONE, "mu2": mu}
 
-    def stated(self, values: Values, mu: fmpq) -> Values:  # noqa: ARG002
+    def unscaled(self, values: Values, mu: fmpq) -> Values:  # noqa: ARG002
         """The same: the solver has the claim itself."""
         return values
 
-    def limited(self, P: Array, mu: Array, largest: Any) -> Array:  # noqa: ARG002
+    def storage_bound(self, P: Array, mu: Array, largest: Any) -> Array:  # noqa: ARG002
         """P - p I."""
         return np.asarray(P - largest * self.eye)
 
     @staticmethod
-    def room(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
+    def level_margin(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
         """gamma^2 mu1 - mu2."""
         return gamma * gamma * mu1 - mu2
 

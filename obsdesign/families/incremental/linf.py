@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental
+from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental, Theorem
 from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.lmi.formula import Array, Inequality, Values
 
@@ -32,32 +32,34 @@ from obsdesign.lmi.formula import Array, Inequality, Values
 class Linf(Incremental):
     """Theorem 1, for a fixed alpha; each gain is given or (None) to be found."""
 
-    name = "linf"
-    guarantee = PeakGuarantee
-    decrease = "V' + 2 alpha V - 2 alpha mu1 |v|^2 <= 0"
-    meaning = "sup|z| <= gamma sup|v| from zero error"
-    promise = "mu1 mu2 <= gamma^2"
-    rises = False
+    about = Theorem(
+        name="linf",
+        guarantee=PeakGuarantee,
+        decrease="V' + 2 alpha V - 2 alpha mu1 |v|^2 <= 0",
+        gamma="sup|z| <= gamma sup|v| from zero error",
+        level="mu1 mu2 <= gamma^2",
+        monotone=False,
+    )
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(13a), (13b), P > 0 and membership of the multiplier."""
         output = Inequality("|z|^2 <= mu2 V", self.H.mT @ self.H - v["mu2"] * v["P"])
         return (*self.conditions(v, 0 * v["mu1"], 2 * self.alpha * v["mu1"]), output)
 
-    def normal(self, mu: Array) -> Values:
+    def weights(self, mu: Array) -> Values:
         """mu1 = mu and mu2 = 1, so that P >= H'H and (13a) is linear in mu."""
         return {"mu1": mu, "mu2": ONE}
 
-    def stated(self, values: Values, mu: fmpq) -> Values:
+    def unscaled(self, values: Values, mu: fmpq) -> Values:
         """P / mu and the multiplier / mu."""
         return {name: value / mu for name, value in values.items()}
 
-    def limited(self, P: Array, mu: Array, largest: Any) -> Array:
+    def storage_bound(self, P: Array, mu: Array, largest: Any) -> Array:
         """P / mu - p I, times mu."""
         return np.asarray(P - largest * mu * self.eye)
 
     @staticmethod
-    def room(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
+    def level_margin(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
         """gamma^2 - mu1 mu2."""
         return gamma * gamma - mu1 * mu2
 

@@ -11,7 +11,7 @@ def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tupl
     """What is proved of the gains L1 and L2."""
     if "gamma" not in claimed:
         return []
-    rows = [("gamma", f"{claimed['gamma']:g}   {THEOREMS[observer['type']].meaning}")]
+    rows = [("gamma", f"{claimed['gamma']:g}   {THEOREMS[observer['type']].about.gamma}")]
     rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]

@@ -141,7 +141,7 @@ class StateFunction:
         eye, none = rational(np.eye(n)), rational(np.zeros((n, n)))
         same = replace(plant, Bf=eye, Cq=eye, Dqf=none, Dq=0 * plant.B, Df=0 * plant.C)
         unit = Lipschitz(same, lipschitz_multiplier((fmpq(1),), ((n, n),)), spec.H, decay, None, 0 * plant.C.mT)
-        return cls(J, box, unit.silent(), plant.Bf, plant.Cq, relaxation, engine)
+        return cls(J, box, unit.undisturbed(), plant.Bf, plant.Cq, relaxation, engine)
 
     def scaled(self, T: Sequence[fmpq]) -> Scaling:
         """Proved constant and admissible one in the coordinates T x."""

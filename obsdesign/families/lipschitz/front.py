@@ -241,7 +241,7 @@ def largest_floor(family: Lipschitz, gamma: float) -> Problem:
     """Minimise t, P >= -t I, at a gamma: Theorem 4 keeps P bounded."""
     return family.problem(
         [Unknown("t", (1, 1))],
-        lambda v: {**v, **family.normal(gamma**2 * ONE)},
+        lambda v: {**v, **family.weights(gamma**2 * ONE)},
         lambda v: [Inequality(LARGE, -v["t"] * family.eye - v["P"])],
         minimise="t",
     )

@@ -36,7 +36,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.inequality import ONE
+from obsdesign.dissipation.inequality import ONE, Theorem
 from obsdesign.families.incremental.l2 import L2
 from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
 from obsdesign.lmi.formula import (
@@ -66,11 +66,15 @@ ATTENUATES = "[H'H + c I, P B - F D; ., -mu I] <= 0"
 class Lipschitz(L2):
     """The s-procedure, with a scale for each block. L1 = -L, and L2 = 0; `LipschitzClaim` states what it proves."""
 
-    name = "lipschitz"
-    guarantee = LipschitzGuarantee
-    decrease = "V' + 2 decay V + |z|^2 - mu |w|^2 <= 0"
-    promise = "mu <= gamma^2"
-    still = True
+    about = Theorem(
+        name="lipschitz",
+        guarantee=LipschitzGuarantee,
+        decrease="V' + 2 decay V + |z|^2 - mu |w|^2 <= 0",
+        gamma=L2.about.gamma,
+        level="mu <= gamma^2",
+        monotone=True,
+        zero_decay=True,
+    )
 
     @classmethod
     def of(
@@ -99,11 +103,9 @@ class Lipschitz(L2):
         absent = rational(np.zeros((len(plant.Cq), len(plant.C))))
         return cls(plant, lipschitz_multiplier(constants, sizes), H, decay, None if L is None else -L, absent)
 
-    def silent(self) -> Self:
+    def undisturbed(self) -> Self:
         """Same problem without w and z: what Theorems 1 and 2 are about."""
-        p = self.plant
-        plant = replace(p, B=p.B[:, :0], D=p.D[:, :0], Dq=p.Dq[:, :0])
-        return replace(self, plant=plant, H=self.H[:0])
+        return replace(self, plant=self.plant.undisturbed, H=self.H[:0])
 
     def stretched(self, factor: Any) -> Self:
         """Same problem with every Lipschitz constant multiplied by a factor, in the numbers of the problem."""

@@ -32,7 +32,7 @@ class Stretch:
     """
 
     engine: Engine
-    family: Lipschitz  # silent, for the constant 1, in doubles
+    family: Lipschitz  # without w and z, for the constant 1, in doubles
 
     @property
     def power(self) -> int:
@@ -114,7 +114,7 @@ class Stretch:
         Cq = family.plant.Cq
         forced = family.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
         return [
-            Inequality(family.decrease, forced, strict=not family.alpha),
+            Inequality(family.about.decrease, forced, strict=not family.alpha),
             Inequality("P > 0", -v["P"], strict=True),
         ]
 

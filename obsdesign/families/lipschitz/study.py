@@ -96,7 +96,9 @@ class Study:
     def stretch(self, L: Array | None = None) -> Stretch:
         """Search for the largest constant, without w and z, for a gain or over all."""
         kind = Lipschitz if self.relaxation == "s-procedure" else NormBound
-        return Stretch(self.engine, in_floats(replace(recast(self.unit, kind), L1=None if L is None else -L).silent()))
+        return Stretch(
+            self.engine, in_floats(replace(recast(self.unit, kind), L1=None if L is None else -L).undisturbed())
+        )
 
     def proved(
         self, L: Array, constant: fmpq, gamma: float | None = None, values: Values | None = None

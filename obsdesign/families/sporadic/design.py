@@ -22,7 +22,7 @@ from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
-from obsdesign.families.sporadic.landscape import STEEPER
+from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.scheme import Scheme, schemes
@@ -97,14 +97,14 @@ class Designer:
 
     def require_delta(self, scheme: Scheme) -> None:
         """Refuse a range of delta that is wholly too low, and say where it is cut."""
-        steep = scheme.limit(self.setting.family(float(self.decay.low))).steep and not self.request.gains
-        least = 2 * STEEPER * float(self.decay.low)
-        if steep and float(self.request.delta.high) < least:
+        bound = scheme.limit(self.setting.family(float(self.decay.low))).delta_above_decay and not self.request.gains
+        least = 2 * LEAST_DELTA * float(self.decay.low)
+        if bound and float(self.request.delta.high) < least:
             raise UsageError(
                 f"observer.delta: {scheme.relaxation} needs delta > 2 decay = {2 * float(self.decay.low):g}, "
                 f"and the range ends at {float(self.request.delta.high):g}"
             )
-        if steep and float(self.request.delta.low) < least:
+        if bound and float(self.request.delta.low) < least:
             self.notes.append(f"{scheme.relaxation} needs delta > 2 decay: its range of delta begins at {least:g}")
 
     def require_gains(self, L: Array, H: Array) -> None:

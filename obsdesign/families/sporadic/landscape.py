@@ -21,7 +21,7 @@ from obsdesign.lmi.solve import Search, violation
 from obsdesign.lmi.solvers import Ending, call
 
 Form = Callable[[Sporadic], Relaxation]
-STEEPER = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
+LEAST_DELTA = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
 LARGEST = 60.0  # of delta T2
 GUARD = 9  # points of the whole range where a search nearby finds nothing
 MISSING = -1e-6  # what is missing is negative, beyond the noise of a solver (about 2e-8)
@@ -95,15 +95,15 @@ class Landscape:
     exponent: float | None = None  # delta T2 of the last minimum
 
     @property
-    def steep(self) -> bool:
+    def delta_above_decay(self) -> bool:
         """Whether delta > 2 lambda_t is necessary."""
-        return self.form(self.family).steep
+        return self.form(self.family).delta_above_decay
 
     @property
     def interval(self) -> tuple[float, float]:
         """Where delta is searched."""
         low, high = float(self.range.low), float(self.range.high)
-        return (max(low, 2 * STEEPER * self.family.decay) if self.steep else low), high
+        return (max(low, 2 * LEAST_DELTA * self.family.decay) if self.delta_above_decay else low), high
 
     def relaxation(self, delta: float, T2: float) -> Relaxation:
         """The relaxation at one point."""

@@ -25,7 +25,7 @@ Gains = tuple[Array, Array]  # L (n, ny), H (ny, ny)
 class Relaxation(ABC):
     """Inequalities that imply (28), affine in their unknowns; in doubles."""
 
-    steep: ClassVar[bool] = False  # whether delta > 2 lambda_t is necessary
+    delta_above_decay: ClassVar[bool] = False  # whether delta > 2 lambda_t is necessary
 
     family: Sporadic
 
@@ -74,11 +74,11 @@ class Relaxation(ABC):
         P1 and P2 have a trace of the order of 1 together, in the units in which they are of the same size.
         """
         root, n = np.sqrt(self.family.ratio), self.family.plant.n
-        silent = replace(self, family=self.family.silent)
+        undisturbed = replace(self, family=self.family.undisturbed)
 
         def inequalities(v: Values) -> list[Inequality]:
             v = {**v, "weight": 0 * ONE, "mu": 0 * ONE}
-            flows, rest = silent.inequalities(v)[:2], silent.family.positive(v)
+            flows, rest = undisturbed.inequalities(v)[:2], undisturbed.family.positive(v)
             relaxed = [Inequality(f.name, f.matrix - v["missing"] * np.eye(f.matrix.shape[-1])) for f in flows]
             size = trace(v["P1"]) + root * trace(v["P2"])
             sizes = Inequality("size >= n", n * ONE - size), Inequality("size <= 2 n", size - 2 * n * ONE)

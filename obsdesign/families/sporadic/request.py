@@ -31,7 +31,7 @@ INJECTIONS = {  # how the correction evolves between measurements, and its relax
 }
 RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
 DELTA = Range(fmpq(1, 100), fmpq(1000), points=40, log=True)  # where the search looks if the spec does not say
-STEEP = ("proposition-3", "proposition-5")  # need delta > 2 decay
+ABOVE_DECAY = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
 ABSENT = ("D", "Dq", "Dqf", "Df")
@@ -199,11 +199,11 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
     delta = read_searched(reader, section.delta, loc, "> 0")
     low, high = ends(delta)
     least = 2 * ends(decay)[0]
-    steep = [name for name in relaxations if name in STEEP] or (
+    bound = [name for name in relaxations if name in ABOVE_DECAY] or (
         ["proposition-5"] if "hold" in listed(section.injection) else []
     )
-    if steep and not section.gains and high < least * ABOVE and reader.clean(loc):
-        reader.wrong(loc, f"{steep[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
+    if bound and not section.gains and high < least * ABOVE and reader.clean(loc):
+        reader.wrong(loc, f"{bound[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
     return delta if isinstance(delta, Range) else Range(low, high, points=1)
 
 

@@ -102,7 +102,7 @@ class SlackedWithGains(Slacked, WithGains):
 class Proposition3(SlackedWithGains):
     """(44)."""
 
-    steep = True
+    delta_above_decay = True
 
     @property
     def further(self) -> tuple[Unknown, ...]:
@@ -133,7 +133,7 @@ class Proposition3(SlackedWithGains):
 class Proposition4(Proposition3):
     """(45)."""
 
-    steep = False
+    delta_above_decay = False
 
     def factors(self, v: Values, s: float) -> tuple[Slack, Slack]:  # noqa: ARG002
         """X6 = X8 = U."""
@@ -143,7 +143,7 @@ class Proposition4(Proposition3):
 class Held(SlackedWithGains):
     """Proposition 5, H = 0, without its slack variables."""
 
-    steep = True
+    delta_above_decay = True
 
     @property
     def rates(self) -> Array:
@@ -159,7 +159,7 @@ class Held(SlackedWithGains):
 class Proposition5(SlackedWithGains):
     """(46)."""
 
-    steep = True
+    delta_above_decay = True
 
     @property
     def further(self) -> tuple[Unknown, ...]:

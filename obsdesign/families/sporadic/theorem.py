@@ -70,10 +70,9 @@ class Sporadic:
         return last, first
 
     @property
-    def silent(self) -> "Sporadic":
+    def undisturbed(self) -> "Sporadic":
         """Same without w."""
-        p = self.plant
-        return replace(self, plant=replace(p, B=p.B[:, :0], D=p.D[:, :0], Dq=p.Dq[:, :0]))
+        return replace(self, plant=self.plant.undisturbed)
 
     def supply(self, v: Values) -> tuple[list[Array], list[Array], list[Array]]:
         """Upper triangle in (e, w, f) of weight |z|^2 - mu |w|^2 + [dq; df]' M [dq; df]."""
