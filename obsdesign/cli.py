@@ -302,10 +302,9 @@ def simulated(design: "Design", files: tuple[str, str], quiet: bool) -> Mapping[
     from obsdesign.plot import run_figure
     from obsdesign.simulate import simulate
 
-    spec, guarantee = design.spec, design.guarantee
     with progress(quiet) as report:
-        run = simulate(spec, design.gains, guarantee, lambda done: report(done, "simulation"))
-    samples, figure = csv(*run.table()), run_figure(spec, run, guarantee)
+        run = simulate(design, lambda done: report(done, "simulation"))
+    samples, figure = csv(*run.table()), run_figure(run)
     if files[0] == "-":
         typer.echo(samples.decode(), nl=False)
         write_all({files[1]: figure})

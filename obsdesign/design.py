@@ -9,7 +9,7 @@ import json
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from obsdesign.reading import loads, with_simulation
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
-    from obsdesign.simulate import HybridRun, Run
+    from obsdesign.simulate import Run
 
 FORMAT = 1
 
@@ -164,7 +164,7 @@ class Design:
         name = f"{self.spec.name or 'design'}.gains.json"
         return proof_of(ResultFile(name, to_json(self.result).encode()), self.spec)
 
-    def simulate(self, **changes: Any) -> "Run | HybridRun":
+    def simulate(self, **changes: Any) -> "Run":
         """Run plant and observer, and hold the run against every bound of the guarantee.
 
         Parameters
@@ -182,7 +182,7 @@ class Design:
         if not self.gains:
             raise UsageError(f"{self.spec.path}: no gains to simulate: {self.diagnosis.get('reason', self.status)}")
         spec = with_simulation(self.spec, changes) if changes else self.spec
-        return simulate(spec, self.gains, self.guarantee)
+        return simulate(replace(self, spec=spec))
 
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""

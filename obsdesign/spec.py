@@ -1,6 +1,6 @@
 """A spec, read: everything about one estimation problem in the types of the design and of the simulation."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -13,7 +13,7 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
-from obsdesign.model.equations import Equations, Terms, from_matrices
+from obsdesign.model.equations import Equations, Terms, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
@@ -44,6 +44,16 @@ class Nonlinearity:
     lipschitz: tuple[
         fmpq, ...
     ] = ()  # constant of f_i, or one for each component that has its own; none is known: empty
+
+
+def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, tuple[float, float]]]:
+    """Number of the block, component in it, component of q, and limits, of each component that has a limit."""
+    first = 0
+    for i, block in enumerate(blocks, start=1):
+        for k, limits in enumerate(block.region or ()):
+            if np.isfinite(limits).any():
+                yield i, k, first + k, limits
+        first += block.nq
 
 
 @dataclass(frozen=True)
@@ -148,6 +158,12 @@ class Spec(metaclass=Called):
     def augmented(self) -> Plant[Exact]:
         """The plant with the disturbance model appended, (10)."""
         return augment(self.plant, self.generator, self.model_states, self.drives)
+
+    @property
+    def reserved(self) -> tuple[str, ...]:
+        """Names of w where xm may have the same: names that no signal of the augmented plant has."""
+        taken = {*self.plant.states, *self.model_states, *self.inputs, *self.plant.outputs}
+        return tuple(free(name, taken) for name in self.plant.exogenous)
 
     def equations(self, plant: Plant[Exact]) -> Equations:
         """Equations of the plant, or of it with the disturbance model, with the nonlinearities and known terms.

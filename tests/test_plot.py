@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.running import simulate
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.families.incremental.guarantee import PeakGuarantee
@@ -16,7 +17,6 @@ from obsdesign.plot.panels import Curve, limits
 from obsdesign.plot.run import run_sheet
 from obsdesign.plot.tradeoff import curves_sheet, tradeoff_sheet
 from obsdesign.reading import loads
-from obsdesign.simulate import simulate
 
 HEAD = "obsdesign: 1\nname: Cost $5\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 MASS = """
@@ -34,11 +34,10 @@ simulation: {horizon: 5, x0: [1, 0], w: [sin(t)], points: 101}
 
 @pytest.fixture(scope="module")
 def mass():
-    """A run of a mass with an unknown force, and what is claimed of it."""
+    """A run of a mass with an unknown force, held against what is claimed of it."""
     spec = loads(HEAD + MASS)
     guarantee = EnergyGuarantee(gamma=2, alpha=0.05, mu1=1, mu2=4, P=np.eye(3))
-    run = simulate(spec, {"L1": np.array([[-5.0], [-8], [-6]]), "L2": np.zeros((0, 1))}, guarantee)
-    return spec, run, guarantee
+    return simulate(spec, {"L1": np.array([[-5.0], [-8], [-6]]), "L2": np.zeros((0, 1))}, guarantee)
 
 
 def size(png: bytes) -> tuple[int, int]:
@@ -56,14 +55,14 @@ def size(png: bytes) -> tuple[int, int]:
 
 
 def test_a_run_is_a_png_that_is_the_same_every_time(mass):
-    first = run_figure(*mass)
+    first = run_figure(mass)
     assert size(first) == (1575, int(150 * (1.0 + 3 * 2.35)))
-    assert run_figure(*mass) == first
+    assert run_figure(mass) == first
     assert b"Software" not in first
 
 
 def test_every_panel_says_what_it_shows(mass):
-    figure = run_sheet(*mass)
+    figure = run_sheet(mass)
     panels = figure.axes
     labels = ["p [m]", "s [m/s]", "w1", "state errors", "unknown-input errors", "V(e) = e' P e"]
     assert [axes.get_ylabel() for axes in panels] == labels
@@ -78,8 +77,8 @@ def test_every_panel_says_what_it_shows(mass):
 
 
 def test_the_truth_is_solid_and_the_estimate_dashed(mass):
-    _, run, _ = mass
-    true, estimate = run_sheet(*mass).axes[0].get_lines()
+    run = mass
+    true, estimate = run_sheet(mass).axes[0].get_lines()
     assert true.get_linestyle() == "-"
     assert estimate.get_linestyle() == "--"
     assert true.get_color() != estimate.get_color()
@@ -88,8 +87,8 @@ def test_the_truth_is_solid_and_the_estimate_dashed(mass):
 
 
 def test_errors_are_drawn_at_the_steps_and_the_bound_lies_above_v(mass):
-    _, run, _ = mass
-    panels = run_sheet(*mass).axes
+    run = mass
+    panels = run_sheet(mass).axes
     assert (panels[3].get_lines()[1].get_ydata() == run.steps.e[:, 1]).all()
     assert (panels[4].get_lines()[0].get_ydata() == run.steps.w_error[:, 0]).all()
     bound, V = (line.get_ydata() for line in panels[5].get_lines())
@@ -109,7 +108,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=((-1.0, 1.0),)),))
     guarantee = PeakGuarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1))
     run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
-    figure = run_sheet(spec, run, guarantee)
+    figure = run_sheet(run)
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
     argument, storage = panels["q1 of nonlinearity 1"], panels["V(e) = e' P e"]
     bounds = [line for line in argument.get_lines() if line.get_label() == "limit of the region"]
@@ -123,24 +122,23 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
 
 
 def test_a_broken_bound_is_said_in_the_title(mass):
-    spec, _, guarantee = mass
+    spec, guarantee = mass.spec, mass.guarantee
     gains = {"L1": np.array([[-5.0], [-8], [-6]]), "L2": np.zeros((0, 1))}
     false = replace(guarantee, alpha=9.0, mu2=1e-4, gamma=1e-2)
-    assert "VIOLATED" in run_sheet(spec, simulate(spec, gains, false), false).get_suptitle()
+    assert "VIOLATED" in run_sheet(simulate(spec, gains, false)).get_suptitle()
 
 
 def test_without_a_guarantee_there_is_no_bound_and_the_title_says_so(mass):
-    spec, run, _ = mass
+    run = mass
     steps = replace(run.steps, V=None, V_bound=None)
-    figure = run_sheet(spec, replace(run, V=None, V_bound=None, steps=steps), None)
+    figure = run_sheet(replace(run, guarantee=None, V=None, V_bound=None, steps=steps))
     assert [axes.get_ylabel() for axes in figure.axes][-1] == "unknown-input errors"
     assert "no guarantee" in figure.get_suptitle()
 
 
 @pytest.mark.parametrize(("status", "word"), [("escape", "ESCAPE"), ("stall", "STALLED")])
 def test_a_run_that_ended_early_says_so(mass, status, word):
-    spec, run, guarantee = mass
-    title = run_sheet(spec, replace(run, status=status, time=1.25), guarantee).get_suptitle()
+    title = run_sheet(replace(mass, status=status, time=1.25)).get_suptitle()
     assert f"{word} at t = 1.25 s" in title
 
 
@@ -151,7 +149,7 @@ def damped(n):
     text = f"system: {{A: {A}, C: {C}}}\nsimulation: {{horizon: 1, x0: {list(range(n))}}}"
     spec = loads(HEAD + text)
     run = simulate(spec, {"L1": np.zeros((n, 1)), "L2": np.zeros((0, 1))}, None)
-    return run, run_sheet(spec, run, None)
+    return run, run_sheet(run)
 
 
 def test_many_states_share_panels_of_at_most_eight_curves():

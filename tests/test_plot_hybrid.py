@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.running import simulate_sporadic
 from support.sporadic import DESIGN, OSCILLATOR_V
 
 from obsdesign.plot.hybrid import hybrid_figure, hybrid_sheet, lowest
 from obsdesign.reading import loads
-from obsdesign.simulate.hybrid import Sampling, simulate_sporadic
+from obsdesign.simulate import Sampling
 
 SPEC = """
 obsdesign: 1
@@ -24,7 +25,7 @@ def sheet(sampling, guarantee=OSCILLATOR_V, horizon=8.0):
     spec = loads(SPEC)
     spec = replace(spec, simulation=replace(spec.simulation, horizon=horizon))
     run = simulate_sporadic(spec, DESIGN, sampling, guarantee)
-    return spec, run, hybrid_sheet(spec, run, guarantee)
+    return spec, run, hybrid_sheet(run)
 
 
 def lines(axes):
@@ -56,11 +57,11 @@ def test_every_panel_says_what_it_shows():
 
 
 def test_a_figure_is_a_png_that_is_the_same_every_time():
-    spec, run, _ = sheet(Sampling(0.205, 0.41))
-    first = hybrid_figure(spec, run, OSCILLATOR_V)
+    _spec, run, _ = sheet(Sampling(0.205, 0.41))
+    first = hybrid_figure(run)
     assert first[:8] == b"\x89PNG\r\n\x1a\n"
     assert b"Software" not in first
-    assert hybrid_figure(spec, run, OSCILLATOR_V) == first
+    assert hybrid_figure(run) == first
 
 
 def test_the_estimate_is_marked_where_a_measurement_is_received():
@@ -68,7 +69,7 @@ def test_the_estimate_is_marked_where_a_measurement_is_received():
     for i, axes in enumerate(figure.axes[:2]):
         (dots,) = marks(axes, ".")
         assert (dots.get_xdata() == run.schedule.received).all()
-        assert dots.get_ydata() == pytest.approx(np.interp(run.schedule.received, run.t, run.zhat[:, i]))
+        assert dots.get_ydata() == pytest.approx(np.interp(run.schedule.received, run.t, run.xihat[:, i]))
 
 
 def test_very_many_measurements_are_not_marked_on_the_estimate():
@@ -78,12 +79,12 @@ def test_very_many_measurements_are_not_marked_on_the_estimate():
 
 
 def test_states_and_theta_of_a_run_that_escapes_are_readable_where_they_begin():
-    spec, run, _ = sheet(Sampling(0.205, 0.41))
+    _spec, run, _ = sheet(Sampling(0.205, 0.41))
     growth = np.exp(4 * run.t)[:, None]
     steps = replace(run.steps, theta=run.steps.theta + 1 + np.exp(4 * run.steps.t)[:, None])
-    escaped = replace(run, z=run.z + growth, zhat=run.zhat + growth, steps=steps, status="escape")
+    escaped = replace(run, xi=run.xi + growth, xihat=run.xihat + growth, steps=steps, status="escape")
     for each, scale in ((run, "linear"), (escaped, "asinh")):
-        panels = hybrid_sheet(spec, each, OSCILLATOR_V).axes
+        panels = hybrid_sheet(each).axes
         assert [panels[k].get_yscale() for k in (0, 1, 3)] == [scale] * 3
 
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
+from support.running import simulate
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.errors import UsageError
 from obsdesign.reading import load
-from obsdesign.simulate import Run, simulate
+from obsdesign.simulate import Run
 from obsdesign.spec import Spec
 
 BEARING = "specs/corless2019-magnetic-bearing.yaml"

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.running import simulate_sporadic
 from support.sporadic import DESIGN, LINK, LINK_V, OSCILLATOR, OSCILLATOR_V, PREDICTOR, free, paper, read
 from support.sweep import seeds
 
 from obsdesign.expressions import parse
-from obsdesign.simulate.hybrid import Sampling, Schedule, simulate_sporadic
+from obsdesign.simulate import Sampling, Schedule
 from obsdesign.spec import Noise
 
 
@@ -97,7 +98,7 @@ def test_noise_keeps_its_bounds_with_the_constants_of_the_corrected_theorem(seed
     rho1 = np.linalg.eigvalsh(OSCILLATOR_V.P1)[0]
     omega2 = 49.1878 * np.exp(2.995 * 0.41)
     after = np.diff(run.steps.j, prepend=0) > 0
-    eta = (run.steps.y[:, 0] - run.steps.z[:, 0])[after]
+    eta = (run.steps.y[:, 0] - run.steps.xi[:, 0])[after]
     sup = np.abs(eta[run.schedule.received <= stability["time"]]).max(initial=0)
     w = 36 / np.sqrt(2 * rate * rho1)
     added = np.sqrt(omega2 * np.exp(2 * rate * T1) / (np.exp(2 * rate * T1) - 1) / rho1) * sup
@@ -191,7 +192,7 @@ def test_the_bound_on_v_is_what_is_left_of_its_start_and_what_the_noise_has_adde
     run = simulate_sporadic(noisy, DESIGN, paper(0.205, 0.41), OSCILLATOR_V)
     steps, t = run.steps, run.schedule.received
     after = np.diff(steps.j, prepend=0) > 0
-    eta = (steps.y[:, 0] - steps.z[:, 0])[after]
+    eta = (steps.y[:, 0] - steps.xi[:, 0])[after]
     tau = np.append(t[1:], t[-1] + 0.41) - t
     added = np.exp(2.995 * tau) * 49.1878 * eta**2
     assert run.V_bound[-1] == pytest.approx((np.exp(-0.1 * (10 - t)) * added).sum(), rel=1e-9)
@@ -218,7 +219,7 @@ def test_a_run_that_leaves_the_region_of_a_nonlinearity_leaves_its_guarantee():
     local = replace(spec, nonlinearities=(block,))
     run = simulate_sporadic(local, PREDICTOR, Sampling(0.05, 0.1), LINK_V)
     assert run.left[0].time == run.until < 3
-    assert run.z[run.t < run.until, 2].min() > -0.1
+    assert run.xi[run.t < run.until, 2].min() > -0.1
     assert not run.summary["validity"]["holds"]
     assert "left its region" in run.summary["bounds_omitted"]
     assert all(bound.get("time", 0) < run.until for bound in run.summary["bounds"])

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
+from support.running import simulate
 from support.sweep import examples
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.reading import loads
-from obsdesign.simulate import simulate
 from obsdesign.spec import Spec
 
 HEAD = "obsdesign: 1\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from support.running import simulate
 
 from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
 from obsdesign.plot.run import run_sheet
 from obsdesign.reading import loads
-from obsdesign.simulate import simulate
 
 POLYNOMIAL = """\
 obsdesign: 1
@@ -70,13 +70,13 @@ def test_the_plant_escapes_shortly_before_its_solution_ends(escape):
 
 
 def test_a_run_that_escapes_holds_everything_up_to_then(escape):
-    spec, found = escape
+    _spec, found = escape
     assert found.t[-1] <= found.time < found.t[-1] + 4 / 1999
     before, last = found.steps.t[-2:]
     assert last < found.time <= last + 2 * (last - before)
     assert np.isfinite(found.table()[1]).all()
     assert np.abs(found.steps.xi[-1]).max() > 1e7
-    figure = run_sheet(spec, found, None)
+    figure = run_sheet(found)
     assert "ESCAPE at t = 2.2682 s" in figure.get_suptitle()
 
 
@@ -138,7 +138,7 @@ def test_a_true_guarantee_is_kept_for_any_decay(decay, xhat0, w):
     assert "alpha" not in names
     assert ("exp(-decay t)" in names) is bool(decay)
     assert found.V_bound[-1] >= found.V[-1]
-    title = run_sheet(spec, found, guarantee).get_suptitle()
+    title = run_sheet(found).get_suptitle()
     assert ("decay = 0.25" in title) is bool(decay)
     assert "gamma" in title
 
@@ -160,4 +160,4 @@ def test_without_w_nothing_is_said_of_gamma():
     found = simulate(spec, {"L": np.ones((1, 1))}, guarantee)
     assert found.summary["gamma"] is None
     assert all(bound["holds"] for bound in found.summary["bounds"])
-    assert "gamma" not in run_sheet(spec, found, guarantee).get_suptitle()
+    assert "gamma" not in run_sheet(found).get_suptitle()

@@ -1,17 +1,23 @@
 """The parts of the simulation: Jacobians, algebraic loops, switching instants, integration."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.expressions import parse
+from obsdesign.families import FAMILIES
+from obsdesign.lmi.formula import rational_number
 from obsdesign.reading import loads
-from obsdesign.simulate.coupled import Coupled
 from obsdesign.simulate.integrate import Flow, Segment, Tolerance, integrate
-from obsdesign.simulate.scenario import scenario, switch_times
-from obsdesign.simulate.stack import Loop, Stack, Term, substitutions
+from obsdesign.simulate.program import Program
+from obsdesign.simulate.scenario import scenario
+from obsdesign.simulate.signals import switch_times
+from obsdesign.simulate.system import System
 
 HEAD = "obsdesign: 1\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 TWO_STATES = "A: [[0, 1], [-2, -3]], B: [[0, 1], [1, 0]], C: [[1, 0], [0, 1]], D: [[0.2, 0], [0, 0.1]]"
@@ -50,8 +56,10 @@ def test_the_jacobian_is_the_derivative_of_the_flow(text):
         "L2": 0.3 * random.normal(size=(len(plant.Cq), 2)),
     }
     guarantee = EnergyGuarantee(gamma=1, alpha=0.3, mu1=1, mu2=1, P=np.eye(plant.n))
-    system = Coupled(spec, scenario(spec, spec.simulation), gains, guarantee)
-    s = random.normal(size=len(system.start(spec.simulation.x0, spec.simulation.xhat0)))
+    acting = replace(scenario(spec, spec.simulation, sampled=False), noise=np.ones((1, 2)))
+    observer = FAMILIES["l2"].observer(spec, gains)
+    system = System(acting, observer, spec.H.astype(float), guarantee)
+    s = random.normal(size=len(system.start(spec.simulation.x0, spec.simulation.xhat0, np.zeros(0))))
     noise = 0.1 * random.normal(size=2)
     h = 1e-6
     columns = [
@@ -60,9 +68,19 @@ def test_the_jacobian_is_the_derivative_of_the_flow(text):
     assert system.jacobian(0.4, s, noise) == pytest.approx(np.array(columns).T, abs=2e-7)
 
 
-def stack(*texts: str) -> Stack:
-    names = ["a1", "a2", "a3"]
-    return Stack([Term(parse(text, names), {n: i for i, n in enumerate(names)}) for text in texts], 3)
+def looped(terms, K):
+    """phi_i = term_i(a + K phi), with a_i the inputs; the names of the terms are those of phi."""
+    names = [f"a{i + 1}" for i in range(len(terms))]
+    made = {f"phi{i + 1}": parse(term, names) for i, term in enumerate(terms)}
+    made |= {
+        name: {f"given{i + 1}": fmpq(1), **{f"phi{j + 1}": rational_number(float(k)) for j, k in enumerate(K[i])}}
+        for i, name in enumerate(names)
+    }
+    program = Program(
+        ["t", *(f"given{i + 1}" for i in range(len(terms)))], made, [f"phi{i + 1}" for i in range(len(terms))]
+    )
+    places = program.places(f"phi{i + 1}" for i in range(len(terms)))
+    return lambda a: program.run(0.0, np.asarray(a, dtype=float), np.zeros(0))[places]
 
 
 @given(
@@ -71,29 +89,24 @@ def stack(*texts: str) -> Stack:
 )
 def test_a_loop_is_solved_from_any_previous_solution(first, second):
     K = np.array([[-1, 0.5, 0.2], [0, -2, 0], [0.3, 0, -1]])
-    loop = Loop(stack("a1**3", "a2*abs(a2)", "atan(a3)"), K)
+    solve = looped(["a1**3", "a2*abs(a2)", "atan(a3)"], K)
     for a in (np.array(first), np.array(second)):
-        phi = loop.solve([], a)
+        phi = solve(a)
         q = a + K @ phi
         assert phi == pytest.approx([q[0] ** 3, q[1] * abs(q[1]), np.arctan(q[2])], rel=1e-9, abs=1e-9)
 
 
 def test_loops_without_a_cycle_are_substituted():
-    chain = np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]])
-    pattern = np.eye(3, dtype=bool)
-    assert substitutions(pattern, 0 * chain) == 1
-    assert substitutions(pattern, chain) == 3
-    assert substitutions(pattern, chain + chain.T) is None
-    loop = Loop(stack("a1**2", "sign(a2) + a2", "exp(a3)"), chain)
+    solve = looped(["a1**2", "sign(a2) + a2", "exp(a3)"], np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]]))
     c = np.exp(0.5)
-    b = 2 * np.sign(0.25 + c) / 2 + 0.25 + c
-    assert loop.solve([], np.array([1, 0.25, 0.5])) == pytest.approx([(1 + b) ** 2, b, c])
+    b = 1 + 0.25 + c
+    assert solve([1, 0.25, 0.5]) == pytest.approx([(1 + b) ** 2, b, c])
 
 
 def test_a_loop_without_a_solution_is_an_arithmetic_error():
-    loop = Loop(stack("a1**2", "0", "0"), np.diag([1.0, 0, 0]))  # phi = (1 + phi)^2
+    solve = looped(["a1**2", "0*a2", "0*a3"], np.diag([1.0, 0, 0]))  # phi = (1 + phi)^2
     with pytest.raises(ArithmeticError, match="loop"):
-        loop.solve([], np.array([1.0, 0, 0]))
+        solve([1.0, 0, 0])
 
 
 def test_switching_instants_are_neighboring_doubles():
@@ -122,9 +135,9 @@ def test_every_crossing_inside_the_horizon_is_found(a, b):
 def test_jumps_are_applied_where_segments_begin_and_samples_take_the_value_after():
     flow = Flow(lambda t, s, held: -s + held, lambda t, s, held: -np.eye(1), watched=1)  # noqa: ARG005
     segments = [
-        Segment(0.0, 1.0, np.zeros(1), np.zeros(1)),
-        Segment(1.0, 1.0, np.ones(1), np.zeros(1)),
-        Segment(1.0, 2.0, np.ones(1), np.full(1, 5.0)),
+        Segment(0.0, 1.0, lambda s: s, np.zeros(1)),
+        Segment(1.0, 1.0, lambda s: s + 1, np.zeros(1)),
+        Segment(1.0, 2.0, lambda s: s + 1, np.full(1, 5.0)),
     ]
     samples = np.array([0, 0.5, 1.5, 2.0])
     run = integrate(flow, np.ones(1), segments, samples, Tolerance(1e-9, np.full(1, 1e-12)))
@@ -140,7 +153,7 @@ def test_chattering_is_a_stall_and_not_an_endless_run():
         lambda t, s, held: np.zeros((1, 1)),  # noqa: ARG005
         watched=1,
     )
-    segment = Segment(0.0, 10.0, np.zeros(1), np.zeros(1))
+    segment = Segment(0.0, 10.0, lambda s: s, np.zeros(1))
     tolerance = Tolerance(1e-8, np.full(1, 1e-12))
     run = integrate(flow, np.ones(1), [segment], np.linspace(0, 10, 11), tolerance)
     assert run.status == "stall"

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from support.running import simulate
 from support.sweep import examples
 
 from obsdesign.families.incremental.guarantee import PeakGuarantee, Reconstruction
 from obsdesign.plot.run import run_sheet
 from obsdesign.reading import loads
-from obsdesign.simulate import simulate
 from obsdesign.spec import Spec
 
 HEAD = "obsdesign: 1\nname: Reconstruction\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
@@ -165,8 +165,8 @@ def test_noise_voids_the_bound_and_is_seen_in_what():
 
 
 def test_the_reconstruction_has_a_panel_of_its_own_that_shows_the_signal_and_one_that_shows_the_peak(paper):
-    spec, run = paper
-    axes = {a.get_ylabel(): a for a in run_sheet(spec, run, None).axes}
+    _spec, run = paper
+    axes = {a.get_ylabel(): a for a in run_sheet(run).axes}
     signal, error = axes["w1"], axes[r"$\|\hat{w} - w\|$"]
     assert max(map(abs, signal.get_ylim())) < 7
     assert "reaches $1.83 \\times 10^{7}$" in signal.get_title(loc="left")

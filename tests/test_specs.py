@@ -28,7 +28,7 @@ def content_of(name):
     spec, made = solved(name)
     content = dict(made.result)
     if any(key.startswith("simulation.") for key in spec.expect):
-        content["simulation"] = simulate(spec, made.gains, made.guarantee).summary
+        content["simulation"] = simulate(made).summary
     return content
 
 

@@ -88,8 +88,6 @@ class Minimum:
                 method="bounded",
                 options={"xatol": self.sharp},
             )
-        elif not self.values:
-            self.at(low)
         return self.best
 
 

@@ -55,6 +55,11 @@ class Expression:
         """Return the expression of a variable."""
         return Expression(Variable(name))
 
+    @staticmethod
+    def squares(names: Sequence[str]) -> "Expression":
+        """Sum of the squares of variables."""
+        return Expression(total([Variable(name) ** number(2) for name in names]))
+
     @cached_property
     def text(self) -> str:
         """Text that parses back to an equal expression."""

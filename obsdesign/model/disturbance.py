@@ -4,7 +4,7 @@ Equations (2), (10) and (11) of Corless and Chakrabarty (2019).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from flint import fmpq
@@ -135,6 +135,26 @@ def augment(plant: Plant[Exact], model: Generator, names: tuple[str, ...], drive
         states=plant.states + names,
         exogenous=drives,
         outputs=plant.outputs,
+    )
+
+
+def with_inputs(plant: Plant[Exact], model: Generator, names: tuple[str, ...]) -> Plant[Exact]:
+    """Return a plant, to which its disturbance model was appended, with w among its outputs, after y.
+
+    Parameters
+    ----------
+    names
+        Of these nw outputs.
+    """
+    nw, nm = model.Cm.shape
+    beside_x = zeros((nw, plant.n - nm), [plant.A])
+    beside_f = zeros((nw, plant.Bf.shape[1] - model.Dwf.shape[1]), [plant.A])
+    return replace(
+        plant,
+        C=blocks([[plant.C], [np.hstack([beside_x, model.Cm])]]),
+        Df=blocks([[plant.Df], [np.hstack([beside_f, model.Dwf])]]),
+        D=blocks([[plant.D], [model.Dm]]),
+        outputs=(*plant.outputs, *names),
     )
 
 

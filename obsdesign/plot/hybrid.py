@@ -1,4 +1,4 @@
-"""The figure of a run of an observer with sporadic measurements."""
+"""The figure of a run of an observer with measurements at instants."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import plain, time_axis
 from obsdesign.plot.canvas import COLORS, png, style
 from obsdesign.plot.layout import Panel, compose, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
 from obsdesign.plot.run import LINE
-from obsdesign.simulate.hybrid import HybridRun, Schedule
-from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from obsdesign.simulate import Run, Schedule
 
 DOTS = 400  # instants that are marked by dots; more would be a bar
 NARROW = 130  # instants that are marked by dots on a curve
@@ -27,7 +26,7 @@ LOST = COLORS[3]
 SHADE = "#F3D9D2"
 
 
-def hybrid_figure(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> bytes:
+def hybrid_figure(run: "Run") -> bytes:
     """Draw states with their estimates at the measurements, w, theta, |x|_A against its bound, and the intervals.
 
     Where a measurement is overdue, so that nothing is guaranteed any more, the panels are shaded.
@@ -38,22 +37,24 @@ def hybrid_figure(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> by
         A PNG, the same for the same run.
     """
     with style():
-        return png(hybrid_sheet(spec, run, guarantee))
+        return png(hybrid_sheet(run))
 
 
-def hybrid_sheet(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> "Figure":
+def hybrid_sheet(run: "Run") -> "Figure":
     """Compose a figure of a run: rows of states, of w and theta, and of the distance and the intervals."""
-    states = [Curve(name, run.z[:, i], run.zhat[:, i]) for i, name in enumerate(run.states)]
+    schedule = run.schedule
+    assert schedule
+    states = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states)]
     inputs = [Curve(name, run.w[:, i], None) for i, name in enumerate(run.exogenous)]
     escapes = run.status == "escape"
     what = "states (dashed: estimates)"
     sections: tuple[list[Panel], ...] = (
-        [Sampled(panel, run) for panel in comparisons(spec, run.t, states, what, escapes)],
-        [*comparisons(spec, run.t, inputs, "unknown inputs", escapes), *injections(run)],
-        [Distance(run, guarantee is not None), Intervals(run.schedule)],
+        [Sampled(panel, run, schedule) for panel in comparisons(run.spec, run.t, states, what, escapes)],
+        [*comparisons(run.spec, run.t, inputs, "unknown inputs", escapes), *injections(run)],
+        [Distance(run), Intervals(schedule)],
     )
-    figure = compose(heading(spec, run, guarantee), sections)
-    if guarantee is not None and run.until < run.time:
+    figure = compose(heading(run), sections)
+    if run.guarantee is not None and run.until < run.time:
         for axes in figure.axes:
             axes.axvspan(run.until, run.time, color=SHADE, linewidth=0, zorder=0, label="nothing is guaranteed")
     legend_below(figure)
@@ -65,20 +66,21 @@ class Sampled:
     """Panel of states and estimates, with the instants of the measurements marked on these."""
 
     panel: Comparison
-    run: HybridRun
+    run: "Run"
+    schedule: "Schedule"
 
     def draw(self, axes: "Axes") -> None:
         """Draw a dot on each estimate at each of a few measurements, and a cross at the foot where one is lost."""
         self.panel.draw(axes)
         alone = len(self.panel.curves) == 1
-        received = self.run.schedule.received
+        received = self.schedule.received
         at = received[received <= self.run.t[-1]]
         for curve, color in zip(self.panel.curves, COLORS, strict=False):
             if curve.estimate is not None and len(at) <= NARROW:
                 dots = np.interp(at, self.panel.t, curve.estimate)
                 other, label = (ESTIMATE, "at a measurement") if alone else (color, None)
                 axes.plot(at, dots, ".", color=other, markersize=4, label=label)
-        mark_lost(axes, self.run.schedule)
+        mark_lost(axes, self.schedule)
 
 
 @dataclass(frozen=True)
@@ -104,14 +106,13 @@ class Injection:
 class Distance:
     """Panel of |x|_A, the length of (eps, C eps - theta), and what is proved of it."""
 
-    run: HybridRun
-    guaranteed: bool
+    run: "Run"
 
     def draw(self, axes: "Axes") -> None:
         """Draw on a logarithmic axis, with the instants of the measurements as dots."""
         steps = self.run.steps
         floor = lowest(steps.distance)
-        if steps.distance_bound is not None and self.guaranteed:
+        if steps.distance_bound is not None:
             known = steps.t < self.run.until
             limit = np.maximum(steps.distance_bound[known], floor)
             axes.plot(steps.t[known], limit, color=BOUND, linestyle=DASHED, label="proved bound")
@@ -130,7 +131,7 @@ class Distance:
 class Intervals:
     """Panel of the time from each measurement to the next, with T1 and T2."""
 
-    schedule: Schedule
+    schedule: "Schedule"
 
     def draw(self, axes: "Axes") -> None:
         """Draw each interval where it ends."""
@@ -155,14 +156,14 @@ def lowest(distance: Array) -> float:
     return 0.3 * max(min(ends, default=peak), 1e-16 * peak)
 
 
-def injections(run: HybridRun) -> Iterator[Injection]:
+def injections(run: "Run") -> Iterator[Injection]:
     """Panels of theta, at the steps, which hold it before and after each jump."""
     curves = [Curve(f"theta_{name}", run.steps.theta[:, i], None) for i, name in enumerate(run.outputs)]
     for group in shared(curves, CURVES):
         yield Injection(run.steps.t, group, run.status == "escape")
 
 
-def mark_lost(axes: "Axes", schedule: Schedule) -> None:
+def mark_lost(axes: "Axes", schedule: "Schedule") -> None:
     """Put a cross at the foot of a panel for each measurement that is lost."""
     if 0 < len(schedule.lost) <= DOTS:
         foot = [0.03] * len(schedule.lost)
@@ -170,9 +171,9 @@ def mark_lost(axes: "Axes", schedule: Schedule) -> None:
         axes.plot(schedule.lost, foot, "x", color=LOST, markersize=4, transform=at, label="measurement lost")
 
 
-def heading(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> str:
+def heading(run: "Run") -> str:
     """Name of the spec; how the run ended, what it achieved and what is proved; what is wrong with the sampling."""
-    summary = run.summary
+    summary, guarantee = run.summary, run.guarantee
     ended = {"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
     facts = [f"{ended} at t = {run.time:.4g} s"] if ended else []
     facts += [rf"$\|y_p\|_2$ = {summary['z_norm2']:.4g}", rf"$\|w\|_2$ = {summary['v_norm2']:.4g}"]
@@ -182,13 +183,13 @@ def heading(spec: Spec, run: HybridRun, guarantee: Guarantee | None) -> str:
     else:
         proved = rf"$\gamma$ = {guarantee.gamma:.4g}, {guarantee.symbol} = {guarantee.rates().alpha:.4g}"
         facts += [f"proved: {proved}", verdict(run)]
-    lines = [*wrap(plain(spec.name), LINE), ",  ".join(facts)]
+    lines = [*wrap(plain(run.spec.name), LINE), ",  ".join(facts)]
     if guarantee is not None and summary["bounds_omitted"]:
         lines += wrap(plain(summary["bounds_omitted"]), LINE)
     return "\n".join(lines)
 
 
-def verdict(run: HybridRun) -> str:
+def verdict(run: "Run") -> str:
     """Whether the run keeps what is proved."""
     checks = run.summary["bounds"]
     broken = sum(not check["holds"] for check in checks)

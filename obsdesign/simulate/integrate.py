@@ -1,15 +1,19 @@
-"""Integration of a flow through its jumps: LSODA, and Radau where LSODA gives up."""
+"""Integration of a flow through its jumps: LSODA, and Radau where LSODA gives up.
+
+A stretch between two measurements is short, and LSODA, which begins each at order 1, makes about twice as many calls as
+a method of order 8; so that is tried first there, until the flow is found to be stiff.
+"""
 
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from scipy.integrate import LSODA, Radau
+    from scipy.integrate import DOP853, LSODA, Radau
 
 Vector = npt.NDArray[np.float64]
 Status = Literal["done", "escape", "stall"]
@@ -20,15 +24,16 @@ HUGE = 1e8  # of the state against its start: an escape
 WINDOW = 20_000  # calls of the right-hand side in which
 PACE = 1e-3  # of the rest of a segment must be crossed: else a stall
 PATH = 20_000  # accepted steps that are kept
+EFFORT = 600  # calls of the right-hand side in one stretch: it is stiff, or long, and LSODA does better
 
 
 @dataclass(frozen=True)
 class Segment:
-    """An interval in which the flow is smooth, the jump of the state that begins it, and its held inputs."""
+    """An interval in which the flow is smooth, the state that it begins with, and its held inputs."""
 
     start: float
     stop: float
-    jump: Vector  # (ns,), added to the state
+    enter: Callable[[Vector], Vector]  # from the state that the one before it ended with
     held: Vector
 
 
@@ -85,12 +90,14 @@ class Recorder:
 
     def enter(self, t: float, s: Vector) -> None:
         """Begin a segment: samples up to t take the state after the jump."""
+        if self.t and self.t[-1] == t:
+            self.s[-1] = s
         while len(self.t) < len(self.samples) and self.samples[len(self.t)] <= t:
             self.t.append(float(self.samples[len(self.t)]))
             self.s.append(s)
         self.keep(t, s)
 
-    def step(self, solver: "LSODA | Radau") -> None:
+    def step(self, solver: "DOP853 | LSODA | Radau") -> None:
         """Take the samples inside the step that the solver has just made."""
         first = len(self.t)
         last = int(np.searchsorted(self.samples, solver.t, side="right"))
@@ -139,6 +146,7 @@ def integrate(
     samples: Vector,
     tolerance: Tolerance,
     progress: Callable[[float], None] | None = None,
+    explicit: bool = False,
 ) -> Trajectory:
     """Follow the flow from `start` through the segments.
 
@@ -156,6 +164,8 @@ def integrate(
         Of each step.
     progress
         Called with the time reached.
+    explicit
+        Whether segments are short, so that DOP853 goes before LSODA until the flow is stiff.
 
     Returns
     -------
@@ -166,17 +176,17 @@ def integrate(
     s, end = start, End("done", float(samples[0]))
     recorder = Recorder(samples)
     limit = HUGE * max(1.0, float(np.linalg.norm(start[: flow.watched])))
-    crossing = Crossing(flow, tolerance, recorder, limit, progress, outgrown=limit / HUGE * FIRST)
+    crossing = Crossing(flow, tolerance, recorder, limit, progress, explicit, outgrown=limit / HUGE * FIRST)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.filterwarnings("ignore", category=UserWarning, message="lsoda")
         for segment in segments:
-            s, end = crossing.cross(segment, s + segment.jump)
+            s, end = crossing.cross(segment, segment.enter(s))
             if end.status != "done":
                 break
     return recorder.trajectory(len(start), end)
 
 
-Attempt = Callable[[Segment, float, Vector], "LSODA | Radau"]  # at the segment, from t and s
+Attempt = Callable[[Segment, float, Vector], "DOP853 | LSODA | Radau"]  # at the segment, from t and s
 
 
 @dataclass
@@ -188,6 +198,7 @@ class Crossing:
     recorder: Recorder
     limit: float
     progress: Callable[[float], None] | None
+    explicit: bool = False
     calls: int = 0
     outgrown: float = np.inf  # size of the state that sets the tolerance anew
 
@@ -195,6 +206,11 @@ class Crossing:
         """State at the end of the segment, or where it was left and why."""
         t, end, troubles = segment.start, End("done", segment.stop), []
         self.recorder.enter(t, s)
+        if self.explicit:
+            t, s, end = self.follow(self.dop853, segment, t, s)
+            if end.status != "stall":
+                return s, end
+            self.explicit = False
         attempts: dict[str, Attempt] = {"LSODA": self.lsoda, "Radau": self.radau}
         for method, attempt in attempts.items():
             if t >= segment.stop:
@@ -245,6 +261,22 @@ class Crossing:
         absolute = self.tolerance.absolute.copy()
         absolute[: self.flow.watched] = np.maximum(absolute[: self.flow.watched], RESOLVED * size)
         self.tolerance, self.outgrown = replace(self.tolerance, absolute=absolute), GROWN * size
+
+    def dop853(self, segment: Segment, t: float, s: Vector) -> "DOP853":
+        """DOP853 gives up after so many calls that the flow must be stiff."""
+        from scipy.integrate import DOP853
+
+        effort = 0
+
+        def rhs(t: float, s: Vector) -> Vector:
+            nonlocal effort
+            effort += 1
+            if effort > EFFORT:
+                raise FloatingPointError("stiff")
+            return finite(self.flow.rhs(t, s, segment.held))
+
+        rtol, atol = self.tolerance.relative, cast(float, self.tolerance.absolute)
+        return DOP853(cast("Any", rhs), t, s, segment.stop, rtol=rtol, atol=atol)
 
     def lsoda(self, segment: Segment, t: float, s: Vector) -> "LSODA":
         """LSODA cannot step back from a value that is not finite: the attempt ends there."""

@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
-from obsdesign.families.guarantee import Course, Guarantee, envelope
-from obsdesign.lmi.formula import Array, in_floats
-from obsdesign.simulate.coupled import Coupled, Instant
+from obsdesign.families.guarantee import Course, Guarantee, Measurements, SampledGuarantee, envelope
+from obsdesign.lmi.formula import Array
+from obsdesign.simulate.definitions import error, mismatch
 from obsdesign.simulate.integrate import Trajectory
 from obsdesign.simulate.run import Samples
 from obsdesign.simulate.signals import largest_so_far
+from obsdesign.simulate.system import System
 from obsdesign.simulate.validity import Leaving, leavings
 from obsdesign.spec import Spec
 
@@ -22,35 +24,24 @@ class Record:
 
     Parameters
     ----------
-    spec, system, guarantee
-        What was simulated, and what is proved of it, if anything.
+    spec, system
+        What was simulated.
     breaks
-        Instants at which signals or terms jump or bend, as `Scenario.breaks` gives them.
+        Instants at which signals or terms jump or bend, as `System.breaks` gives them.
     trajectory
         What the integration gave.
     """
 
     def __init__(
-        self,
-        spec: Spec,
-        system: Coupled,
-        guarantee: Guarantee | None,
-        breaks: Sequence[tuple[float, float]],
-        trajectory: Trajectory,
+        self, spec: Spec, system: System, breaks: Sequence[tuple[float, float]], trajectory: Trajectory
     ) -> None:
-        self.spec = spec
-        self.system = system
-        self.acting = system.scenario
-        self.guarantee = guarantee
-        self.breaks = breaks
-        self.trajectory = trajectory
-        self.model = in_floats(spec.generator)
-        t, states, steps = trajectory.merged()
+        self.spec, self.system, self.breaks, self.trajectory = spec, system, breaks, trajectory
+        self.acting, self.guarantee, self.schedule = system.scenario, system.guarantee, system.scenario.schedule
+        t, s, steps = trajectory.merged()
         with np.errstate(all="ignore"):
-            now = system.instants(t, states)
-        defined = np.isfinite(np.hstack(now)).all(axis=1)
-        self.t, self.s, self.now = t[defined], states[defined], Instant(*(column[defined] for column in now))
-        self._step = steps[defined]
+            now = system.table(t, s)
+        defined = now.defined & np.isfinite(s).all(axis=1)
+        self.t, self.s, self.now, self._step = t[defined], s[defined], now.rows(defined), steps[defined]
 
     def at_steps(self) -> Samples:
         """Return the signals at the start and the accepted steps."""
@@ -60,79 +51,111 @@ class Record:
         """Return the signals at the samples."""
         return self.signals.rows(~self._step)
 
+    @property
+    def errors(self) -> Array:
+        """Errors of all estimates of states, (M, n + nm), also of those that have no true value."""
+        return self.now.of(map(error, self.acting.plant.states))
+
+    @cached_property
+    def e(self) -> Array:
+        """Error; without a true xm only that of the plant's states."""
+        return self.errors[:, : self.acting.n] if self.acting.unmodeled else self.errors
+
+    @property
+    def z(self) -> Array:
+        """Return H e, of what e there is."""
+        return np.asarray(self.e @ self.system.H[:, : self.e.shape[1]].T)
+
+    @property
+    def v(self) -> Array:
+        """What drives the plant, (M, nv)."""
+        return self.now.of(self.acting.plant.exogenous)
+
+    @cached_property
+    def j(self) -> Array:
+        """Number of measurements received, (M,)."""
+        if self.schedule is None:
+            return np.zeros(len(self.t), dtype=int)
+        return np.asarray(np.rint(self.s[:, self.system.width]), dtype=int)
+
     @cached_property
     def course(self) -> Course:
-        """Error and integrals; without a true xm only the error of the plant's states."""
-        width = self.acting.n if self.acting.unmodeled else self.acting.plant.n
-        e = self.s[:, self.system.ns : self.system.ns + width]
-        z = np.linalg.norm(e @ self.system.H[:, :width].T, axis=1)
-        v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.now.v)
-        return Course(self.t, e, z, self.s[:, -3], self.s[:, -2], v_sup, self.s[:, -1], self.spec.observer.drive)
+        """Error and integrals, and what the measurements do to them."""
+        end = self.system.end
+        v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.v)
+        z2, v2, b = self.s[:, end : end + 3].T
+        drive = self.spec.observer.drive
+        return Course(self.t, self.e, np.linalg.norm(self.z, axis=1), z2, v2, v_sup, b, drive, self.measurements)
+
+    @cached_property
+    def measurements(self) -> Measurements | None:
+        """What the measurements do to the error; None where y is known at all times."""
+        schedule, eta = self.schedule, self.acting.eta
+        if schedule is None or eta is None:
+            return None
+        eta_sup = np.maximum.accumulate(np.append(0.0, np.linalg.norm(eta, axis=1)))
+        added = np.cumsum(np.append(0.0, self.system.kicks))
+        missing = self.now.of(map(mismatch, self.system.observer.jump))
+        timer = schedule.timer(self.t, self.j)
+        return Measurements(missing, timer, eta_sup[self.j], added[self.j], schedule.crowded)
 
     @cached_property
     def signals(self) -> Samples:
         """States of the flow in the terms of the spec; V only where the guarantee covers the run."""
-        now, e = self.now, self.course.e
-        w = self.modeled(now.xi, now.phi) + self.direct
-        what, w_error = self.estimates(w)
-        V = self.guarantee.storage(self.course) if self.guarantee and not self.uncovered else None
-        outputs = len(self.acting.plant.outputs)
+        acting, observer, plant = self.acting, self.system.observer, self.acting.plant
+        xi, w = self.now.of(plant.states), self.now.of(acting.w)
+        wanted = [w for w in acting.w if w in self.system.estimated.values()]
+        w_error = self.now.of(map(error, wanted))
+        guarantee, at = self.guarantee, self.measurements
+        V = guarantee.storage(self.course) if guarantee and not self.uncovered else None
+        bound = None if V is None or guarantee is None else envelope(guarantee, self.course, V)
+        hats = {twin: hat for hat, twin in observer.twins.items()}
         return Samples(
             t=self.t,
-            xi=now.xi[:, : e.shape[1]],
-            xihat=now.xi + self.s[:, self.system.ns : self.system.end],
-            e=e,
+            xi=xi[:, : self.e.shape[1]],
+            xihat=xi + self.errors,
+            e=self.e,
             w=w,
-            what=what,
+            what=self.now.of(wanted) + w_error,
             w_error=w_error,
-            q=now.a[:, outputs:],
-            qhat=now.ahat[:, outputs:],
-            y=now.a[:, :outputs] + self.system.noise(self.t),
-            v=None if self.acting.unmodeled else now.v,
-            z=e @ self.system.H[:, : e.shape[1]].T if self.has_z else None,
+            q=self.now.of(plant.algebraic),
+            qhat=self.now.of(hats.get(name, name) for name in plant.algebraic),
+            y=self.s[:, self.system.width + 1 :] if at else self.now.of(self.system.seen),
+            theta=self.now.of(self.system.further),
+            v=None if acting.unmodeled else self.v,
+            z=self.z if self.has_z else None,
             V=V,
-            V_bound=None if V is None or self.guarantee is None else envelope(self.guarantee, self.course, V),
+            V_bound=bound,
+            j=self.j,
+            timer=at.timer if at else np.full(len(self.t), np.inf),
+            distance=np.linalg.norm(np.hstack([self.e, at.mismatch]) if at else self.e, axis=1),
+            distance_bound=None
+            if not at or bound is None
+            else cast("SampledGuarantee", guarantee).distance_bound(bound),
         )
-
-    @property
-    def direct(self) -> Array:
-        """Part of w that v is, past the disturbance model, (M, nw)."""
-        return self.now.v if self.acting.unmodeled else self.now.v @ self.model.Dm.T
-
-    def modeled(self, xi: Array, phi: Array) -> Array:
-        """Output of the disturbance model without the direct v, (M, nw)."""
-        return np.asarray(
-            xi[:, self.acting.n :] @ self.model.Cm.T + phi[:, self.system.model_blocks] @ self.model.Dwf.T
-        )
-
-    def estimates(self, w: Array) -> tuple[Array, Array]:
-        """Return what and what - w, each (M, len(estimated))."""
-        now, e = self.now, self.s[:, self.system.ns : self.system.end]
-        if self.spec.observer.reconstruct:
-            what = self.system.reconstructed(self.t, self.s, now)
-            return what, what - w
-        channels = list(self.estimated)
-        what, error = self.modeled(now.xi + e, now.phihat), self.modeled(e, now.phihat - now.phi) - self.direct
-        return what[:, channels], error[:, channels]
 
     @property
     def estimated(self) -> tuple[int, ...]:
-        """Channels of w that the observer estimates: those without a direct v, or all by reconstruction."""
-        direct = (self.model.Dm != 0).any(axis=1) & (not self.spec.observer.reconstruct)
-        return tuple(np.flatnonzero(~direct).tolist())
+        """Channels of w that the observer estimates."""
+        return tuple(i for i, name in enumerate(self.acting.inputs) if name in self.system.estimated)
 
     @property
     def has_z(self) -> bool:
         """Whether z = H e has a true value: not if it needs an xm that has none."""
-        return not (self.acting.unmodeled and (self.spec.H[:, self.acting.n :] != 0).any())
+        return not (self.acting.unmodeled and (self.system.H[:, self.acting.n :] != 0).any())
 
     @cached_property
     def left(self) -> tuple[Leaving, ...]:
         """First leavings of the regions on which the declared types hold."""
-        signals, outputs = self.signals, self.acting.plant.outputs
-        known = {"t": self.t} | dict(zip(outputs, self.now.a.T, strict=False))
-        known |= dict(zip(self.spec.inputs, self.now.u.T, strict=True))
-        return leavings(self.spec.nonlinearities, self.t, signals.q, signals.qhat, known)
+        names = ("t", *self.acting.outputs, *self.spec.inputs)
+        known = dict(zip(names, self.now.of(names).T, strict=True))
+        return leavings(self.spec.nonlinearities, self.t, self.signals.q, self.signals.qhat, known)
+
+    @property
+    def until(self) -> float:
+        """Time from which on a guarantee says nothing: a measurement is overdue, or the run has left the region."""
+        overdue = self.schedule.until if self.schedule else np.inf
+        return min([overdue, *(leaving.time for leaving in self.left)])
 
     @cached_property
     def uncovered(self) -> str:
@@ -147,3 +170,8 @@ class Record:
         if (impulse := next(steps, None)) is not None:
             return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
         return ""
+
+
+def sampled(guarantee: Guarantee | None) -> SampledGuarantee:
+    """Return the guarantee of an observer that receives measurements at instants: no other covers it."""
+    return cast("SampledGuarantee", guarantee)

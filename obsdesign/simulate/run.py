@@ -2,13 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from obsdesign.errors import UsageError
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.integrate import Status
+from obsdesign.simulate.sampling import Schedule
 from obsdesign.simulate.validity import Leaving
+from obsdesign.spec import Spec
 
 
 @dataclass(frozen=True)
@@ -18,6 +23,10 @@ class Samples:
     The error is e = xihat - xi as it was integrated, not the rounded difference of the columns here. Where no
     v generates the given w, the states xm of the disturbance model have no true value: then xi and e hold the
     plant's states only, and v, V, V_bound and, if H needs xm, z are None.
+
+    Where measurements arrive at instants, j distinguishes the rows before and after each, y is the one last received
+    (before the first: what the observer supposes), and |x|_A is the length of (e, theta~), with theta~ what a
+    measurement without noise would add to the further states theta of the observer; elsewhere it is |e|.
     """
 
     t: Array  # (N,), s
@@ -30,10 +39,15 @@ class Samples:
     q: Array  # (N, nq), arguments of f in the plant
     qhat: Array  # (N, nq), in the observer
     y: Array  # (N, ny), as measured: with noise
+    theta: Array  # (N, further states of the observer)
     v: Array | None  # (N, nv)
     z: Array | None  # (N, nz)
     V: Array | None  # (N,)
     V_bound: Array | None  # (N,)
+    j: Array  # (N,), number of measurements received so far
+    timer: Array  # (N,), s, to the next measurement, at most what T2 leaves; infinite where there is none
+    distance: Array  # (N,): |x|_A
+    distance_bound: Array | None  # (N,), that of V, read as a bound on |x|_A
 
     def rows(self, which: Array) -> "Samples":
         """Return the same at some of the times."""
@@ -45,10 +59,16 @@ class Samples:
 class Run(Samples):
     """Samples of a run up to its horizon, an escape or a stall, and the same at the steps of the integrator.
 
-    The steps resolve what evenly spaced samples miss, such as a peak within a millisecond.
+    The steps resolve what evenly spaced samples miss, such as a peak within a millisecond; they hold the state before
+    and after each measurement. A sample at the instant of a measurement is the state after it.
+
+    `run["hat_theta"]` is a signal by its name in the CSV file, (N,).
     """
 
     steps: Samples
+    spec: Spec
+    guarantee: Guarantee | None  # what the run is held against
+    schedule: Schedule | None  # of the measurements, where y is known at instants only
     states: tuple[str, ...]  # names of the columns of xihat; of xi and e as far as they go
     plant_states: int  # how many of these are the plant's
     exogenous: tuple[str, ...]
@@ -57,15 +77,49 @@ class Run(Samples):
     status: Status
     time: float  # s, where the run ended
     left: tuple[Leaving, ...]  # first leavings of the regions on which the declared types hold
+    until: float  # s, from when on the guarantee says nothing; infinite: never
     summary: Mapping[str, Any]
 
     def table(self) -> tuple[list[str], Array]:
-        """Header and rows: t, each state, hat_ each state, each w, hat_ each estimated w, each y."""
+        """Header and rows: t, each state, hat_ each state, each w, hat_ each estimated w, each y.
+
+        Where measurements arrive at instants, y is the one last received, and their number so far comes last.
+        """
         n = self.plant_states
         states, estimated = self.states[:n], [self.exogenous[i] for i in self.estimated]
         header = ["t", *states, *hatted(states), *self.exogenous, *hatted(estimated), *self.outputs]
         columns = [self.t[:, None], self.xi[:, :n], self.xihat[:, :n], self.w, self.what, self.y]
+        if self.schedule is not None:
+            header, columns = [*header, "received"], [*columns, self.j[:, None]]
         return header, np.hstack(columns)
+
+    @cached_property
+    def columns(self) -> Mapping[str, Array]:
+        """Signals by their names in the CSV file."""
+        header, rows = self.table()
+        return dict(zip(header, rows.T, strict=True))
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a signal by its name in the CSV file, (N,)."""
+        if name not in self.columns:
+            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}")
+        return self.columns[name]
+
+    def plot(self, path: str | None = None) -> bytes:
+        """Draw the run as a PNG, and write it where a path is given.
+
+        Raises
+        ------
+        UsageError
+            The file cannot be written.
+        """
+        from obsdesign.files import write_whole
+        from obsdesign.plot import run_figure
+
+        figure = run_figure(self)
+        if path is not None:
+            write_whole(path, figure)
+        return figure
 
 
 def hatted(names: Sequence[str]) -> list[str]:

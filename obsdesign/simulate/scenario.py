@@ -1,24 +1,36 @@
-"""What acts on the plant in a simulation: known inputs, disturbance, noise, and when they jump."""
+"""What acts on the plant in a simulation: known inputs, disturbance, noise, measurements, and when they jump."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, Exact, Float, identity, zeros
-from obsdesign.model.disturbance import augment
-from obsdesign.model.plant import Plant
-from obsdesign.simulate.integrate import Segment, Vector
-from obsdesign.simulate.stack import Stack, Term
+from obsdesign.families.guarantee import Guarantee, SampledGuarantee
+from obsdesign.lmi.formula import Array, Float, identity, zeros
+from obsdesign.model.disturbance import augment, with_inputs
+from obsdesign.model.equations import Equations
+from obsdesign.simulate.sampling import Sampling, Schedule, schedule
 from obsdesign.spec import Simulation, Spec
 
-SWITCH_GRID = 20_000  # cells in which the sign of a switching function is watched
+Vector = Float
 NOISE_SAMPLES = 1_000_000
 JUMP = 1e-9  # of xm against its size: smaller is rounding
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """An interval in which everything is smooth, and what begins it."""
+
+    start: float
+    stop: float
+    step: Vector  # jump of the known states of the disturbance model; empty where they do not jump
+    measured: int | None  # number of the measurement that is received, from 0
+    held: Vector  # noise of the outputs
 
 
 @dataclass(frozen=True)
@@ -33,39 +45,48 @@ class Scenario:
       disturbance model, whose true state stays zero. `unmodeled` says why.
     """
 
-    plant: Plant[Float]  # in doubles; states (x, xm)
+    plant: Equations  # states (x, xm), outputs (y, w)
     n: int  # states of the plant alone
+    outputs: tuple[str, ...]  # names of y
+    inputs: tuple[str, ...]  # names of w as the user calls it; among the outputs of `plant` it has those of `w`
     u: tuple[Expression, ...]
     xm: tuple[Expression, ...] | None
     v: tuple[Expression, ...]  # drive of `plant`: v, or w itself where it is unmodeled
     unmodeled: str
+    horizon: float
     noise: Array  # (K, ny), row k held over [k, k + 1) periods; one row of zeros without noise
     period: float
-    horizon: float
+    schedule: Schedule | None = None  # of the measurements, where y is known at instants only
+    eta: Array | None = None  # (K, ny), noise of each of them
+
+    @property
+    def w(self) -> tuple[str, ...]:
+        """Names of w among the outputs of the plant."""
+        return tuple(self.plant.outputs)[len(self.outputs) :]
 
     @property
     def integrated(self) -> int:
         """Number of the true states that are integrated."""
-        return self.n if self.xm is not None else self.plant.n
+        return self.n if self.xm is not None else len(self.plant.states)
 
     @property
     def known(self) -> tuple[Expression, ...]:
         """The true xm as functions of time, as far as they are not integrated."""
         return () if self.xm is None else self.xm
 
-    def signals(self) -> Stack:
-        """(u, xm, v) over the arguments (t, x)."""
-        places = {"t": 0} | {name: i for i, name in enumerate(self.plant.states[: self.n], start=1)}
-        return Stack([Term(e, places) for e in (*self.u, *self.known, *self.v)], 1 + self.n)
+    @property
+    def noisy(self) -> bool:
+        """Whether any noise acts on the outputs."""
+        return bool(self.noise.any()) or (self.eta is not None and bool(self.eta.any()))
 
     def held(self, t: float) -> Vector:
         """Noise at an instant, (ny,)."""
         row: Vector = self.noise[min(int(t / self.period), len(self.noise) - 1)]
         return row
 
-    def breaks(self, terms: Sequence[Expression]) -> list[tuple[float, float]]:
-        """Instants at which a signal or a term jumps or bends: the last double before, the first after."""
-        return switch_times([*self.u, *self.known, *self.v, *terms], self.horizon)
+    def held_at(self, t: Vector) -> Vector:
+        """Noise at instants (N,), (N, ny)."""
+        return np.asarray(self.noise[np.minimum(t / self.period, len(self.noise) - 1).astype(int)])
 
     def steps_of_xm(self, before: float, after: float) -> Vector:
         """Jump of the known xm at a break, (nm,); zero where it is no more than rounding."""
@@ -74,43 +95,63 @@ class Scenario:
         step = high - low
         return np.where(np.abs(step) > JUMP * (1 + np.abs(low)), step, 0.0)
 
-    def segments(self, breaks: list[tuple[float, float]], width: int) -> Iterator[Segment]:
-        """Intervals between breaks and noise samples; the error of xm jumps against xm.
-
-        Parameters
-        ----------
-        breaks
-            As `breaks` gives them.
-        width
-            Length of the state of the flow: (true states, e, integrals).
-        """
-        ticks = self.period * np.arange(1, len(self.noise))
-        edges = sorted([*breaks, *((t, t) for t in ticks.tolist() if t < self.horizon)])
-        bounds = [(0.0, 0.0), *edges, (self.horizon, self.horizon)]
-        for (before, start), (stop, _) in pairwise(bounds):
-            jump = np.zeros(width)
-            if before < start and self.known:
-                end = self.integrated + self.plant.n
-                jump[end - len(self.known) : end] = -self.steps_of_xm(before, start)
-            yield Segment(start, max(start, stop), jump, self.held(0.5 * (start + max(start, stop))))
+    def stretches(self, breaks: Sequence[tuple[float, float]]) -> Iterator[Stretch]:
+        """Intervals between breaks, which are pairs (last double before, first after), noise samples, measurements."""
+        ticks = (self.period * np.arange(1, len(self.noise))).tolist()
+        received = self.schedule.received.tolist() if self.schedule else []
+        edges: list[tuple[float, float, int]] = [(before, after, -1) for before, after in breaks]
+        edges += [(t, t, -1) for t in ticks if t < self.horizon]
+        edges += [(t, t, k) for k, t in enumerate(received)]
+        ends = [(0.0, 0.0, -1), *sorted(edges), (self.horizon, self.horizon, -1)]
+        for (before, start, k), (stop, _, _) in pairwise(ends):
+            step = self.steps_of_xm(before, start) if before < start else np.zeros(0)
+            held = self.held(0.5 * (start + max(start, stop)))
+            yield Stretch(start, max(start, stop), step, k if k >= 0 else None, held)
 
 
-def scenario(spec: Spec, simulation: Simulation) -> Scenario:
+def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     """Signals of the `simulation` section of a spec.
+
+    Parameters
+    ----------
+    sampled
+        Whether y is known at instants only, so that no noise is held.
 
     Raises
     ------
     UsageError
         If a nonlinearity has no f to simulate, or the noise has too many samples.
     """
-    missing = [i for i, block in enumerate(spec.nonlinearities, start=1) if block.f is None]
-    if missing:
-        raise UsageError(f"nonlinearities[{missing[0]}] has no `f`, which a simulation needs (a design does not)")
     xm, v, unmodeled = disturbance(spec, simulation)
-    plant = (beside(spec) if unmodeled else spec.augmented).doubles
-    noise, period = noise_samples(simulation, len(plant.outputs))
+    plant = beside(spec) if unmodeled else spec.equations(with_inputs(spec.augmented, spec.generator, spec.reserved))
+    outputs, inputs = spec.plant.outputs, spec.plant.exogenous
+    still = np.zeros((1, len(outputs))), simulation.horizon
+    noise, period = still if sampled else noise_samples(simulation, len(outputs))
     n, horizon = spec.plant.n, simulation.horizon
-    return Scenario(plant, n, simulation.u, xm, v, unmodeled, noise, period, horizon)
+    return Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period)
+
+
+def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guarantee: Guarantee | None) -> Scenario:
+    """Return the scenario with y known at instants only, and noise drawn anew at each.
+
+    Whether the measurements keep to the intervals of a guarantee is asked of the schedule.
+
+    Raises
+    ------
+    UsageError
+        If the law gives an interval that is not positive.
+    """
+    intervals, loss, generator = (np.random.default_rng(s) for s in np.random.SeedSequence(simulation.seed).spawn(3))
+    planned = schedule(sampling, simulation.horizon, intervals, loss)
+    if guarantee is not None:
+        proved = cast("SampledGuarantee", guarantee)
+        planned = replace(planned, T1=proved.T1, T2=proved.T2)
+    size, noise = (len(planned.received), len(acting.outputs)), simulation.noise
+    eta = np.zeros(size)
+    if noise is not None:
+        draw = generator.standard_normal(size) if noise.type == "gaussian" else generator.uniform(-1, 1, size)
+        eta = noise.amplitude * draw
+    return replace(acting, schedule=planned, eta=eta)
 
 
 def disturbance(
@@ -131,12 +172,18 @@ def disturbance(
     return xm, v, ""
 
 
-def beside(spec: Spec) -> Plant[Exact]:
+def beside(spec: Spec) -> Equations:
     """Augmented plant with w entering beside the disturbance model, which nothing drives."""
     model, nw = spec.generator, len(spec.plant.exogenous)
     Bm, Dq2 = (zeros((len(M), nw), like=[model.Dm]) for M in (model.Bm, model.Dq2))
     direct = replace(model, Bm=Bm, Dq2=Dq2, Dm=identity(nw, like=model.Dm))
-    return augment(spec.plant, direct, spec.model_states, spec.plant.exogenous)
+    plant = augment(spec.plant, direct, spec.model_states, spec.plant.exogenous)
+    width, quiet = 0, []
+    for block in spec.nonlinearities:
+        still = block if width < len(spec.plant.Cq) else replace(block, f=(Expression.number(0),) * len(block.f or ()))
+        quiet.append(still)
+        width += block.nq
+    return replace(spec, nonlinearities=tuple(quiet)).equations(with_inputs(plant, direct, spec.reserved))
 
 
 def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
@@ -152,45 +199,3 @@ def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
     generator = np.random.default_rng(simulation.seed)
     draw = generator.standard_normal if noise.type == "gaussian" else partial(generator.uniform, -1, 1)
     return noise.amplitude * draw(size=(count, ny)), noise.period
-
-
-def switch_times(expressions: Sequence[Expression], horizon: float) -> list[tuple[float, float]]:
-    """Instants in (0, horizon) at which a switching function of t alone changes its sign.
-
-    Returns
-    -------
-    list of (before, after)
-        Neighboring doubles, increasing. A zero of the function itself lies between two such pairs.
-    """
-    switches = [s for e in expressions for s in e.switches("t") if s.names == {"t"}]
-    found = {pair for s in switches for pair in sign_changes(s, horizon)}
-    return sorted(found)
-
-
-def sign_changes(switch: Expression, horizon: float) -> Iterator[tuple[float, float]]:
-    """Neighboring doubles between which a function of t changes its sign: seen on a grid, then bisected."""
-    scalar = switch.scalar(["t"])
-
-    def sign(t: float) -> float:
-        return float(np.sign(scalar(t)))
-
-    grid = np.linspace(0, horizon, SWITCH_GRID + 1)
-    signs = np.sign(switch.function(["t"])(grid))
-    for i in np.flatnonzero(signs[1:] != signs[:-1]):
-        low, high = float(grid[i]), float(grid[i + 1])
-        end = sign(high)
-        while sign(low) != end:
-            low, after = bisect(sign, low, high)
-            yield low, after
-            low = after
-
-
-def bisect(sign: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
-    """Neighboring doubles in [low, high]: the sign of `low` at the first and another at the second."""
-    start = sign(low)
-    while low < (middle := 0.5 * (low + high)) < high:
-        if sign(middle) == start:
-            low = middle
-        else:
-            high = middle
-    return low, high

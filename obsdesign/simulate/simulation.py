@@ -1,18 +1,21 @@
 """Try an observer on the scenario of a spec."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.families.guarantee import Guarantee
-from obsdesign.lmi.formula import Array
-from obsdesign.simulate.coupled import Coupled
-from obsdesign.simulate.integrate import Tolerance, Vector, finite, integrate
+from obsdesign.families.observer import Observer
+from obsdesign.simulate import exact
+from obsdesign.simulate.integrate import Segment, Tolerance, Trajectory, Vector, finite, integrate
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
-from obsdesign.simulate.scenario import scenario
+from obsdesign.simulate.sampling import Sampling
+from obsdesign.simulate.scenario import received, scenario
 from obsdesign.simulate.summary import summarise
+from obsdesign.simulate.system import System
 from obsdesign.spec import Simulation, Spec
 
 RTOL = 1e-8
@@ -20,27 +23,28 @@ RTOL_NOISE = 1e-6  # every noise sample is a restart, and more digits would be d
 ATOL = 1e-12  # of the size of a state at the start
 
 
-def simulate(
+def run(
     spec: Spec,
-    gains: Mapping[str, Array],
+    observer: Observer,
     guarantee: Guarantee | None,
+    sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
-    """Simulate the plant of a spec with the observer (12) of Corless and Chakrabarty (2019).
+    """Simulate the plant of a spec with an observer.
 
-    xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y)
-    qhat   = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y)
-    yhat   = C xihat + Df f(t, y, qhat) + gy
-    what   = pinv(B) L1 (yhat - y) where the spec asks for a reconstruction of w
+    A linear plant whose inputs are constant between jumps is solved by matrix exponentials where measurements arrive at
+    instants, any other flow by LSODA.
 
     Parameters
     ----------
     spec
         With a `simulation` section.
-    gains
-        L1 (n + nm, ny) and L2 (nq, ny), in doubles.
+    observer
+        Over signals of the same names as the plant of the spec, with its disturbance model.
     guarantee
-        What the gains are proved to achieve; None leaves the bounds out.
+        What is proved of this observer; None leaves the bounds out.
+    sampling
+        How measurements reach an observer that jumps at each; None: as the spec says.
     progress
         Called now and then with the fraction that is done.
 
@@ -52,45 +56,80 @@ def simulate(
     Raises
     ------
     UsageError
-        If the spec has no `simulation`, a nonlinearity no f, or a signal no value at t = 0.
+        If the spec has no `simulation`, a nonlinearity no f, or a signal no value at t = 0, or the law of the
+        measurements gives an interval that is not positive.
     """
     simulation = spec.simulation
     if simulation is None:
         raise UsageError("the spec has no `simulation` section: give at least horizon, x0, and w or v")
-    acting = scenario(spec, simulation)
-    system = Coupled(spec, acting, gains, guarantee)
-    breaks = acting.breaks([term.expression for term in system.observer.stack.terms])
-    start = initial(system, simulation)
-    trajectory = integrate(
-        system.flow(),
-        start,
-        acting.segments(breaks, len(start)),
-        np.linspace(0, simulation.horizon, simulation.points),
-        tolerance(start, system),
-        progress and (lambda t: progress(t / simulation.horizon)),
-    )
-    record = Record(spec, system, guarantee, breaks, trajectory)
+    acting = scenario(spec, simulation, bool(observer.jump))
+    if observer.jump:
+        acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
+    system = System(acting, observer, spec.H.astype(float), guarantee)
+    start = initial(system, simulation, sampling)
+    breaks = system.breaks()
+    trajectory = follow(system, start, breaks, simulation, progress)
+    record = Record(spec, system, breaks, trajectory)
     return Run(
         **vars(record.at_samples()),
         steps=record.at_steps(),
+        spec=spec,
+        guarantee=guarantee,
+        schedule=acting.schedule,
         states=acting.plant.states,
         plant_states=acting.n,
         exogenous=spec.plant.exogenous,
         estimated=record.estimated,
-        outputs=acting.plant.outputs,
+        outputs=acting.outputs,
         status=trajectory.status,
         time=trajectory.time,
         left=record.left,
+        until=record.until,
         summary=summarise(record),
     )
 
 
-def initial(system: Coupled, simulation: Simulation) -> Vector:
+def follow(
+    system: System,
+    start: Vector,
+    breaks: list[tuple[float, float]],
+    simulation: Simulation,
+    progress: Callable[[float], None] | None,
+) -> Trajectory:
+    """Follow the flow and its jumps from the start to the horizon."""
+    samples = np.linspace(0, simulation.horizon, simulation.points)
+    sampled = bool(system.observer.jump)
+    affine = system.constant() if sampled else None
+    if affine is not None:
+        return exact.follow(system, affine, start, list(system.scenario.stretches(breaks)), samples)
+    told = progress and (lambda t: progress(t / simulation.horizon))
+    segments = pieces(system, breaks)
+    return integrate(system.flow(), start, segments, samples, tolerance(start, system), told, explicit=sampled)
+
+
+def pieces(system: System, breaks: list[tuple[float, float]]) -> Iterator[Segment]:
+    """Segments between breaks, noise samples and measurements."""
+    for stretch in system.scenario.stretches(breaks):
+        held = stretch.held[: len(system.silent)]
+        yield Segment(stretch.start, stretch.stop, partial(system.enter, stretch), held)
+
+
+def sampled(simulation: Simulation, observer: Observer, guarantee: Guarantee | None) -> Sampling:
+    """How measurements arrive: as the spec says, for the intervals of the guarantee or the least that are asked for."""
+    assert observer.intervals
+    T1, T2 = observer.intervals
+    longest = getattr(guarantee, "T2", T2)
+    return Sampling(T1, longest, simulation.sampling, simulation.period, simulation.dropout, simulation.theta0)
+
+
+def initial(system: System, simulation: Simulation, sampling: Sampling | None) -> Vector:
     """Return the initial state of the flow, where every signal and nonlinearity must have a value."""
+    given = simulation.theta0 if sampling is None else sampling.theta0
+    theta0 = np.zeros(len(system.further)) if given is None else given
     try:
         with np.errstate(all="ignore"):
-            start = finite(system.start(simulation.x0, simulation.xhat0))
-            finite(system.rhs(0.0, start, system.scenario.held(0.0)))
+            start = finite(system.start(simulation.x0, simulation.xhat0, theta0))
+            finite(system.rhs(0.0, start, system.scenario.held(0.0)[: len(system.silent)]))
     except ArithmeticError as error:
         raise UsageError(
             f"simulation: at t = 0 a signal, the v that w needs, or a nonlinearity has no value: {error}"
@@ -98,16 +137,17 @@ def initial(system: Coupled, simulation: Simulation) -> Vector:
     return start
 
 
-def tolerance(start: Vector, system: Coupled) -> Tolerance:
+def tolerance(start: Vector, system: System) -> Tolerance:
     """Tolerance of a step; the absolute one goes by the size of each state and its estimate at the start.
 
     It is as much smaller for the errors as a reconstruction of w magnifies them.
     """
-    n, ns = system.scenario.plant.n, system.ns
+    ns, n = len(system.integrated), len(system.copied)
     size = np.abs(start[ns : ns + n])
     size[:ns] = np.maximum(size[:ns], np.abs(start[:ns]))
     nonzero = size[size > 0]
     size[size == 0] = nonzero.min() if len(nonzero) else 1.0
-    integrals = np.full(len(start) - ns - n, size.max() ** 2)
-    absolute = ATOL * np.concatenate((size[:ns], size / system.amplification(), integrals))
-    return Tolerance(RTOL_NOISE if system.scenario.noise.any() else RTOL, absolute)
+    further = np.full(len(system.further), size.max())
+    integrals = np.full(len(start) - system.end, size.max() ** 2)
+    absolute = ATOL * np.concatenate((size[:ns], size / system.amplification(), further, integrals))
+    return Tolerance(RTOL_NOISE if system.scenario.noisy else RTOL, absolute)

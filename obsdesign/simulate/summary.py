@@ -7,6 +7,7 @@ import numpy as np
 
 from obsdesign.families.guarantee import Bound, Course
 from obsdesign.lmi.formula import Array
+from obsdesign.simulate.definitions import error, rate
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.signals import jump_of, largest_rate, norm_to_infinity
 from obsdesign.simulate.validity import is_local, validity
@@ -16,15 +17,15 @@ SETTLED = 0.01  # of the peak of |e|
 
 def summarise(record: Record) -> dict[str, Any]:
     """Everything that is said about a run; None where a quantity does not apply."""
-    trajectory, course, guarantee = record.trajectory, record.course, record.guarantee
+    trajectory = record.trajectory
     return {
         "status": trajectory.status,
         "time": trajectory.time,
         "reason": trajectory.reason or None,
-        **norms(record),
-        "gamma": guarantee.gamma if guarantee and record.acting.v else None,
+        **(norms(record) if record.schedule is None else sampled_norms(record)),
         **checks(record),
-        **convergence(course, record.acting.plant.states),
+        **convergence(record.course, record.acting.plant.states),
+        **distances(record),
     }
 
 
@@ -44,25 +45,56 @@ def norms(record: Record) -> dict[str, Any]:
         f"{course.drive}_sup": v_sup,
         "ratio": z / v if z is not None and v else None,
         "ratio_of": "sup|z| / sup|v|" if sup else f"norm2(z) / norm2({course.drive})",
+        "gamma": guarantee.gamma if guarantee and acting.v else None,
     }
+
+
+def sampled_norms(record: Record) -> dict[str, Any]:
+    """Sizes of yp and w, their ratio, and how the measurements arrived."""
+    course, guarantee, schedule = record.course, record.guarantee, record.schedule
+    assert schedule
+    z, v = float(np.sqrt(course.z2[-1])), float(np.sqrt(course.v2[-1]))
+    return {
+        "z_norm2": z,
+        "v_norm2": v,
+        "ratio": z / v if v else None,
+        "ratio_of": "norm2(yp) / norm2(w)",
+        "gamma": guarantee.gamma if guarantee else None,
+        "sampling": schedule.report(),
+    }
+
+
+def distances(record: Record) -> dict[str, float]:
+    """Length of (e, theta~) at the start and at the end, where measurements arrive at instants."""
+    if record.schedule is None:
+        return {}
+    distance = record.signals.distance
+    return {"initial_distance": float(distance[0]), "final_distance": float(distance[-1])}
 
 
 def checks(record: Record) -> dict[str, Any]:
     """Bounds, the accuracy of a reconstruction, and where the run leaves the region of a local guarantee."""
-    found: dict[str, Any] = {"bounds": [], "bounds_omitted": record.uncovered or None}
+    found: dict[str, Any] = {"bounds": [], "bounds_omitted": omitted(record)}
     if record.guarantee and not record.uncovered:
-        until = record.left[0].time if record.left else np.inf
-        covered = record.course.before(until)
+        covered = record.course.before(record.until)
         if len(covered.t) > 1:
             found["bounds"] = record.guarantee.bounds(covered)
-        if record.left:
-            found["bounds_omitted"] = f"the guarantee is local, and the run left its region at t = {until:.4g}"
     if record.spec.observer.reconstruct:
         found["reconstruction"], bounds = reconstruction(record)
         found["bounds"] += bounds
     if is_local(record.spec.nonlinearities):
         found["validity"] = validity(record.left, record.guarantee is not None)
     return found
+
+
+def omitted(record: Record) -> str | None:
+    """Why a bound, or all, are not checked, or not from some time on."""
+    if record.uncovered:
+        return record.uncovered
+    if record.left and record.left[0].time <= record.until:
+        return f"the guarantee is local, and the run left its region at t = {record.left[0].time:.4g}"
+    outside = record.schedule.report().get("note") if record.schedule else None
+    return str(outside) if outside else None
 
 
 def reconstruction(record: Record) -> tuple[dict[str, Any], list[Bound]]:
@@ -74,13 +106,13 @@ def reconstruction(record: Record) -> tuple[dict[str, Any], list[Bound]]:
         return found | {"note": "no bound on what - w is proved for these gains"}, []
     if why := no_reconstruction_bound(record):
         return found | {"note": why}, []
-    n = record.acting.plant.n
-    rates = record.now.rates[:, :n], record.now.rates[:, n:]
+    states = record.acting.plant.states
+    rates = record.now.of(map(rate, states)), record.now.of(rate(error(name)) for name in states)
     known = not any(signal.names - {"t"} for signal in w)
-    rate = largest_rate(w, record.breaks, record.t) if known else sampled_rate(record)
-    if not np.isfinite(rate):
+    w_rate = largest_rate(w, record.breaks, record.t) if known else sampled_rate(record)
+    if not np.isfinite(w_rate):
         return found | {"note": "w' is not bounded: no bound on what - w holds"}, []
-    terms, proved = guarantee.reconstruction.check(record.course, found["limsup"], rates, rate)
+    terms, proved = guarantee.reconstruction.check(record.course, found["limsup"], rates, w_rate)
     found |= terms
     if known:
         return found, [proved]

@@ -1,13 +1,13 @@
 """Whether a run stays where the guarantee was proved."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.spec import Nonlinearity
+from obsdesign.spec import Nonlinearity, limited
 
 Side = Literal["plant", "estimate"]
 
@@ -65,16 +65,6 @@ def leavings(
         if len(out := np.flatnonzero((values < low) | (values > high)))
     ]
     return tuple(sorted(found, key=lambda leaving: leaving.time))
-
-
-def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, tuple[float, float]]]:
-    """Number of the block, component in it, component of q, and limits, of each component that has a limit."""
-    first = 0
-    for i, block in enumerate(blocks, start=1):
-        for k, limits in enumerate(block.region or ()):
-            if np.isfinite(limits).any():
-                yield i, k, first + k, limits
-        first += block.nq
 
 
 def finite(limit: float) -> float | None:

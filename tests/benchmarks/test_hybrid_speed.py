@@ -6,11 +6,12 @@ Times are processor times, so that another process on the machine does not count
 import time
 
 import pytest
+from support.running import simulate_sporadic
 from support.sporadic import DESIGN, HEAD, LINK, OSCILLATOR, PREDICTOR
 
 from obsdesign.expressions import parse
 from obsdesign.reading import loads
-from obsdesign.simulate.hybrid import Sampling, simulate_sporadic
+from obsdesign.simulate import Sampling
 
 CASES = {  # spec, gains, T2, measurements, seconds
     "linear": (OSCILLATOR, DESIGN, 0.41, 127, 0.05),

@@ -7,7 +7,7 @@ import numpy as np
 from obsdesign.expressions import parse
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.reading import loads
-from obsdesign.simulate.hybrid import Sampling
+from obsdesign.simulate import Sampling
 
 HEAD = "obsdesign: 1\nname: test\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
 

@@ -7,10 +7,9 @@ import numpy as np
 
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer, injected
-from obsdesign.lmi.formula import Array, Exact, printed, zeros
-from obsdesign.model.disturbance import blocks
-from obsdesign.model.equations import Named, free, linear
-from obsdesign.model.plant import Plant
+from obsdesign.lmi.formula import Array, printed
+from obsdesign.model.disturbance import with_inputs
+from obsdesign.model.equations import Named, linear
 from obsdesign.spec import Spec
 
 
@@ -29,7 +28,7 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     """
     L1, L2 = (printed(gains[name]) for name in ("L1", "L2"))
     outputs = spec.plant.outputs
-    plant = spec.equations(with_inputs(spec))
+    plant = spec.equations(with_inputs(spec.augmented, spec.generator, spec.reserved))
     copy = Copy.of(plant)
     sides = list(copy.outputs.items())
     y, w = dict(sides[: len(outputs)]), dict(sides[len(outputs) :])
@@ -48,21 +47,6 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         outputs=outputs,
         algebraic={**copy.algebraic, **y},
         twins={name: twin for name, twin in copy.twins.items() if name not in w},
-    )
-
-
-def with_inputs(spec: Spec) -> Plant[Exact]:
-    """Return the augmented plant with w among its outputs, after y."""
-    plant, model = spec.augmented, spec.generator
-    taken = {*plant.states, *plant.outputs, *spec.inputs}
-    nw, before = len(spec.plant.exogenous), plant.Bf.shape[1] - model.Dwf.shape[1]
-    beside_x, beside_f = (zeros((nw, width), [plant.A]) for width in (spec.plant.n, before))
-    return replace(
-        plant,
-        C=blocks([[plant.C], [np.hstack([beside_x, model.Cm])]]),
-        Df=blocks([[plant.Df], [np.hstack([beside_f, model.Dwf])]]),
-        D=blocks([[plant.D], [model.Dm]]),
-        outputs=(*plant.outputs, *(free(name, taken) for name in spec.plant.exogenous)),
     )
 
 

@@ -1,10 +1,12 @@
 """The observer (4) of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech (2019), which holds its output error."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from obsdesign.dissipation.bounds import Range
+from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
@@ -14,6 +16,11 @@ from obsdesign.spec import Spec
 
 
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
+    """Observer of a spec, for the intervals that it asks for; see `holding`."""
+    return replace(holding(spec, gains), intervals=intervals(request_of(spec)))
+
+
+def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     """Observer with the gains L (n, ny) and H (ny, ny).
 
     zhat'  = A zhat + Bf f(t, u, qhat) + gx + L theta,    qhat = Cq zhat + gq
@@ -23,8 +30,9 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     Raises
     ------
     UsageError
-        If a nonlinearity has no f, or needs y between two measurements.
+        If a nonlinearity has no f, or the plant has what the observer cannot compute between two measurements.
     """
+    require_simulable(spec)
     L, H = (printed(gains[name]) for name in ("L", "H"))
     plant = spec.equations(spec.augmented)
     copy, taken = Copy.of(plant), set(plant.signals)
@@ -42,7 +50,6 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         algebraic={**copy.algebraic, **copy.outputs},
         jump=dict(zip(theta, innovation, strict=True)),
         twins=copy.twins,
-        intervals=intervals(request_of(spec)),
     )
 
 
@@ -50,3 +57,16 @@ def intervals(request: SporadicRequest) -> tuple[float, float]:
     """Return T1 and T2 that are asked for; the least where T2 is a range."""
     T2 = request.T2.low if isinstance(request.T2, Range) else request.T2
     return float(request.T1), float(max(T2, request.T1))
+
+
+def require_simulable(spec: Spec) -> None:
+    """Refuse what the observer cannot compute between two measurements."""
+    p = spec.plant
+    for matrix, name in ((p.D, "D"), (p.Df, "Df"), (p.Dq, "Dq"), (p.Dqf, "Dqf")):
+        if (matrix != 0).any():
+            raise UsageError(f"{name} is not zero: y = C z and q = Cq z are all that a sporadic observer can use")
+    if spec.model_states:
+        raise UsageError("a sporadic observer has no disturbance model: leave out `disturbance`")
+    for term in (*spec.gx, *spec.gq, *spec.gy, *(f for block in spec.nonlinearities for f in block.f or ())):
+        if measured := sorted(term.names & set(p.outputs)):
+            raise UsageError(f"{term} needs {measured[0]}, which the observer does not know between two measurements")

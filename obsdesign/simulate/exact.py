@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.simulate.hybrid.sampling import Stretch
-from obsdesign.simulate.hybrid.system import Hybrid
 from obsdesign.simulate.integrate import HUGE, Status, Trajectory, Vector
+from obsdesign.simulate.scenario import Stretch
+from obsdesign.simulate.system import V2, Affine, System
 
 TERMS = 20  # of the series of exp(M), |M| <= 1
 CHUNK = 2_000_000  # entries of a stack of matrices
@@ -41,22 +41,19 @@ def transitions(F: Array, Q: Array, h: Vector) -> tuple[Array, Array]:
 class Exact:
     """The flow of a linear plant and its observer, with everything that acts on them constant in each stretch."""
 
-    def __init__(self, system: Hybrid) -> None:
-        self.system = system
-        n, end, inputs = system.n, system.end, system.nw + len(system.known.terms)
-        self.F = np.zeros((end + inputs, end + inputs))  # on (z, eps, theta, w, known terms)
-        self.F[:end, : end + system.nw] = system.matrix[:end]
-        self.F[:n, end + system.nw :] = system.place[:n]
+    def __init__(self, system: System, affine: Affine) -> None:
+        self.system, self.affine = system, affine
+        end, width = system.end, affine.F.shape[1]
+        self.F = np.zeros((width, width))  # on (flowing states, held signals)
+        self.F[:end] = affine.F
         self.Q = np.zeros_like(self.F)
-        error = slice(n, 2 * n)
-        self.Q[error, error] = system.Cp.T @ system.Cp
+        error = slice(len(system.integrated), len(system.integrated) + len(system.copied))
+        self.Q[error, error] = system.H.T @ system.H
+        self.alpha, self.supply = system.guarantee.rates() if system.guarantee else (0.0, 0.0)
 
     def held(self, t: Vector) -> Array:
-        """Inputs (w, known terms) at instants, one row each."""
-        system = self.system
-        signals = system.signals.table(np.column_stack([t, np.zeros((len(t), system.n))]))
-        u, w = np.split(signals, [len(system.u)], axis=1)
-        return np.hstack([w, system.known.table(np.column_stack([t, u]))])
+        """Held signals, and |v|^2, at instants, one row each."""
+        return self.system.table(t, np.zeros((len(t), self.system.width))).of((*self.affine.held, V2))
 
     def advance(self, s: Array, held: Array, h: Vector) -> Array:
         """Return the states that follow s (K, ns) under constant inputs after times h (K,)."""
@@ -69,16 +66,14 @@ class Exact:
 
     def moved(self, s: Array, held: Array, h: Vector, Phi: Array, W: Array) -> Array:
         """Return what follows s, given the matrices of `transitions`."""
-        system, end = self.system, self.system.end
-        X = np.concatenate((s[:, :end], held), axis=1)[:, :, None]
-        w2 = (held[:, : system.nw] ** 2).sum(axis=1)
-        rate = 2 * system.decay
+        end, v2, rate = self.system.end, held[:, -1], 2 * self.alpha
+        X = np.concatenate((s[:, :end], held[:, :-1]), axis=1)[:, :, None]
         share = -np.expm1(-rate * h) / rate if rate else h
         after = s.copy()
         after[:, :end] = (Phi @ X)[:, :end, 0]
         after[:, end] += (X.mT @ W @ X)[:, 0, 0]
-        after[:, end + 1] += w2 * h
-        after[:, end + 2] = np.exp(-rate * h) * s[:, end + 2] + system.supply * w2 * share
+        after[:, end + 1] += v2 * h
+        after[:, end + 2] = np.exp(-rate * h) * s[:, end + 2] + self.supply * v2 * share
         return after
 
     def fineness(self, lengths: Vector) -> Array:
@@ -88,7 +83,7 @@ class Exact:
         return np.asarray(np.minimum(steps, max(1, ROWS // len(lengths))), dtype=int)
 
 
-def follow(system: Hybrid, start: Vector, stretches: list[Stretch], samples: Vector) -> Trajectory:
+def follow(system: System, affine: Affine, start: Vector, stretches: list[Stretch], samples: Vector) -> Trajectory:
     """Follow the flow and its jumps through all stretches.
 
     Returns
@@ -97,7 +92,7 @@ def follow(system: Hybrid, start: Vector, stretches: list[Stretch], samples: Vec
         States at the samples and on a grid in each stretch; with status "escape" where the state grows beyond 1e8
         times its start.
     """
-    exact = Exact(system)
+    exact = Exact(system, affine)
     begins = np.array([stretch.start for stretch in stretches])
     lengths = np.array([stretch.stop for stretch in stretches]) - begins
     held = exact.held(begins + 0.5 * lengths)
@@ -134,8 +129,7 @@ def heads(exact: Exact, s: Vector, stretches: list[Stretch], lengths: Vector, he
             Phi, W = transitions(exact.F, exact.Q, lengths[i : i + chunk])
         if not np.isfinite(s).all():
             return
-        if stretch.measured:
-            s = exact.system.reset(stretch.start, s)
+        s = exact.system.enter(stretch, s)
         yield s
         at = slice(i % chunk, i % chunk + 1)
         s = exact.moved(s[None], held[i : i + 1], lengths[i : i + 1], Phi[at], W[at])[0]

@@ -1,17 +1,17 @@
 """When measurements are sent and received, and whether they keep to the intervals of a guarantee."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import accumulate, count, pairwise
-from typing import Any, NamedTuple
+from itertools import accumulate, count
+from typing import Any
 
 import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array
-from obsdesign.simulate.integrate import Vector
+from obsdesign.lmi.formula import Array, Float
 
+Vector = Float
 MOST = 200_000  # measurements in a run
 ROUNDING = 1e-9  # of an interval
 
@@ -49,14 +49,6 @@ class Sampling:
             )
         if isinstance(self.law, Expression) and (others := sorted(self.law.names - {"t"})):
             raise UsageError(f"simulation.sampling: the law contains {', '.join(others)}; it may depend on t only")
-
-
-class Stretch(NamedTuple):
-    """An interval in which everything is smooth, and whether a measurement begins it."""
-
-    start: float
-    stop: float
-    measured: bool
 
 
 @dataclass(frozen=True)
@@ -103,13 +95,6 @@ class Schedule:
         """Time tau that is left to the next measurement, or to the one that T2 demands, after j are received."""
         last, following = np.append(0.0, self.received)[j], np.append(self.received, np.inf)[j]
         return np.asarray(np.maximum(np.minimum(following, last + self.T2) - t, 0.0))
-
-    def stretches(self, breaks: Sequence[tuple[float, float]]) -> list[Stretch]:
-        """Stretches between measurements and breaks, which are pairs (last double before, first after)."""
-        measurements = [(t, t, True) for t in self.received.tolist()]
-        edges = sorted([*((before, after, False) for before, after in breaks), *measurements])
-        bounds = [(0.0, 0.0, False), *edges, (self.horizon, self.horizon, False)]
-        return [Stretch(start, max(start, stop), met) for (_, start, met), (stop, _, _) in pairwise(bounds)]
 
     def report(self) -> dict[str, Any]:
         """Numbers and intervals of the measurements, and from when on a guarantee is void."""

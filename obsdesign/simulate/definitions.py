@@ -1,0 +1,194 @@
+"""Plant and observer as definitions of an array program, in the coordinates (state, estimation error).
+
+An estimate is written as the signal that it copies and an error, hat_x = x + error. With the numbers exact, the linear
+parts of plant and observer then cancel wherever the observer is a copy of the plant, and its nonlinear terms pair off
+with those of the plant: nothing is left but errors, inputs and differences of terms. The error of a state can be
+integrated itself, since the difference of two large states has lost its digits.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.families.observer import Observer
+from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.model.equations import Equations, Named
+from obsdesign.simulate.program import UNIT, Definition, Pair
+
+ZERO = Expression.number(0)
+
+
+def error(name: str) -> str:
+    """Name of the error of the estimate of a signal."""
+    return f"{name} error"
+
+
+def rate(name: str) -> str:
+    """Name of the rate of a state."""
+    return f"{name} rate"
+
+
+def noise(name: str) -> str:
+    """Name of the noise of an output."""
+    return f"{name} noise"
+
+
+def measured(name: str) -> str:
+    """Name of an output as it is measured."""
+    return f"{name} measured"
+
+
+def after(name: str) -> str:
+    """Name of a state after a measurement."""
+    return f"{name} after"
+
+
+def mismatch(name: str) -> str:
+    """Name of what a measurement without noise would add to a state."""
+    return f"{name} mismatch"
+
+
+@dataclass
+class Definitions:
+    """Definitions of a plant with its observer.
+
+    Parameters
+    ----------
+    plant, observer
+        Over signals of the same names.
+    noisy
+        Whether outputs are measured with noise, an input of the program.
+    """
+
+    plant: Equations
+    observer: Observer
+    noisy: bool
+    made: dict[str, Definition] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        plant, observer = self.plant, self.observer
+        for name, side in self.sides.items():
+            self.define(name, side)
+        for name, side in plant.dynamics.items():
+            self.define(rate(name), side)
+        if self.noisy:
+            self.made |= {measured(y): {y: fmpq(1), noise(y): fmpq(1)} for y in observer.outputs}
+        self.made |= {hat: Pair(twin, error(twin), 1) for hat, twin in observer.twins.items()}
+        self.compare(observer.algebraic, self.sides, lambda name: name)
+        self.compare(observer.dynamics, plant.dynamics, rate)
+        self.made |= {
+            error(name): self.difference(observer.estimates[name], Expression.variable(name))
+            for name in plant.states
+            if error(name) not in self.copied
+        }
+        for name, side in observer.jump.items():
+            jumped = self.difference(side, ZERO)
+            noises = set(map(noise, observer.outputs))
+            self.made[after(name)] = jumped
+            self.made[mismatch(name)] = {**{k: c for k, c in jumped.items() if k not in noises}, name: fmpq(-1)}
+
+    def compare(self, estimates: Named, true: Named, named: Callable[[str], str]) -> None:
+        """Define what the observer computes: as errors, where it is a copy."""
+        for name, side in estimates.items():
+            if (twin := self.observer.twins.get(name)) is None:
+                self.made[named(name)] = self.difference(side, ZERO)
+            else:
+                self.made[named(error(twin))] = self.difference(side, true[twin])
+
+    @property
+    def copied(self) -> tuple[str, ...]:
+        """Names of the errors that are integrated, in the order of the states of the plant."""
+        twins = {self.observer.twins.get(name) for name in self.observer.states}
+        return tuple(error(name) for name in self.plant.states if name in twins)
+
+    @property
+    def further(self) -> tuple[str, ...]:
+        """States of the observer that copy none of the plant."""
+        return tuple(name for name in self.observer.states if name not in self.observer.twins)
+
+    @property
+    def sides(self) -> dict[str, Expression]:
+        """Right sides of the algebraic signals and outputs of the plant."""
+        return {**self.plant.algebraic, **self.plant.outputs}
+
+    def define(self, name: str, side: Expression) -> None:
+        """Define a signal by an expression."""
+        self.made[name] = self.weights(side)
+
+    def combine(self, name: str, row: Array, signals: Sequence[str]) -> None:
+        """Define a linear combination of signals."""
+        pairs = zip(signals, map(rational_number, row), strict=True)
+        self.made[name] = {signal: c for signal, c in pairs if c != 0}
+
+    def squares(self, name: str, signals: Sequence[str]) -> None:
+        """Define a sum of squares."""
+        self.define(name, Expression.squares(signals))
+
+    def weights(self, side: Expression) -> dict[str, fmpq]:
+        """Linear combination of signals and terms that an expression is."""
+        found: dict[str, fmpq] = {}
+        for c, term in side.summands():
+            add(found, self.slot(term), c)
+        return found
+
+    def slot(self, term: Expression) -> str:
+        """Name of a variable or of a number, or of a term, which is defined once."""
+        if not term.names:
+            text = term.text
+            if text == UNIT:
+                return UNIT
+        if term.names == {term.text}:
+            return term.text
+        self.made[term.text] = term
+        return term.text
+
+    def difference(self, estimate: Expression, true: Expression) -> dict[str, fmpq]:
+        """A right side of the observer minus one of the plant, in signals of the plant and errors.
+
+        A term of the observer that copies one of the plant with the same weight is replaced by their difference.
+        """
+        found: dict[str, fmpq] = {}
+        pending: dict[Expression, fmpq] = {}
+        for c, term in true.summands():
+            if term.names == {term.text}:
+                add(found, term.text, -c)
+            else:
+                pending[term] = pending.get(term, fmpq(0)) - c
+        back = {hat: Expression.variable(twin) for hat, twin in self.observer.twins.items()}
+        seen = {y: Expression.variable(measured(y)) for y in self.observer.outputs} if self.noisy else {}
+        for c, term in estimate.summands():
+            name = term.text
+            if term.names == {name}:
+                for part in self.parts(name):
+                    add(found, part, c)
+                continue
+            twin, here = term.substituted(back), term.substituted(seen)
+            if pending.get(twin) == -c:
+                del pending[twin]
+                if here != twin:
+                    add(found, self.pair(here, twin), c)
+            else:
+                add(found, self.slot(here), c)
+        for term, c in pending.items():
+            add(found, self.slot(term), c)
+        return {name: c for name, c in found.items() if c != 0}
+
+    def parts(self, name: str) -> Iterable[str]:
+        """Signals whose sum a signal of the observer is."""
+        if twin := self.observer.twins.get(name):
+            return (twin, error(twin))
+        return (name, noise(name)) if self.noisy and name in self.observer.outputs else (name,)
+
+    def pair(self, estimate: Expression, true: Expression) -> str:
+        """Name of the difference of two terms."""
+        first, second = self.slot(estimate), self.slot(true)
+        name = f"({first}) - ({second})"
+        self.made[name] = Pair(first, second, -1)
+        return name
+
+
+def add(weights: dict[str, fmpq], name: str, c: fmpq) -> None:
+    """Add to a weight."""
+    weights[name] = weights.get(name, fmpq(0)) + c

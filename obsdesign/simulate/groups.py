@@ -1,0 +1,213 @@
+"""Groups of slots of an array program: how each is filled from the slots before it, and its derivatives."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from obsdesign.expressions import Expression, vector_function
+from obsdesign.lmi.formula import Array, Float
+
+LOOP_ITERATIONS = 60
+LOOP_TOLERANCE = 1e-10  # of the last Newton step; the error left is its square
+ROUNDING = 1e-15  # of a residual that is nothing else, where the step is large: at a double root
+NO_SOLUTION = "the algebraic loop through q = .. + Dqf f(q) has no solution"
+
+
+class Group(Protocol):
+    """Slots that are filled together, from those before them."""
+
+    def fill(self, X: Float) -> None:
+        """Fill the slots of X (slots,), or of a table of one column an instant, (slots, N)."""
+
+    def differentiate(self, X: Float, dX: Float) -> None:
+        """Fill the rows of dX (slots, m), given the values X."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Linear signals: M times the slots before."""
+
+    start: int
+    stop: int
+    M: Float  # (stop - start, start)
+
+    def fill(self, X: Float) -> None:
+        """One product."""
+        np.dot(self.M, X[: self.start], out=X[self.start : self.stop])
+
+    def differentiate(self, X: Float, dX: Float) -> None:  # noqa: ARG002
+        """The same product."""
+        self.fill(dX)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Sums or differences of two slots."""
+
+    start: int
+    stop: int
+    first: slice | Array
+    second: slice | Array
+    sign: int
+
+    @classmethod
+    def of(cls, start: int, first: Array, second: Array, sign: int) -> "Pairs":
+        """Pairs of the slots with these numbers."""
+        return cls(start, start + len(first), span(first), span(second), sign)
+
+    def fill(self, X: Float) -> None:
+        """By index."""
+        combine = np.add if self.sign > 0 else np.subtract
+        combine(X[self.first], X[self.second], out=X[self.start : self.stop])
+
+    def differentiate(self, X: Float, dX: Float) -> None:  # noqa: ARG002
+        """By index."""
+        self.fill(dX)
+
+
+class Terms:
+    """Nonlinear terms of the slots before.
+
+    Parameters
+    ----------
+    start
+        Slot of the first term.
+    terms
+        Expressions in the names of slots.
+    names
+        Those of the slots before.
+    """
+
+    def __init__(self, start: int, terms: Sequence[Expression], names: Sequence[str]) -> None:
+        self.start, self.stop = start, start + len(terms)
+        self.terms, self.names = tuple(terms), tuple(names)
+        self.values = vector_function(self.terms, self.names)
+
+    @cached_property
+    def partials(self) -> tuple[Array, Array, Callable[[Sequence[float]], list[float]]]:
+        """Row and column of each derivative that is not identically zero, and a function of all of them."""
+        place = {name: i for i, name in enumerate(self.names)}
+        found = [
+            (row, place[name], slope)
+            for row, term in enumerate(self.terms)
+            for name in sorted(term.names)
+            if not is_zero(slope := term.derivative(name))
+        ]
+        rows, columns = (np.array([entry[k] for entry in found], dtype=int) for k in (0, 1))
+        return rows, columns, vector_function([slope for _, _, slope in found], self.names)
+
+    def fill(self, X: Float) -> None:
+        """By closures on floats; a table by numpy."""
+        if X.ndim == 1:
+            X[self.start : self.stop] = self.values(X[: self.start].tolist())
+            return
+        place = {name: i for i, name in enumerate(self.names)}
+        for row, term in enumerate(self.terms, start=self.start):
+            names = sorted(term.names)
+            X[row] = term.function(names)(*(X[place[name]] for name in names))
+
+    def differentiate(self, X: Float, dX: Float) -> None:
+        """Chain rule."""
+        dX[self.start : self.stop] = self.jacobian(X) @ dX[: self.start]
+
+    def jacobian(self, X: Float) -> Float:
+        """Derivatives of the terms by the slots before, (terms, start)."""
+        rows, columns, slopes = self.partials
+        J = np.zeros((len(self.terms), self.start))
+        J[rows, columns] = slopes(X[: self.start].tolist())
+        return J
+
+    def rounding(self, X: Float) -> float:
+        """Size of the terms if nothing cancelled in their arguments."""
+        J = self.jacobian(X)
+        return float(np.linalg.norm(J) * np.linalg.norm(X[: self.start][J.any(axis=0)]))
+
+
+class Loop:
+    """Terms that depend on themselves: phi = T(phi), by Newton's method from the last solution.
+
+    The slots from `start` to `stop` hold phi; the groups after them compute T from it, the last of them in `terms`.
+    Steps are halved until the residual falls.
+    """
+
+    def __init__(self, start: int, groups: Sequence[Group], terms: Terms) -> None:
+        self.start, self.stop = start, start + len(terms.terms)
+        self.groups, self.terms = (*groups, terms), terms
+        self.result = slice(terms.start, terms.stop)
+        self._last = np.zeros(self.stop - start)
+
+    def fill(self, X: Float) -> None:
+        """Solve.
+
+        Raises
+        ------
+        ArithmeticError
+            If there is no solution to be found.
+        """
+        X[self.start : self.stop] = self._last = self._newton(X)
+        for group in self.groups:
+            group.fill(X)
+
+    def differentiate(self, X: Float, dX: Float) -> None:
+        """Implicit function theorem: dphi = (I - T_phi)^-1 T_x dx."""
+        dX[self.start : self.stop] = 0
+        for group in self.groups:
+            group.differentiate(X, dX)
+        dX[self.start : self.stop] = np.linalg.solve(self._matrix(X), dX[self.result])
+        for group in self.groups:
+            group.differentiate(X, dX)
+
+    def _matrix(self, X: Float) -> Float:
+        """I - T_phi."""
+        count = self.stop - self.start
+        dX = np.zeros((len(X), count))
+        dX[self.start : self.stop] = np.eye(count)
+        for group in self.groups:
+            group.differentiate(X, dX)
+        return np.asarray(np.eye(count) - dX[self.result])
+
+    def _residual(self, X: Float, phi: Float) -> Float:
+        X[self.start : self.stop] = phi
+        for group in self.groups:
+            group.fill(X)
+        return np.asarray(phi - X[self.result])
+
+    def _newton(self, X: Float) -> Float:
+        phi = self._last
+        residual = self._residual(X, phi)
+        for _ in range(LOOP_ITERATIONS):
+            if not residual.any():
+                return phi
+            try:
+                step = np.asarray(np.linalg.solve(self._matrix(X), residual), dtype=float)
+            except np.linalg.LinAlgError:
+                break
+            if np.linalg.norm(step) <= LOOP_TOLERANCE * (np.linalg.norm(phi) + 1e-5 * self.terms.rounding(X)):
+                return np.asarray(phi - step)
+            if np.linalg.norm(residual) <= ROUNDING * np.linalg.norm(phi):
+                return phi
+            phi, residual = self._descend(X, phi, residual, step)
+        raise FloatingPointError(NO_SOLUTION)
+
+    def _descend(self, X: Float, phi: Float, residual: Float, step: Float) -> tuple[Float, Float]:
+        """Point along the Newton step where the residual is smaller, and its residual."""
+        for shrink in 0.5 ** np.arange(30):
+            trial = phi - shrink * step
+            left = self._residual(X, trial)
+            if np.linalg.norm(left) < np.linalg.norm(residual):
+                return trial, left
+        raise FloatingPointError(NO_SOLUTION)
+
+
+def span(slots: Array) -> slice | Array:
+    """Slots that follow each other as a slice, which is quicker."""
+    consecutive = (np.diff(slots) == 1).all()
+    return slice(int(slots[0]), int(slots[-1]) + 1) if consecutive else slots
+
+
+def is_zero(expression: Expression) -> bool:
+    """Whether an expression is the constant zero."""
+    return not expression.names and expression.scalar([])() == 0

@@ -1,0 +1,247 @@
+"""Plant and observer as one flow with jumps, in the coordinates (state, estimation error)."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.families.guarantee import Guarantee, SampledGuarantee
+from obsdesign.families.observer import Observer
+from obsdesign.lmi.formula import Array, Float, rational_number
+from obsdesign.simulate.definitions import Definitions, after, error, measured, mismatch, noise, rate
+from obsdesign.simulate.groups import is_zero
+from obsdesign.simulate.integrate import Flow, Vector
+from obsdesign.simulate.program import UNIT, Definition, Program, needs
+from obsdesign.simulate.scenario import Scenario, Stretch
+from obsdesign.simulate.signals import switch_times
+
+INTEGRALS = ("integral of |z|^2", "integral of |v|^2", "bound on V")
+Z2, V2 = "|z|^2", "|v|^2"
+
+
+@dataclass(frozen=True)
+class Affine:
+    """Rates F (flowing states, held signals), where the held signals are constant between breaks."""
+
+    F: Float
+    held: tuple[str, ...]
+
+
+class System:
+    """A plant with its observer and all that acts on them.
+
+    The flow has the state
+
+        s = (integrated true states, errors, further states of the observer, integral of |z|^2, integral of |v|^2, b)
+
+    with b' = -2 alpha b + c |v|^2, so that V(t) <= exp(-2 alpha t) V(0) + b(t). Where measurements arrive at instants,
+    s goes on with their number j and the last y, and b jumps by what the noise of each adds to V.
+
+    Parameters
+    ----------
+    scenario
+        What acts on the plant.
+    observer
+        Its equations, over signals of the same names as the plant's.
+    H
+        z = H e, over all states of the plant.
+    guarantee
+        For b; without it b stays zero.
+    """
+
+    def __init__(self, scenario: Scenario, observer: Observer, H: Float, guarantee: Guarantee | None) -> None:
+        self.scenario, self.observer, self.guarantee, self.H = scenario, observer, guarantee, H
+        plant = scenario.plant
+        noisy = bool(observer.jump) or scenario.noisy
+        made = Definitions(plant, observer, noisy)
+        made.made |= self.signals(made)
+        self.z = tuple(f"z {k + 1}" for k in range(len(H)))
+        for name, row in zip(self.z, H, strict=True):
+            made.combine(name, row, [error(state) for state in plant.states])
+        made.squares(Z2, self.z)
+        made.squares(V2, plant.exogenous)
+        alpha, c = guarantee.rates() if guarantee else (0.0, 0.0)
+        made.made |= {
+            rate(INTEGRALS[0]): {Z2: fmpq(1)},
+            rate(INTEGRALS[1]): {V2: fmpq(1)},
+            rate(INTEGRALS[2]): {V2: rational_number(c), INTEGRALS[2]: rational_number(-2 * alpha)},
+        }
+        self.estimated = {
+            name: w for name, w in zip(scenario.inputs, scenario.w, strict=True) if name in observer.estimates
+        }
+        for name, w in self.estimated.items():
+            made.made[error(w)] = made.difference(observer.estimates[name], Expression.variable(w))
+        self.integrated = plant.states[: scenario.integrated]
+        self.copied, self.further = made.copied, made.further
+        self.flowing = (*self.integrated, *self.copied, *self.further)
+        self.end = len(self.flowing)
+        self.width = self.end + len(INTEGRALS)
+        self.seen = tuple(map(measured, observer.outputs)) if noisy else observer.outputs  # y as it is measured
+        self.silent = np.zeros(len(observer.outputs) if noisy else 0)
+        self.still = np.zeros(1 + len(observer.outputs) if observer.jump else 0)
+        states = (*self.flowing, *INTEGRALS)
+        inputs = ("t", *states, *(noise(name) for name in observer.outputs if noisy))
+        outputs = [*map(rate, states), *self.recorded(made)]
+        self.program = Program(inputs, made.made, outputs)
+        self.rates = self.program.places(map(rate, states))
+        jumps = (*map(after, observer.jump), *self.seen) if observer.jump else ()
+        self.jumps = Program(inputs, made.made, jumps)
+        self.landing = self.jumps.places(jumps)
+        self.leaping = [self.flowing.index(name) for name in observer.jump]
+
+    def signals(self, made: Definitions) -> dict[str, Definition]:
+        """Known inputs, known states of the disturbance model, and the drive."""
+        acting, plant = self.scenario, self.scenario.plant
+        known = zip(plant.states[len(plant.states) - len(acting.known) :], acting.known, strict=True)
+        pairs = (*zip(plant.inputs, acting.u, strict=True), *known, *zip(plant.exogenous, acting.v, strict=True))
+        return {name: made.weights(signal) for name, signal in pairs}
+
+    def recorded(self, made: Definitions) -> list[str]:
+        """Names of what a record of a run holds beside the rates of the flow, as far as they are no inputs."""
+        plant, observer = self.scenario.plant, self.observer
+        signals = (*plant.states, *plant.algebraic, *plant.outputs)
+        wanted = [
+            V2, *plant.inputs, *plant.exogenous, *signals, *map(rate, plant.states), *map(error, signals), *self.z,
+            *map(rate, map(error, plant.states)), *map(measured, observer.outputs),
+            *(name for state in observer.jump for name in (after(state), mismatch(state))),
+            *(hat for hat, twin in observer.twins.items() if twin in plant.algebraic),
+        ]  # fmt: skip
+        return [name for name in dict.fromkeys(wanted) if name in made.made]
+
+    def rhs(self, t: float, s: Vector, noise: Vector) -> Vector:
+        """Rate of s."""
+        return np.concatenate((self.program.run(t, s[: self.width], noise)[self.rates], self.still))
+
+    def jacobian(self, t: float, s: Vector, noise: Vector) -> Float:
+        """Jacobian of `rhs` with respect to s."""
+        X = self.program.run(t, s[: self.width], noise)
+        J = np.zeros((len(s), len(s)))
+        names = self.program.inputs[2 : 2 + self.width]
+        J[: self.width, : self.width] = self.program.derivatives(X, names)[self.rates]
+        return J
+
+    def flow(self) -> Flow:
+        """Vector field of s."""
+        return Flow(self.rhs, self.jacobian, watched=self.end)
+
+    def start(self, x0: Vector, xhat0: Vector, further: Vector) -> Vector:
+        """Return the initial s for x0, (n,) or (n + nm,), for xhat0, (n + nm,), and for further states of the observer.
+
+        The y of before the first measurement is the one at which nothing would jump.
+        """
+        acting = self.scenario
+        x = np.zeros(len(acting.plant.states))
+        x[: len(x0)] = x0
+        x[acting.integrated :] = [signal.scalar(["t"])(0.0) for signal in acting.known]
+        s = np.concatenate((x[: acting.integrated], xhat0 - x, further, np.zeros(len(INTEGRALS))))
+        if not self.observer.jump:
+            return s
+        X = self.program.run(0.0, s, self.silent)
+        y, supposed = (
+            self.program.places(names) for names in (self.observer.outputs, map(mismatch, self.observer.jump))
+        )
+        return np.concatenate((s, [0.0], X[y] - X[supposed]))
+
+    @cached_property
+    def kicks(self) -> Vector:
+        """What the noise of each measurement adds to V, (K,)."""
+        schedule, eta = self.scenario.schedule, self.scenario.eta
+        if self.guarantee is None or schedule is None or eta is None:
+            return np.zeros(0 if eta is None else len(eta))
+        timer = schedule.timer(schedule.received, np.arange(1, len(eta) + 1))
+        return cast("SampledGuarantee", self.guarantee).added(eta, timer)
+
+    def enter(self, stretch: Stretch, s: Vector) -> Vector:
+        """Return the state with which a stretch begins: the error of xm jumps against xm, a measurement is received."""
+        if not len(stretch.step) and stretch.measured is None:
+            return s
+        new = s.copy()
+        if len(stretch.step):
+            end = len(self.integrated) + len(self.copied)
+            new[end - len(stretch.step) : end] -= stretch.step
+        return new if stretch.measured is None else self.receive(stretch.measured, stretch.start, new)
+
+    def receive(self, k: int, t: float, s: Vector) -> Vector:
+        """Return the state after the measurement of number k, from 0, at t."""
+        eta = self.scenario.eta
+        assert eta is not None
+        X = self.jumps.run(t, s[: self.width], eta[k])[self.landing]
+        s[self.leaping] = X[: len(self.leaping)]
+        s[self.width - 1] += self.kicks[k]
+        s[self.width] += 1
+        s[self.width + 1 :] = X[len(self.leaping) :]
+        return s
+
+    def constant(self) -> Affine | None:
+        """The flow of a linear plant, with everything that acts on it constant between breaks; None of any other."""
+        definitions = self.program.definitions
+        rows = [definitions[rate(name)] for name in self.flowing]
+        linear = [row for row in rows if isinstance(row, Mapping)]
+        held = tuple(dict.fromkeys(name for row in linear for name in row if name not in self.flowing))
+        exactly = self.copied == tuple(map(error, self.scenario.plant.states))
+        if len(linear) < len(rows) or not exactly or not all(is_constant(name, definitions) for name in held):
+            return None
+        columns = (*self.flowing, *held)
+        F = np.array([[float(row.get(name, 0)) for name in columns] for row in linear])
+        return Affine(F, held)
+
+    def table(self, t: Float, s: Float) -> "Table":
+        """Signals along states s (N, ns) at times t; NaN outside the model's domain."""
+        held = self.scenario.held_at(t)[:, : len(self.silent)]
+        return Table(self.program, self.program.table(np.vstack([t, s[:, : self.width].T, held.T])))
+
+    def amplification(self) -> float:
+        """How much larger than the errors of the states the error of an estimate of w is; at least 1."""
+        made = [self.program.definitions[error(w)] for w in self.estimated.values()]
+        sizes = [
+            abs(float(c))
+            for weights in made
+            if isinstance(weights, Mapping)
+            for name, c in weights.items()
+            if name in self.copied
+        ]
+        return max([1.0, *sizes])
+
+    def breaks(self) -> list[tuple[float, float]]:
+        """Instants at which a signal or a term jumps or bends: the last double before, the first after."""
+        terms = [made for made in self.program.definitions.values() if isinstance(made, Expression)]
+        return switch_times(terms, self.scenario.horizon)
+
+
+def is_constant(name: str, definitions: Mapping[str, Definition]) -> bool:
+    """Whether a signal is made of terms that are constant between breaks."""
+    if name == UNIT:
+        return True
+    made = definitions.get(name)
+    if made is None:
+        return False
+    if isinstance(made, Expression) and not is_zero(made.derivative("t")):
+        return False
+    return all(
+        is_constant(other, definitions) for other in needs(made) if other != "t" or not isinstance(made, Expression)
+    )
+
+
+@dataclass(frozen=True)
+class Table:
+    """Signals of a program, by name, at many instants."""
+
+    program: Program
+    X: Float  # (slots, N)
+
+    def of(self, names: Iterable[str]) -> Float:
+        """Signals one beside the other, (N, names)."""
+        return np.asarray(self.X[self.program.places(names)].T)
+
+    def rows(self, which: Array) -> "Table":
+        """Return the same at some of the instants."""
+        return Table(self.program, self.X[:, which])
+
+    @property
+    def defined(self) -> Array:
+        """Instants at which every signal has a value, (N,)."""
+        return np.asarray(np.isfinite(self.X).all(axis=0))

@@ -1,0 +1,16 @@
+"""Runs of given gains against a guarantee that a test makes up, which no design would carry."""
+
+from types import SimpleNamespace
+
+from obsdesign import simulate as simulation
+from obsdesign.families.sporadic.observer import holding
+from obsdesign.simulate import run
+
+
+def simulate(spec, gains, guarantee, progress=None):
+    return simulation.simulate(SimpleNamespace(spec=spec, gains=gains, guarantee=guarantee), progress)
+
+
+def simulate_sporadic(spec, gains, sampling, guarantee):
+    """The family of the spec plays no part."""
+    return run(spec, holding(spec, gains), guarantee, sampling)
