@@ -8,14 +8,14 @@ from flint import fmpq
 
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import SMALL, Incremental
-from obsdesign.files.text import checks, rows, written
+from obsdesign.files.text import witness
 from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
-from obsdesign.lmi.proof import Check, prove
+from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.model import loop
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Proved):
     """Storage function and scales, in rationals, that prove the level gamma, and what was checked of them."""
 
     theorem: type[Incremental]
@@ -27,19 +27,9 @@ class Certificate:
     multipliers: dict[str, Array]  # by the names of the unknowns
     checks: tuple[Check, ...]
 
-    @property
-    def holds(self) -> bool:
-        """Whether the guarantee is proved."""
-        return all(check.holds for check in self.checks)
-
     def written(self) -> dict[str, Any]:
         """Witness and checks, as a result file holds them."""
-        return {
-            "kind": "exact",
-            "P": rows(self.P),
-            "multipliers": {name: written(value) for name, value in self.multipliers.items()},
-            "checks": checks(self.checks),
-        }
+        return witness({"P": self.P}, self.multipliers, self.checks)
 
     @property
     def guarantee(self) -> Quadratic:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
-from obsdesign.lmi.proof import Check
+from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 
 Diagnosis = dict[str, Any]  # condition, reason, feasible, suggestion, and data of the condition
@@ -51,16 +51,11 @@ class Claim(Protocol):
 
 
 @dataclass(frozen=True)
-class Proof:
+class Proof(Proved):
     """What was claimed, in words, and the conditions that were checked of it."""
 
     claim: str
     checks: tuple[Check, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the claim is proved."""
-        return all(check.holds for check in self.checks)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,13 @@ def written(value: Array) -> str | list[list[str]]:
 def checks(found: Iterable[Check]) -> list[dict[str, Any]]:
     """Conditions and whether they hold."""
     return [{"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None} for c in found]
+
+
+def witness(storage: Mapping[str, Array], multipliers: Mapping[str, Array], found: Iterable[Check]) -> dict[str, Any]:
+    """Exact matrices of a storage function and multipliers, and what was checked of them."""
+    matrices = {name: rows(P) for name, P in storage.items()}
+    scales = {name: written(value) for name, value in multipliers.items()}
+    return {"kind": "exact", **matrices, "multipliers": scales, "checks": checks(found)}
 
 
 def digest(text: str) -> str:

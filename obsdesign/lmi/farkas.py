@@ -23,7 +23,7 @@ from flint import fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, rational, zeros
 from obsdesign.lmi.probe import matrices
-from obsdesign.lmi.proof import Check, Formula, holds
+from obsdesign.lmi.proof import Check, Formula, Proved, holds
 
 CONSTANT = "1 > 0"  # the inequality s > 0, whose multiplier is c
 
@@ -48,16 +48,11 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class Refutation:
+class Refutation(Proved):
     """Multipliers that prove that inequalities have no solution, by name, and what was checked of them."""
 
     multipliers: Mapping[str, Array]  # rational
     checks: tuple[Check, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the inequalities are refuted."""
-        return all(check.holds for check in self.checks)
 
     def written(self) -> dict[str, Any]:
         """What a file holds: {"kind": "farkas", "multipliers": {name: rows of "p/q"}, "checks": [..]}."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from flint import fmpq, fmpq_mat
@@ -24,6 +25,21 @@ class Check:
     name: str
     holds: bool
     margin: float
+
+
+class Proved:
+    """What holds if every condition that was checked of it does."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def checks(self) -> tuple[Check, ...]:
+            """The conditions."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is proved."""
+        return all(check.holds for check in self.checks)
 
 
 def prove(inequalities: Sequence[Inequality]) -> tuple[Check, ...]:

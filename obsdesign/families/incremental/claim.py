@@ -20,12 +20,12 @@ from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Outcome
 from obsdesign.files.read import ResultFile
 from obsdesign.lmi.formula import Array, approximate
-from obsdesign.lmi.proof import Check
+from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 
 
 @dataclass(frozen=True)
-class Claim:
+class Claim(Proved):
     """Gains reach a level gamma at a decay rate; and |what - w| is bounded, where that is asked for."""
 
     certificate: Certificate
@@ -35,11 +35,6 @@ class Claim:
     def checks(self) -> tuple[Check, ...]:
         """Every condition, those of the bound on the reconstruction of w included."""
         return (*self.certificate.checks, *(self.reconstruction.conditions() if self.reconstruction else ()))
-
-    @property
-    def holds(self) -> bool:
-        """Whether it is proved."""
-        return all(check.holds for check in self.checks)
 
     def guarantee(self, spec: Spec) -> Quadratic:  # noqa: ARG002
         """Guarantee in doubles."""

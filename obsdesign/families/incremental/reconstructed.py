@@ -14,22 +14,17 @@ from obsdesign.families.incremental.reconstruction import Slope, constants, obst
 from obsdesign.files.text import checks as listed
 from obsdesign.files.text import written
 from obsdesign.lmi.formula import Array, Values, approximate, rational
-from obsdesign.lmi.proof import Check, prove
+from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.spec import Spec, arguments
 
 
 @dataclass(frozen=True)
-class SlopeProof:
+class SlopeProof(Proved):
     """Bound on the slope of f, or on half its variation, and the multiplier that proves it."""
 
     bound: fmpq
     values: dict[str, Array]
     checks: tuple[Check, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the bound is proved."""
-        return all(check.holds for check in self.checks)
 
 
 def prove_slope(slope: Slope, bound: fmpq, values: Values) -> SlopeProof:

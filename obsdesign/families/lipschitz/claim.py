@@ -17,7 +17,7 @@ from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.outcome import Outcome
 from obsdesign.files.read import ResultFile
 from obsdesign.lmi.formula import Array, Inequality, approximate, identity, printed, rational
-from obsdesign.lmi.proof import Check, prove
+from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.spec import Spec
 
 GUARANTEE = ("guarantee",)
@@ -26,7 +26,7 @@ ADMISSIBLE = ("certificate", "admissible")
 
 
 @dataclass(frozen=True)
-class Claim:
+class Claim(Proved):
     """What a gain is proved to achieve for every f whose blocks have Lipschitz constants within those claimed.
 
     Proposition 1 of Abbaszadeh and Marquez (2010): f + h has constants of at most those of f and h together. So what
@@ -45,11 +45,6 @@ class Claim:
         beyond = self.admissible.checks if self.admissible else ()
         named = (replace(check, name=f"admissible: {check.name}") for check in beyond)
         return (*self.certificate.checks, *self.bound, *named)
-
-    @property
-    def holds(self) -> bool:
-        """Whether it is proved."""
-        return all(check.holds for check in self.checks)
 
     def covers(self, spec: Spec) -> bool:
         """Whether the declared constants are within those that are proved."""

@@ -10,10 +10,9 @@ from flint import arb, fmpq
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic
-from obsdesign.files.text import checks as listed
-from obsdesign.files.text import rows, written
+from obsdesign.files.text import witness
 from obsdesign.lmi.formula import Array, Exact, Values, approximate, in_floats, rational
-from obsdesign.lmi.proof import Check, prove
+from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.model import loop
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -41,7 +40,7 @@ class SporadicConstants:
 
 
 @dataclass(frozen=True)
-class SporadicCertificate:
+class SporadicCertificate(Proved):
     """Storage function and multiplier, in rationals, that prove a level gamma of given gains, and what was checked."""
 
     family: Sporadic  # in rationals; its ratio is not below exp(delta T2)
@@ -56,20 +55,9 @@ class SporadicCertificate:
     multipliers: dict[str, Array]  # by the names of the unknowns
     checks: tuple[Check, ...]
 
-    @property
-    def holds(self) -> bool:
-        """Whether the guarantee is proved."""
-        return all(check.holds for check in self.checks)
-
     def written(self) -> dict[str, Any]:
         """Witness and checks, as a result file holds them."""
-        return {
-            "kind": "exact",
-            "P1": rows(self.P1),
-            "P2": rows(self.P2),
-            "multipliers": {name: written(value) for name, value in self.multipliers.items()},
-            "checks": listed(self.checks),
-        }
+        return witness({"P1": self.P1, "P2": self.P2}, self.multipliers, self.checks)
 
     @property
     def constants(self) -> SporadicConstants:

@@ -15,12 +15,12 @@ from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files.read import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed, rational_number
-from obsdesign.lmi.proof import Check
+from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 
 
 @dataclass(frozen=True)
-class Claim:
+class Claim(Proved):
     """Gains reach a level gamma at a decay rate for every sequence of measurements that are T1 to T2 apart."""
 
     certificate: SporadicCertificate
@@ -31,11 +31,6 @@ class Claim:
         """Every condition, those of the longest T2 included."""
         more = self.longest.checks if self.longest else ()
         return (*self.certificate.checks, *(replace(check, name=f"T2_max: {check.name}") for check in more))
-
-    @property
-    def holds(self) -> bool:
-        """Whether it is proved."""
-        return all(check.holds for check in self.checks)
 
     def guarantee(self, spec: Spec) -> SporadicGuarantee:  # noqa: ARG002
         """Guarantee in doubles."""
