@@ -1,8 +1,5 @@
 """Cocoercive nonlinearities: gradients of smooth convex functions, saturations, softmax."""
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 from flint import fmpq
 
@@ -12,7 +9,7 @@ from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import Constant
 from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.sizes import require_as_many
-from obsdesign.nonlinearities.template import Slopes, Template
+from obsdesign.nonlinearities.template import Template
 
 
 def cocoercive(k: fmpq, nq: int, nf: int) -> Multiplier:
@@ -33,22 +30,11 @@ def cocoercive(k: fmpq, nq: int, nf: int) -> Multiplier:
     return Multiplier((Scaled.of(np.kron(M, rational(np.eye(nq))), nq),))
 
 
-@dataclass(frozen=True)
-class Cocoercive(Template):
-    """The type, which bounds slopes and is Lipschitz as well."""
-
-    def slopes(self, data: Any, nq: int) -> Slopes:
-        """From zero to the constant."""
-        return [(fmpq(0), data)] * nq
-
-    def constants(self, data: Any, nq: int) -> tuple[fmpq, ...]:  # noqa: ARG002
-        """The constant itself."""
-        return (data,)
-
-
-COCOERCIVE = Cocoercive(
+COCOERCIVE = Template(
     cocoercive,
     Constant("dq'df >= df'df / cocoercive; or auto", "> 0"),
     inequalities=(("dq' df - df' df / k", fmpq(1, 2)),),
     derive=automatic.cocoercive,
+    slopes=lambda k, nq: [(fmpq(0), k)] * nq,
+    lipschitz=True,
 )

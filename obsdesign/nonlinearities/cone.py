@@ -1,8 +1,7 @@
 """Nonlinearities whose Jacobian stays in a cone of matrices."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from flint import fmpq_mat
@@ -11,7 +10,7 @@ from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, rational, symmetric, zeros
 from obsdesign.model.multiplier import Block, Matrix, Multiplier
 from obsdesign.nonlinearities.data import MatrixList
-from obsdesign.nonlinearities.evidence.claims import Claim, Hull
+from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.sizes import require_shape
 from obsdesign.nonlinearities.template import Template
 
@@ -98,15 +97,9 @@ def ray(Th: Array, *, both_ways: bool) -> Ray:
     return Ray(Th @ T, T, both_ways)
 
 
-@dataclass(frozen=True)
-class Directions(Template):
-    """The type, about which a pair says whether df is in a cone."""
-
-    def claims(self, data: Any, multiplier: Multiplier) -> Iterator[Claim]:  # noqa: ARG002
-        """One condition."""
-        yield Hull(np.array(data), conic=True)
-
-
-CONE = Directions(
-    cone, MatrixList("every Jacobian is a nonnegative combination of these nf x nq matrices"), square=False
+CONE = Template(
+    cone,
+    MatrixList("every Jacobian is a nonnegative combination of these nf x nq matrices"),
+    square=False,
+    conditions=lambda directions, _: [Hull(np.array(directions), conic=True)],
 )

@@ -1,8 +1,7 @@
 """Nonlinearities whose Jacobian stays in a polytope of matrices."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he
 from obsdesign.model.multiplier import Block, Matrix, Multiplier
 from obsdesign.nonlinearities.data import MATRICES, MatrixList
 from obsdesign.nonlinearities.evidence import automatic
-from obsdesign.nonlinearities.evidence.claims import Claim, Hull
+from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.sizes import require_shape
 from obsdesign.nonlinearities.template import Template
 from obsdesign.sections.forms import Either, auto
@@ -74,17 +73,8 @@ def jacobian(vertices: Sequence[Array], nq: int, nf: int) -> Multiplier:
     return Multiplier((Polytope(np.sum(vertices, axis=0) / len(vertices), tuple(vertices)),))
 
 
-@dataclass(frozen=True)
-class Jacobian(Template):
-    """The type, about which a pair says whether df is in a convex hull."""
-
-    def claims(self, data: Any, multiplier: Multiplier) -> Iterator[Claim]:  # noqa: ARG002
-        """One condition."""
-        yield Hull(np.array(data), conic=False)
-
-
 FORM = "a list of matrices, or auto"
-JACOBIAN = Jacobian(
+JACOBIAN = Template(
     jacobian,
     MatrixList(
         "every Jacobian is in the convex hull of these nf x nq matrices; or auto",
@@ -92,4 +82,5 @@ JACOBIAN = Jacobian(
     ),
     square=False,
     derive=automatic.polytope,
+    conditions=lambda vertices, _: [Hull(np.array(vertices), conic=False)],
 )

@@ -1,35 +1,18 @@
 """Functions whose type is known: f is given, and with it the tightest template."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 from flint import fmpq
 
-from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.monotone import MONOTONE
 from obsdesign.nonlinearities.slope import slope
-from obsdesign.nonlinearities.template import Slopes, Template
+from obsdesign.nonlinearities.template import Template
 
 
-@dataclass(frozen=True)
-class Within(Template):
-    """A scalar function, applied to each component of q, with slopes from the first to the second number."""
-
-    low: int = 0
-    high: int = 1
-
-    def slopes(self, data: None, nq: int) -> Slopes:  # noqa: ARG002
-        """Both bounds, attained."""
-        return [(fmpq(self.low), fmpq(self.high))] * nq
-
-
-def within(low: int, high: int, f: str) -> Within:
-    """Type of the function f(q) with slopes in [low, high]."""
-
-    def repeated(data: Any, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
-        return slope([(fmpq(low), fmpq(high))] * nq, nq, nf)
-
-    return Within(repeated, f=f, low=low, high=high)
+def within(low: int, high: int, f: str) -> Template:
+    """Type of the function f(q), applied to each component of q, whose slopes are in [low, high], ends included."""
+    ends = fmpq(low), fmpq(high)
+    return Template(lambda _, nq, nf: slope([ends] * nq, nq, nf), f=f, slopes=lambda _, nq: [ends] * nq)
 
 
 FUNCTIONS = {

@@ -1,15 +1,12 @@
 """Monotone (incrementally passive) nonlinearities: q|q|, q^3, gradients of convex functions."""
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 from flint import fmpq
 
 from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.sizes import require_as_many
-from obsdesign.nonlinearities.template import Slopes, Template
+from obsdesign.nonlinearities.template import Template
 
 
 def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
@@ -26,13 +23,4 @@ def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
     return Multiplier((Scaled.of(rational(np.kron([[0, 1], [1, 0]], np.eye(nq))), nq),))
 
 
-@dataclass(frozen=True)
-class Monotone(Template):
-    """The type, which bounds slopes from below."""
-
-    def slopes(self, data: Any, nq: int) -> Slopes:  # noqa: ARG002
-        """At least zero."""
-        return [(fmpq(0), None)] * nq
-
-
-MONOTONE = Monotone(monotone, inequalities=(("dq' df", fmpq(1, 2)),))
+MONOTONE = Template(monotone, inequalities=(("dq' df", fmpq(1, 2)),), slopes=lambda _, nq: [(fmpq(0), None)] * nq)

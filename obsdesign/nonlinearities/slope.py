@@ -1,7 +1,6 @@
 """Componentwise slope bounds: f_i(q) depends on q_i only."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 from flint import fmpq
@@ -11,8 +10,8 @@ from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import Data
 from obsdesign.nonlinearities.evidence import automatic
-from obsdesign.nonlinearities.evidence.claims import Claim, SlopeBounds, generators
-from obsdesign.nonlinearities.template import Slopes, Template
+from obsdesign.nonlinearities.evidence.claims import SlopeBounds, generators
+from obsdesign.nonlinearities.template import Template
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import VECTOR, Either, ListOf, auto
 from obsdesign.sections.values import Reader, Size
@@ -99,17 +98,10 @@ def read_bounds(reader: Reader, written: str | Sequence[str], loc: Loc, *, infin
     return [None if infinite and text in INFINITE else reader.number(text, (*loc, i)) for i, text in enumerate(written)]
 
 
-@dataclass(frozen=True)
-class Sloped(Template):
-    """The type, whose data are the bounds themselves."""
-
-    def claims(self, data: Any, multiplier: Multiplier) -> Iterator[Claim]:
-        """One inequality for each component."""
-        return (SlopeBounds(M, i, *data[i]) for i, M in enumerate(generators(multiplier)))
-
-    def slopes(self, data: Any, nq: int) -> Slopes:  # noqa: ARG002
-        """The bounds."""
-        return list(data)
-
-
-SLOPE = Sloped(slope, Bounds(), derive=automatic.slopes)
+SLOPE = Template(
+    slope,
+    Bounds(),
+    derive=automatic.slopes,
+    slopes=lambda bounds, _: list(bounds),
+    conditions=lambda bounds, M: (SlopeBounds(part, i, *bounds[i]) for i, part in enumerate(generators(M))),
+)

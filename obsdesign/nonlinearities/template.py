@@ -1,6 +1,6 @@
 """A type of nonlinearity: what it assumes of f, what data it takes, and what follows from it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ Slopes = list[tuple[fmpq, fmpq | None]]
 
 @dataclass(frozen=True)
 class Template:
-    """A type; only its multiplier is needed. A type of which more is known overrides what is said of it here."""
+    """A type; only its multiplier is needed, and the rest is what more is known of it."""
 
     multiplier: Callable[[Any, int, int], Multiplier]  # of (data, nq, nf)
     data: Data | None = None  # None: it takes none
@@ -25,25 +25,30 @@ class Template:
     inequalities: tuple[tuple[str, fmpq], ...] = ()  # of each scale: the inequality, as this factor times the form of M
     derive: Callable[[Restriction], Choice] | None = None  # data from f, for `auto`
     f: str | None = None  # the function itself, an expression of q, where the type names one
+    slopes: Callable[[Any, int], Slopes] = lambda *_: []  # of (data, nq): of each f_i that depends on q_i only
+    lipschitz: bool = False  # whether the data are a Lipschitz constant of f
+    conditions: Callable[[Any, Multiplier], Iterable[Claim]] | None = None  # on a pair of arguments; None: of M
+    proof: Callable[[Restriction, Any], bool] | None = None  # whether f surely is of the type; None: by its slopes
 
     def __call__(self, data: Any, nq: int, nf: int) -> Multiplier:
         """Multiplier of f with nf components of an argument with nq; raises `UsageError` if there is none."""
         return self.multiplier(data, nq, nf)
 
-    def claims(self, data: Any, multiplier: Multiplier) -> Iterator[Claim]:  # noqa: ARG002
-        """Inequalities that a pair of arguments can violate, for multipliers that are sums of scaled matrices."""
+    def claims(self, data: Any, multiplier: Multiplier) -> Iterator[Claim]:
+        """Conditions that a pair of arguments can violate; else inequalities, if M is a sum of scaled matrices."""
+        if self.conditions is not None:
+            yield from self.conditions(data, multiplier)
+            return
         matrices = list(generators(multiplier))
         if len(self.inequalities) == len(matrices):
             yield from (Worded(M, *words) for M, words in zip(matrices, self.inequalities, strict=True))
         else:
             yield from map(Quadratic, matrices)
 
-    def slopes(self, data: Any, nq: int) -> Slopes:  # noqa: ARG002
-        """Bounds of the slope of each f_i that depends on q_i only; none if the type is not about slopes."""
-        return []
-
     def constants(self, data: Any, nq: int) -> tuple[fmpq, ...]:
         """Lipschitz constant of f, or one for each component with a slope of its own; empty if none is known."""
+        if self.lipschitz:
+            return (data,)
         slopes = self.slopes(data, nq)
         if not all(high is not None for _, high in slopes):
             return ()
@@ -51,4 +56,4 @@ class Template:
 
     def proved(self, f: Restriction, data: Any) -> bool:
         """Whether f surely is of this type on its region; False says nothing."""
-        return slopes_proved(f, self.slopes(data, f.nq))
+        return self.proof(f, data) if self.proof else slopes_proved(f, self.slopes(data, f.nq))
