@@ -468,3 +468,27 @@ def test_a_run_is_repeated_to_the_last_bit():
     runs: list[Run] = [simulate(bearing(points=50), *design(0.01)) for _ in range(2)]
     assert (runs[0].table()[1] == runs[1].table()[1]).all()
     assert runs[0].summary == runs[1].summary
+
+
+def test_signals_of_a_run_are_found_by_their_names_in_the_csv_file():
+    run = simulate(bearing(horizon=1, points=5), *design(0.08))
+    header, rows = run.table()
+    for name, column in zip(header, rows.T, strict=True):
+        assert (run[name] == column).all()
+    assert (run["hat_x2"] == run.xihat[:, 1]).all()
+    with pytest.raises(UsageError, match="'hat_x9' is no signal of this run; it has t, x1,"):
+        run["hat_x9"]
+
+
+def test_a_run_draws_itself(tmp_path):
+    run = simulate(bearing(horizon=1, points=5), *design(0.08))
+    path = tmp_path / "run.png"
+    assert run.plot(str(path)) == path.read_bytes()
+    assert run.plot()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_run_carries_the_guarantee_of_its_design_and_no_other():
+    gains, guarantee = design(0.08)
+    assert simulate(load(BEARING), gains, guarantee).guarantee is guarantee
+    bare = simulate(load(BEARING), gains, None)
+    assert (bare.guarantee, bare.summary["gamma"], bare.summary["bounds"], bare.V_bound) == (None, None, [], None)
