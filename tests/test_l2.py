@@ -15,7 +15,7 @@ from support.sweep import examples
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import certify
 from obsdesign.dissipation.gain import searchable
-from obsdesign.dissipation.inequality import shifted_plant, unshifted
+from obsdesign.dissipation.shift import shifted_plant, unshifted
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.incremental.l2 import L2
 from obsdesign.lmi.formula import identity, in_floats, rational, rational_number

@@ -13,8 +13,9 @@ import numpy as np
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.inequality import Incremental, unshifted
+from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import edge, strides
+from obsdesign.dissipation.shift import unshifted
 from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 

@@ -13,28 +13,22 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation import scan
 from obsdesign.dissipation.bounds import Range
-from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.outcome import Outcome, Search, Verdict
-from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
+from obsdesign.families.sporadic.given_gains import SHORTER, longest_proof, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.scheme import Scheme, schemes
-from obsdesign.families.sporadic.study import EDGE, Made, Point, Study, within_slack
+from obsdesign.families.sporadic.study import Made, Point, Study, within_slack
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 from obsdesign.spec import Spec
-
-SHORTER = 1e-3  # least T2 or decay, relative to the one that is asked for, that an answer looks for
-BACKOFFS = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # from the largest T2 of given gains to one that is proved
-LONGER = 10.0  # largest T2 that is tried for given gains, relative to the one that is asked for
 
 
 class Designer:
@@ -320,17 +314,18 @@ class Designer:
         For max-T2 and max-decay, within the slack of the largest value for which Theorem 2 has a solution.
         """
         decay, T2 = printed(self.decay.low), printed(max(self.T2.low, self.request.T1))
-        tolerated, objective = self.tolerated(gains, float(T2), float(decay)), self.request.objective
+        most = tolerated(self.setting, gains, float(T2), float(self.T2.high), float(decay))
+        objective = self.request.objective
         limit: dict[str, Any] = {}
-        if objective == "max-T2" and tolerated is not None:
-            limit = {"T2": min(tolerated, float(self.T2.high))}
+        if objective == "max-T2" and most is not None:
+            limit = {"T2": min(most, float(self.T2.high))}
             T2 = within_slack(limit["T2"], float(T2), self.request.slack)
-        if objective == "max-decay" and tolerated is not None:
-            limit = {"decay": self.sustained(gains, float(T2))}
+        if objective == "max-decay" and most is not None:
+            limit = {"decay": sustained(self.setting, gains, float(T2), self.decay)}
             decay = within_slack(limit["decay"], float(decay), self.request.slack)
         certificate = prove(self.setting, gains, T2, decay)
         if certificate is None:
-            diagnosis = useless(float(T2), float(decay), tolerated)
+            diagnosis = useless(float(T2), float(decay), most)
             return Outcome(Verdict.INFEASIBLE, in_doubles(gains), diagnosis=diagnosis)
         if not limit:
             _, gamma = self.studies[0].confirmed(float(T2), float(decay))
@@ -338,43 +333,9 @@ class Designer:
         return Outcome(
             Verdict.CERTIFIED if certificate.holds else Verdict.UNCERTIFIED,
             in_doubles(gains),
-            Claim(certificate, self.longest_proof(gains, tolerated or 0.0, decay)),
+            Claim(certificate, longest_proof(self.setting, gains, most or 0.0, decay)),
             limit={**limit, "attained": False},
         )
-
-    def longest_proof(self, gains: Gains, edge: float, decay: fmpq) -> SporadicCertificate | None:
-        """Proof for the longest T2 that is found, below the edge where solutions end numerically."""
-        proofs: dict[float, SporadicCertificate] = {}
-        above = edge
-
-        def proved(T2: float) -> bool:
-            certificate = prove(self.setting, gains, printed(round_down(T2, 6)), decay)
-            if not certificate or not certificate.holds:
-                return False
-            proofs[T2] = certificate
-            return True
-
-        for backoff in BACKOFFS if edge else ():
-            if proved(edge * (1 - backoff)):
-                return proofs[scan.edge(proved, edge * (1 - backoff), above, backoff / 7)]
-            above = edge * (1 - backoff)
-        return None
-
-    def tolerated(self, gains: Gains, T2: float, decay: float) -> float | None:
-        """Largest T2 for which Theorem 2 has a solution with given gains, at any gamma; numerical."""
-        landscape = self.setting.analysis(gains, decay)
-        low, high = SHORTER * T2, max(LONGER * T2, float(self.T2.high))
-        return scan.zero(landscape.least_missing, low, high, EDGE * T2)
-
-    def sustained(self, gains: Gains, T2: float) -> float:
-        """Largest decay of the range for which it has one; numerical."""
-
-        def missing(decay: float) -> float:
-            return self.setting.analysis(gains, decay).least_missing(T2)
-
-        low, high = float(self.decay.low), float(self.decay.high)
-        found = scan.zero(missing, low, high, EDGE * high)
-        return low if found is None else found
 
 
 def searched(curves: Sequence[dict[str, Any]]) -> Search:
