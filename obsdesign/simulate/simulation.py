@@ -32,9 +32,6 @@ def run(
 ) -> Run:
     """Simulate the plant of a spec with an observer.
 
-    A linear plant whose inputs are constant between jumps is solved by matrix exponentials where measurements arrive at
-    instants, any other flow by LSODA.
-
     Parameters
     ----------
     spec
@@ -51,13 +48,12 @@ def run(
     Returns
     -------
     Run
-        Up to the horizon, or to an escape or a stall, with its summary.
+        Up to the horizon, or to an escape or a stall.
 
     Raises
     ------
     UsageError
-        If the spec has no `simulation`, a nonlinearity no f, or a signal no value at t = 0, or the law of the
-        measurements gives an interval that is not positive.
+        The spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or measurements go back in time.
     """
     simulation = spec.simulation
     if simulation is None:
@@ -96,7 +92,11 @@ def follow(
     simulation: Simulation,
     progress: Callable[[float], None] | None,
 ) -> Trajectory:
-    """Follow the flow and its jumps from the start to the horizon."""
+    """Follow the flow and its jumps from the start to the horizon.
+
+    A linear plant whose inputs are constant between jumps is solved by matrix exponentials where measurements arrive at
+    instants, any other flow by LSODA.
+    """
     samples = np.linspace(0, simulation.horizon, simulation.points)
     sampled = bool(system.observer.jump)
     affine = system.constant() if sampled else None
