@@ -1,0 +1,98 @@
+"""The rules of a result file, from its JSON alone: what any reader of such a file may rely on."""
+
+import hashlib
+import json
+import math
+from fractions import Fraction
+
+HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")
+VERDICTS = ("certified", "uncertified", "infeasible", "refuted")
+
+
+def read(text):
+    """Result of a text, which is JSON without NaN and infinities."""
+
+    def refuse(constant):
+        raise ValueError(f"{constant} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def is_number(value):
+    """Whether a value is a finite number of JSON."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_exact(value):
+    """Whether a value is a number, or the text of a decimal or of "p/q"."""
+    try:
+        return is_number(value) or (isinstance(value, str) and math.isfinite(Fraction(value)))
+    except (ValueError, ZeroDivisionError, OverflowError):
+        return False
+
+
+def is_matrix(value, entry):
+    """Whether a value is a list of rows of equal length; a matrix without rows is []."""
+    rows = value if isinstance(value, list) else [None]
+    return all(isinstance(row, list) and len(row) == len(rows[0]) and all(map(entry, row)) for row in rows)
+
+
+def broken_rules(result, gains):
+    """Rules that a result does not keep, in words.
+
+    Parameters
+    ----------
+    gains
+        Names of the gains of its family.
+    """
+    broken = [f"{key} is missing" for key in HEAD if key not in result]
+    rules = {
+        "format 1": result.get("obsdesign") == 1,
+        "spec.sha256 of spec.text": hashlib.sha256(result["spec"]["text"].encode()).hexdigest()
+        == result["spec"]["sha256"],
+        "status is a verdict": result["status"] in VERDICTS,
+        "every point of a search has a status": all("status" in x for x in result.get("search", {}).get("points", [])),
+    }
+    if result["status"] in {"infeasible", "refuted"}:
+        rules["an absence has a reason"] = bool(result.get("diagnosis", {}).get("reason"))
+    else:
+        rules |= rules_of_gains(result["observer"], gains)
+        rules |= rules_of_guarantee(result["guarantee"])
+        rules |= rules_of_certificate(result["certificate"], result["status"])
+    return broken + [rule for rule, kept in rules.items() if not kept]
+
+
+def rules_of_gains(observer, gains):
+    """Gains are matrices of numbers, and the observer has a type."""
+    kept = {f"observer.{name} is a matrix of numbers": is_matrix(observer.get(name), is_number) for name in gains}
+    return kept | {"observer.type": isinstance(observer.get("type"), str)}
+
+
+def rules_of_guarantee(guarantee):
+    """It is said in words and in numbers, with a limit that no number is better than."""
+    gamma, limit = guarantee.get("gamma"), guarantee.get("limit", {})
+    best = (guarantee.get("limit_bounded") or limit).get("gamma")
+    return {
+        "guarantee.statement says something": len(guarantee.get("statement", "")) > 20,
+        "guarantee.limit says whether it is attained": isinstance(limit.get("attained"), bool),
+        "the numbers of the guarantee are numbers": all(
+            is_number(value) for key, value in guarantee.items() if not isinstance(value, dict | list | str)
+        ),
+        "gamma is not below its limit": None in {gamma, best} or gamma >= best * (1 - 1e-6),
+        "gamma follows from mu1 and mu2": not {"gamma", "mu1", "mu2"} <= guarantee.keys()
+        or abs(math.sqrt(guarantee["mu2"] / guarantee["mu1"]) / gamma - 1) < 1e-6,
+    }
+
+
+def rules_of_certificate(certificate, status):
+    """Its witness is exact, and its checks have names and answers, which are true if the claim is proved."""
+    checks = certificate.get("checks", [])
+    return {
+        "certificate.kind": certificate.get("kind") in {"exact", "balls"},
+        "a storage function is a matrix of exact numbers": any(
+            is_matrix(value, is_exact) for name, value in certificate.items() if name.startswith("P")
+        ),
+        "a check has a name and an answer": bool(checks)
+        and all(check.get("name") and isinstance(check.get("holds"), bool) for check in checks),
+        "what is certified holds": status != "certified" or all(check["holds"] for check in checks),
+    }
