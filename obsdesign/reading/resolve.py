@@ -35,7 +35,8 @@ def resolve(document: Document) -> Spec:
         With everything that is wrong, in the order of the file.
     """
     reader = Reader(document, list(document.problems))
-    file, family = read_file(reader), family_of(document)
+    file, named = read_file(reader), document.find(("observer", "type"))[1].value
+    family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
         reader.stop()
     if file.obsdesign is not None and file.obsdesign != FORMAT:
@@ -81,12 +82,6 @@ def resolve(document: Document) -> Spec:
         expect=expect,
         notes=tuple(reader.notes),
     )
-
-
-def family_of(document: Document) -> Family | None:
-    """Family that a file names, whatever else is wrong in the section of its observer."""
-    name = document.find(("observer", "type"))[1].value
-    return FAMILIES.get(name) if isinstance(name, str) else None
 
 
 def read_observer(

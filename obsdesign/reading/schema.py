@@ -106,16 +106,11 @@ class TypeData(Section):
         return cls(name, found[name], found.get("region"))
 
 
-def plain_types() -> tuple[str, ...]:
-    """Types that are a name alone."""
-    return (*(name for name, template in TEMPLATES.items() if template.data is None), AUTO)
-
-
 TYPE = Either(
     "the name of a type, or a mapping with its data",
     OneOf(
         "type",
-        plain_types,
+        lambda: (*(name for name, template in TEMPLATES.items() if template.data is None), AUTO),
         lambda: {name: f"needs data: {{{name}: ..}}" for name, t in TEMPLATES.items() if t.data is not None},
     ),
     mapping=TypeData,

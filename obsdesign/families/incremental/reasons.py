@@ -6,10 +6,10 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.incremental.absence import absence
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.families.reasons import described
+from obsdesign.families.reasons import hidden_mode
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import System, invariant_zeros, text
-from obsdesign.model.structure import Mode, accuracy, decay_limit, undetectable
+from obsdesign.model.structure import accuracy
 from obsdesign.spec import Spec
 
 
@@ -38,9 +38,9 @@ def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known:
 def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:
     """Answer without its proof."""
     fixed, alpha = in_floats(family), float(family.alpha)
-    hidden = undetectable(fixed.plant, fixed.multiplier.member, alpha)
-    if hidden:
-        return undetected(hidden[0], alpha, decay_limit(fixed.plant, fixed.multiplier.member))
+    named = ("alpha = ", "alpha", "alpha", ", or model w otherwise")
+    if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, alpha, *named):
+        return hidden
     if "gamma" in known:
         return out_of_reach(spec, fixed, known["gamma"])
     if known:
@@ -68,17 +68,6 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
 def other(family: Incremental) -> str:
     """Suggestion of a free L2 where it is fixed."""
     return "" if family.L2 is None else "; so may another L2, or `L2: free`"
-
-
-def undetected(mode: Mode, alpha: float, limit: float) -> Diagnosis:
-    """Answer that a mode is hidden."""
-    return {
-        "condition": "detectability",
-        "reason": f"{mode.sentence}, so no gain makes its error decay at the rate alpha = {alpha:g}",
-        "mode": described(mode),
-        "feasible": {"alpha_below": limit} if limit > 0 else {},
-        "suggestion": f"ask for alpha below {limit:g}" if limit > 0 else "measure another state, or model w otherwise",
-    }
 
 
 def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float]) -> Diagnosis:

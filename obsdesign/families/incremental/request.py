@@ -23,7 +23,7 @@ from obsdesign.families.asked import (
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
-from obsdesign.sections.values import Axis, Reader
+from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec
 
 Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
@@ -107,9 +107,12 @@ def request(reader: Reader, section: Observer, problem: Estimation) -> Request:
     gamma = None
     if isinstance(section.objective, Level):
         gamma = reader.number(section.objective.gamma, ("observer", "objective", "gamma"), "> 0")
+    L2 = None
+    if section.L2 != "free":
+        L2 = reader.matrix(reader.entries(section.L2, ("observer", "L2")), problem.q, problem.outputs)
     request = Request(
         type=section.type,
-        L2=read_L2(reader, section, problem.q, problem.outputs),
+        L2=L2,
         alpha=read_alpha(reader, section),
         objective=objective,
         gamma=gamma,
@@ -140,13 +143,6 @@ def require_reconstructible(reader: Reader, request: Request, problem: Estimatio
             reader.wrong(
                 loc, f"needs system.B of full column rank, for its left inverse; it has rank {rank} of {B.shape[1]}"
             )
-
-
-def read_L2(reader: Reader, section: Observer, q: Axis, outputs: Axis) -> Array | None:
-    """Feedback into the argument of f; None if it is free."""
-    if section.L2 == "free":
-        return None
-    return reader.matrix(reader.entries(section.L2, ("observer", "L2")), q, outputs)
 
 
 def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:

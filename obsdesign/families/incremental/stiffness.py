@@ -20,14 +20,16 @@ def stiff_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
         rows, columns = slice(q, q + block.nq), slice(f, f + block.nf)
         q, f = rows.stop, columns.stop
         through = np.vstack([p.Dqf[:, columns], p.Df[:, columns]])
-        if isinstance(block, Scaled) and is_monotone(block) and p.Bf[:, columns].any() and not through.any():
+        if (
+            isinstance(block, Scaled)
+            and block.M12.any()
+            and not block.M11.any()
+            and not block.M22.any()
+            and p.Bf[:, columns].any()
+            and not through.any()
+        ):
             found.append((i, block, rows, columns))
     return found
-
-
-def is_monotone(block: Scaled) -> bool:
-    """Whether the inequality is dq' M12 df >= 0."""
-    return bool(block.M12.any()) and not block.M11.any() and not block.M22.any()
 
 
 def may_rest(family: Incremental) -> bool:

@@ -13,10 +13,9 @@ from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, seen, theorem2
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.families.reasons import described
+from obsdesign.families.reasons import hidden_mode
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
-from obsdesign.model.structure import decay_limit, undetectable
 
 ELSEWHERE = "; s-procedure and norm-bound need no such thing"
 
@@ -35,29 +34,14 @@ def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation:
     relaxation
         One of `RELAXATIONS`.
     """
-    found = hidden_mode(unit)
+    fixed = in_floats(unit)  # f = 0 is in the class
+    found = hidden_mode(fixed.plant, fixed.multiplier.member, fixed.alpha)
     if found or request.objective == "max-lipschitz":
         return found
     declared = float(max(request.lipschitz))
     if relaxation == "abbaszadeh":
         found = without_constant(unit, declared, request.objective) or printed_theorems(engine, unit, declared)
     return found or too_large(engine, unit, declared, relaxation)
-
-
-def hidden_mode(unit: Lipschitz) -> Diagnosis:
-    """Answer that a mode is undetectable at the rate; empty if none is. The linear member of the class is f = 0."""
-    fixed = in_floats(unit)
-    modes = undetectable(fixed.plant, fixed.multiplier.member, fixed.alpha)
-    if not modes:
-        return {}
-    limit = decay_limit(fixed.plant, fixed.multiplier.member)
-    return {
-        "condition": "detectability",
-        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {fixed.alpha:g}",
-        "mode": described(modes[0]),
-        "feasible": {"decay_below": limit} if limit > 0 else {},
-        "suggestion": f"ask for a decay below {limit:g}" if limit > 0 else "measure another state",
-    }
 
 
 def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:

@@ -22,7 +22,7 @@ from obsdesign.families.asked import (
     read_slack,
     refuse_conflicts,
 )
-from obsdesign.lmi.formula import Array, rational
+from obsdesign.lmi.formula import Array, identity
 from obsdesign.model.disturbance import augment
 from obsdesign.nonlinearities import combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
@@ -215,16 +215,13 @@ def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: Estima
         reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}")
     if request.objective != "max-lipschitz" and not augmented.B.shape[1]:
         reader.wrong(("observer", "objective"), f"{request.objective} is about w, and there is none; give system.B")
-    if request.relaxation in UNSTRUCTURED and not all(is_identity(M) for M in (augmented.Bf, augmented.Cq)):
+    if request.relaxation in UNSTRUCTURED and not all(
+        np.array_equal(M, identity(len(M), M)) for M in (augmented.Bf, augmented.Cq)
+    ):
         reader.notes.append(
             f"observer.relaxation: f is treated as unstructured with the constant norm(Bf) lipschitz norm(Cq) "
             f"by {'norm-bound and abbaszadeh' if request.relaxation == 'compare' else request.relaxation}"
         )
-
-
-def is_identity(M: Array) -> bool:
-    """Whether a matrix is the identity."""
-    return M.shape[0] == M.shape[1] and bool((rational(np.eye(len(M))) == M).all())
 
 
 def request_of(spec: Spec) -> LipschitzRequest:

@@ -17,11 +17,12 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.reasons import hidden_mode
 from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
 from obsdesign.families.sporadic.given_gains import SHORTER, longest_proof, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
-from obsdesign.families.sporadic.reasons import hidden_mode, hiding_interval, too_long, useless
+from obsdesign.families.sporadic.reasons import hiding_interval, too_long, useless
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.scheme import Scheme, schemes
 from obsdesign.families.sporadic.study import Made, Point, Study, within_slack
@@ -49,7 +50,8 @@ class Designer:
         """Gates that need no solver, then the objective."""
         plant, multiplier = self.setting.plant, self.setting.multiplier
         T2, decay = float(self.T2.low), float(self.decay.low)
-        blocked = hidden_mode(plant, multiplier, decay) or hiding_interval(plant, multiplier, decay, T2)
+        hidden = hidden_mode(plant.doubles, in_floats(multiplier.member), decay, "lambda_t = ")
+        blocked = hidden or hiding_interval(plant, multiplier, decay, T2)
         if blocked:
             return self.completed(Outcome(Verdict.INFEASIBLE, diagnosis=blocked))
         if self.request.gains:

@@ -5,30 +5,13 @@ import math
 import numpy as np
 
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.families.reasons import described
 from obsdesign.lmi.formula import Array, Exact, in_floats
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import text
 from obsdesign.model.plant import Plant
-from obsdesign.model.structure import decay_limit, linear, undetectable
+from obsdesign.model.structure import linear
 
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
-
-
-def hidden_mode(plant: Plant[Exact], multiplier: Multiplier, decay: float) -> Diagnosis:
-    """Answer that a mode is undetectable at the rate; empty if none is."""
-    fixed, member = plant.doubles, in_floats(multiplier.member)
-    modes = undetectable(fixed, member, decay)
-    if not modes:
-        return {}
-    limit = decay_limit(fixed, member)
-    return {
-        "condition": "detectability",
-        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate lambda_t = {decay:g}",
-        "mode": described(modes[0]),
-        "feasible": {"decay_below": limit} if limit > 0 else {},
-        "suggestion": f"ask for a decay below {limit:g}" if limit > 0 else "measure another state",
-    }
 
 
 def hiding_interval(plant: Plant[Exact], multiplier: Multiplier, decay: float, T2: float) -> Diagnosis:
