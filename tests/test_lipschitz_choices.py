@@ -16,13 +16,13 @@ from obsdesign.families.lipschitz.compare import compared
 from obsdesign.families.lipschitz.front import Optimum
 from obsdesign.families.lipschitz.min_gamma import Level
 from obsdesign.families.lipschitz.pareto import Spot, absent, alike, knee
-from obsdesign.families.lipschitz.reasons import hidden_mode
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, lipschitz_multiplier
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma
 from obsdesign.families.outcome import Outcome, Verdict
-from obsdesign.lmi.formula import printed, rational, rational_number
+from obsdesign.families.reasons import hidden_mode
+from obsdesign.lmi.formula import in_floats, printed, rational, rational_number
 from obsdesign.lmi.solve import Status
 
 
@@ -74,7 +74,8 @@ def test_theorems_3_and_4_admit_no_constant_where_sigma_of_H_is_one_even_if_ever
 
 
 def test_where_no_decay_will_do_none_is_suggested():
-    unstable = hidden_mode(unit(plant(np.diag([1, -1]), [[0, 1]])))
+    family = in_floats(unit(plant(np.diag([1, -1]), [[0, 1]])))
+    unstable = hidden_mode(family.plant, family.multiplier.member, family.alpha)
     assert unstable["feasible"] == {}
     assert "measure another state" in unstable["suggestion"]
 

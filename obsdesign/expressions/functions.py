@@ -116,19 +116,9 @@ def extreme_rule(name: str, comparison: str, arguments: Nodes, rates: Nodes) -> 
     return apply("where", chosen, rates[0], extreme_rule(name, comparison, rest, rates[1:]))
 
 
-def choice_rule(arguments: Nodes, rates: Nodes) -> Node:
-    """Rule where(c, a, b)' = where(c, a', b')."""
-    return apply("where", arguments[0], *rates[1:])
-
-
 def flat(arguments: Nodes, rates: Nodes) -> Node:  # noqa: ARG001
     """Take the derivative of what is piecewise constant."""
     return number(0)
-
-
-def saturation_slope(x: Node) -> Node:
-    """1 inside [-1, 1], 0 outside."""
-    return apply("where", apply("<", apply("abs", x), ONE), ONE, number(0))
 
 
 def arc_slope(x: Node) -> Node:
@@ -141,19 +131,9 @@ def saturation(x: Any) -> Any:
     return np.clip(x, -1.0, 1.0)
 
 
-def square_root(x: fmpq) -> fmpq | None:
-    """Square root if it is rational."""
-    return rational_root(x, 2)
-
-
 def differences(*arguments: Node) -> Nodes:
     """Return a - b for every pair."""
     return [a - b for i, a in enumerate(arguments) for b in arguments[i + 1 :]]
-
-
-def choice_switches(condition: Node, a: Node, b: Node) -> Nodes:  # noqa: ARG001
-    """Return the condition, unless it is made of comparisons, which have switches of their own."""
-    return () if logical(condition) else (condition,)
 
 
 def logical(node: Node) -> bool:
@@ -290,13 +270,15 @@ FUNCTIONS = {
     ),
     "exp": function(math.exp, np.exp, exp, monotone(np.exp, 0.0, image=POSITIVE), arb.exp, at(0, 1)),
     "log": function(math.log, np.log, lambda x: ONE / x, monotone(np.log, 1.0, POSITIVE), arb.log, at(1, 0)),
-    "sqrt": function(math.sqrt, np.sqrt, lambda x: HALF / sqrt(x), interval.sqrt, arb.sqrt, square_root),
+    "sqrt": function(
+        math.sqrt, np.sqrt, lambda x: HALF / sqrt(x), interval.sqrt, arb.sqrt, partial(rational_root, root=2)
+    ),
     "abs": function(abs, np.abs, sgn, abs, abs, abs, lambda x: (x,)),
     "sign": function(signum, np.sign, lambda _: number(0), unwidened(np.sign), arb.sgn, sign, lambda x: (x,)),
     "sat": function(
         clipped,
         saturation,
-        saturation_slope,
+        lambda x: apply("where", apply("<", apply("abs", x), ONE), ONE, number(0)),  # 1 inside [-1, 1]
         unwidened(saturation),
         lambda x: x.min(arb(1)).max(arb(-1)),
         lambda x: max(fmpq(-1), min(fmpq(1), x)),
@@ -315,11 +297,11 @@ FUNCTIONS = {
     ),
     "where": Operation(
         arity=(3, 3),
-        derivative=choice_rule,
+        derivative=lambda arguments, rates: apply("where", arguments[0], *rates[1:]),
         array=lambda c, a, b: np.where(c != 0, a, b),
         interval=interval.where,
         ball=choice_ball,
-        switches=choice_switches,
+        switches=lambda c, *_: () if logical(c) else (c,),  # comparisons have switches of their own
     ),
 }
 

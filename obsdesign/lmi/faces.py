@@ -47,7 +47,7 @@ def refutation(formula: Formula, unknowns: Sequence[Unknown], solver: str = "cla
     given = constraints(formula, unknowns)
     if sum(len(c.vanishing) * (len(c.vanishing) + 1) // 2 for c in given) > LARGEST:
         return None
-    faces = [Cone(given, tuple(map(beginning, given)))]
+    faces = [Cone(given, tuple(rational(np.eye(len(c.vanishing))[:, ~c.vanishing]) for c in given))]
     for _ in range(FACES):
         if not faces:
             break
@@ -149,11 +149,6 @@ def scattered(entries: Array, order: int, row: Array, column: Array) -> Array:
     matrix[..., row, column] = entries
     matrix[..., column, row] = entries
     return matrix
-
-
-def beginning(c: Constraint) -> Array:
-    """Unit vectors of the rows that need not vanish, as columns."""
-    return rational(np.eye(len(c.vanishing))[:, ~c.vanishing])
 
 
 @dataclass(frozen=True, eq=False)

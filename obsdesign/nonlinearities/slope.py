@@ -48,12 +48,7 @@ def slope(bounds: Sequence[tuple[fmpq, fmpq | None]], nq: int, nf: int) -> Multi
 def component(a: fmpq, b: fmpq | None) -> Scaled:
     """Set for one slope in [a, b]; the member is zero where the class contains it, or else the nearer end."""
     M = [[-2 * a, 1], [1, 0]] if b is None else [[-2 * a * b, a + b], [a + b, -2]]
-    if a > 0:
-        member = a
-    elif b is not None and b < 0:
-        member = b
-    else:
-        member = fmpq(0)
+    member = a if a > 0 else b if b is not None and b < 0 else fmpq(0)
     return Scaled.of(rational(M), 1, rational([[member]]))
 
 

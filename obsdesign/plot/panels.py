@@ -170,18 +170,13 @@ def usual(estimate: Array, low: float, high: float, width: float) -> Array:
 
 def grow(axes: "Axes", curves: Sequence[Curve]) -> bool:
     """Give signals an axis on which those that escape are seen from the beginning; False if none is far from it."""
-    low, high = extremes(curves)
+    drawn = [signal for c in curves for signal in (c.true, c.estimate) if signal is not None]
+    low, high = min(float(s.min()) for s in drawn), max(float(s.max()) for s in drawn)
     begin = early(curves)
     if max(-low, high) <= GROWTH * begin:
         return False
     growing_axis(axes, begin, low, high)
     return True
-
-
-def extremes(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Smallest and largest value, of estimates too."""
-    drawn = [signal for c in curves for signal in (c.true, c.estimate) if signal is not None]
-    return min(float(s.min()) for s in drawn), max(float(s.max()) for s in drawn)
 
 
 def early(curves: Sequence[Curve]) -> float:

@@ -42,6 +42,7 @@ def read_simulation(
     w = None if section.w is None else reader.expressions(section.w, (*loc, "w"), layout.w, known)
     if not sampled:
         refuse_sampling(reader, section)
+    theta0 = reader.entries(section.theta0, (*loc, "theta0"))
     inputs = Axis(None if layout.names is None else len(layout.names.inputs), "input")
     return Simulation(
         horizon=float(horizon),
@@ -56,7 +57,7 @@ def read_simulation(
         sampling=read_sampling(reader, section.sampling),
         period=None if section.period is None else float(reader.number(section.period, (*loc, "period"), "> 0")),
         dropout=read_dropout(reader, section.dropout),
-        theta0=None if section.theta0 is None else read_theta(reader, section.theta0, layout.outputs),
+        theta0=None if section.theta0 is None else reader.vector(theta0, layout.outputs).astype(float),
     )
 
 
@@ -83,11 +84,6 @@ def read_dropout(reader: Reader, written: str | None) -> float:
     if share >= 1 and reader.clean(loc):
         reader.wrong(loc, f"{float(share):g} is no share below 1; give a number in [0, 1)")
     return float(share)
-
-
-def read_theta(reader: Reader, written: str | list[str], outputs: Axis) -> Vector:
-    """Correction before the first measurement."""
-    return reader.vector(reader.entries(written, ("simulation", "theta0")), outputs).astype(float)
 
 
 def read_state(reader: Reader, written: str | Sequence[str] | None, loc: Loc, x: Axis, xm: Axis) -> Vector:

@@ -52,8 +52,9 @@ from obsdesign.lmi.formula import (
     rational,
     symmetric,
 )
-from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.model.multiplier import Multiplier, combine
 from obsdesign.model.plant import Plant
+from obsdesign.nonlinearities.lipschitz import lipschitz
 
 if TYPE_CHECKING:
     from obsdesign.families.lipschitz.request import LipschitzRelaxation
@@ -225,9 +226,4 @@ def proportions(declared: Sequence[fmpq]) -> tuple[fmpq, ...]:
 
 def lipschitz_multiplier(constants: Sequence[fmpq], sizes: Sequence[tuple[int, int]]) -> Multiplier:
     """|df_i| <= l_i |dq_i| for each block, in rationals; sizes are (nq_i, nf_i)."""
-    return Multiplier(
-        tuple(
-            Scaled.of(block_diagonal([k * k * rational(np.eye(nq)), -rational(np.eye(nf))]), nq)
-            for k, (nq, nf) in zip(constants, sizes, strict=True)
-        )
-    )
+    return combine(lipschitz(k, *size) for k, size in zip(constants, sizes, strict=True))
