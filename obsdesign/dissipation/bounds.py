@@ -49,10 +49,7 @@ class Conflicting(Protocol):
 def require_agreement(request: Conflicting) -> None:
     """Refuse a request whose keys do not go together.
 
-    Raises
-    ------
-    UsageError
-        One problem for each key, as the reader of a spec reports them with their places.
+    Raises `UsageError`: one problem for each key, as the reader of a spec reports them with their places.
     """
     problems = [Problem(why, key=".".join(("observer", *keys))) for keys, why in request.conflicts()]
     if problems:

@@ -24,10 +24,7 @@ def claim(
 ) -> Certificate | None:
     """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds.
 
-    Parameters
-    ----------
-    largest
-        Bound on the eigenvalues of P, if there is one.
+    `largest`: bound on the eigenvalues of P, if there is one.
     """
     problem = in_floats(family).witness(gamma, largest)
     wide = engine.widest(problem, start)

@@ -86,10 +86,7 @@ def refuse_conflicts(reader: Reader, request: Conflicting) -> None:
 def read_searched(reader: Reader, written: str | Interval, loc: Loc, sign: Sign, first: Sign = "> 0") -> fmpq | Range:
     """Read a number, or the range in which it is searched.
 
-    Parameters
-    ----------
-    sign, first
-        Of the number, and of the end at which a range begins.
+    `sign`, `first`: of the number, and of the end at which a range begins.
     """
     if isinstance(written, Interval):
         return read_range(reader, written, loc, first)

@@ -24,10 +24,7 @@ NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASC
 class ResultFile:
     """A result file, read exactly.
 
-    Raises
-    ------
-    UsageError
-        If it is unreadable, no result of this format, or holds what is no number where one must stand.
+    Raises `UsageError` if it is unreadable, no result of this format, or holds what is no number where one must stand.
     """
 
     def __init__(self, path: str, raw: bytes) -> None:

@@ -11,10 +11,7 @@ from obsdesign.errors import UsageError
 def write_whole(path: str | Path, content: bytes) -> None:
     """Write one file, whole or not at all.
 
-    Raises
-    ------
-    UsageError
-        If the folder does not exist or may not be written.
+    Raises `UsageError` if the folder does not exist or may not be written.
     """
     write_all({str(path): content})
 
@@ -22,10 +19,7 @@ def write_whole(path: str | Path, content: bytes) -> None:
 def write_all(files: Mapping[str, bytes]) -> None:
     """Write files under temporary names beside them, and rename these when all are complete.
 
-    Raises
-    ------
-    UsageError
-        If a folder does not exist or may not be written; then none of the files is.
+    Raises `UsageError` if a folder does not exist or may not be written; then none of the files is.
     """
     staged: dict[str, Path] = {}
     path = ""
@@ -49,10 +43,7 @@ def write_all(files: Mapping[str, bytes]) -> None:
 def require_writable(*paths: str) -> None:
     """Refuse paths that could not be written, before anything is computed.
 
-    Raises
-    ------
-    UsageError
-        If a folder does not exist or may not be written, or a path is a folder.
+    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
     """
     for path in paths:
         folder = Path(path).parent

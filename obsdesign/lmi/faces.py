@@ -35,10 +35,7 @@ LARGEST = 600  # coordinates of the multipliers of a problem that is attempted
 def refutation(formula: Formula, unknowns: Sequence[Unknown], solver: str = "clarabel") -> Refutation | None:
     """Look for exact multipliers that refute inequalities.
 
-    Parameters
-    ----------
-    formula, unknowns
-        As for `check`.
+    `formula`, `unknowns`: as for `check`.
 
     Returns
     -------
@@ -193,10 +190,7 @@ def centers(cone: Cone, space: Array, solver: Solver) -> Iterator[Center]:
 def centered(parts: Sequence[Array], scales: tuple[Array, ...], solver: Solver) -> Center | None:
     """Center of a space of multipliers in given scales, in doubles; None if it has no point of trace 1 at all.
 
-    Parameters
-    ----------
-    parts
-        For each inequality, its S at each element of the basis of the space, (K, r, r).
+    `parts`: for each inequality, its S at each element of the basis of the space, (K, r, r).
     """
     scaled = [S * np.outer(d, d) for S, d in zip(parts, scales, strict=True)]
     flat = np.concatenate([S.reshape(len(S), S.shape[-1] ** 2) for S in scaled], axis=1)
@@ -232,12 +226,8 @@ def centered(parts: Sequence[Array], scales: tuple[Array, ...], solver: Solver) 
 def range_of(S: Array, scale: Array, near: float) -> Array:
     """Rational basis, as columns, of the range of S at the edge of the cone, whose null vectors are simple.
 
-    Parameters
-    ----------
-    S, scale
-        D S D in doubles, of a size near 1, and the diagonal of D.
-    near
-        Distance within which an entry of a null vector is read as a fraction.
+    `S`, `scale`: D S D in doubles, of a size near 1, and the diagonal of D; `near`: distance within which an entry of a
+    null vector is read as a fraction.
     """
     values, vectors = np.linalg.eigh(S)
     null = scale[:, None] * vectors[:, values <= EDGE]

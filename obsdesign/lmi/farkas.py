@@ -99,13 +99,8 @@ def with_vanishing_rows(given: tuple[Constraint, ...]) -> tuple[Constraint, ...]
 def check(formula: Formula, unknowns: Sequence[Unknown], multipliers: Mapping[str, Array]) -> Refutation:
     """Decide exactly whether given multipliers refute the inequalities; no solver takes part.
 
-    Parameters
-    ----------
-    formula, unknowns
-        The inequalities, affine in the unknowns, to be evaluated in rationals.
-    multipliers
-        A symmetric rational matrix for each inequality by name, and a 1x1 matrix c for "1 > 0"; what is missing is
-        zero.
+    `formula`, `unknowns`: the inequalities, affine in the unknowns, to be evaluated in rationals; `multipliers`: a
+    symmetric rational matrix for each inequality by name, and a 1x1 matrix c for "1 > 0"; what is missing is zero.
     """
     return decided(constraints(formula, unknowns), multipliers)
 

@@ -72,10 +72,8 @@ def matrices(unknowns: Sequence[Unknown], x: Array) -> dict[str, Array]:
 def probe(problem: Problem) -> Program:
     """Evaluate a formula at zero and at every basis element at once, and check that it is affine.
 
-    Raises
-    ------
-    ArithmeticError
-        If superposition fails at a random point: the formula is not affine in its unknowns (a defect).
+    Raises `ArithmeticError` if superposition fails at a random point: the formula is not affine in its unknowns (a
+    defect).
     """
     size = sum(u.size for u in problem.unknowns)
     witness = np.random.default_rng(0).standard_normal(size)

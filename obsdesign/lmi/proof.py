@@ -45,11 +45,8 @@ class Proved:
 def prove(inequalities: Sequence[Inequality]) -> tuple[Check, ...]:
     """Decide every inequality exactly.
 
-    Raises
-    ------
-    TypeError
-        An entry is no rational: what a double stands for is known up to rounding only, so that nothing of it is a proof
-        (a defect of the caller).
+    Raises `TypeError`: an entry is no rational: what a double stands for is known up to rounding only, so that nothing
+    of it is a proof (a defect of the caller).
     """
     return tuple(Check(i.name, holds(i), margin(i.matrix)) for i in inequalities)
 
@@ -57,10 +54,7 @@ def prove(inequalities: Sequence[Inequality]) -> tuple[Check, ...]:
 def holds(inequality: Inequality) -> bool:
     """Whether the matrix is negative semidefinite, or definite if the inequality is strict.
 
-    Raises
-    ------
-    TypeError
-        An entry is no rational.
+    Raises `TypeError`: an entry is no rational.
     """
     require_rational(inequality)
     signs = pivots(-inequality.matrix)
@@ -123,12 +117,9 @@ def complete(
 ) -> dict[str, Array]:
     """Move the pivot coordinates so that the given rows of the inequalities vanish exactly.
 
-    Parameters
-    ----------
-    formula, unknowns, values
-        The inequalities in rationals, their unknowns and a point that nearly satisfies the equalities.
-    rows, pivots
-        What `reduce` found in doubles: (inequality, row) pairs that must vanish, and the coordinates they determine.
+    `formula`, `unknowns`, `values`: the inequalities in rationals, their unknowns and a point that nearly satisfies the
+    equalities; `rows`, `pivots`: what `reduce` found in doubles: (inequality, row) pairs that must vanish, and the
+    coordinates they determine.
     """
     x = coordinates(unknowns, values)
     if not pivots:

@@ -71,10 +71,7 @@ def minimise(
     different scalings must agree. A reduction that is known already is not made again. A precise optimum is solved anew
     where its slack is the identity: an objective that is small beside the data is then as accurate as they are.
 
-    Raises
-    ------
-    UsageError
-        If the solver is not installed.
+    Raises `UsageError` if the solver is not installed.
     """
     reduced = reduced or reduction(problem)
     if reduced.contradiction:

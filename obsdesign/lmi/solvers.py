@@ -113,10 +113,7 @@ CVXPY = {
 def through_cvxpy(name: str) -> Solver:
     """Any other solver, given the same probed matrices through cvxpy.
 
-    Raises
-    ------
-    UsageError
-        If cvxpy does not know the solver or it is not installed.
+    Raises `UsageError` if cvxpy does not know the solver or it is not installed.
     """
     import cvxpy as cp
 

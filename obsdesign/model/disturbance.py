@@ -113,12 +113,8 @@ def stack(generators: Sequence[Generator]) -> Generator:
 def augment(plant: Plant[Exact], model: Generator, names: tuple[str, ...], drives: tuple[str, ...]) -> Plant[Exact]:
     """Append a disturbance model to a plant: xi = (x, xm), driven by v, with f = (f1, f2) and q = (q1, q2).
 
-    Parameters
-    ----------
-    plant, model
-        n states and nw exogenous inputs; nm states, nv inputs and nw outputs.
-    names, drives
-        Names of the nm states xm and of the nv inputs v.
+    `plant`, `model`: n states and nw exogenous inputs; nm states, nv inputs and nw outputs; `names`, `drives`: names of
+    the nm states xm and of the nv inputs v.
     """
     nm, nq2 = model.Am.shape[0], model.Cq2.shape[0]
     n, nf = plant.n, plant.Bf.shape[1]
@@ -141,10 +137,7 @@ def augment(plant: Plant[Exact], model: Generator, names: tuple[str, ...], drive
 def with_inputs(plant: Plant[Exact], model: Generator, names: tuple[str, ...]) -> Plant[Exact]:
     """Return a plant, to which its disturbance model was appended, with w among its outputs, after y.
 
-    Parameters
-    ----------
-    names
-        Of these nw outputs.
+    `names`: of these nw outputs.
     """
     nw, nm = model.Cm.shape
     beside_x = zeros((nw, plant.n - nm), [plant.A])

@@ -41,10 +41,7 @@ def well_posed(D: Array, multiplier: Multiplier) -> Verdict:
 
     The condition is sufficient only, so a negative answer says "may".
 
-    Parameters
-    ----------
-    D, multiplier
-        The (nq, nf) matrix Dqf of a plant, or Dqf + L2 Df of an observer, and the multiplier of f.
+    `D`, `multiplier`: the (nq, nf) matrix Dqf of a plant, or Dqf + L2 Df of an observer, and the multiplier of f.
     """
     D, blocks = in_floats(D), in_floats(multiplier.blocks)
     q, f = parts(multiplier)
@@ -76,10 +73,8 @@ def form(D: Array, M: Matrix) -> Array:
 def proved(D: Array, multiplier: Multiplier, values: Values) -> Verdict:
     """Decide the same exactly, for one M of the set: N < 0 for each group of blocks in a loop.
 
-    Parameters
-    ----------
-    D, multiplier, values
-        In rationals. The values of the unknowns of M satisfy the inequalities of its set, which is not checked here.
+    `D`, `multiplier`, `values`: in rationals. The values of the unknowns of M satisfy the inequalities of its set,
+    which is not checked here.
     """
     q, f = parts(multiplier)
     M11, M12, M22 = multiplier.matrix(values)

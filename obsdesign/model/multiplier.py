@@ -151,10 +151,7 @@ class Multiplier:
     def scaled_blocks(self) -> tuple[Scaled, ...]:
         """Blocks of one scale each, which a free L2 needs: its unknown is lambda L2.
 
-        Raises
-        ------
-        UsageError
-            A block has more unknowns than one scale.
+        Raises `UsageError`: a block has more unknowns than one scale.
         """
         scaled = tuple(block for block in self.blocks if isinstance(block, Scaled))
         if len(scaled) < len(self.blocks):
@@ -167,10 +164,7 @@ class Multiplier:
     def shifted(self) -> "Multiplier":
         """Multiplier of f - K q, K the member: then M11 >= 0.
 
-        Raises
-        ------
-        UsageError
-            A block has more unknowns than one scale.
+        Raises `UsageError`: a block has more unknowns than one scale.
         """
         return Multiplier(tuple(block.shifted() for block in self.scaled_blocks()))
 

@@ -95,10 +95,7 @@ def spectrum(S: Array, size: float) -> list[tuple[complex, int]]:
     TOLERANCE size / |left' right| for unit eigenvectors, so that well-conditioned neighbors stay apart; and
     k values that close are not more than TOLERANCE^(1/k) size apart.
 
-    Parameters
-    ----------
-    S, size
-        Square matrix, and the norm of the matrices that it was computed from.
+    `S`, `size`: square matrix, and the norm of the matrices that it was computed from.
     """
     if not len(S):
         return []

@@ -51,12 +51,8 @@ def modes(A: Array, C: Array, states: tuple[str, ...], decay: float = inf) -> tu
     then the eigenvalues of A on it: so a chain of integrators, whose eigenvalues a rounding error scatters,
     is judged by ranks.
 
-    Parameters
-    ----------
-    A, C, states
-        (n, n) and (ny, n) matrices, and the names of the n states.
-    decay
-        Modes that decay faster are left out.
+    `A`, `C`, `states`: (n, n) and (ny, n) matrices, and the names of the n states; `decay`: modes that decay faster are
+    left out.
     """
     return nulled_modes(System(A, np.zeros((len(A), 0)), C, np.zeros((len(C), 0))), states, decay)
 
@@ -105,15 +101,7 @@ def linear(plant: Plant[Float], K: Array) -> System:
 
     q = Cq x + Dqf f + Dq w gives f = (I - K Dqf)^-1 K (Cq x + Dq w).
 
-    Parameters
-    ----------
-    plant, K
-        The plant, and the (nf, nq) matrix of a linear map.
-
-    Raises
-    ------
-    UsageError
-        I - K Dqf is singular.
+    `plant`, `K`: the plant, and the (nf, nq) matrix of a linear map. Raises `UsageError`: I - K Dqf is singular.
     """
     loop = np.eye(len(K)) - K @ plant.Dqf
     if np.linalg.matrix_rank(loop) < len(loop):
@@ -134,12 +122,8 @@ def undetectable(plant: Plant[Float], K: Array, decay: float = 0.0) -> tuple[Mod
     of it, then e = v exp(lambda t), df = K dq and dy = 0 satisfy the error equations: no gain acts on this
     error.
 
-    Parameters
-    ----------
-    plant, K
-        The plant, as a rule augmented, and the (nf, nq) matrix of a linear map in the class of f.
-    decay
-        Rate of decay to be reached.
+    `plant`, `K`: the plant, as a rule augmented, and the (nf, nq) matrix of a linear map in the class of f; `decay`:
+    rate of decay to be reached.
     """
     system = linear(plant, K)
     return modes(system.A, system.C, plant.states, decay)
@@ -178,10 +162,7 @@ def condition1(plant: Plant[Float], Am: Array) -> tuple[RankTest, ...]:
     but not necessary: it fails wherever w has more channels than y. So it explains, and `undetectable`
     decides.
 
-    Parameters
-    ----------
-    plant, Am
-        The plant before augmentation, and the (nm, nm) matrix of its disturbance model.
+    `plant`, `Am`: the plant before augmentation, and the (nm, nm) matrix of its disturbance model.
     """
     scaling = scaled(System(plant.A, plant.B, plant.C, plant.D))
     columns = plant.n + plant.B.shape[1]
@@ -199,10 +180,7 @@ def stiff_modes(plant: Plant[Float], q: Array, f: Array) -> tuple[Mode, ...]:
     0 as well is not changed by L1 (yhat - y), nor by L2 (yhat - y): it solves e' = A e + Bf df with 0 = Cq e + Dqf df
     and 0 = C e + Df df. The inequality demands V' + 2 alpha V <= 0 along it.
 
-    Parameters
-    ----------
-    plant, q, f
-        The plant, and the indices of the components of q and f.
+    `plant`, `q`, `f`: the plant, and the indices of the components of q and f.
     """
     zero = System(
         plant.A,
@@ -231,14 +209,8 @@ def accuracy(plant: Plant[Float], L2: Array | None, model: Generator) -> tuple[C
     rank of B). Lemma 4 needs a full column rank of [A - lambda I, B; C, D] for Re lambda >= 0. Without f and with D = 0
     both are sufficient too; with f the inequality (20) has to hold beside them.
 
-    Parameters
-    ----------
-    plant
-        The augmented plant: B, D act from v.
-    L2
-        The given gain, or None where it is free; (25b) is Dq + L2 D = 0.
-    model
-        The disturbance model, for which C B is C B Dm + D Cm Bm in the terms of the plant.
+    `plant`: the augmented plant: B, D act from v; `L2`: the given gain, or None where it is free; (25b) is Dq + L2 D =
+    0; `model`: the disturbance model, for which C B is C B Dm + D Cm Bm in the terms of the plant.
     """
     system = scaled(System(plant.A, plant.B, plant.C, plant.D)).system
     silent, hidden = split(np.hstack([plant.D, plant.Df]).T)[0], split(system.D)[0]

@@ -13,15 +13,8 @@ from obsdesign.sections.forms import MATRIX, Entries, Section, key, required
 def ball(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
     """|df - K dq| <= |W dq|:  M = lambda [[W'W - K'K, K'], [K, -I]].
 
-    Parameters
-    ----------
-    data
-        K (nf, nq), the member of the class, and W (any number of rows, nq).
-
-    Raises
-    ------
-    UsageError
-        K or W has another size.
+    `data`: K (nf, nq), the member of the class, and W (any number of rows, nq). Raises `UsageError`: K or W has another
+    size.
     """
     K, W = data
     require_shape("ball: K", K, nf, nq)

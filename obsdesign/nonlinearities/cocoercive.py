@@ -18,10 +18,7 @@ def cocoercive(k: fmpq, nq: int, nf: int) -> Multiplier:
     The gradient of a convex function is so exactly if its Lipschitz constant is k (Baillon and Haddad, 1977); for a
     scalar f it is a slope in [0, k].
 
-    Raises
-    ------
-    UsageError
-        nf is not nq, or k <= 0.
+    Raises `UsageError`: nf is not nq, or k <= 0.
     """
     require_as_many("cocoercive", nq, nf)
     if k <= 0:

@@ -67,15 +67,7 @@ def cone(directions: Sequence[Array], nq: int, nf: int) -> Multiplier:
     It is so where every Jacobian of f is such a sum. M is any matrix with M22 = 0, M11 >= 0 and He(M12 Th_i) >= 0
     for each i. The member of the class is zero.
 
-    Parameters
-    ----------
-    directions
-        At least one matrix Th_i (nf, nq).
-
-    Raises
-    ------
-    UsageError
-        There is no matrix, or one has another size.
+    `directions`: at least one matrix Th_i (nf, nq). Raises `UsageError`: there is no matrix, or one has another size.
     """
     if not directions:
         raise UsageError("cone: there is no matrix; list the directions of the cone")

@@ -56,15 +56,8 @@ def jacobian(vertices: Sequence[Array], nq: int, nf: int) -> Multiplier:
     It is so where every Jacobian of f is in it. M is any matrix with M22 <= 0 and
     [I; Th_i]' M [I; Th_i] >= 0 for each i.
 
-    Parameters
-    ----------
-    vertices
-        At least one matrix Th_i (nf, nq). Their mean is the member of the class.
-
-    Raises
-    ------
-    UsageError
-        There is no matrix, or one has another size.
+    `vertices`: at least one matrix Th_i (nf, nq). Their mean is the member of the class. Raises `UsageError`: there is
+    no matrix, or one has another size.
     """
     if not vertices:
         raise UsageError("jacobian: there is no matrix; list the vertices of the polytope")

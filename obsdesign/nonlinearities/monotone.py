@@ -14,10 +14,7 @@ def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001
 
     The block M22 is zero, so a design must satisfy an equality in its (f, f) rows.
 
-    Raises
-    ------
-    UsageError
-        nf is not nq.
+    Raises `UsageError`: nf is not nq.
     """
     require_as_many("monotone", nq, nf)
     return Multiplier((Scaled.of(rational(np.kron([[0, 1], [1, 0]], np.eye(nq))), nq),))

@@ -19,15 +19,7 @@ def one_sided_lipschitz(data: tuple[fmpq, fmpq, fmpq], nq: int, nf: int) -> Mult
 
     All three constants may be negative (Abbaszadeh and Marquez, 2010): rho = -1 says that f contracts.
 
-    Parameters
-    ----------
-    data
-        rho, beta, phi.
-
-    Raises
-    ------
-    UsageError
-        nf is not nq, or no f satisfies both inequalities.
+    `data`: rho, beta, phi. Raises `UsageError`: nf is not nq, or no f satisfies both inequalities.
     """
     require_as_many("one-sided-lipschitz", nq, nf)
     rho, beta, phi = data

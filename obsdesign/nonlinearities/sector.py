@@ -17,15 +17,7 @@ def sector(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
     This is the ball of center (K1 + K2) / 2 and radius W = (K2 - K1) / 2. A weight X, (df - K1 dq)' X (K2 dq - df),
     would be no multiplier of this class in general, not even a positive definite one.
 
-    Parameters
-    ----------
-    data
-        K1 and K2 (nf, nq); they may be exchanged.
-
-    Raises
-    ------
-    UsageError
-        K1 or K2 has another size.
+    `data`: K1 and K2 (nf, nq); they may be exchanged. Raises `UsageError`: K1 or K2 has another size.
     """
     K1, K2 = data
     require_shape("sector: K1", K1, nf, nq)

@@ -26,15 +26,8 @@ def slope(bounds: Sequence[tuple[fmpq, fmpq | None]], nq: int, nf: int) -> Multi
     M_i = lambda_i [[-2ab, a+b], [a+b, -2]]; without an upper bound (b = None) the limit of M_i / b,
     [[-2a, 1], [1, 0]].
 
-    Parameters
-    ----------
-    bounds
-        (a_i, b_i) for each of the nq = nf components.
-
-    Raises
-    ------
-    UsageError
-        nf is not nq, there is not one pair for each component, or a_i > b_i.
+    `bounds`: (a_i, b_i) for each of the nq = nf components. Raises `UsageError`: nf is not nq, there is not one pair
+    for each component, or a_i > b_i.
     """
     if not nf == nq == len(bounds):
         sizes = f"{len(bounds)} bounds for {nq} components of q and {nf} of f"
@@ -74,10 +67,7 @@ class Bounds(Data):
     def fitted(self, reader: Reader, data: Any, nq: int, nf: int) -> Any:  # noqa: ARG002
         """Pairs of bounds, one for each component.
 
-        Raises
-        ------
-        UsageError
-            There are not as many lower as upper bounds.
+        Raises `UsageError`: there are not as many lower as upper bounds.
         """
         low, high = (bounds * nq if len(bounds) == 1 else bounds for bounds in data)
         if len(low) != len(high):

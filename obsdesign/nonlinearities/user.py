@@ -18,16 +18,8 @@ REGULARISATION = (fmpq(0), *(fmpq(1, 4**k) for k in range(20)))
 def user(M: Array, nq: int, nf: int) -> Multiplier:
     """Any constraint [dq; df]' M [dq; df] >= 0, with one scale: lambda M.
 
-    Parameters
-    ----------
-    M
-        Symmetric, (nq + nf) square.
-
-    Raises
-    ------
-    UsageError
-        M has another size, is not symmetric, or has no linear member K: then it has no function that is
-        differentiable anywhere, since its Jacobian would be one.
+    `M`: symmetric, (nq + nf) square. Raises `UsageError`: M has another size, is not symmetric, or has no linear member
+    K: then it has no function that is differentiable anywhere, since its Jacobian would be one.
     """
     size = nq + nf
     require_shape("multiplier: M", M, size, size)

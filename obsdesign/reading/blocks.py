@@ -72,10 +72,7 @@ class Block:
 def read_block(reader: Reader, section: Function, loc: Loc, nq: Size, nf: Size) -> Block:
     """Type and sizes of a block.
 
-    Parameters
-    ----------
-    nq, nf
-        Sizes of q_i and f_i as the matrices have them; None if they leave them open.
+    `nq`, `nf`: sizes of q_i and f_i as the matrices have them; None if they leave them open.
     """
     kind = read_kind(reader, section.type, (*loc, "type"))
     if isinstance(section.f, list):
@@ -101,10 +98,7 @@ class Assumption:
 def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None) -> Nonlinearity | None:
     """Read the function and the multiplier of a block; None after an error.
 
-    Parameters
-    ----------
-    known
-        What f may depend on besides its argument; None if an earlier error leaves it open.
+    `known`: what f may depend on besides its argument; None if an earlier error leaves it open.
     """
     if not reader.clean((*block.loc, "type")):
         return None

@@ -56,10 +56,7 @@ def read_plant(
 ) -> Reading:
     """Plant, known terms and nonlinearities; a section is None if its structure is wrong.
 
-    Parameters
-    ----------
-    identity
-        Whether a Bf or Cq that is missing is the identity, instead of zero.
+    `identity`: whether a Bf or Cq that is missing is the identity, instead of zero.
     """
     if system is None:
         return Reading(Layout())
@@ -144,12 +141,7 @@ def lay_out(
 ) -> Layout:
     """Sizes and names of the whole plant.
 
-    Parameters
-    ----------
-    sizes
-        Number of states, and of outputs.
-    parts
-        The blocks f_i; None if their structure is wrong.
+    `sizes`: number of states, and of outputs; `parts`: the blocks f_i; None if their structure is wrong.
     """
     x, y = X.of(sizes[0]), Y.of(sizes[1])
     w = W.of(exogenous_inputs(matrices, parts or (), x, y))

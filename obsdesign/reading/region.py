@@ -21,10 +21,7 @@ def read_region(
 ) -> dict[str, Range]:
     """Ranges of the variables that are limited; a single component of q is q1.
 
-    Parameters
-    ----------
-    f, known
-        The function, and what it may depend on besides its argument.
+    `f`, `known`: the function, and what it may depend on besides its argument.
     """
     given = written_regions(section, loc)
     if not given:

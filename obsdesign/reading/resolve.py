@@ -29,10 +29,7 @@ RECORD = ("verified", "printed", "rtol", "atol", "note")
 def resolve(document: Document) -> Spec:
     """Read a document: its structure, then every value.
 
-    Raises
-    ------
-    UsageError
-        With everything that is wrong, in the order of the file.
+    Raises `UsageError` with everything that is wrong, in the order of the file.
     """
     reader = Reader(document, list(document.problems))
     file, named = read_file(reader), document.find(("observer", "type"))[1].value

@@ -24,10 +24,7 @@ def read_simulation(
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
-    Parameters
-    ----------
-    sampled
-        Whether measurements arrive at instants, so that the section may say when.
+    `sampled`: whether measurements arrive at instants, so that the section may say when.
     """
     if section is None:
         return None

@@ -79,10 +79,7 @@ class Document:
     def problem(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> Problem:
         """Return what is wrong at `loc`, placed at its value or its key.
 
-        Parameters
-        ----------
-        column
-            Where in a text, from 0. It moves the place only if the text is written out in one line.
+        `column`: where in a text, from 0. It moves the place only if the text is written out in one line.
         """
         key, value = self.find(loc)
         node = key if at_key else value
@@ -113,10 +110,7 @@ def dotted(loc: Loc) -> str:
 def read(path: str) -> str:
     """Text of a file.
 
-    Raises
-    ------
-    UsageError
-        It cannot be read, is larger than 4 MiB, or is not UTF-8 text.
+    Raises `UsageError`: it cannot be read, is larger than 4 MiB, or is not UTF-8 text.
     """
     try:
         if Path(path).is_dir():
@@ -137,10 +131,7 @@ def read(path: str) -> str:
 def compose(text: str, path: str) -> Document:
     """Read one YAML document.
 
-    Raises
-    ------
-    UsageError
-        It is not YAML, is empty, too large, too deep, or holds more than one document.
+    Raises `UsageError`: it is not YAML, is empty, too large, too deep, or holds more than one document.
     """
     if len(text) > MAX_BYTES:
         raise UsageError(Problem(TOO_LARGE, path))

@@ -224,10 +224,7 @@ class Reader:
     ) -> tuple[Expression, ...]:
         """As many expressions; none at all, or the number 0, is zero.
 
-        Parameters
-        ----------
-        names
-            Those that may occur; None if an earlier error leaves them open.
+        `names`: those that may occur; None if an earlier error leaves them open.
         """
         if value is None or value == "0":
             return (Expression.number(0),) * (axis.size or 0)

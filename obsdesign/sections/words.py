@@ -22,14 +22,8 @@ def nearest(word: str, words: Sequence[str]) -> str | None:
 def unknown(kind: str, word: object, words: Sequence[str], hints: Mapping[str, str]) -> str:
     """Say what is wrong with a word and which are allowed.
 
-    Parameters
-    ----------
-    kind
-        What the word should name, such as "key".
-    words
-        Those that are allowed.
-    hints
-        What to say of words that have a meaning, but not here.
+    `kind`: what the word should name, such as "key"; `words`: those that are allowed; `hints`: what to say of words
+    that have a meaning, but not here.
     """
     if not isinstance(word, str):
         return f"expected one of {', '.join(words)}, found {described(word)}"

@@ -21,10 +21,7 @@ from obsdesign.spec import Spec
 def question(family: Incremental, gamma: fmpq | None = None) -> tuple[Formula, tuple[Unknown, ...]]:
     """Inequalities of a family for a gamma, or (None) for any, and their unknowns: what a refutation refutes.
 
-    Parameters
-    ----------
-    family
-        In rationals, with L2; L1 may be given.
+    `family`: in rationals, with L2; L1 may be given.
     """
     p, free = family.plant, [Unknown("mu", (1, 1))] if gamma is None else []
     gains = [Unknown("Y", p.C.mT.shape)] if family.L1 is None else []
@@ -57,10 +54,7 @@ def absence(family: Incremental, known: dict[str, Any]) -> Diagnosis:
 def read(spec: Spec, file: ResultFile) -> Proof:
     """Prove anew that an infeasible result has no solution, and say what is proved.
 
-    Raises
-    ------
-    UsageError
-        The file holds no dual certificate: its verdict is numerical or structural; or it is malformed.
+    Raises `UsageError`: the file holds no dual certificate: its verdict is numerical or structural; or it is malformed.
     """
     root = ("diagnosis", "certificate")
     request, alpha = request_of(spec).printed(), file.number(*root, "alpha")

@@ -23,10 +23,7 @@ def largest_class(spec: Spec, feasible: Callable[[Multiplier], bool]) -> Diagnos
     A class shrinks towards its member K: f = K q + s (g - K q) with g in the class and s < 1, so a Lipschitz constant k
     becomes s k. A class without an upper slope bound is cut to slopes up to s.
 
-    Parameters
-    ----------
-    feasible
-        Whether the problem has a solution with another multiplier in place of `spec.multiplier`.
+    `feasible`: whether the problem has a solution with another multiplier in place of `spec.multiplier`.
 
     Returns
     -------

@@ -16,14 +16,8 @@ from obsdesign.spec import Spec
 def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:
     """Reasons that hold whatever the gains, the most telling first.
 
-    Parameters
-    ----------
-    spec, family
-        The problem, at the alpha that is infeasible, in rationals.
-    largest_alpha
-        The largest alpha that is feasible, if one was found.
-    known
-        What the design knows already, such as a bound that was too tight.
+    `spec`, `family`: the problem, at the alpha that is infeasible, in rationals; `largest_alpha`: the largest alpha
+    that is feasible, if one was found; `known`: what the design knows already, such as a bound that was too tight.
 
     Returns
     -------

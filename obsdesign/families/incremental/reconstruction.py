@@ -99,12 +99,7 @@ def obstacle(plant: Plant[Exact], slope: fmpq | None) -> str | None:
 def constants(family: Linf, gammas: Mapping[str, fmpq], bounds: Mapping[str, fmpq]) -> tuple[fmpq, fmpq, fmpq]:
     """c_w, c_w' and c_x', in rationals.
 
-    Parameters
-    ----------
-    gammas
-        Of `levels`.
-    bounds
-        Of `slopes`.
+    `gammas`: of `levels`; `bounds`: of `slopes`.
     """
     p, zero = family.plant, fmpq(0)
     drift, argument, from_w, from_d = (gammas.get(name, zero) for name in (DRIFT, ARGUMENT, RATE_W, RATE_D))

@@ -17,17 +17,8 @@ from obsdesign.lmi.formula import approximate
 def compared(design: Callable[[LipschitzRelaxation], Outcome], disturbed: bool) -> Outcome:
     """Design of the tightest relaxation that has one, with a row for each.
 
-    Parameters
-    ----------
-    design
-        Outcome of a relaxation.
-    disturbed
-        Whether there is a w.
-
-    Raises
-    ------
-    UsageError, UndecidedError
-        No relaxation has a design, and for this one that is not because there is none.
+    `design`: outcome of a relaxation; `disturbed`: whether there is a w. Raises `UsageError` or `UndecidedError`: no
+    relaxation has a design, and for this one that is not because there is none.
     """
     rows, outcomes, notes = [], [], []
     error: UsageError | UndecidedError | None = None

@@ -166,12 +166,8 @@ def too_small(bounds: Bounds) -> Diagnosis:
 def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diagnosis:
     """Answer that given gains achieve nothing: too slow without f, or not proved for the declared constant.
 
-    Parameters
-    ----------
-    family
-        The problem with the gains.
-    declared, tolerated
-        The largest declared constant, and the largest that the gains were proved to tolerate, if there is one.
+    `family`: the problem with the gains; `declared`, `tolerated`: the largest declared constant, and the largest that
+    the gains were proved to tolerate, if there is one.
     """
     fixed = in_floats(family)
     pole = fixed.slowest_pole()

@@ -168,10 +168,7 @@ def nonlinearities(
 ) -> tuple[Nonlinearity, ...]:
     """Blocks with the multipliers |df| <= k |dq| of their constants, for a block or for each of its components.
 
-    Parameters
-    ----------
-    plant, model
-        Blocks of the plant and of the disturbance model; None after an error.
+    `plant`, `model`: blocks of the plant and of the disturbance model; None after an error.
     """
     found = []
     for i, block in enumerate((*plant, *model)):

@@ -37,10 +37,7 @@ SCHEMES = (
 def schemes(request: SporadicRequest) -> tuple[Scheme, ...]:
     """Schemes of a request, in its order, each once.
 
-    Raises
-    ------
-    UsageError
-        A relaxation fits none of the injections, or an injection none of the relaxations.
+    Raises `UsageError`: a relaxation fits none of the injections, or an injection none of the relaxations.
     """
     require_agreement(request)
     return tuple(s for pair in request.pairs for s in SCHEMES if (s.injection, s.relaxation) == pair)

@@ -45,10 +45,7 @@ class Choice:
 def choose(f: Restriction) -> Choice:
     """Return the tightest type: slopes, else a polytope of Jacobians, else a Lipschitz constant.
 
-    Raises
-    ------
-    UsageError
-        The Jacobian cannot be bounded, or f may jump.
+    Raises `UsageError`: the Jacobian cannot be bounded, or f may jump.
     """
     if f.decoupled:
         return slopes(f)
@@ -61,10 +58,7 @@ def choose(f: Restriction) -> Choice:
 def slopes(f: Restriction) -> Choice:
     """Slope of each component; an upper bound may be infinite.
 
-    Raises
-    ------
-    UsageError
-        A component of f depends on another component of q, or a slope has no lower bound.
+    Raises `UsageError`: a component of f depends on another component of q, or a slope has no lower bound.
     """
     if not f.decoupled:
         raise UsageError("slope: auto needs an f with f_i a function of q_i only; use auto, lipschitz or jacobian")
@@ -84,10 +78,7 @@ def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
 
     Entries that are the same expression vary together.
 
-    Raises
-    ------
-    UsageError
-        More entries vary than a polytope should have, or one cannot be bounded.
+    Raises `UsageError`: more entries vary than a polytope should have, or one cannot be bounded.
     """
     found = bounded(f) if found is None else found
     free = varying(f, found)
@@ -106,10 +97,7 @@ def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
 def lipschitz(f: Restriction) -> Choice:
     """Bound of the spectral norm of the Jacobian.
 
-    Raises
-    ------
-    UsageError
-        It cannot be bounded.
+    Raises `UsageError`: it cannot be bounded.
     """
     if f.decoupled:
         found = bounded(f)
@@ -126,10 +114,8 @@ def lipschitz(f: Restriction) -> Choice:
 def cocoercive(f: Restriction) -> Choice:
     """Largest slope of an f that is monotone in each component.
 
-    Raises
-    ------
-    UsageError
-        A component of f depends on another component of q, its slope may be negative, or it cannot be bounded.
+    Raises `UsageError`: a component of f depends on another component of q, its slope may be negative, or it cannot be
+    bounded.
     """
     if not f.decoupled:
         raise UsageError("cocoercive: auto needs an f with f_i a function of q_i only; give a number > 0")

@@ -30,10 +30,7 @@ class Constant:
 def lipschitz_constant(f: Restriction) -> Constant:
     """Bounds of the constant to 1e-6, relative, or why there are none.
 
-    Raises
-    ------
-    ExpressionError
-        A derivative of f is too large to be written down.
+    Raises `ExpressionError`: a derivative of f is too large to be written down.
     """
     found = doubt(f)
     if found is not None:

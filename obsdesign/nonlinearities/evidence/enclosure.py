@@ -191,10 +191,7 @@ class Enclosure:
 def enclosure(f: Restriction) -> Enclosure:
     """Bounds of every entry of the Jacobian.
 
-    Raises
-    ------
-    UsageError
-        f may jump or be undefined in the box.
+    Raises `UsageError`: f may jump or be undefined in the box.
     """
     require_continuous(f)
     entries = list(dict.fromkeys(entry for row in f.jacobian for entry in row))
@@ -267,10 +264,7 @@ class Doubt:
 def require_continuous(f: Restriction) -> None:
     """Refuse an f whose derivative may not tell of all its changes.
 
-    Raises
-    ------
-    UsageError
-        f may jump or be undefined in the box, and where.
+    Raises `UsageError`: f may jump or be undefined in the box, and where.
     """
     found = doubt(f)
     if found is not None:

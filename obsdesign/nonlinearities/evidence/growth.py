@@ -29,10 +29,7 @@ class Growth:
 def growth(f: Restriction, place: Mapping[str, Range]) -> Growth | None:
     """Look at slopes of f closer and closer to a place, or farther and farther out; None if they do not grow.
 
-    Parameters
-    ----------
-    place
-        A box in which they may; it may be unbounded.
+    `place`: a box in which they may; it may be unbounded.
     """
     rng = np.random.default_rng(0)
     sequences = [steepest(f, *around(f, place, k, rng)) for k in range(1, SCALES + 1)]

@@ -48,10 +48,7 @@ MAX_SLOPES = 2000  # operations in slopes that are worth the time
 def norm_bound(f: Restriction, target: float | None = None) -> Supremum:
     """Lipschitz constant of f: the supremum of the 2-norm of its Jacobian.
 
-    Raises
-    ------
-    UsageError
-        f may jump or be undefined in the box.
+    Raises `UsageError`: f may jump or be undefined in the box.
     """
     require_continuous(f)
     return largest_norm(f.jacobian, f.box, target)
@@ -60,12 +57,8 @@ def norm_bound(f: Restriction, target: float | None = None) -> Supremum:
 def largest_norm(J: Matrix, box: Mapping[str, Range], target: float | None = None, work: float = EFFORT) -> Supremum:
     """Supremum of the 2-norm of a matrix of expressions over a box.
 
-    Parameters
-    ----------
-    target
-        The search ends once the supremum is known to be at most this, or more.
-    work
-        Boxes times operations, at most.
+    `target`: the search ends once the supremum is known to be at most this, or more; `work`: boxes times operations, at
+    most.
 
     Returns
     -------

@@ -45,10 +45,7 @@ class Restriction:
     def jacobian(self) -> tuple[tuple[Expression, ...], ...]:
         """Entries df_i/dq_j, (nf, nq).
 
-        Raises
-        ------
-        ExpressionError
-            A derivative is too large to be written down.
+        Raises `ExpressionError`: a derivative is too large to be written down.
         """
         return tuple(tuple(component.derivative(q) for q in self.arguments) for component in self.f)
 
