@@ -73,6 +73,12 @@ def made(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
+def content(genuine):
+    """What is in a genuine result file, whose text a test file gives; to be forged."""
+    return json.loads(genuine)
+
+
+@pytest.fixture
 def here(tmp_path, monkeypatch):
     """An empty working folder."""
     monkeypatch.chdir(tmp_path)

@@ -60,6 +60,10 @@ def test_a_function_that_is_nowhere_finite_has_no_minimum():
     assert Minimum(lambda _: math.inf, 1, 100).everywhere(5)[1] == math.inf
 
 
+def test_the_minimum_of_a_point_is_its_value():
+    assert Minimum(float, 3.0, 3.0).near(2.0) == Minimum(float, 3.0, 3.0).everywhere(5) == (3.0, 3.0)
+
+
 def test_a_minimum_is_the_same_wherever_the_search_begins():
     values = [Minimum(valley(7.0), 1, 100).near(guess)[1] for guess in (1.0, 6.0, 7.0, 20.0, 100.0)]
     assert values == pytest.approx([2.0] * 5, abs=1e-5)

@@ -24,12 +24,6 @@ def genuine(made) -> str:
     return (made / "cart.gains.json").read_text()
 
 
-@pytest.fixture
-def content(genuine):
-    """The same, to be forged."""
-    return json.loads(genuine)
-
-
 def restated(content, **claim):
     """A content whose claim is changed, and whose statement says so."""
     content["guarantee"] |= claim

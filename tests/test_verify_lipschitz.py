@@ -13,7 +13,7 @@ import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
-from support.forging import at, put, scaled, with_spec
+from support.forging import at, claiming, put, scaled, with_spec
 from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made, written
 from support.sweep import examples
 
@@ -47,14 +47,6 @@ def pair(results):
 def quiet(results):
     """The one without w, and with the largest constant as the objective."""
     return copy.deepcopy(results["quiet"])
-
-
-def claiming(content, old, new, **numbers):
-    """A content with other numbers in its guarantee, and a statement that says so."""
-    guarantee = content["guarantee"]
-    assert old in guarantee["statement"]
-    content["guarantee"] = guarantee | numbers | {"statement": guarantee["statement"].replace(old, new)}
-    return content
 
 
 # What the numbers say

@@ -88,6 +88,8 @@ class Minimum:
                 method="bounded",
                 options={"xatol": self.sharp},
             )
+        elif not self.values:
+            self.at(low)
         return self.best
 
 

@@ -28,6 +28,15 @@ def scaled(content, keys, factor):
     return put(content, keys, times(at(content, keys)))
 
 
+def claiming(content, old, new, **numbers):
+    """A content with other numbers in its guarantee, and a statement that says so in place of an old number or text."""
+    guarantee = content["guarantee"]
+    old, new = (x if isinstance(x, str) else repr(x) for x in (old, new))
+    assert old in guarantee["statement"]
+    content["guarantee"] = guarantee | numbers | {"statement": guarantee["statement"].replace(old, new)}
+    return content
+
+
 def with_spec(content, old, new):
     """A content whose spec is changed, and whose hash says so."""
     assert content["spec"]["text"].count(old) == 1
