@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from obsdesign.families import FAMILIES
+
 ROOT = Path(__file__).parent.parent / "obsdesign"
 FILES = sorted(ROOT.rglob("*.py"))
 MODULES = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__"): p for p in FILES}
@@ -35,6 +37,23 @@ APART = {
     frozenset({"nonlinearities", "dissipation"}),
     frozenset({"lmi", "expressions"}),
 }
+
+FOLDERS = {path.parent.name for path in (ROOT / "families").glob("*/__init__.py")}
+SIDEWAYS = {("lipschitz", "incremental")}  # folders of families, of which the first may import the second
+NO_FAMILY = {  # a word that names a family and something else too, and where it is something else
+    "lipschitz": {
+        "nonlinearities/": "the type, the constant",
+        "constants.py": "the constant",
+        "spec.py": "the constant",
+        "cli.py": "the command",
+        "work.py": "the command",
+        "__init__.py": "the command",
+        "tables/": "the constant",
+        "plot/": "the constant",
+    },
+}
+OWN = ("Request", "Outcome", "Claim", "Certificate", "Guarantee")  # what only its family looks into
+LONGEST_MODULE, LONGEST_FUNCTION = 350, 60  # lines
 
 WALLS = {  # vendor: the only files that may import it
     "clarabel": {"lmi/solvers.py"},
@@ -112,6 +131,86 @@ def problems(source, path):
             reraised = any(isinstance(n, ast.Raise) and n.exc is None for n in ast.walk(node))
             if caught & {"everything", "Exception", "BaseException"} and not reraised:
                 yield f"{path}:{node.lineno}: catches {' '.join(caught)}"
+
+
+def family_problems(source, path):
+    """Where a module at a path within the package knows a family that is not its own."""
+    parts = Path(path).parts
+    home = parts[1] if parts[0] == "families" and len(parts) > 2 else None
+    tree = ast.parse(source)
+    for module, line, _ in imported(tree):
+        other = re.match(r"obsdesign\.families\.(\w+)", module)
+        stray = other and other[1] in FOLDERS and other[1] != home and (home, other[1]) not in SIDEWAYS
+        if stray and path != "families/__init__.py":
+            yield f"{path}:{line}: imports {module}"
+    if parts[0] == "families":
+        return
+    for word in (name for name in FAMILIES if not re.fullmatch(r"\w\d", name)):
+        known = any(path.startswith(place) for place in NO_FAMILY.get(word, ()))
+        if not known and (found := re.search(rf"(?<![a-z]){word}(?![a-z])", source)):
+            yield f"{path}:{source.count(chr(10), 0, found.start()) + 1}: names the family {word}"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":
+            asked = {name for name in names(node.args[1]) if name.endswith(OWN)}
+            if asked:
+                yield f"{path}:{node.lineno}: asks whether something is a {', '.join(asked)}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_a_module_knows_no_family_but_its_own(path):
+    assert list(family_problems(path.read_text(), path.relative_to(ROOT).as_posix())) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("simulate/run.py", "from obsdesign.families.incremental.linf import Linf"),
+        ("families/sporadic/design.py", "from obsdesign.families.lipschitz.claim import Claim"),
+        ("families/incremental/design.py", "from obsdesign.families.lipschitz.claim import Claim"),
+        ("families/outcome.py", "from obsdesign.families.lipschitz.claim import Claim"),
+        ("simulate/run.py", "x = 'linf'"),
+        ("plot/run.py", "# for a sporadic observer"),
+        ("simulate/run.py", "lipschitz = 1"),
+        ("design.py", "isinstance(x, SporadicRequest)"),
+        ("plot/run.py", "isinstance(x, (int, Outcome))"),
+    ],
+)
+def test_a_module_that_knows_another_family_is_found(path, source):
+    assert list(family_problems(source, path))
+
+
+def test_no_import_leads_back_to_where_it_began():
+    own = {name: list(imports_of(name)) for name in MODULES}
+    done = set()
+
+    def visit(name, trail):
+        assert name not in trail, " imports ".join((*trail[trail.index(name) :], name))
+        if name not in done:
+            for other in own[name]:
+                visit(other, (*trail, name))
+            done.add(name)
+
+    for name in MODULES:
+        visit(name, ())
+
+
+def imports_of(name):
+    """Modules of the package that a module imports when it is imported itself."""
+    for node in ast.parse(MODULES[name].read_text()).body:
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("obsdesign."):
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            modules = [module for module in inner if module in MODULES]
+            yield from modules
+            if len(modules) < len(inner):
+                yield node.module
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_a_module_and_its_functions_can_be_read_in_one_go(path):
+    source = path.read_text()
+    functions = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.FunctionDef)]
+    long = [n.name for n in functions if n.end_lineno - n.lineno + 1 > LONGEST_FUNCTION]
+    assert (source.count("\n") <= LONGEST_MODULE, long) == (True, [])
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))

@@ -1,4 +1,4 @@
-"""Observers of plants with incremental multipliers: what the families l2 and linf share.
+"""Observers that are copies of their plant with two corrections, for plants with incremental multipliers.
 
 The observer of the plant (10) of Corless and Chakrabarty (2019) is a copy of it with two correction terms,
 
