@@ -1,8 +1,12 @@
 """What README says of adding to it, done: registered and nothing else changed."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from flint import fmpq
+from support.commands import files, run
 from support.luenberger.request import LuenbergerRequest
 from support.wrong_specs import problem_of
 
@@ -110,3 +114,45 @@ def test_what_is_wrong_with_its_section_is_answered_like_any_other(text, name, w
     problem = problem_of(asked(text))
     assert problem.key == f"observer.{name}"
     assert words in problem.message
+
+
+LINEAR = """\
+obsdesign: 1
+name: Cart
+system: {A: [[0, 1], [-2, -1]], B: [[0], [1]], C: [1, 0]}
+nonlinearities:
+  - {type: sin, Bf: [0, 0.1], Cq: [1, 0]}
+observer: {type: luenberger, poles: POLES}
+simulation: {horizon: 5, x0: [1, 0], w: ["exp(-t)"]}
+"""
+
+
+@pytest.mark.usefixtures("_a_family")
+def test_a_family_is_solved_verified_and_simulated_by_the_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("cart.yaml").write_text(LINEAR.replace("POLES", "-3"))
+    solved = run("solve", "cart.yaml", "--simulate")
+    assert solved.exit_code == 0, solved.output
+    assert "decay rate" in solved.stdout
+    assert "VIOLATED" not in solved.stdout
+    assert solved.stdout.count("holds: ") == 4
+    assert files() == ["cart.gains.json", "cart.run.csv", "cart.run.png", "cart.yaml"]
+    assert Path("cart.run.csv").read_text().startswith("t,x1,x2,hat_x1,hat_x2,")
+    assert run("check", "cart.yaml").exit_code == 0
+    assert run("verify", "cart.gains.json").exit_code == 0
+    content = json.loads(Path("cart.gains.json").read_text())
+    content["guarantee"]["gamma"] /= 2
+    Path("cart.gains.json").write_text(json.dumps(content))
+    assert run("verify", "cart.gains.json").exit_code == 4
+
+
+@pytest.mark.usefixtures("_a_family")
+def test_a_family_says_why_it_has_no_gains(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = LINEAR.replace("POLES", "-0.01").replace("Bf: [0, 0.1]", "Bf: [0, 40]")
+    Path("cart.yaml").write_text(text)
+    assert run("solve", "cart.yaml").exit_code == 3
+    assert "nothing is proved of poles at -0.01" in Path("cart.gains.json").read_text()
+    refused = run("verify", "cart.gains.json")
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+    assert "holds no certificate" in refused.stderr
