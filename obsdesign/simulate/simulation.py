@@ -30,7 +30,7 @@ def run(
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
-    """Simulate the plant of a spec with an observer.
+    """Simulate the plant of a spec with an observer, up to the horizon, or to an escape or a stall.
 
     Parameters
     ----------
@@ -44,11 +44,6 @@ def run(
         How measurements reach an observer that jumps at each; None: as the spec says.
     progress
         Called now and then with the fraction that is done.
-
-    Returns
-    -------
-    Run
-        Up to the horizon, or to an escape or a stall.
 
     Raises
     ------

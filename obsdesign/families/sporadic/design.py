@@ -16,12 +16,13 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.families.reasons import hidden_mode
 from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import Gains, Setting, prove
 from obsdesign.families.sporadic.given_gains import SHORTER, longest_proof, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
+from obsdesign.families.sporadic.pareto import curve, farthest, interval, searched
 from obsdesign.families.sporadic.reasons import hiding_interval, too_long, useless
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.scheme import Scheme, schemes
@@ -257,14 +258,8 @@ class Designer:
             raise UsageError("observer.objective: pareto needs a range of T2 or of decay; give {min: .., max: ..}")
         curves, made = [], []
         for study in self.studies:
-            points = self.curve(study)
-            curves.append(
-                {
-                    "injection": study.scheme.injection,
-                    "relaxation": study.scheme.relaxation,
-                    "points": [point for point, _ in points],
-                }
-            )
+            points = curve(study, T2, decay)
+            curves.append({**study.scheme.names, "points": [point for point, _ in points]})
             made += [(study, point, m) for point, m in points if m.status == "certified"]
         if not made:
             return replace(
@@ -272,32 +267,9 @@ class Designer:
             )
         return replace(self.farthest_point(made), search=searched(curves))
 
-    def curve(self, study: Study) -> list[tuple[Point, Made]]:
-        """Points of one scheme over the range; above an infeasible one there is none."""
-        both = isinstance(self.request.T2, Range) and isinstance(self.request.decay, Range)
-        scanned = self.decay if isinstance(self.request.decay, Range) else self.T2
-        grid = [printed(value) for value in scanned.grid()]
-        points: list[tuple[Point, Made]] = []
-        lost = False
-        for i, value in enumerate(grid):
-            self.engine.report(0.9 * i / len(grid), f"{study.scheme.injection}, {study.scheme.relaxation}")
-            name = "decay" if scanned is self.decay else "T2"
-            if lost:
-                points.append(({name: float(value), "status": "infeasible"}, Made()))
-            elif both:
-                points.append(study.longest_point(value, self.T2))
-            elif name == "T2":
-                points.append(study.point(name, value, value, printed(self.decay.low)))
-            else:
-                points.append(study.point(name, value, printed(self.T2.low), value))
-            lost = lost or points[-1][0]["status"] == "infeasible"
-        return points
-
     def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> Outcome:
         """Design for the farthest point with a gamma within the slack of the least."""
-        least = min(m.gamma for _, _, m in made) * (1 + float(self.request.slack))
-        near = [(study, point, m) for study, point, m in made if m.gamma <= least]
-        study, _, m = max(near, key=lambda item: item[1]["T2"] if "T2" in item[1] else item[1]["decay"])
+        study, m = farthest(made, self.request.slack)
         assert m.certificate
         T2, decay = m.certificate.T2, m.certificate.family.decay
         self.notes.append(
@@ -338,17 +310,6 @@ class Designer:
             Claim(certificate, longest_proof(self.setting, gains, most or 0.0, decay)),
             limit={**limit, "attained": False},
         )
-
-
-def searched(curves: Sequence[dict[str, Any]]) -> Search:
-    """Curves of a search over T2 or over the decay."""
-    points = curves[0]["points"]
-    return Search("decay" if "decay" in points[0] else "T2", tuple(points), curves=tuple(curves))
-
-
-def interval(value: fmpq | Range) -> Range:
-    """Number as a range of itself."""
-    return value if isinstance(value, Range) else Range(value, value)
 
 
 def in_doubles(gains: Gains | None) -> dict[str, Array]:

@@ -20,6 +20,11 @@ class Scheme:
     gains: Form
     printed: Form  # what Table I counts
 
+    @property
+    def names(self) -> dict[str, str]:
+        """What tells it from other curves."""
+        return {"injection": self.injection, "relaxation": self.relaxation}
+
     def counts(self, family: Sporadic) -> dict[str, int]:
         """Scalar unknowns of the printed inequalities, and of those that the limit takes."""
         return {"printed": self.printed(family).scalars, "solved": self.limit(family).scalars}
