@@ -48,24 +48,12 @@ class Solver:
 
 @dataclass(frozen=True)
 class Design:
-    """Gains for the plant of a spec with what is proved of them, or why there are none.
+    """Gains for the plant of a spec with what is proved of them, or why there are none."""
 
-    Attributes
-    ----------
-    spec
-        The problem.
-    outcome
-        What came of it: status, gains, claim, limits, search, diagnosis.
-    solver
-        None of a design that was read from a file.
-    recorded
-        The file that it was read from.
-    """
-
-    spec: Spec
-    outcome: Outcome
-    solver: Solver | None = None
-    recorded: Mapping[str, Any] | None = None
+    spec: Spec  # the problem
+    outcome: Outcome  # what came of it: status, gains, claim, limits, search, diagnosis
+    solver: Solver | None = None  # None of a design that was read from a file
+    recorded: Mapping[str, Any] | None = None  # the file that it was read from
 
     @property
     def status(self) -> Verdict:
@@ -202,13 +190,7 @@ class Design:
 
 
 def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
-    """Design of a result file; a claim of one that says it is certified is proved anew.
-
-    Raises
-    ------
-    UsageError
-        The file is malformed, has no gains, or belongs to another spec.
-    """
+    """Design of a result file; a claim of one that says it is certified is proved anew. See `work.read`."""
     spec = spec_of(file, spec)
     family, status = FAMILIES[spec.observer.type], file.at("status")
     if status == Verdict.INFEASIBLE:
@@ -220,13 +202,7 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
 
 
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
-    """Spec that travels in a file, which must be the one that is given, if one is.
-
-    Raises
-    ------
-    UsageError
-        The file belongs to another spec, or its spec was altered or is not valid.
-    """
+    """Spec that travels in a file, unaltered, which must be the one that is given, if one is."""
     text = file.spec_text()
     if spec is None:
         return loads(text, f"{file.path} (spec.text)")
@@ -236,13 +212,7 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
 
 
 def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
-    """Prove the claim of a result file: its guarantee, or that there is no solution.
-
-    Raises
-    ------
-    UsageError
-        The file claims nothing that can be proved, is malformed, or belongs to another spec.
-    """
+    """Prove the claim of a result file: its guarantee, or that there is no solution. See `work.verify`."""
     spec = spec_of(file, spec)
     family, status = FAMILIES[spec.observer.type], file.at("status")
     if status == Verdict.INFEASIBLE:

@@ -15,22 +15,10 @@ from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding
 from obsdesign.families.outcome import Proof
 from obsdesign.files import ResultFile
-from obsdesign.reading import load as load_file
-from obsdesign.reading import loads
+from obsdesign.reading import load
 from obsdesign.spec import Spec
 
 __all__ = ["check", "lipschitz", "load", "read", "solve", "verify"]
-
-
-def load(source: str | os.PathLike[str]) -> Spec:
-    """Read a spec from a file, or from its text, which has more than one line.
-
-    Raises
-    ------
-    UsageError
-        One problem for everything that is wrong, with file, line, column and key.
-    """
-    return loads(source) if isinstance(source, str) and "\n" in source else load_file(source)
 
 
 def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:

@@ -34,26 +34,13 @@ class Family:
     table.py      `proved`, `figures`
 
     A module is imported when it is first needed, so that a proof imports no solver.
-
-    Attributes
-    ----------
-    names
-        Values of `observer.type`.
-    folder
-        Module path of the folder.
-    unstructured
-        Whether f acts on every state through every state, unless Bf and Cq are given.
-    sampled
-        Whether y is known at instants only, and `simulation:` may say at which.
-    refutes
-        Whether a file may hold a dual certificate that there is no solution.
     """
 
-    names: tuple[str, ...]
-    folder: str
-    unstructured: bool = False
-    sampled: bool = False
-    refutes: bool = False
+    names: tuple[str, ...]  # values of `observer.type`
+    folder: str  # its module path
+    unstructured: bool = False  # f acts on every state through every state, unless Bf and Cq are given
+    sampled: bool = False  # y is known at instants only, and `simulation:` may say at which
+    refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
     def part(self, name: str) -> Any:
         """Module of the folder."""
@@ -68,13 +55,7 @@ class Family:
     def nonlinearities(
         self, reader: "Reader", plant: "Sequence[Nonlinearity | None]", model: "Sequence[Nonlinearity | None]"
     ) -> "tuple[Nonlinearity, ...]":
-        """Blocks of f as the family takes them; a block that is None was refused already.
-
-        Parameters
-        ----------
-        plant, model
-            Those of the plant and of the disturbance model.
-        """
+        """Blocks of f, of the plant and of the disturbance model, as the family takes them; None: refused already."""
         if not self.unstructured:
             return tuple(block for block in (*plant, *model) if block is not None)
         blocks: tuple[Nonlinearity, ...] = self.part("request").nonlinearities(reader, plant, model)
@@ -83,12 +64,7 @@ class Family:
     def request(self, reader: "Reader", section: Any, problem: "Estimation") -> "Request":
         """What a spec asks for, in its numbers; what the family cannot take is noted in the reader.
 
-        Parameters
-        ----------
-        section
-            Of the type `Section`.
-        problem
-            The plant and what of its error must be small, as far as they were read.
+        The section is of the type `Section`; the problem is known as far as it was read.
         """
         asked: Request = self.part("request").request(reader, section, problem)
         return asked

@@ -108,8 +108,7 @@ def parts(multiplier: Multiplier) -> tuple[list[Array], list[Array]]:
 
 def indices(sizes: Sequence[int]) -> list[Array]:
     """Positions of consecutive parts of a vector."""
-    ends = np.cumsum([0, *sizes])
-    return [np.arange(ends[i], ends[i + 1]) for i in range(len(sizes))]
+    return np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
 
 
 def inside(positions: Sequence[Array], group: Sequence[int]) -> Array:

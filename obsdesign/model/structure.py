@@ -135,27 +135,16 @@ def decay_limit(plant: Plant[Float], K: Array) -> float:
 
 
 @dataclass(frozen=True)
-class RankTest:
-    """Rank of [A - lambda I, B; C, D] at one eigenvalue of Am."""
+class Condition:
+    """One condition of what a lemma or a theorem needs, in words and numbers."""
 
-    eigenvalue: complex
-    rank: int
-    columns: int
-
-    @property
-    def holds(self) -> bool:
-        """Whether the matrix has full column rank."""
-        return self.rank == self.columns
-
-    @property
-    def sentence(self) -> str:
-        """Test in words."""
-        verdict = "holds" if self.holds else "fails"
-        rank = f"[A - lambda I, B; C, D] has rank {self.rank} of {self.columns}"
-        return f"Condition 1 {verdict} at lambda = {text(self.eigenvalue)}: {rank}"
+    name: str
+    holds: bool
+    sentence: str
+    numbers: dict[str, Any]
 
 
-def condition1(plant: Plant[Float], Am: Array) -> tuple[RankTest, ...]:
+def condition1(plant: Plant[Float], Am: Array) -> tuple[Condition, ...]:
     """Condition 1 at each eigenvalue of Am with Re lambda >= 0; a complex one stands for its conjugate.
 
     With (A, C) and (Am, Cm) detectable it is sufficient for the augmented plant to be detectable (Lemma 3),
@@ -166,11 +155,14 @@ def condition1(plant: Plant[Float], Am: Array) -> tuple[RankTest, ...]:
     """
     scaling = scaled(System(plant.A, plant.B, plant.C, plant.D))
     columns = plant.n + plant.B.shape[1]
-    return tuple(
-        RankTest(value, split(scaling.system.pencil(value / scaling.rate))[1].shape[1], columns)
-        for value, _ in spectrum(Am, float(np.linalg.norm(Am)))
-        if value.real >= 0 and value.imag >= 0
-    )
+    found = []
+    for value, _ in spectrum(Am, float(np.linalg.norm(Am))):
+        if value.real >= 0 and value.imag >= 0:
+            rank = split(scaling.system.pencil(value / scaling.rate))[1].shape[1]
+            said = f"Condition 1 {'holds' if rank == columns else 'fails'} at lambda = {text(value)}"
+            sentence = f"{said}: [A - lambda I, B; C, D] has rank {rank} of {columns}"
+            found.append(Condition("condition 1", rank == columns, sentence, {"eigenvalue": [value.real, value.imag]}))
+    return tuple(found)
 
 
 def stiff_modes(plant: Plant[Float], q: Array, f: Array) -> tuple[Mode, ...]:
@@ -189,16 +181,6 @@ def stiff_modes(plant: Plant[Float], q: Array, f: Array) -> tuple[Mode, ...]:
         np.vstack([plant.Dqf[np.ix_(q, f)], plant.Df[:, f]]),
     )
     return nulled_modes(zero, plant.states)
-
-
-@dataclass(frozen=True)
-class Condition:
-    """One condition of what a theorem needs, in words and numbers."""
-
-    name: str
-    holds: bool
-    sentence: str
-    numbers: dict[str, Any]
 
 
 def accuracy(plant: Plant[Float], L2: Array | None, model: Generator) -> tuple[Condition, ...]:

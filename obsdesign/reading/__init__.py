@@ -27,15 +27,17 @@ __all__ = [
 ]
 
 
-def load(path: str | os.PathLike[str]) -> Spec:
-    """Read a spec from a file.
+def load(source: str | os.PathLike[str]) -> Spec:
+    """Read a spec from a file, or from its text, which has more than one line.
 
     Raises
     ------
     UsageError
         One problem for everything that is wrong, with file, line, column and key.
     """
-    path = os.fspath(path)
+    path = os.fspath(source)
+    if "\n" in path:
+        return loads(path)
     try:
         path.encode()
     except UnicodeEncodeError:

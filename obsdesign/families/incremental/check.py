@@ -25,7 +25,7 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     findings = detectability(augmented, K, float(alpha.low if isinstance(alpha, Range) else alpha), "alpha")
     nf = plant.Bf.shape[1]
     findings += [
-        finding("condition 1", test.holds, test.sentence, eigenvalue=complex_pair(test.eigenvalue))
+        finding(test.name, test.holds, test.sentence, **test.numbers)
         for test in condition1(plant, in_floats(spec.generator.Am))
     ]
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):

@@ -7,19 +7,7 @@ from typing import ClassVar, Literal, get_args
 from flint import fmpq, fmpq_mat
 
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range
-from obsdesign.families.asked import (
-    LARGEST_GAIN,
-    SEARCHED,
-    Estimation,
-    Frobenius,
-    Interval,
-    ObserverSection,
-    read_bound,
-    read_gains,
-    read_largest_gain,
-    read_range,
-    read_slack,
-)
+from obsdesign.families import asked
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
@@ -40,7 +28,7 @@ class Level(Section):
 class LargestValues(Section):
     """What a design may use at most."""
 
-    L1: str | Frobenius | None = key(LARGEST_GAIN, "spectral norm of the gain")
+    L1: str | asked.Frobenius | None = key(asked.LARGEST_GAIN, "spectral norm of the gain")
     P: str | None = key(ENTRY, "P <= p I")
     gamma: str | None = key(ENTRY)
 
@@ -52,11 +40,11 @@ class Gains(Section):
     L2: Entries | None = key(MATRIX)
 
 
-class Observer(ObserverSection):
+class Observer(asked.ObserverSection):
     """What is asked of the design of an observer with the gains L1 and L2."""
 
     L2: Entries | None = key(MATRIX, "nq x ny, rows follow q, the plant's blocks first; or `free`")
-    alpha: str | Interval | None = key(SEARCHED, "decay rate")
+    alpha: str | asked.Interval | None = key(asked.SEARCHED, "decay rate")
     objective: Objective | Level = key(
         Either("an objective, or {gamma: a number}", OneOf("objective", get_args(Objective)), mapping=Level),
         default="min-gamma",
@@ -101,7 +89,7 @@ class Request:
         )
 
 
-def request(reader: Reader, section: Observer, problem: Estimation) -> Request:
+def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Request:
     """Return the request, held against what the family knows."""
     objective = "gamma" if isinstance(section.objective, Level) else section.objective
     gamma = None
@@ -116,9 +104,9 @@ def request(reader: Reader, section: Observer, problem: Estimation) -> Request:
         alpha=read_alpha(reader, section),
         objective=objective,
         gamma=gamma,
-        slack=read_slack(reader, section.slack),
+        slack=asked.read_slack(reader, section.slack),
         bounds=read_bounds(reader, section.bounds),
-        gains=read_gains(
+        gains=asked.read_gains(
             reader, section.gains, {"L1": (problem.states, problem.outputs), "L2": (problem.q, problem.outputs)}
         ),
         reconstruct=section.reconstruct is not None,
@@ -128,7 +116,7 @@ def request(reader: Reader, section: Observer, problem: Estimation) -> Request:
     return request
 
 
-def require_reconstructible(reader: Reader, request: Request, problem: Estimation) -> None:
+def require_reconstructible(reader: Reader, request: Request, problem: asked.Estimation) -> None:
     """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
     loc: Loc = ("observer", "reconstruct")
     if request.type != "linf":
@@ -153,8 +141,8 @@ def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
             f"observer.alpha is not given and is searched from {float(ALPHA.low):g} to {float(ALPHA.high):g}"
         )
         return ALPHA
-    if isinstance(section.alpha, Interval):
-        return read_range(reader, section.alpha, loc)
+    if isinstance(section.alpha, asked.Interval):
+        return asked.read_range(reader, section.alpha, loc)
     if section.objective in RANGED:
         reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
     return reader.number(section.alpha, loc, "> 0")
@@ -164,8 +152,9 @@ def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
     """Largest gain, storage function and level."""
     if section is None:
         return Bounds()
-    gain, norm = read_largest_gain(reader, section.L1, "L1")
-    return Bounds(gain, norm, read_bound(reader, section.P, "P"), read_bound(reader, section.gamma, "gamma"))
+    gain, norm = asked.read_largest_gain(reader, section.L1, "L1")
+    P, gamma = (asked.read_bound(reader, getattr(section, name), name) for name in ("P", "gamma"))
+    return Bounds(gain, norm, P, gamma)
 
 
 def request_of(spec: Spec) -> Request:

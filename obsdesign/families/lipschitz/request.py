@@ -8,20 +8,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range
-from obsdesign.families.asked import (
-    LARGEST_GAIN,
-    SEARCHED,
-    Estimation,
-    Frobenius,
-    Interval,
-    ObserverSection,
-    read_bound,
-    read_gains,
-    read_largest_gain,
-    read_searched,
-    read_slack,
-    refuse_conflicts,
-)
+from obsdesign.families import asked
 from obsdesign.lmi.formula import Array, identity
 from obsdesign.model.disturbance import augment
 from obsdesign.nonlinearities import combine
@@ -49,7 +36,7 @@ class Least(Section):
 class LipschitzBounds(Section):
     """What a design may use."""
 
-    L: str | Frobenius | None = key(LARGEST_GAIN, "spectral norm of the gain at most")
+    L: str | asked.Frobenius | None = key(asked.LARGEST_GAIN, "spectral norm of the gain at most")
     P: Least | None = key(Least, "P >= min I, which keeps the gain finite")
     gamma: str | None = key(ENTRY)
 
@@ -60,7 +47,7 @@ class LipschitzGains(Section):
     L: Entries = required(MATRIX)
 
 
-class LipschitzObserver(ObserverSection):
+class LipschitzObserver(asked.ObserverSection):
     """What is asked of an observer of a Lipschitz system, xhat' = A xhat + Bf f(Cq xhat) + L (y - yhat)."""
 
     hints: ClassVar[Mapping[str, str]] = {"alpha": "is called decay in type lipschitz"}
@@ -71,10 +58,10 @@ class LipschitzObserver(ObserverSection):
         default="s-procedure",
     )
     objective: LipschitzObjective = key(OneOf("objective", get_args(LipschitzObjective)), default="max-lipschitz")
-    weight: str | Interval | None = key(
-        SEARCHED, "in [0, 1], for pareto: minimize weight / lipschitz + (1 - weight) gamma^2"
+    weight: str | asked.Interval | None = key(
+        asked.SEARCHED, "in [0, 1], for pareto: minimize weight / lipschitz + (1 - weight) gamma^2"
     )
-    decay: str | Interval | None = key(SEARCHED, "1/s; default 0; a range for pareto only")
+    decay: str | asked.Interval | None = key(asked.SEARCHED, "1/s; default 0; a range for pareto only")
     slack: str | None = key(ENTRY, "relative, default 0.05")
     bounds: LipschitzBounds | None = key(LipschitzBounds)
     gains: LipschitzGains | None = key(LipschitzGains)
@@ -115,9 +102,9 @@ class LipschitzRequest:
                 yield (name,), "compare takes a number, not a range; choose one relaxation for a curve"
 
 
-def request(reader: Reader, section: LipschitzObserver, problem: Estimation) -> LipschitzRequest:
+def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimation) -> LipschitzRequest:
     """Return the request, held against what the family knows."""
-    decay = read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
+    decay = asked.read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
     if isinstance(decay, Range) and section.objective != "pareto":
         reader.wrong(("observer", "decay"), f"objective {section.objective} needs a number; a range is for pareto")
     request = LipschitzRequest(
@@ -127,12 +114,12 @@ def request(reader: Reader, section: LipschitzObserver, problem: Estimation) -> 
         objective=section.objective,
         weight=read_weight(reader, section),
         decay=decay,
-        slack=read_slack(reader, section.slack),
+        slack=asked.read_slack(reader, section.slack),
         bounds=read_bounds(reader, section.bounds),
-        gains=read_gains(reader, section.gains, {"L": (problem.states, problem.outputs)}),
+        gains=asked.read_gains(reader, section.gains, {"L": (problem.states, problem.outputs)}),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
     )
-    refuse_conflicts(reader, request)
+    asked.refuse_conflicts(reader, request)
     require_lipschitz(reader, request, problem)
     return request
 
@@ -146,8 +133,8 @@ def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | No
         return None
     if section.objective != "pareto":
         reader.wrong(loc, f"belongs to objective pareto, not to {section.objective}", at_key=True)
-    weight = read_searched(reader, section.weight, loc, ">= 0", ">= 0")
-    place = (*loc, "max") if isinstance(section.weight, Interval) else loc
+    weight = asked.read_searched(reader, section.weight, loc, ">= 0", ">= 0")
+    place = (*loc, "max") if isinstance(section.weight, asked.Interval) else loc
     largest = weight.high if isinstance(weight, Range) else weight
     if largest > 1:
         reader.wrong(place, f"{float(largest):g} is above 1; a weight is in [0, 1]")
@@ -158,9 +145,9 @@ def read_bounds(reader: Reader, section: LipschitzBounds | None) -> Bounds:
     """Largest gain and level, and least storage function."""
     if section is None:
         return Bounds()
-    gain, norm = read_largest_gain(reader, section.L, "L")
-    least = read_bound(reader, section.P.min, "P", "min") if section.P else None
-    return Bounds(gain, norm, gamma=read_bound(reader, section.gamma, "gamma"), floor=least)
+    gain, norm = asked.read_largest_gain(reader, section.L, "L")
+    least = asked.read_bound(reader, section.P.min, "P", "min") if section.P else None
+    return Bounds(gain, norm, gamma=asked.read_bound(reader, section.gamma, "gamma"), floor=least)
 
 
 def nonlinearities(
@@ -192,7 +179,7 @@ def read_as_lipschitz(reader: Reader, block: Nonlinearity, place: Loc) -> Nonlin
     return replace(block, multiplier=combine(lipschitz(k, *size) for k, size in zip(constants, sizes, strict=True)))
 
 
-def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: Estimation) -> None:
+def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: asked.Estimation) -> None:
     """Refuse what the family does not know: no f, f of f or of w, f in y, no z, and an objective about no w."""
     plant, generator, H = problem.plant, problem.generator, problem.H
     if plant is None or generator is None:

@@ -7,17 +7,7 @@ from typing import ClassVar, Literal, get_args
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Range
-from obsdesign.families.asked import (
-    SEARCHED,
-    Estimation,
-    Interval,
-    ObserverSection,
-    read_bound,
-    read_gains,
-    read_searched,
-    read_slack,
-    refuse_conflicts,
-)
+from obsdesign.families import asked
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
@@ -59,12 +49,12 @@ def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
     return Either(f"one of {', '.join(words)}, or a list of them", word, ListOf(word))
 
 
-class SporadicObserver(ObserverSection):
+class SporadicObserver(asked.ObserverSection):
     """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
 
     T1: str = required(ENTRY, "s, shortest interval between measurements")
-    T2: str | Interval = required(SEARCHED, "s, longest interval between measurements")
-    decay: str | Interval | None = key(SEARCHED, "lambda_t, 1/s; default 0")
+    T2: str | asked.Interval = required(asked.SEARCHED, "s, longest interval between measurements")
+    decay: str | asked.Interval | None = key(asked.SEARCHED, "lambda_t, 1/s; default 0")
     injection: str | list[str] | None = key(
         one_or_several("injection", tuple(INJECTIONS)),
         "dynamic (H free, default), predictor (H = -C L) or hold (H = 0)",
@@ -72,7 +62,7 @@ class SporadicObserver(ObserverSection):
     relaxation: str | list[str] | None = key(
         one_or_several("relaxation", RELAXATIONS), "default: the tightest for the injection"
     )
-    delta: str | Interval | None = key(SEARCHED, "1/s, free exponent of the storage function")
+    delta: str | asked.Interval | None = key(asked.SEARCHED, "1/s, free exponent of the storage function")
     objective: SporadicObjective = key(OneOf("objective", get_args(SporadicObjective)), default="min-gamma")
     slack: str | None = key(ENTRY, "relative, default 0.05")
     bounds: SporadicBounds | None = key(SporadicBounds)
@@ -118,13 +108,13 @@ class SporadicRequest:
                 yield ("injection",), f"{name} has none of the relaxations that are listed; {known}"
 
 
-def request(reader: Reader, section: SporadicObserver, problem: Estimation) -> SporadicRequest:
+def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> SporadicRequest:
     """Return the request, held against what the family knows."""
     loc: Loc = ("observer",)
     require_sampled(reader, problem)
     T1 = reader.number(section.T1, (*loc, "T1"), "> 0")
-    T2 = read_searched(reader, section.T2, (*loc, "T2"), "> 0")
-    decay = read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
+    T2 = asked.read_searched(reader, section.T2, (*loc, "T2"), "> 0")
+    decay = asked.read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
     require_ordered(reader, T1, T2)
     relaxations = listed(section.relaxation)
     require_ranges(reader, section, T2, decay)
@@ -138,16 +128,16 @@ def request(reader: Reader, section: SporadicObserver, problem: Estimation) -> S
         injections=listed(section.injection) or fitting(relaxations),
         relaxations=relaxations,
         objective=section.objective,
-        slack=read_slack(reader, section.slack),
-        largest_gain=read_bound(reader, section.bounds.L if section.bounds else None, "L"),
-        largest_gamma=read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
-        gains=read_gains(reader, section.gains, {"L": (states, outputs), "H": (outputs, outputs)}),
+        slack=asked.read_slack(reader, section.slack),
+        largest_gain=asked.read_bound(reader, section.bounds.L if section.bounds else None, "L"),
+        largest_gamma=asked.read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
+        gains=asked.read_gains(reader, section.gains, {"L": (states, outputs), "H": (outputs, outputs)}),
     )
-    refuse_conflicts(reader, request)
+    asked.refuse_conflicts(reader, request)
     return request
 
 
-def require_sampled(reader: Reader, problem: Estimation) -> None:
+def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
     """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
     if problem.generator is not None and len(problem.generator.Am):
         reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out")
@@ -196,7 +186,7 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
     loc: Loc = ("observer", "delta")
     if section.delta is None:
         return DELTA
-    delta = read_searched(reader, section.delta, loc, "> 0")
+    delta = asked.read_searched(reader, section.delta, loc, "> 0")
     low, high = ends(delta)
     least = 2 * ends(decay)[0]
     bound = [name for name in relaxations if name in ABOVE_DECAY] or (
