@@ -14,7 +14,9 @@ import numpy as np
 
 Function = Callable[[float], float]
 SHARP = 5e-3  # relative width to which a minimum is found; its value is then good to about 1e-6
-WIDTH = 1.25  # ratio of the ends of a first bracket to the guess in it
+WIDTH = 1.35  # ratio of the ends of a first bracket to the guess in it
+FEW = 4  # values in it: Brent's method has its parabola then, and its value is good to about 1e-5
+MOST = 100  # .. elsewhere
 FAR = 1e3  # what stands for infinity, relative to the finite values
 
 
@@ -28,6 +30,7 @@ class Minimum:
     sharp: float = SHARP
     digits: int = 6  # of a point
     values: dict[float, float] = field(default_factory=dict)
+    width: float = WIDTH
 
     def at(self, x: float) -> float:
         """Value at a point, which is rounded and kept inside."""
@@ -42,38 +45,40 @@ class Minimum:
         return min(self.values.items(), key=lambda pair: pair[1])
 
     def everywhere(self, points: int) -> tuple[float, float]:
-        """Search by a grid, denser towards zero, and about its best point."""
+        """Search by a grid, denser towards zero, and about its best point if that is better than what was known."""
+        known = self.best if self.values else None
         for x in np.geomspace(self.low, self.high, points) if self.low < self.high else [self.low]:
             self.at(float(x))
-        return self.around()
+        return self.best if self.best == known else self.around()
 
     def around(self) -> tuple[float, float]:
         """Search between the neighbors of the best point."""
         best, value = self.best
-        below = max((x for x in self.values if x < best), default=best)
-        above = min((x for x in self.values if x > best), default=best)
-        return self.best if math.isinf(value) else self.between(below, above)
+        return self.best if math.isinf(value) else self.between(*self.neighbors(best))
 
     def near(self, guess: float) -> tuple[float, float]:
         """Search about a guess at the minimum of a function with one valley, moving on as long as it falls."""
         best = min(max(guess, self.low), self.high)
-        reach = WIDTH if self.low < best < self.high else WIDTH**4
-        low, high = best / reach, best * reach
+        reach = self.width if self.low < best < self.high else self.width**4
+        below, above, moved = best / reach, best * reach, False
         while True:
-            last = best
-            best, value = self.between(max(low, self.low), min(high, self.high))
-            reach *= reach
-            if best == last or math.isinf(value):
+            tried = len(self.values)
+            best, value = self.between(max(below, self.low), min(above, self.high), FEW)
+            below, above = self.neighbors(best)
+            if math.isinf(value) or len(self.values) == tried:
                 return self.best
-            if self.low < best <= low * (1 + 2 * self.sharp):
-                low, high = best / reach, best * (1 + self.sharp)
-            elif self.high > best >= high / (1 + 2 * self.sharp):
-                low, high = best / (1 + self.sharp), best * reach
-            else:
-                return self.best
+            if below < best < above or best in {self.low, self.high}:
+                settled = not moved and max(self.values[below], self.values[above]) < math.inf
+                return self.best if settled else self.around()
+            below, above = (best / reach, above) if below == best else (below, best * reach)
+            reach, moved = reach * reach, True
 
-    def between(self, low: float, high: float) -> tuple[float, float]:
-        """Search a part by the method of Brent; an end of the whole interval is tried before."""
+    def neighbors(self, x: float) -> tuple[float, float]:
+        """Closest points on both sides that were tried, or the point itself."""
+        return max((y for y in self.values if y < x), default=x), min((y for y in self.values if y > x), default=x)
+
+    def between(self, low: float, high: float, most: int = MOST) -> tuple[float, float]:
+        """Search a part by the method of Brent, by so many values; an end of the whole interval is tried before."""
         from scipy.optimize import minimize_scalar
 
         step = 1 + self.sharp
@@ -86,7 +91,7 @@ class Minimum:
                 lambda u: min(self.at(math.exp(u)), largest),
                 bounds=(math.log(low), math.log(high)),
                 method="bounded",
-                options={"xatol": self.sharp},
+                options={"xatol": self.sharp, "maxiter": most},
             )
         elif not self.values:
             self.at(low)

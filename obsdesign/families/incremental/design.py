@@ -243,7 +243,7 @@ class Designer:
             )
         if self.family.about.monotone:
             return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
-        return f"alpha = {alpha:g} has the least gamma of the range, by a grid and a golden section"
+        return f"alpha = {alpha:g} has the least gamma of the range, by a grid and Brent's method"
 
     def fastest(self) -> Outcome:
         """Largest alpha by bisection on feasibility; the shipped one is within the slack of it."""

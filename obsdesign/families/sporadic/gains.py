@@ -12,8 +12,9 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.decimals import round_up, significant, square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS
+from obsdesign.dissipation.scan import Minimum
 from obsdesign.families.sporadic.certificate import SporadicCertificate, certify_sporadic
-from obsdesign.families.sporadic.landscape import LARGEST, Landscape, root, solve_once
+from obsdesign.families.sporadic.landscape import LARGEST, Landscape, Optimum, root, solve_once
 from obsdesign.families.sporadic.relaxations import Given, WithGains
 from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Exact, Values, in_floats, printed, rational, rational_number
@@ -25,8 +26,9 @@ from obsdesign.model.plant import Plant
 
 CENTERINGS = 6  # of the bound on |L| about the solution, which makes it tight there
 SETTLED = 0.01  # relative change of gamma below which they end
-STRIDE = 4.0  # between bounds on |L|, until one will do and another will not
-STRIDES = 12
+STRIDE = 2.0  # between bounds on |L|, until one will do and another will not
+STRIDES = 24
+AROUND = 0.8  # logarithm of the ratio of two of them, up to which a solution is of use to the other
 NEAR = 0.03  # relative, to which the smallest such bound is found
 TINY = 1e-300
 ROUNDING = 1e-5  # of a bound on |L|, left to the rounding of the gain
@@ -71,14 +73,18 @@ class Candidate:
         return float(np.linalg.norm(self.relaxation.gains(self.values)[0], 2))
 
 
-def bounded(engine: Engine, relaxation: WithGains, kappa: float) -> Candidate | None:
-    """Least gamma with |L| <= kappa at one delta: the bound is centered about the last solution until that settles."""
-    best = solve_once(engine, relaxation, relaxation.least_gamma(relaxation.bound(kappa)))
+def bounded(engine: Engine, relaxation: WithGains, kappa: float, near: Values | None = None) -> Candidate | None:
+    """Least gamma with |L| <= kappa at one delta: the bound is centered about the last solution until that settles.
+
+    It begins about a solution nearby, or else about none.
+    """
+    best = centered(engine, relaxation, kappa, near)
+    if near is not None and not best.found:
+        best = centered(engine, relaxation, kappa)
     if not best.found:
         return None
     for _ in range(CENTERINGS):
-        problem = relaxation.least_gamma(relaxation.bound(kappa, relaxation.factor(best.values)))
-        better = solve_once(engine, relaxation, problem)
+        better = centered(engine, relaxation, kappa, best.values)
         if not better.found or better.objective > best.objective:
             break
         settled = better.objective > (1 - SETTLED) ** 2 * best.objective
@@ -88,14 +94,29 @@ def bounded(engine: Engine, relaxation: WithGains, kappa: float) -> Candidate | 
     return Candidate(relaxation.family.delta, root(best), relaxation, best.values)
 
 
+def centered(engine: Engine, relaxation: WithGains, kappa: float, about: Values | None = None) -> Optimum:
+    """Least gamma with the bound on |L| centered about a solution, by one solve."""
+    factor = None if about is None else relaxation.factor(about)
+    return solve_once(engine, relaxation, relaxation.least_gamma(relaxation.bound(kappa, factor)))
+
+
 def within(landscape: Landscape, T2: float, exponent: float | None = None) -> Candidate | None:
-    """Least gamma with |L| <= kappa, the bound of the landscape, over delta."""
-    if landscape.kappa is None:
+    """Least gamma with |L| <= kappa, the bound of the landscape, over delta: searched again with the bound centered."""
+    engine, kappa = landscape.engine, landscape.kappa
+    if kappa is None:
         return None
     delta, gamma = landscape.least_gamma(T2, exponent)
-    if math.isinf(gamma):
+    first = None if math.isinf(gamma) else bounded(engine, landscape.with_gains(delta, T2), kappa)
+    if first is None:
         return None
-    return bounded(landscape.engine, landscape.with_gains(delta, T2), landscape.kappa)
+    values = first.values
+
+    def again(delta: float) -> float:
+        return root(centered(engine, landscape.with_gains(delta, T2), kappa, values))
+
+    better, gamma = Minimum(again, *landscape.interval, values={delta: first.gamma}).near(delta)
+    second = bounded(engine, landscape.with_gains(better, T2), kappa, values) if gamma < first.gamma else None
+    return second if second and second.gamma < first.gamma else first
 
 
 def smallest_at(engine: Engine, relaxation: WithGains, goal: float, near: float) -> Candidate | None:
@@ -110,9 +131,15 @@ def smallest_at(engine: Engine, relaxation: WithGains, goal: float, near: float)
         """Logarithm of gamma / goal."""
         place = f"{kappa:.12g}"
         if place not in known:
-            known[place] = bounded(engine, relaxation, kappa)
+            known[place] = bounded(engine, relaxation, kappa, values_near(kappa))
         found = known[place]
         return math.log(max(found.gamma, TINY) / goal) if found else math.inf
+
+    def values_near(kappa: float) -> Values | None:
+        """Of the solution for the closest bound, if that is close."""
+        found = [(abs(math.log(float(p) / kappa)), c.values) for p, c in known.items() if c]
+        distance, values = min(found, key=lambda pair: pair[0], default=(math.inf, None))
+        return values if distance < AROUND else None
 
     begin = STRIDE ** round(math.log(near, STRIDE))  # powers of one number, wherever it begins
     inside, outside = scan.strides(lambda kappa: excess(kappa) < 0, begin, 1 / STRIDE, STRIDES)

@@ -23,6 +23,7 @@ from obsdesign.lmi.solvers import Ending, call
 Form = Callable[[Sporadic], Relaxation]
 LEAST_DELTA = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
 LARGEST = 60.0  # of delta T2
+CLOSE = 1.2  # bracket of the best delta about that of a neighbor
 GUARD = 9  # points of the whole range where a search nearby finds nothing
 MISSING = -1e-6  # what is missing is negative, beyond the noise of a solver (about 2e-8)
 VIOLATION = 5e-5  # of a constraint that a search tolerates, in units of the data, whatever the solver says
@@ -155,7 +156,7 @@ class Landscape:
 
         With a bound on |L| the curve may have several valleys, so that a coarse grid guards the search nearby.
         """
-        search = Minimum(lambda delta: self.gamma(delta, T2), *self.interval)
+        search = Minimum(lambda delta: self.gamma(delta, T2), *self.interval, width=CLOSE)
         if exponent is None or math.isinf(search.near(exponent / T2)[1]):
             search.everywhere(self.range.points)
         elif self.kappa is not None:

@@ -24,7 +24,7 @@ from obsdesign.lmi.solve import Status
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero
-EDGE = 1e-6  # relative, of a largest T2 or decay
+EDGE = 1e-5  # relative, of a largest T2 or decay
 Point = dict[str, Any]
 
 
