@@ -168,10 +168,7 @@ class Spec(metaclass=Called):
     def equations(self, plant: Plant[Exact]) -> Equations:
         """Equations of the plant, or of it with the disturbance model, with the nonlinearities and known terms.
 
-        Raises
-        ------
-        UsageError
-            If a nonlinearity has no f.
+        Raises `UsageError` if a nonlinearity has no f.
         """
         width = len(plant.Cq)
         blocks: list[tuple[tuple[Expression, ...], int]] = []

@@ -15,12 +15,7 @@ MAX_BITS = 20_000
 class ExpressionError(UsageError):
     """An expression that is refused.
 
-    Parameters
-    ----------
-    message
-        What is wrong, and what is allowed instead.
-    column
-        Offset in the text of the expression, from 0.
+    `message`: what is wrong, and what is allowed instead; `column`: offset in the text of the expression, from 0.
     """
 
     def __init__(self, message: str, column: int = 0) -> None:

@@ -175,19 +175,9 @@ class Expression:
 def parse(text: str, names: Collection[str], parameters: Mapping[str, fmpq] = MappingProxyType({})) -> Expression:
     """Read an expression; see `parse.py` for the language.
 
-    Parameters
-    ----------
-    text
-        At most 10,000 characters, 100 levels, constant exponents up to 1e4 in magnitude.
-    names
-        Variables that may occur.
-    parameters
-        Names that stand for exact numbers.
-
-    Raises
-    ------
-    ExpressionError
-        What is wrong, in one line, and the column of it.
+    `text`: at most 10,000 characters, 100 levels, constant exponents up to 1e4 in magnitude; `names`: variables that
+    may occur; `parameters`: names that stand for exact numbers. Raises `ExpressionError`: what is wrong, in one line,
+    and the column of it.
     """
     return Expression(tree(text, names, parameters))
 
@@ -197,10 +187,7 @@ def constant(text: str, parameters: Mapping[str, fmpq] = MappingProxyType({})) -
 
     Rational arithmetic is exact; an irrational value is replaced by its correctly rounded double.
 
-    Raises
-    ------
-    ExpressionError
-        As `parse`, and for a value that is undefined or not finite as a double.
+    Raises `ExpressionError`: as `parse`, and for a value that is undefined or not finite as a double.
     """
     expression = parse(text, (), parameters)
     if isinstance(expression.root, Number):

@@ -97,10 +97,7 @@ class Family:
     def absence(self, spec: "Spec", file: "ResultFile") -> "Proof":
         """Proof that an infeasible result file has no solution, from the dual certificate that it holds.
 
-        Raises
-        ------
-        UsageError
-            It holds none: its verdict is numerical or structural; or it is malformed.
+        Raises `UsageError`: it holds none: its verdict is numerical or structural; or it is malformed.
         """
         if "certificate" not in file.table("diagnosis"):
             raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
@@ -112,10 +109,7 @@ class Family:
     def observer(self, spec: "Spec", gains: "Mapping[str, Array]") -> "Observer":
         """Equations of the observer with given gains, in doubles.
 
-        Raises
-        ------
-        UsageError
-            If a nonlinearity has no f, or needs what the observer does not know.
+        Raises `UsageError` if a nonlinearity has no f, or needs what the observer does not know.
         """
         observer: Observer = self.part("observer").observer(spec, gains)
         return observer

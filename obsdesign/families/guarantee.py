@@ -112,10 +112,7 @@ class Guarantee(Protocol):
     def bounds(self, course: Course) -> list[Bound]:
         """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest.
 
-        Parameters
-        ----------
-        course
-            Up to where the guarantee holds; at least two instants.
+        `course`: up to where the guarantee holds; at least two instants.
         """
 
 
@@ -155,10 +152,7 @@ def bound(name: str, value: float, limit: float, resolved: float = 0.0) -> Bound
 def tightest(name: str, t: Array, value: Array, limit: Array, peak: float | None = None) -> Bound:
     """Return a bound for all t > 0, at the instant where the value is the largest part of it.
 
-    Parameters
-    ----------
-    peak
-        Largest value of the run, if it is not among these.
+    `peak`: largest value of the run, if it is not among these.
     """
     after = t > 0 if t[-1] > 0 else t >= 0
     t, value, limit = t[after], value[after], limit[after]

@@ -9,10 +9,10 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import plain, time_axis
-from obsdesign.plot.canvas import COLORS, png, style
+from obsdesign.plot.canvas import COLORS, drawn
 from obsdesign.plot.layout import Panel, compose, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
-from obsdesign.plot.run import LINE
+from obsdesign.plot.run import LINE, verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,22 +26,11 @@ LOST = COLORS[3]
 SHADE = "#F3D9D2"
 
 
-def hybrid_figure(run: "Run") -> bytes:
+def hybrid_sheet(run: "Run") -> "Figure":
     """Draw states with their estimates at the measurements, w, theta, |x|_A against its bound, and the intervals.
 
     Where a measurement is overdue, so that nothing is guaranteed any more, the panels are shaded.
-
-    Returns
-    -------
-    bytes
-        A PNG, the same for the same run.
     """
-    with style():
-        return png(hybrid_sheet(run))
-
-
-def hybrid_sheet(run: "Run") -> "Figure":
-    """Compose a figure of a run: rows of states, of w and theta, and of the distance and the intervals."""
     schedule = run.schedule
     assert schedule
     states = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states)]
@@ -59,6 +48,9 @@ def hybrid_sheet(run: "Run") -> "Figure":
             axes.axvspan(run.until, run.time, color=SHADE, linewidth=0, zorder=0, label="nothing is guaranteed")
     legend_below(figure)
     return figure
+
+
+hybrid_figure = drawn(hybrid_sheet)
 
 
 @dataclass(frozen=True)
@@ -182,18 +174,9 @@ def heading(run: "Run") -> str:
         facts.append("no guarantee")
     else:
         proved = rf"$\gamma$ = {guarantee.gamma:.4g}, {guarantee.symbol} = {guarantee.rates().alpha:.4g}"
-        facts += [f"proved: {proved}", verdict(run)]
+        until = f" until t = {run.until:.4g}" if run.until < run.time else ""
+        facts += [f"proved: {proved}", verdict(run, until)]
     lines = [*wrap(plain(run.spec.name), LINE), ",  ".join(facts)]
     if guarantee is not None and summary["bounds_omitted"]:
         lines += wrap(plain(summary["bounds_omitted"]), LINE)
     return "\n".join(lines)
-
-
-def verdict(run: "Run") -> str:
-    """Whether the run keeps what is proved."""
-    checks = run.summary["bounds"]
-    broken = sum(not check["holds"] for check in checks)
-    if broken:
-        return f"{broken} of {len(checks)} bounds VIOLATED"
-    until = f" until t = {run.until:.4g}" if run.until < run.time else ""
-    return f"all {len(checks)} bounds hold{until}" if checks else "no bound applies"

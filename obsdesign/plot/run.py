@@ -8,7 +8,7 @@ import numpy as np
 
 from obsdesign.families.guarantee import LAST, Guarantee
 from obsdesign.plot.axis import number, plain, with_unit
-from obsdesign.plot.canvas import png, style
+from obsdesign.plot.canvas import drawn
 from obsdesign.plot.layout import Panel, compose, legend_below, shared
 from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Errors, Level, Storage, comparisons
 from obsdesign.spec import limited
@@ -22,23 +22,12 @@ LINE = 118  # characters of the title
 FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
 
 
-def run_figure(run: "Run") -> bytes:
+def run_sheet(run: "Run") -> "Figure":
     """Draw states and unknown inputs with their estimates, errors, and V(e) against its bound.
 
     Errors are drawn at the steps of the integrator, so that a peak between two samples is seen, and on a
     symmetric logarithmic axis; where they settle early, over the logarithm of time.
-
-    Returns
-    -------
-    bytes
-        A PNG, the same for the same run.
     """
-    with style():
-        return png(run_sheet(run))
-
-
-def run_sheet(run: "Run") -> "Figure":
-    """Compose a figure of a run: a row (or more) each of states, unknown inputs, arguments in regions, and errors."""
     log_time = settles_early(run)
     sections = (
         state_panels(run),
@@ -48,6 +37,9 @@ def run_sheet(run: "Run") -> "Figure":
     figure = compose(heading(run), [list(section) for section in sections])
     legend_below(figure)
     return figure
+
+
+run_figure = drawn(run_sheet)
 
 
 def settles_early(run: "Run") -> bool:
@@ -128,7 +120,7 @@ def heading(run: "Run") -> str:
     if guarantee is None:
         facts.append("no guarantee")
     else:
-        facts += [f"proved: {proved(run, guarantee)}", verdict(run)]
+        facts += [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
     lines = [*wrap(plain(run.spec.name), LINE), ",  ".join(f for f in facts if f)]
     if run.left:
         lines += [line for part in run.summary["validity"]["note"].split("; ") for line in wrap(plain(part), LINE)]
@@ -142,11 +134,10 @@ def proved(run: "Run", guarantee: Guarantee) -> str:
     return decays if run.summary["gamma"] is None else rf"$\gamma$ = {guarantee.gamma:.4g}, {decays}"
 
 
-def verdict(run: "Run") -> str:
-    """Whether the run keeps what is proved."""
+def verdict(run: "Run", until: str) -> str:
+    """Whether the run keeps what is proved, and until when."""
     checks = run.summary["bounds"]
     broken = sum(not check["holds"] for check in checks)
     if broken:
         return f"{broken} of {len(checks)} bounds VIOLATED"
-    held = f"all {len(checks)} bounds hold" if checks else "no bound applies"
-    return f"{held} until then" if checks and run.left else held
+    return f"all {len(checks)} bounds hold{until}" if checks else "no bound applies"

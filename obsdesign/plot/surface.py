@@ -43,10 +43,8 @@ def surface_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any
     Where there is no design, or where the batch has not got to, the maps are gray and the surfaces have holes; gamma
     is cut where a few values, near the weight 1 that does not ask for it, are far above all others.
 
-    Parameters
-    ----------
-    points, shipped, title
-        As for `front.front_sheet`; the points may come in any order and need not fill the grid.
+    `points`, `shipped`, `title`: as for `front.front_sheet`; the points may come in any order and need not fill the
+    grid.
     """
     grid = Grid.of(points)
     figure = new_figure(10.5, 8.4, gap=0.05)

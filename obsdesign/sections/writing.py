@@ -18,18 +18,9 @@ PLAIN = re.compile(r"[A-Za-z_]([A-Za-z0-9_ ().*+/^|<>=-]*[A-Za-z0-9_().|])?")  #
 def written(sections: Mapping[str, Any], path: str) -> str:
     """YAML text of sections; a value that is None is left out.
 
-    Parameters
-    ----------
-    sections
-        Numbers (of Python, numpy, fractions or flint), text, arrays, lists and mappings with text as keys. A double is
-        written as the shortest decimal that prints it, and so read as that decimal.
-    path
-        What messages call it.
-
-    Raises
-    ------
-    UsageError
-        A value is none of these, with the key at which it stands.
+    `sections`: numbers (of Python, numpy, fractions or flint), text, arrays, lists and mappings with text as keys. A
+    double is written as the shortest decimal that prints it, and so read as that decimal; `path`: what messages call
+    it. Raises `UsageError`: a value is none of these, with the key at which it stands.
     """
     problems: list[Problem] = []
     tree = plain(sections, (), problems, path)

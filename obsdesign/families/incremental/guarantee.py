@@ -34,12 +34,7 @@ class Reconstruction:
         with the sup norms over the run. The last term is what is left of the transient, and vanishes; any s < t will
         do, and the best one is taken.
 
-        Parameters
-        ----------
-        rates
-            x' and e' along the run, (M, n) each.
-        w_rate
-            Largest |w'| of the run.
+        `rates`: x' and e' along the run, (M, n) each; `w_rate`: largest |w'| of the run.
         """
         x_rates, e_rates = rates
         x_rate = float(np.linalg.norm(x_rates, axis=1).max())

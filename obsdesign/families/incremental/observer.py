@@ -21,10 +21,7 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     yhat   = C xihat + Df f(t, y, qhat) + gy
     what   = Cm xmhat + Dwf f2, where no v enters w directly, or pinv(B) L1 (yhat - y) where the spec asks for it
 
-    Raises
-    ------
-    UsageError
-        If a nonlinearity has no f.
+    Raises `UsageError` if a nonlinearity has no f.
     """
     L1, L2 = (printed(gains[name]) for name in ("L1", "L2"))
     outputs = spec.plant.outputs

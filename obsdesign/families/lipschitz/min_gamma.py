@@ -73,12 +73,8 @@ def least_gamma(study: Study) -> Outcome:
 def limit_of(study: Study, family: Lipschitz) -> Level:
     """Least gamma over all gains.
 
-    Raises
-    ------
-    UsageError
-        It falls to zero as the gain grows, and nothing bounds the gain.
-    UndecidedError
-        It was not found.
+    Raises `UsageError`: it falls to zero as the gain grows, and nothing bounds the gain. Raises `UndecidedError`: it
+    was not found.
     """
     answer = study.engine.minimise(family.least_gamma())
     rows = falling(study.engine, family, answer)

@@ -117,12 +117,7 @@ class SporadicGuarantee:
     def stays(self, course: Course, size: Array, early: Array) -> list[Bound]:
         """Bound |x|_A by the largest w and eta, by (23) of the paper with 1/rho1 and the tight sum of its Lemma 2.
 
-        Parameters
-        ----------
-        size
-            |x|_A, (M,).
-        early
-            Instants to which the bound applies, (M,).
+        `size`: |x|_A, (M,); `early`: instants to which the bound applies, (M,).
         """
         t, w_sup, eta_sup = (column[early] for column in (course.t, course.v_sup, measurements(course).eta_sup))
         limit = np.sqrt(self.rho2 / self.rho1) * np.exp(-self.decay * t) * size[0]

@@ -27,10 +27,8 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     theta' = H theta
     theta+ = y - yhat     at a measurement,               yhat = C zhat + gy
 
-    Raises
-    ------
-    UsageError
-        If a nonlinearity has no f, or the plant has what the observer cannot compute between two measurements.
+    Raises `UsageError` if a nonlinearity has no f, or the plant has what the observer cannot compute between two
+    measurements.
     """
     require_simulable(spec)
     L, H = (printed(gains[name]) for name in ("L", "H"))
