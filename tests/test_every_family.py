@@ -3,7 +3,7 @@
 import copy
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from support.contract import broken_rules, read
+from support.contract import broken_rules, differences, read
 from support.forging import at, put, scaled
 from support.forging import claiming as claiming_in_words
 from support.sweep import examples
@@ -147,24 +147,6 @@ def test_every_family_is_held_to_its_contract():
 
 
 # What is written is read
-
-
-def differences(one, other, where=""):
-    """Fields in which two claims differ."""
-    if is_dataclass(one) and not isinstance(one, type) and type(one) is type(other):
-        for part in fields(one):
-            yield from differences(getattr(one, part.name), getattr(other, part.name), f"{where}.{part.name}")
-    elif isinstance(one, tuple | list) and isinstance(other, tuple | list) and len(one) == len(other):
-        for i, pair in enumerate(zip(one, other, strict=True)):
-            yield from differences(*pair, f"{where}[{i}]")
-    elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        for key in one:
-            yield from differences(one[key], other[key], f"{where}.{key}")
-    elif isinstance(one, np.ndarray):
-        if np.shape(other) != one.shape or (one != other).any():
-            yield where
-    elif one != other:
-        yield where
 
 
 @every_case

@@ -1,9 +1,12 @@
-"""The rules of a result file, from its JSON alone: what any reader of such a file may rely on."""
+"""The rules of a result file, from its JSON alone, which any reader of such a file may rely on; and what is equal."""
 
 import hashlib
 import json
 import math
+from dataclasses import fields, is_dataclass
 from fractions import Fraction
+
+import numpy as np
 
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")
 VERDICTS = ("certified", "uncertified", "infeasible", "refuted")
@@ -96,3 +99,21 @@ def rules_of_certificate(certificate, status):
         and all(check.get("name") and isinstance(check.get("holds"), bool) for check in checks),
         "what is certified holds": status != "certified" or all(check["holds"] for check in checks),
     }
+
+
+def differences(one, other, where=""):
+    """Fields in which two dataclasses differ, and entries of what they hold."""
+    if is_dataclass(one) and not isinstance(one, type) and type(one) is type(other):
+        for part in fields(one):
+            yield from differences(getattr(one, part.name), getattr(other, part.name), f"{where}.{part.name}")
+    elif isinstance(one, tuple | list) and isinstance(other, tuple | list) and len(one) == len(other):
+        for i, pair in enumerate(zip(one, other, strict=True)):
+            yield from differences(*pair, f"{where}[{i}]")
+    elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        for key in one:
+            yield from differences(one[key], other[key], f"{where}.{key}")
+    elif isinstance(one, np.ndarray):
+        if np.shape(other) != one.shape or (one != other).any():
+            yield where
+    elif one != other:
+        yield where

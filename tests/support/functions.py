@@ -14,12 +14,6 @@ def sat(q):
     return np.clip(q, -1, 1)
 
 
-def softmax(q):
-    """exp(q) over its sum."""
-    e = np.exp(q - q.max())
-    return e / e.sum()
-
-
 def bounds(*pairs):
     """Exact intervals; None has no upper end."""
     return [(rational_number(a), None if b is None else rational_number(b)) for a, b in pairs]
