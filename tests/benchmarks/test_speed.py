@@ -85,6 +85,13 @@ def test_help_starts_fast(benchmark):
     assert seconds < 0.25 * slowness()
 
 
+def test_the_import_takes_less_than_30_ms(benchmark):
+    bare = child_time(sys.executable, "-c", "pass")
+    seconds = benchmark.pedantic(lambda: child_time(sys.executable, "-c", "import obsdesign") - bare, rounds=1)
+    benchmark.extra_info["processor time [s]"] = seconds
+    assert seconds < 0.03 * slowness()
+
+
 def test_a_proof_of_order_8_takes_less_than_50_ms(benchmark, tmp_path):
     spec = load(str(BEARING))
     path = tmp_path / "gains.json"
