@@ -20,7 +20,7 @@ from obsdesign import __version__
 from obsdesign.errors import UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
-from obsdesign.families.outcome import Claim, Diagnosis, Outcome, Proof, Search, Verdict
+from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, digest, to_json, write_whole
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
@@ -46,54 +46,18 @@ class Solver:
         return {"name": self.name, "version": version(vendor), "solves": self.solves, "time_s": round(self.time_s, 4)}
 
 
-@dataclass(frozen=True)
-class Design:
-    """Gains for the plant of a spec with what is proved of them, or why there are none."""
+@dataclass(frozen=True, kw_only=True)
+class Design(Outcome):
+    """What came of a spec: gains for its plant with what is proved of them, or why there are none."""
 
-    spec: Spec  # the problem
-    outcome: Outcome  # what came of it: status, gains, claim, limits, search, diagnosis
+    spec: Spec
     solver: Solver | None = None  # None of a design that was read from a file
     recorded: Mapping[str, Any] | None = None  # the file that it was read from
 
-    @property
-    def status(self) -> Verdict:
-        """`certified`, `uncertified` or `infeasible`."""
-        return self.outcome.status
-
-    @property
-    def gains(self) -> dict[str, Array]:
-        """Gains by name, as doubles that print as the decimals that were proved; empty where there are none."""
-        return self.outcome.gains
-
-    @property
-    def claim(self) -> Claim | None:
-        """What was proved of the gains, or tried to be."""
-        return self.outcome.claim
-
-    @property
-    def limit(self) -> dict[str, Any]:
-        """Infimum or supremum of the objective over all gains, under the name of the quantity; numerical."""
-        return self.outcome.limit
-
-    @property
-    def limit_bounded(self) -> dict[str, Any]:
-        """The same within the bounds of the spec."""
-        return self.outcome.limit_bounded
-
-    @property
-    def search(self) -> Search | None:
-        """Points of a search: the curve of gamma against the decay rate, a trade-off over a weight, .."""
-        return self.outcome.search
-
-    @property
-    def diagnosis(self) -> Diagnosis:
-        """Why there are no gains: `condition`, `reason`, `feasible`, `suggestion`; empty where there are some."""
-        return self.outcome.diagnosis
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know, in sentences."""
-        return (*self.spec.notes, *self.outcome.notes)
+    @classmethod
+    def of(cls, spec: Spec, outcome: Outcome, **origin: Any) -> "Design":
+        """Design of an outcome; its notes begin with those on the spec."""
+        return cls(**{**vars(outcome), "notes": (*spec.notes, *outcome.notes)}, spec=spec, **origin)
 
     @property
     def guarantee(self) -> Guarantee | None:
@@ -108,25 +72,25 @@ class Design:
 
     def written(self) -> dict[str, Any]:
         """Everything about the design, as a result file holds it; numbers are finite."""
-        spec, made = self.spec, self.outcome
+        spec = self.spec
         assert self.solver
         entries: dict[str, Any] = {}
-        if observer := FAMILIES[spec.observer.type].written(spec, made):
+        if observer := FAMILIES[spec.observer.type].written(spec, self):
             entries["observer"] = {"type": spec.observer.type, **observer}
-        if made.claim:
-            entries |= made.claim.written(spec, made.limits())
-        elif made.limit:
-            entries["guarantee"] = made.limits()
+        if self.claim:
+            entries |= self.claim.written(spec, self.limits())
+        elif self.limit:
+            entries["guarantee"] = self.limits()
         return {
             "obsdesign": FORMAT,
             "name": spec.name,
             "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
-            "status": str(made.status),
+            "status": str(self.status),
             **entries,
-            **({"diagnosis": made.diagnosis} if made.diagnosis else {}),
-            **({"search": made.search.written()} if made.search else {}),
+            **({"diagnosis": self.diagnosis} if self.diagnosis else {}),
+            **({"search": self.search.written()} if self.search else {}),
             **({"notes": list(self.notes)} if self.notes else {}),
-            "solver": {**self.solver.written(), **({"scalars": made.scalars} if made.scalars else {})},
+            "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
             "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
@@ -198,7 +162,7 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
     verdict = Verdict.CERTIFIED if claim and claim.holds else Verdict.UNCERTIFIED
-    return Design(spec, Outcome(verdict, gains, claim), recorded=json.loads(file.raw))
+    return Design.of(spec, Outcome(verdict, gains, claim), recorded=json.loads(file.raw))
 
 
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:

@@ -49,7 +49,7 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
         outcome = FAMILIES[spec.observer.type].design(spec, engine)
     except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
         raise UndecidedError(f"the numbers of {spec.path} are beyond what doubles can compute: {error}") from None
-    return Design(spec, outcome, Solver(solver, engine.solves, time.perf_counter() - started))
+    return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started))
 
 
 def check(spec: Spec) -> list[Finding]:

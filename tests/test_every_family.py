@@ -206,7 +206,7 @@ def claiming(claim, **numbers):
 
 def with_claim(design, spec, **numbers):
     """The design with a claim of other numbers, of a spec that may ask for them."""
-    return replace(design, spec=spec, outcome=replace(design.outcome, claim=claiming(design.claim, **numbers)))
+    return replace(design, spec=spec, claim=claiming(design.claim, **numbers))
 
 
 @every_case
@@ -313,7 +313,7 @@ def leaves(value, place=()):
 def read_places(case):
     """Places of the numbers that a proof reads."""
     design = design_of(case)
-    parts = {"guarantee": at(design.result, ["guarantee"]).keys() - design.outcome.limits().keys()}
+    parts = {"guarantee": at(design.result, ["guarantee"]).keys() - design.limits().keys()}
     parts |= {"observer": {*design.gains, *case.read}, "certificate": design.result["certificate"].keys()}
     listed = [(part, key) for part, keys in parts.items() for key in sorted(keys - {"checks", "kind", "statement"})]
     return [place for part in listed for place in leaves(at(design.result, part), part)]

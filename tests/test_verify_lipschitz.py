@@ -332,7 +332,7 @@ def test_a_claim_that_the_declared_constant_is_beyond_is_proved_but_guarantees_n
 ):
     assert recorded_of(quiet).guarantee is not None
     spec, design = designed(QUIET.replace("lipschitz: 0.4", "lipschitz: 1.25"), fmpq(1), gain=QUIET_L)
-    assert Design(spec, design).guarantee is None
+    assert Design.of(spec, design).guarantee is None
     content = written(spec, design)
     assert content["guarantee"]["margin"] == -0.25
     assert "the spec declares 1.25, of which this says nothing" in content["guarantee"]["statement"]

@@ -82,14 +82,14 @@ class Outcome:
     """Certified or uncertified gains, or why there are none."""
 
     status: Verdict
-    gains: dict[str, Array] = field(default_factory=dict)  # doubles, to be read as the decimals they print
-    claim: Claim | None = None
-    limit: dict[str, Any] = field(default_factory=dict)  # of the objective over all gains, numerical
-    limit_bounded: dict[str, Any] = field(default_factory=dict)  # .. within the bounds
+    gains: dict[str, Array] = field(default_factory=dict)  # by name; doubles that print as the decimals that are proved
+    claim: Claim | None = None  # what was proved of the gains, or tried to be
+    limit: dict[str, Any] = field(default_factory=dict)  # infimum or supremum over all gains, by its name; numerical
+    limit_bounded: dict[str, Any] = field(default_factory=dict)  # .. within the bounds of the spec
     beyond: dict[str, Any] = field(default_factory=dict)  # what else is known of the limit, under the names of a file
     search: Search | None = None
-    diagnosis: Diagnosis = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    diagnosis: Diagnosis = field(default_factory=dict)  # why there are no gains; empty where there are some
+    notes: tuple[str, ...] = ()  # what a user should know, in sentences
     scalars: dict[str, Any] = field(default_factory=dict)  # scalar unknowns of what was solved
 
     def limits(self) -> dict[str, Any]:

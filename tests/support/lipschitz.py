@@ -68,7 +68,7 @@ def designed(text, lipschitz, gamma=1.0, gain=L, admissible=None, decay=0.05):
 
 def written(spec, outcome):
     """Result of an outcome."""
-    return json.loads(to_json(Design(spec, outcome, Solver("clarabel", 0, 0.0)).result))
+    return json.loads(to_json(Design.of(spec, outcome, solver=Solver("clarabel", 0, 0.0)).result))
 
 
 def made(*arguments, **options):
