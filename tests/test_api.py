@@ -59,7 +59,7 @@ def test_a_notebook_designs_verifies_and_simulates_the_pendulum(tmp_path):
     assert design.gains.keys() == {"L1", "L2"}
     assert np.linalg.norm(design.gains["L1"], 2) <= 5
     np.testing.assert_array_equal(design.gains["L1"], od.solve(known).gains["L1"])
-    print(design)
+    assert "gamma" in str(design)
     assert "gamma" in design._repr_html_()
 
     # its proof, by itself and from a file
@@ -118,7 +118,8 @@ def test_every_error_is_one_of_ours():
     ("old", "new"),
     [("alpha: 0.15", "alpha: fast"), ("type: l2", "type: l3"), ("  bounds: {L1: 5}\n", ""), ("D: [0, 0.5]", "D: [0]")],
 )
-def test_a_wrong_spec_is_answered_as_by_the_command(here, old, new):
+@pytest.mark.usefixtures("here")
+def test_a_wrong_spec_is_answered_as_by_the_command(old, new):
     text = PENDULUM.read_text().replace(old, new)
     Path("spec.yaml").write_text(text)
     outcome = command("solve", "spec.yaml", "-q")
@@ -127,14 +128,16 @@ def test_a_wrong_spec_is_answered_as_by_the_command(here, old, new):
     assert outcome.stderr.strip().removeprefix("error: ") == message.strip()
 
 
-def test_a_file_that_is_missing_is_answered_as_by_the_command(here):
+@pytest.mark.usefixtures("here")
+def test_a_file_that_is_missing_is_answered_as_by_the_command():
     for use, verb in ((od.load, "solve"), (od.verify, "verify")):
         kind, message = said(lambda use=use: use("nothing.here"))
         assert kind is od.UsageError
         assert message in command(verb, "nothing.here").stderr
 
 
-def test_a_forged_file_is_not_proved(design, here):
+@pytest.mark.usefixtures("here")
+def test_a_forged_file_is_not_proved(design):
     forged = scaled(json.loads(json.dumps(design.result)), ("certificate", "P"), -1)
     Path("forged.json").write_text(json.dumps(forged))
     proof = od.verify("forged.json")
@@ -151,14 +154,16 @@ def test_a_forged_file_is_not_proved(design, here):
     assert message in command("verify", "forged.json").stderr
 
 
-def test_a_file_belongs_to_its_spec(design, here):
+@pytest.mark.usefixtures("here")
+def test_a_file_belongs_to_its_spec(design):
     design.save("pendulum.gains.json")
     assert od.verify("pendulum.gains.json", design.spec).holds
     for use in (od.verify, od.read):
         assert "belong to another spec" in said(lambda use=use: use("pendulum.gains.json", od.load(PENDULUM)))[1]
 
 
-def test_what_is_saved_is_what_the_command_writes(here):
+@pytest.mark.usefixtures("here")
+def test_what_is_saved_is_what_the_command_writes():
     assert command("solve", PENDULUM, "-o", "command.json", "-q").exit_code == 0
     od.solve(od.load(os.fspath(PENDULUM))).save("api.json")
     results = [json.loads(Path(name).read_text()) for name in ("command.json", "api.json")]
@@ -175,7 +180,7 @@ def test_a_wrong_change_of_a_run_is_answered_by_its_key(design):
     assert "simulation.horizen: unknown key horizen; did you mean horizon?" in message
 
 
-def test_an_infeasible_spec_is_an_answer(here):
+def test_an_infeasible_spec_is_an_answer():
     spec = od.Spec(system={"A": [[1, 0], [0, -1]], "B": [1, 1], "C": [0, 1]}, observer={"type": "l2", "alpha": 0.1})
     design = od.solve(spec)
     assert (design.status, design.gains) == ("infeasible", {})
