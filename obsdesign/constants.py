@@ -14,13 +14,10 @@ from obsdesign.spec import Nonlinearity, Spec
 def constants(spec: Spec) -> dict[str, Any]:
     """Lipschitz constant of every block of f that is given as a function.
 
-    Returns
-    -------
-    dict
-        `name`, and `blocks`, each with `name`, `type` and, where f is given, `region` (of the variables that f depends
-        on; null: no limit), `declared` and `proved` where its type has a constant, and either `lower` <= constant <=
-        `upper` (proved), `point` (where the Jacobian of f has at least the 2-norm `lower`), `gap` (relative) and
-        `boxes`, or `infinite` (true: so it is seen to be; false: no bound could be proved) and `reason`.
+    Returns `name`, and `blocks`, each with `name`, `type` and, where f is given, `region` (of the variables that f
+    depends on; null: no limit), `declared` and `proved` where its type has a constant, and either `lower` <= constant
+    <= `upper` (proved), `point` (where the Jacobian of f has at least the 2-norm `lower`), `gap` (relative) and
+    `boxes`, or `infinite` (true: so it is seen to be; false: no bound could be proved) and `reason`.
 
     Raises
     ------

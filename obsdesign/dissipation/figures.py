@@ -14,12 +14,9 @@ FREQUENCIES = 400
 def figures(plant: Plant[Float], L1: Array, P: Array | None) -> dict[str, Any]:
     """Poles, the fastest of them, the largest step of a fixed-step observer, noise gains, condition of P.
 
-    Returns
-    -------
-    dict
-        `poles` as [real, imaginary] in 1/s, the slowest first; `fastest` in 1/s; `largest_step` in s, of the classical
-        Runge-Kutta method on these poles; `noise_gain` from measurement noise to each estimate (largest singular value
-        over frequency; empty where a pole lies on the imaginary axis); `condition_P`.
+    Returns `poles` as [real, imaginary] in 1/s, the slowest first; `fastest` in 1/s; `largest_step` in s, of the
+    classical Runge-Kutta method on these poles; `noise_gain` from measurement noise to each estimate (largest singular
+    value over frequency; empty where a pole lies on the imaginary axis); `condition_P`.
     """
     A = plant.A + L1 @ plant.C
     poles = sorted(np.linalg.eigvals(A), key=lambda p: (-p.real, p.imag))

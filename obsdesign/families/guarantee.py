@@ -81,10 +81,7 @@ class InputBound(Protocol):
     ) -> tuple[dict[str, Any], Bound]:
         """Hold the bound against limsup |what - w| of a run, given (x', e') along it, (M, n) each, and sup |w'|.
 
-        Returns
-        -------
-        tuple
-            What the bound is made of, for the summary, and the bound.
+        Returns what the bound is made of, for the summary, and the bound.
         """
 
 

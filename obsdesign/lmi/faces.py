@@ -37,9 +37,8 @@ def refutation(formula: Formula, unknowns: Sequence[Unknown], solver: str = "cla
 
     `formula`, `unknowns`: as for `check`.
 
-    Returns
-    -------
-    None if none was found: the inequalities have a solution, or no certificate of this kind with rational faces.
+    Returns None if none was found: the inequalities have a solution, or no certificate of this kind with rational
+    faces.
     """
     given = constraints(formula, unknowns)
     if sum(len(c.vanishing) * (len(c.vanishing) + 1) // 2 for c in given) > LARGEST:

@@ -72,9 +72,7 @@ def output_nulling(system: System) -> tuple[Array, System]:
     new output, R'(A x + B u) = 0 with R the complement of K; and so on. Without inputs what is left is the
     unobservable subspace. Source: Emami-Naeini and Van Dooren, Automatica 18(4), 1982.
 
-    Returns
-    -------
-    Orthonormal basis V of the subspace, and the system in these coordinates, whose D has full row rank.
+    Returns an orthonormal basis V of the subspace, and the system in these coordinates, whose D has full row rank.
     """
     V = np.eye(len(system.A))
     while True:

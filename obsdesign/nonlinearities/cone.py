@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from flint import fmpq_mat
 
 from obsdesign.errors import UsageError
+from obsdesign.lmi.farkas import null_space
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, rational, symmetric, zeros
 from obsdesign.model.multiplier import Block, Matrix, Multiplier
 from obsdesign.nonlinearities.data import MatrixList
@@ -79,13 +79,8 @@ def cone(directions: Sequence[Array], nq: int, nf: int) -> Multiplier:
 
 def ray(Th: Array, *, both_ways: bool) -> Ray:
     """Ray of a matrix: T is the identity, with a column of the null space in place of each dependent one of Th."""
-    nf, nq = Th.shape
-    reduced, rank = fmpq_mat(nf, nq, list(Th.ravel())).rref()
-    rows = np.array(reduced.tolist(), dtype=object).reshape(nf, nq)[:rank]
-    pivots = [int(np.flatnonzero(row)[0]) for row in rows]
-    T = rational(np.eye(nq))
-    dependent = [j for j in range(nq) if j not in pivots]
-    T[np.ix_(pivots, dependent)] = -rows[:, dependent]
+    null, T = null_space(Th), rational(np.eye(Th.shape[1]))
+    T[:, [np.flatnonzero(v != 0)[-1] for v in null]] = null.T
     return Ray(Th @ T, T, both_ways)
 
 

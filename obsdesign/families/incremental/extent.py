@@ -25,11 +25,8 @@ def largest_class(spec: Spec, feasible: Callable[[Multiplier], bool]) -> Diagnos
 
     `feasible`: whether the problem has a solution with another multiplier in place of `spec.multiplier`.
 
-    Returns
-    -------
-    dict
-        Empty if no nonlinearity alone can be blamed, or else `nonlinearity`, counted from 1, and `feasible`:
-        {lipschitz: k}, {slope: [a, b]} or, for other types, {share: s}.
+    Returns nothing if no nonlinearity alone can be blamed, or else `nonlinearity`, counted from 1, and `feasible`:
+    {lipschitz: k}, {slope: [a, b]} or, for other types, {share: s}.
     """
     parts = [n.multiplier.blocks for n in spec.nonlinearities]
     for i, blocks in enumerate(parts):

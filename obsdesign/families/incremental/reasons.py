@@ -19,12 +19,9 @@ def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known:
     `spec`, `family`: the problem, at the alpha that is infeasible, in rationals; `largest_alpha`: the largest alpha
     that is feasible, if one was found; `known`: what the design knows already, such as a bound that was too tight.
 
-    Returns
-    -------
-    dict
-        `reason` in one sentence, `condition` that fails, data of it, `feasible` and a `suggestion`; `proof` is "exact"
-        where `certificate` proves that no P, no gain and no multiplier satisfy the inequalities of the family at this
-        alpha (and at a gamma that was asked for), or else "numerical".
+    Returns `reason` in one sentence, `condition` that fails, data of it, `feasible` and a `suggestion`; `proof` is
+    "exact" where `certificate` proves that no P, no gain and no multiplier satisfy the inequalities of the family at
+    this alpha (and at a gamma that was asked for), or else "numerical".
     """
     return {**reason(spec, family, largest_alpha, known), **absence(family, known)}
 

@@ -73,12 +73,9 @@ def scaling(spec: Spec, engine: Engine, T: Sequence[str] | None = None) -> dict[
     T
         Diagonal of T in decimals; None: the tool searches for the largest ratio of admissible to actual constant.
 
-    Returns
-    -------
-    dict
-        `relaxation` and `decay` for which a constant is admissible, and for `identity` and `scaled` each `T`, `lower`
-        <= constant <= `upper`, `admissible`, `margin` = admissible - upper and `ratio` = admissible / upper; `edge`:
-        whether the search ended at the largest spread of T that it tries.
+    Returns `relaxation` and `decay` for which a constant is admissible, and for `identity` and `scaled` each `T`,
+    `lower` <= constant <= `upper`, `admissible`, `margin` = admissible - upper and `ratio` = admissible / upper;
+    `edge`: whether the search ended at the largest spread of T that it tries.
 
     Raises
     ------

@@ -30,7 +30,7 @@ monotone in l.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from flint import fmpq
@@ -117,6 +117,13 @@ class Lipschitz(L2):
 class Unstructured(Lipschitz):
     """What knows f by one constant l, |Bf df| <= l |e|; in doubles."""
 
+    further: ClassVar[tuple[str, ...]]  # scalar unknowns besides P and the gain
+
+    @property
+    def auxiliary(self) -> tuple[Unknown, ...]:
+        """The scalars."""
+        return tuple(Unknown(name, (1, 1)) for name in self.further)
+
     @property
     def lipschitz(self) -> float:
         """Constant l = |Bf| |diag(l_i) Cq|."""
@@ -156,10 +163,7 @@ class Unstructured(Lipschitz):
 class NormBound(Unstructured):
     """(40) and (62) with lmax(P) <= p as an unknown."""
 
-    @property
-    def auxiliary(self) -> tuple[Unknown, ...]:
-        """Both p and a."""
-        return Unknown("p", (1, 1)), Unknown("a", (1, 1))
+    further = ("p", "a")
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(40), (62) and P <= p I."""
@@ -170,10 +174,7 @@ class NormBound(Unstructured):
 class Theorem3(Unstructured):
     """(40) to (42) for a given constant l > 0."""
 
-    @property
-    def auxiliary(self) -> tuple[Unknown, ...]:
-        """The unknown a."""
-        return (Unknown("a", (1, 1)),)
+    further = ("a",)
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(40), (41) and (42)."""
@@ -188,10 +189,7 @@ class Theorem4(Unstructured):
     (73) has c = xi / 2 + u - a with u >= 1 / (2 xi).
     """
 
-    @property
-    def auxiliary(self) -> tuple[Unknown, ...]:
-        """a, xi and u."""
-        return tuple(Unknown(name, (1, 1)) for name in ("a", "xi", "u"))
+    further = ("a", "xi", "u")
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(71), (72), (73) and xi <= 1 / l."""

@@ -60,10 +60,7 @@ def largest_norm(J: Matrix, box: Mapping[str, Range], target: float | None = Non
     `target`: the search ends once the supremum is known to be at most this, or more; `work`: boxes times operations, at
     most.
 
-    Returns
-    -------
-    Supremum
-        Tight to 1e-6, relative, unless the work ends before that.
+    The bounds are tight to 1e-6, relative, unless the work ends before that.
     """
     found = []
     for part in uncoupled(J):
