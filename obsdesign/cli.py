@@ -96,6 +96,8 @@ def solve(
             write_whole(target, text.encode())
         if not quiet and target != "-":
             typer.echo(text if as_json else f"{aligned([*design.table(), ('file', target)])}\n", nl=False)
+        if design.status == "uncertified":
+            typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
         beside = Path(target).parent if target != "-" else Path()
         if plot:
             plot_search(design.result, str(beside / f"{name}.curve.png"), quiet)
@@ -299,12 +301,10 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
 def simulated(design: "Design", files: tuple[str, str], quiet: bool) -> Mapping[str, Any]:
     """Run, write samples and figure, return the summary."""
     from obsdesign.files import csv, write_all
-    from obsdesign.plot import run_figure
-    from obsdesign.simulate import simulate
 
     with progress(quiet) as report:
-        run = simulate(design, lambda done: report(done, "simulation"))
-    samples, figure = csv(*run.table()), run_figure(run)
+        run = design.simulate(lambda done: report(done, "simulation"))
+    samples, figure = csv(*run.table()), run.plot()
     if files[0] == "-":
         typer.echo(samples.decode(), nl=False)
         write_all({files[1]: figure})

@@ -8,7 +8,7 @@ import html
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -20,6 +20,7 @@ from obsdesign import __version__
 from obsdesign.errors import UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
+from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, digest, to_json, write_whole
 from obsdesign.lmi.formula import Array, approximate
@@ -46,7 +47,7 @@ class Solver:
         return {"name": self.name, "version": version(vendor), "solves": self.solves, "time_s": round(self.time_s, 4)}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Design(Outcome):
     """What came of a spec: gains for its plant with what is proved of them, or why there are none."""
 
@@ -64,6 +65,19 @@ class Design(Outcome):
         """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
         proved = self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
         return self.claim.guarantee(self.spec) if proved and self.claim else None
+
+    @property
+    def observer(self) -> Observer:
+        """Equations of the observer with these gains: what is simulated.
+
+        Raises
+        ------
+        UsageError
+            There are no gains, or a nonlinearity has no f.
+        """
+        if not self.gains:
+            raise UsageError(f"{self.spec.path}: no gains to simulate: {self.diagnosis.get('reason', self.status)}")
+        return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains)
 
     @cached_property
     def result(self) -> Mapping[str, Any]:
@@ -116,11 +130,13 @@ class Design(Outcome):
         name = f"{self.spec.name or 'design'}.gains.json"
         return proof_of(ResultFile(name, to_json(self.result).encode()), self.spec)
 
-    def simulate(self, **changes: Any) -> "Run":
+    def simulate(self, progress: Callable[[float], None] | None = None, /, **changes: Any) -> "Run":
         """Run plant and observer, and hold the run against every bound of the guarantee.
 
         Parameters
         ----------
+        progress
+            Called now and then with the fraction that is done.
         **changes
             Keys of the section `simulation` of a spec: `horizon=5`, `x0=[1, 0]`, `w=["sin(t)"]`, ..
 
@@ -131,16 +147,17 @@ class Design(Outcome):
         """
         from obsdesign.simulate import simulate
 
-        if not self.gains:
-            raise UsageError(f"{self.spec.path}: no gains to simulate: {self.diagnosis.get('reason', self.status)}")
         spec = with_simulation(self.spec, changes) if changes else self.spec
-        return simulate(replace(self, spec=spec))
+        return simulate(replace(self, spec=spec), progress)
 
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""
         from obsdesign.tables.design import design_rows
 
         return design_rows(self.result)
+
+    def __repr__(self) -> str:
+        return f"<design of {self.spec.name!r}: {self.status}>"
 
     def __str__(self) -> str:
         from obsdesign.tables.text import aligned

@@ -114,7 +114,7 @@ class Called(type):
         return super().__call__(**parts) if "plant" in parts else cls.build(parts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Spec(metaclass=Called):
     """One estimation problem.
 
@@ -148,6 +148,9 @@ class Spec(metaclass=Called):
     simulation: Simulation | None
     expect: Mapping[str, Any]
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+
+    def __repr__(self) -> str:
+        return f"<spec {self.name!r}: {self.observer.type}, {self.plant.n} states>"
 
     @property
     def disturbed(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
-from obsdesign.errors import UndecidedError
+from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding
 from obsdesign.families.outcome import Proof
@@ -19,6 +19,18 @@ from obsdesign.reading import load
 from obsdesign.spec import Spec
 
 __all__ = ["check", "lipschitz", "load", "read", "solve", "verify"]
+
+
+def require_spec(spec: object) -> None:
+    """Refuse what is no spec, such as its path.
+
+    Raises
+    ------
+    UsageError
+        With what to write instead.
+    """
+    if not isinstance(spec, Spec):
+        raise UsageError(f"a spec is expected, not {type(spec).__name__}; load(path or text) reads one")
 
 
 def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
@@ -43,6 +55,7 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
     UndecidedError
         The solver found neither a solution nor that there is none.
     """
+    require_spec(spec)
     started = time.perf_counter()
     engine = Engine(solver, report)
     try:
@@ -54,6 +67,7 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
 
 def check(spec: Spec) -> list[Finding]:
     """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
+    require_spec(spec)
     return FAMILIES[spec.observer.type].check(spec, Engine())
 
 
@@ -77,6 +91,7 @@ def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | N
     UsageError
         No nonlinearity has an f, or T does not fit.
     """
+    require_spec(spec)
     report = constants(spec)
     if (scaling or T) and not any("reason" in block for block in report["blocks"]):
         report["scaling"] = rescaled(spec, Engine(), None if T is None else [str(entry) for entry in T])
@@ -96,6 +111,8 @@ def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:
     UsageError
         The file is malformed, has no gains, or belongs to another spec.
     """
+    if spec is not None:
+        require_spec(spec)
     return design_of(ResultFile.open(os.fspath(path)), spec)
 
 
@@ -107,4 +124,6 @@ def verify(path: str | os.PathLike[str], spec: Spec | None = None) -> Proof:
     UsageError
         The file claims nothing that can be proved, is malformed, or belongs to another spec.
     """
+    if spec is not None:
+        require_spec(spec)
     return proof_of(ResultFile.open(os.fspath(path)), spec)

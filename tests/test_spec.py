@@ -16,6 +16,7 @@ from support.sweep import examples
 from obsdesign.dissipation.bounds import Range
 from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
+from obsdesign.families import FAMILIES
 from obsdesign.reading import json_schema, load, loads
 
 ROOT = Path(__file__).parent.parent
@@ -387,10 +388,16 @@ def test_the_json_schema_knows_no_other_keys():
 
 def test_the_json_schema_lets_nothing_be_null():
     assert '"null"' not in json.dumps(json_schema())
-    assert json_schema()["$defs"]["Observer"]["properties"]["type"]["enum"] == ["l2", "linf", "sporadic", "lipschitz"]
 
 
 PLANE = "Bf: [0, 1], Cq: [[1, 0], [0, 1]]"
+
+
+def test_the_type_tells_the_sections_of_an_observer_apart():
+    schema = json_schema()
+    sections = [one["$ref"].rsplit("/", 1)[1] for one in schema["properties"]["observer"]["oneOf"]]
+    types = [name for one in sections for name in schema["$defs"][one]["properties"]["type"]["enum"]]
+    assert sorted(types) == sorted(FAMILIES)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
 from obsdesign.sections.document import Loc, described
-from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Section, key, required
+from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required
 from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
@@ -42,15 +42,26 @@ class ObserverSection(Section):
     type: str = required(FAMILY)
 
     @classmethod
+    def names(cls) -> list[str]:
+        """Types whose section this is."""
+        return [name for name, family in FAMILIES.items() if family.Section is cls]
+
+    @classmethod
+    def object(cls, definitions: Schema) -> Schema:
+        """Return the keys of these types: the type tells the sections of an observer apart."""
+        schema = super().object(definitions)
+        schema["properties"]["type"] |= {"enum": cls.names()}
+        return schema
+
+    @classmethod
     def hinted(cls) -> Mapping[str, str]:
         """What to say of keys that only other families take, or none yet."""
         keys = {name: [k for k in family.Section.forms() if k != "type"] for name, family in FAMILIES.items()}
-        mine = [name for name, family in FAMILIES.items() if family.Section is cls]
         own = [k for k in cls.forms() if k != "type"]
         owners = {k: [name for name in keys if k in keys[name]] for others in keys.values() for k in others}
         allowed = f"allowed here: type, {', '.join(own)}"
         elsewhere = {
-            k: f"does not belong to type {' or '.join(mine)}, but to {' or '.join(names)}; {allowed}"
+            k: f"does not belong to type {' or '.join(cls.names())}, but to {' or '.join(names)}; {allowed}"
             for k, names in owners.items()
             if k not in own
         }

@@ -1,11 +1,10 @@
 """Simulation of a plant with its observer, in continuous time or with measurements at instants."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Protocol
 
-from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
-from obsdesign.lmi.formula import Array
+from obsdesign.families.observer import Observer
 from obsdesign.simulate.run import Run
 from obsdesign.simulate.sampling import Sampling, Schedule
 from obsdesign.simulate.simulation import run
@@ -22,16 +21,14 @@ class Designed(Protocol):
         """The problem."""
 
     @property
-    def gains(self) -> Mapping[str, Array]:
-        """Gains of an observer of its family, in doubles."""
+    def observer(self) -> Observer:
+        """Equations of the observer with its gains."""
 
     @property
     def guarantee(self) -> Guarantee | None:
-        """What is proved of these gains and of the plant of the spec; None where nothing is."""
+        """What is proved of this observer and of the plant of the spec; None where nothing is."""
 
 
 def simulate(design: Designed, progress: Callable[[float], None] | None = None) -> Run:
     """Simulate the plant of a design with its observer, against what is proved of it; see `simulation.run`."""
-    spec = design.spec
-    observer = FAMILIES[spec.observer.type].observer(spec, design.gains)
-    return run(spec, observer, design.guarantee, progress=progress)
+    return run(design.spec, design.observer, design.guarantee, progress=progress)

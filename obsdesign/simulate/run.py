@@ -55,7 +55,7 @@ class Samples:
         return Samples(**chosen)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run(Samples):
     """Samples of a run up to its horizon, an escape or a stall, and the same at the steps of the integrator.
 
@@ -98,6 +98,9 @@ class Run(Samples):
         """Signals by their names in the CSV file."""
         header, rows = self.table()
         return dict(zip(header, rows.T, strict=True))
+
+    def __repr__(self) -> str:
+        return f"<run of {self.spec.name!r}: {self.status} at t = {self.time:g} s, {len(self.t)} samples>"
 
     def __getitem__(self, name: str) -> Array:
         """Return a signal by its name in the CSV file, (N,)."""

@@ -3,12 +3,14 @@
 from types import SimpleNamespace
 
 from obsdesign import simulate as simulation
+from obsdesign.families import FAMILIES
 from obsdesign.families.sporadic.observer import holding
 from obsdesign.simulate import run
 
 
 def simulate(spec, gains, guarantee, progress=None):
-    return simulation.simulate(SimpleNamespace(spec=spec, gains=gains, guarantee=guarantee), progress)
+    observer = FAMILIES[spec.observer.type].observer(spec, gains)
+    return simulation.simulate(SimpleNamespace(spec=spec, observer=observer, guarantee=guarantee), progress)
 
 
 def simulate_sporadic(spec, gains, sampling, guarantee):
