@@ -28,6 +28,11 @@ class Range:
         return (self.low, *(fmpq(*float(f"{x:.12g}").as_integer_ratio()) for x in inner), self.high)
 
 
+def ends(value: fmpq | Range) -> tuple[fmpq, fmpq]:
+    """Ends of a range; a number is a range of itself."""
+    return (value.low, value.high) if isinstance(value, Range) else (value, value)
+
+
 @dataclass(frozen=True)
 class Bounds:
     """Largest gain, storage function and performance level that a design may use; None is no bound."""

@@ -3,7 +3,7 @@
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import Finding, complex_pair, detectability, finding
 from obsdesign.families.incremental.request import request_of
@@ -21,8 +21,9 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     plant, multiplier = spec.plant.doubles, in_floats(spec.multiplier)
     augmented = spec.augmented.doubles
     K = multiplier.member
-    alpha = request_of(spec).alpha
-    findings = detectability(augmented, K, float(alpha.low if isinstance(alpha, Range) else alpha), "alpha")
+    request = request_of(spec)
+    alpha, _ = ends(request.alpha)
+    findings = detectability(augmented, K, float(alpha), "alpha")
     nf = plant.Bf.shape[1]
     findings += [
         finding(test.name, test.holds, test.sentence, **test.numbers)
@@ -39,11 +40,9 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
                 normal_rank=zeros.normal_rank,
             )
         )
-    findings += [*slopes(spec, alpha.low if isinstance(alpha, Range) else alpha), *attainable(spec)]
+    findings += [*slopes(spec, alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
-    request = request_of(spec)
-    L2 = request.gains["L2"] if request.gains else request.L2
-    if L2 is not None:
+    if (L2 := request.feedback) is not None:
         loops["observer"] = augmented.Dqf + in_floats(L2) @ augmented.Df
     for name, D in loops.items():
         verdict = well_posed(D, multiplier)
@@ -54,8 +53,7 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
 def slopes(spec: Spec, alpha: fmpq) -> list[Finding]:
     """What nonlinearities without an upper slope bound rule out."""
     request = request_of(spec)
-    gain = request.gains["L2"] if request.gains else request.L2
-    family = in_floats(THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
+    family = in_floats(THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, request.feedback))
     answer = too_stiff(family) or failing_passivity(spec, family)
     return [finding(answer["condition"], False, answer["reason"], decides=True)] if answer else []
 
@@ -64,7 +62,7 @@ def attainable(spec: Spec) -> list[Finding]:
     """What any gamma > 0 needs (Theorem 2, Lemma 5), slopes without a bound, and what the reconstruction of w needs."""
     augmented, B = spec.augmented.doubles, spec.plant.doubles.B
     request, found = request_of(spec), []
-    gain = request.gains["L2"] if request.gains else request.L2
+    gain = request.feedback
     if augmented.B.shape[1]:
         tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)
         found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers) for t in tests]

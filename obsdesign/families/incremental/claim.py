@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
@@ -140,7 +140,7 @@ def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) ->
 
 def require_alpha(file: ResultFile, request: Request, alpha: fmpq, key: str) -> None:
     """Hold a decay rate against the number or the range that the spec asks for."""
-    low, high = (request.alpha.low, request.alpha.high) if isinstance(request.alpha, Range) else (request.alpha,) * 2
+    low, high = ends(request.alpha)
     if not low <= alpha <= high:
         raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for")
 

@@ -73,6 +73,11 @@ class Request:
     gains: Mapping[str, Array] | None = None  # analysis of these instead of a design
     reconstruct: bool = False  # w by pinv(B) L1 (yhat - y)
 
+    @property
+    def feedback(self) -> Array | None:
+        """L2 of the gains that are analyzed, or of the design; None: free."""
+        return self.gains["L2"] if self.gains else self.L2
+
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""
         alpha = self.alpha

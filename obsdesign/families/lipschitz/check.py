@@ -4,7 +4,7 @@ from math import isfinite
 
 import numpy as np
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, detectability, finding
@@ -18,7 +18,7 @@ from obsdesign.spec import Spec
 def check(spec: Spec, engine: Engine) -> list[Finding]:
     """Detectability at the decay that is asked for, constants that no gain can exceed, sigma(H), and L D = B."""
     request = request_of(spec)
-    decay = request.decay.low if isinstance(request.decay, Range) else request.decay
+    decay, _ = ends(request.decay)
     plant, K = spec.augmented.doubles, in_floats(spec.multiplier.member)
     found = detectability(plant, K, float(decay), "decay")
     unit = Lipschitz.of(spec.augmented, spec.multiplier, proportions(request.lipschitz), spec.H, decay)

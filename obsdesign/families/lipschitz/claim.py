@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, Range
+from obsdesign.dissipation.bounds import Bounds, ends
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
@@ -223,7 +223,7 @@ def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, dec
     for key, asked in (("type", request.type), ("relaxation", request.relaxation)):
         if file.at("observer", key) != asked:
             raise file.wrong(f"observer.{key}", f"the spec asks for {asked}")
-    low, high = (request.decay.low, request.decay.high) if isinstance(request.decay, Range) else (request.decay,) * 2
+    low, high = ends(request.decay)
     if not printed(low) <= decay <= printed(high):
         raise file.wrong("guarantee.decay", f"{approximate(decay):g} is not what the spec asks for")
     declared = needed(request.lipschitz)

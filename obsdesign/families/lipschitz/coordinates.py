@@ -17,7 +17,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.constants import restriction
-from obsdesign.dissipation.bounds import Range as Scanned
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression
@@ -133,7 +133,7 @@ class StateFunction:
         request = spec.observer
         decay, relaxation = fmpq(0), "s-procedure"
         if isinstance(request, LipschitzRequest):
-            decay = request.decay.low if isinstance(request.decay, Scanned) else request.decay
+            decay, _ = ends(request.decay)
             relaxation = relaxation if request.relaxation == "compare" else request.relaxation
         eye, none = rational(np.eye(n)), rational(np.zeros((n, n)))
         same = replace(plant, Bf=eye, Cq=eye, Dqf=none, Dq=0 * plant.B, Df=0 * plant.C)

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import SLACK, Bounds, Range
+from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.lmi.formula import Array, identity
 from obsdesign.model.disturbance import augment
@@ -135,8 +135,7 @@ def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | No
         reader.wrong(loc, f"belongs to objective pareto, not to {section.objective}", at_key=True)
     weight = asked.read_searched(reader, section.weight, loc, ">= 0", ">= 0")
     place = (*loc, "max") if isinstance(section.weight, asked.Interval) else loc
-    largest = weight.high if isinstance(weight, Range) else weight
-    if largest > 1:
+    if (largest := ends(weight)[1]) > 1:
         reader.wrong(place, f"{float(largest):g} is above 1; a weight is in [0, 1]")
     return weight
 

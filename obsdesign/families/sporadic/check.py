@@ -1,6 +1,6 @@
 """What a spec allows an observer whose measurements arrive sporadically."""
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import Finding, detectability, finding
 from obsdesign.families.sporadic.reasons import hiding_interval
@@ -13,7 +13,7 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     """Detectability at the decay that is asked for, and intervals that hide modes."""
     request = request_of(spec)
     plant, multiplier = spec.augmented, spec.multiplier
-    decay, T2 = (float(v.low if isinstance(v, Range) else v) for v in (request.decay, request.T2))
+    decay, T2 = (float(ends(v)[0]) for v in (request.decay, request.T2))
     hiding = hiding_interval(plant, multiplier, decay, max(T2, float(request.T1)))
     seen = f"no interval up to T2 = {T2:g} hides the difference of two modes"
     return [

@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import ends
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import LARGEST_EXPONENT, MEANING, SporadicCertificate, certify_sporadic
 from obsdesign.families.sporadic.figures import figures
@@ -121,7 +121,7 @@ def require_request(
         raise file.wrong("observer.type", f"the spec asks for {request.type}")
     asked = {"T1": request.T1, "T2": request.T2, "decay": request.decay}
     for name, value in asked.items():
-        low, high = (value.low, value.high) if isinstance(value, Range) else (value, value)
+        low, high = ends(value)
         if not printed(low) <= claim[name] <= printed(high):
             raise file.wrong(f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for")
     for name in ("T1", "T2"):

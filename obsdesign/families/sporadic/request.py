@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import SLACK, Range
+from obsdesign.dissipation.bounds import SLACK, Range, ends
 from obsdesign.families import asked
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import Loc
@@ -151,11 +151,6 @@ def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
 def listed(written: str | list[str] | None) -> tuple[str, ...]:
     """One word or several as a tuple."""
     return () if written is None else (written,) if isinstance(written, str) else tuple(written)
-
-
-def ends(value: fmpq | Range) -> tuple[fmpq, fmpq]:
-    """Ends of a range; a number is a range of itself."""
-    return (value.low, value.high) if isinstance(value, Range) else (value, value)
 
 
 def require_ordered(reader: Reader, T1: fmpq, T2: fmpq | Range) -> None:
