@@ -78,7 +78,7 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.files import require_writable, to_json, write_whole
+    from obsdesign.files import require_writable, write_whole
     from obsdesign.tables.text import aligned
     from obsdesign.work import load
 
@@ -89,11 +89,11 @@ def solve(
         if target != "-":
             require_writable(target)
         design = solved(problem, solver, quiet)
-        text = to_json(design.result)
+        text = design.text()
         if target == "-":
             typer.echo(text, nl=False)
         else:
-            write_whole(target, text.encode())
+            write_whole(target, text)
         if not quiet and target != "-":
             typer.echo(text if as_json else f"{aligned([*design.table(), ('file', target)])}\n", nl=False)
         if design.status == "uncertified":

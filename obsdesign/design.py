@@ -5,7 +5,6 @@ A result file is read and proved anew here too: from the spec, the gains and the
 
 import datetime
 import html
-import json
 import os
 import platform
 from collections.abc import Callable, Mapping
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign import __version__
-from obsdesign.errors import UsageError
+from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
@@ -53,7 +52,7 @@ class Design(Outcome):
 
     spec: Spec
     solver: Solver | None = None  # None of a design that was read from a file
-    recorded: Mapping[str, Any] | None = None  # the file that it was read from
+    recorded: ResultFile | None = None  # the file that it was read from
 
     @classmethod
     def of(cls, spec: Spec, outcome: Outcome, **origin: Any) -> "Design":
@@ -81,29 +80,38 @@ class Design(Outcome):
 
     @cached_property
     def result(self) -> Mapping[str, Any]:
-        """Result file as a dictionary: the one that was read, or the one that `save` writes."""
-        return self.written() if self.recorded is None else self.recorded
+        """Result file as a dictionary: the one that `save` writes, or the one that was read, whatever it says."""
+        return self.written() if self.recorded is None else self.recorded.plain()
 
-    def written(self) -> dict[str, Any]:
-        """Everything about the design, as a result file holds it; numbers are finite."""
+    def contents(self) -> dict[str, Any]:
+        """What is known of the design itself, as a result file holds it; of a file that was read, what is proved."""
         spec = self.spec
-        assert self.solver
         entries: dict[str, Any] = {}
-        if observer := FAMILIES[spec.observer.type].written(spec, self):
+        with np.errstate(all="ignore"):  # what is not finite is refused when it is written
+            observer = FAMILIES[spec.observer.type].written(spec, self)
+        if observer:
             entries["observer"] = {"type": spec.observer.type, **observer}
         if self.claim:
             entries |= self.claim.written(spec, self.limits())
         elif self.limit:
             entries["guarantee"] = self.limits()
         return {
-            "obsdesign": FORMAT,
-            "name": spec.name,
-            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
             "status": str(self.status),
             **entries,
             **({"diagnosis": self.diagnosis} if self.diagnosis else {}),
             **({"search": self.search.written()} if self.search else {}),
             **({"notes": list(self.notes)} if self.notes else {}),
+        }
+
+    def written(self) -> dict[str, Any]:
+        """Everything about the design, as a result file holds it; numbers are finite."""
+        spec = self.spec
+        assert self.solver
+        return {
+            "obsdesign": FORMAT,
+            "name": spec.name,
+            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+            **self.contents(),
             "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
             "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -117,7 +125,22 @@ class Design(Outcome):
         UsageError
             The folder does not exist or may not be written.
         """
-        write_whole(os.fspath(path), to_json(self.result).encode())
+        write_whole(os.fspath(path), self.text())
+
+    def text(self) -> bytes:
+        """Result file as it is written, or as it was read.
+
+        Raises
+        ------
+        UndecidedError
+            A number of it is not finite.
+        """
+        if self.recorded is not None:
+            return self.recorded.raw
+        try:
+            return to_json(self.result).encode()
+        except ValueError:
+            raise UndecidedError(f"the numbers of {self.spec.path} are beyond what doubles can hold") from None
 
     def verify(self) -> Proof:
         """Prove the claim anew from what `save` writes, in rationals and with no solver.
@@ -128,7 +151,7 @@ class Design(Outcome):
             The design claims nothing that could be proved.
         """
         name = f"{self.spec.name or 'design'}.gains.json"
-        return proof_of(ResultFile(name, to_json(self.result).encode()), self.spec)
+        return proof_of(ResultFile(name, self.text()), self.spec)
 
     def simulate(self, progress: Callable[[float], None] | None = None, /, **changes: Any) -> "Run":
         """Run plant and observer, and hold the run against every bound of the guarantee.
@@ -154,7 +177,7 @@ class Design(Outcome):
         """What an engineer wants to know of it, as rows of a name and a text."""
         from obsdesign.tables.design import design_rows
 
-        return design_rows(self.result)
+        return design_rows({"name": self.spec.name, **self.contents()})
 
     def __repr__(self) -> str:
         return f"<design of {self.spec.name!r}: {self.status}>"
@@ -179,14 +202,15 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
     verdict = Verdict.CERTIFIED if claim and claim.holds else Verdict.UNCERTIFIED
-    return Design.of(spec, Outcome(verdict, gains, claim), recorded=json.loads(file.raw))
+    return Design.of(spec, Outcome(verdict, gains, claim), recorded=file)
 
 
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     """Spec that travels in a file, unaltered, which must be the one that is given, if one is."""
     text = file.spec_text()
     if spec is None:
-        return loads(text, f"{file.path} (spec.text)")
+        spec, name = loads(text, f"{file.path} (spec.text)"), file.content.get("name")
+        return replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
     return spec

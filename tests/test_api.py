@@ -70,7 +70,9 @@ def test_a_notebook_designs_verifies_and_simulates_the_pendulum(tmp_path):
     assert all(check.holds for check in proof.checks)
     assert f"gamma {design.guarantee.gamma:g}" in proof.claim
     again = od.read(tmp_path / "pendulum.gains.json")
-    assert (again.result, str(again)) == (design.result, str(design))
+    assert again.result == design.result
+    assert {name for name, _ in design.table()} - {name for name, _ in again.table()} == {"limit", "within bounds"}
+    assert set(again.table()) <= set(design.table())  # what is proved anew
 
     # runs, as the spec says and otherwise
     run = design.simulate()
@@ -201,3 +203,69 @@ def test_the_lipschitz_constant_in_other_coordinates():
     assert (other["identity"]["upper"], other["scaled"]["T"], other["scaled"]["upper"]) == (4, [4, 1], 1)
     assert od.lipschitz(spec, scaling=True)["scaling"]["scaled"]["upper"] < 1
     assert "T" in said(lambda: od.lipschitz(spec, T=[1, 2, 3]))[1]
+
+
+@pytest.mark.usefixtures("here")
+def test_what_a_forged_file_says_is_not_shown_of_its_design(design):
+    content = json.loads(design.text())
+    content["guarantee"]["gamma"] /= 10
+    content["guarantee"]["mu2"] /= 100
+    content["guarantee"]["statement"] = content["guarantee"]["statement"].replace(
+        repr(design.guarantee.gamma), repr(content["guarantee"]["gamma"])
+    )
+    content["guarantee"]["limit_bounded"] = {"gamma": 1e-12}
+    content["notes"] = ["proved for every f"]
+    Path("forged.gains.json").write_text(json.dumps(content))
+    forged = od.read("forged.gains.json")
+    assert (forged.status, forged.guarantee) == ("uncertified", None)
+    assert forged.simulate(horizon=1).summary["bounds"] == []
+    for shown in (str(forged), forged._repr_html_()):
+        assert "uncertified" in shown
+        assert "NOT PROVED" in shown
+        assert "1e-12" not in shown
+        assert "for every f" not in shown
+    assert forged.result == content
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("created", "1" * 5000), ("notes", "7"), ("search", '"none"'), ("solver", "[]"), ("name", "{}")],
+)
+def test_a_file_with_strange_entries_is_shown_as_far_as_it_is_proved(design, key, value):
+    text = design.text().decode()
+    old = json.dumps(json.loads(text)[key], ensure_ascii=False) if key in json.loads(text) else None
+    if old is None or f'"{key}": {old}' not in text:
+        text = text.replace('"status"', f'"{key}": {value}, "status"', 1)
+    else:
+        text = text.replace(f'"{key}": {old}', f'"{key}": {value}', 1)
+    Path("strange.gains.json").write_text(text)
+    read = od.read("strange.gains.json")
+    assert read.status == "certified"
+    assert str(read).splitlines()[1].split() == ["status", "certified"]
+    assert read.verify().holds
+
+
+@pytest.mark.filterwarnings("ignore:.*:RuntimeWarning")  # numpy's, of the gates before the design
+def test_numbers_beyond_doubles_are_no_file(tmp_path):
+    spec = od.Spec(system={"A": [[-1e160]], "B": [1], "C": [1e160], "D": [1]}, observer={"type": "l2", "alpha": 0.1})
+    with pytest.raises(od.ObsdesignError):
+        od.solve(spec).save(tmp_path / "x.gains.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_number_of_very_many_digits_is_refused():
+    with pytest.raises(od.UsageError, match="digits"):
+        od.Spec(system={"A": [[10**5000]], "C": [1]}, observer={"type": "l2"})
+
+
+@pytest.mark.parametrize("call", [od.solve, od.check, od.lipschitz])
+def test_what_is_no_spec_is_refused(call):
+    with pytest.raises(od.UsageError, match="a spec is expected, not str"):
+        call("pendulum.yaml")
+
+
+def test_a_prompt_is_not_flooded(design):
+    for shown in (repr(design), repr(design.spec), repr(design.simulate(horizon=1))):
+        assert len(shown) < 100
+        assert "\n" not in shown

@@ -54,6 +54,14 @@ class ResultFile:
             raise UsageError(f"{self.path}: not a result file: an object is expected")
         return content
 
+    def plain(self) -> dict[str, Any]:
+        """JSON with numbers as doubles and integers, as it is written and nothing more."""
+        try:
+            content: dict[str, Any] = json.loads(self.raw)
+        except ValueError as error:  # an integer of more digits than are converted
+            raise UsageError(f"{self.path}: {error}") from None
+        return content
+
     def no_number(self, text: str) -> None:
         """Refuse NaN and infinities."""
         raise UsageError(f"{self.path}: {text} is no number; a result holds finite numbers only")

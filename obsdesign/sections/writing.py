@@ -58,11 +58,25 @@ def scalar(value: Any) -> str | None:
         number = str(np.float64(value)) if isinstance(value, float) else str(value)
         return {"nan": ".nan", "inf": ".inf", "-inf": "-.inf"}.get(number, number)
     if isinstance(value, int | np.integer | Fraction | fmpz | fmpq):
-        return str(value)
+        return whole(value)
     if not isinstance(value, str):
         return None
     safe = isinstance(value, Number) or (PLAIN.fullmatch(value) and value not in CONSTANTS)
     return str(value) if safe else json.dumps(str(value), ensure_ascii=False)
+
+
+def whole(value: Any) -> str:
+    """Digits of a whole number or of a fraction.
+
+    Raises
+    ------
+    UsageError
+        There are more than Python converts.
+    """
+    try:
+        return str(value)
+    except ValueError:
+        raise UsageError("a whole number has more digits than Python converts; write a decimal") from None
 
 
 def lines(name: str, value: Any, indent: str) -> Iterator[str]:
