@@ -340,25 +340,6 @@ def test_a_change_of_state_coordinates_never_turns_a_verdict(change):
     assert decided >= 6
 
 
-@pytest.mark.parametrize("make", [bearing, tanks])
-@pytest.mark.parametrize("scale", ["1/1000", "1/7", "50"])
-def test_gamma_scales_with_the_disturbance_and_with_the_output(make, scale):
-    family, s = family_of(make()), rational_number(scale)
-    p, least = family.plant, least_mu2(family)
-    louder = replace(family, plant=replace(p, B=s * p.B, Dq=s * p.Dq, D=s * p.D))
-    assert least_mu2(louder) == pytest.approx(float(s) ** 2 * least, rel=1e-4)
-    assert least_mu2(replace(family, H=s * family.H)) == pytest.approx(float(s) ** 2 * least, rel=1e-4)
-
-
-@pytest.mark.parametrize("make", [bearing, tanks])
-@pytest.mark.parametrize("rate", ["1/100", "60"])
-def test_another_unit_of_time_leaves_the_least_gamma(make, rate):
-    family, c = family_of(make()), rational_number(rate)
-    p = family.plant
-    faster = replace(family, plant=replace(p, A=c * p.A, Bf=c * p.Bf, B=c * p.B), alpha=c * family.alpha)
-    assert least_mu2(faster) == pytest.approx(least_mu2(family), rel=1e-4)
-
-
 @given(st.tuples(*[st.integers(0, 40)] * 4))
 @examples(15)
 def test_a_wider_slope_interval_never_lowers_the_least_gamma(parts):

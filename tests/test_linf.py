@@ -97,40 +97,6 @@ def test_given_gains_are_certified_at_the_least_gamma_that_they_achieve():
     assert made.claim.certificate.guarantee.gamma == pytest.approx(1 / math.sqrt(4 * 0.7 * 1.3), rel=1e-3)
 
 
-# Invariances
-
-
-def changed_plant(family, **matrices):
-    return replace(family, plant=replace(family.plant, **matrices))
-
-
-@pytest.mark.parametrize("T", [[[2, 1, 0], [0, 1, 0], [1, 0, 1]], [[100, 0, 0], [0, 0, 1], [0, 0.01, 0]]])
-def test_a_change_of_coordinates_leaves_the_least_gamma(T):
-    family = family_of(arm(D=0.3, Dq=0.1))
-    S, T, p = rational(np.linalg.inv(T).round(12)), rational(T), family.plant
-    moved = changed_plant(family, A=T @ p.A @ S, B=T @ p.B, Bf=T @ p.Bf, Cq=p.Cq @ S, C=p.C @ S)
-    assert least_gamma(replace(moved, H=family.H @ S)) == pytest.approx(least_gamma(family), rel=1e-4)
-
-
-@pytest.mark.parametrize("factor", [fmpq(1, 7), fmpq(30)])
-def test_the_least_gamma_scales_with_the_disturbance_and_the_output(factor):
-    family = family_of(arm(D=0.3, Dq=0.1))
-    p, gamma = family.plant, least_gamma(family)
-    louder = changed_plant(family, B=factor * p.B, D=factor * p.D, Dq=factor * p.Dq)
-    expected = pytest.approx(float(factor) * gamma, rel=1e-4)
-    assert least_gamma(louder) == expected
-    assert least_gamma(replace(family, H=factor * family.H)) == expected
-
-
-@pytest.mark.parametrize("factor", [fmpq(1, 10), fmpq(10)])
-def test_in_another_unit_of_time_alpha_scales_and_the_gain_of_suprema_stays(factor):
-    family = family_of(arm(D=0.3, Dq=0.1))
-    p = family.plant
-    faster = changed_plant(family, A=factor * p.A, B=factor * p.B, Bf=factor * p.Bf)
-    scaled = replace(faster, alpha=factor * family.alpha)
-    assert least_gamma(scaled) == pytest.approx(least_gamma(family), rel=1e-4)
-
-
 # Frozen slopes: a linear error system of the class, whose peak gain is the integral of |h|
 
 

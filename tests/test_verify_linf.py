@@ -1,15 +1,10 @@
-"""What `verify` believes of L-infinity guarantees and of bounds on |what - w|: nothing that is not proved."""
+"""What `verify` believes of bounds on |what - w|, beyond what test_every_family asks of any claim."""
 
 import copy
-import json
-from fractions import Fraction
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from support.commands import result_of
 from support.forging import at, claiming, put, scaled, with_spec
-from support.sweep import examples
 
 TANK = """
 obsdesign: 1
@@ -40,42 +35,6 @@ def test_the_genuine_file_is_proved(content, outcome_of):
 # The guarantee of the family
 
 
-@pytest.mark.parametrize(
-    ("key", "factor"),
-    [
-        ("mu1", "0.9"),
-        ("mu1", "1.1"),
-        ("mu1", "0"),
-        ("mu1", "-1"),
-        ("mu2", "0.9"),
-        ("mu2", "1.1"),
-        ("mu2", "-1"),
-        ("mu2", "0"),
-    ],
-)
-def test_levels_that_do_not_belong_to_gamma_prove_nothing(content, outcome_of, key, factor):
-    assert outcome_of(scaled(content, ("guarantee", key), factor)).exit_code == 4
-
-
-@pytest.mark.parametrize("factor", [0.99, 0, -1])
-def test_a_lower_gamma_is_not_proved_even_where_the_statement_says_it(content, outcome_of, factor):
-    gamma = content["guarantee"]["gamma"]
-    content["guarantee"]["gamma"] = gamma * factor
-    assert outcome_of(content).exit_code == 2
-    assert outcome_of(claiming(content, gamma, gamma * factor)).exit_code == 4
-
-
-@pytest.mark.parametrize("factor", ["-1", "2", "1/2", "0"])
-def test_a_forged_storage_function_proves_nothing(content, outcome_of, factor):
-    outcome = outcome_of(scaled(content, ("certificate", "P"), factor))
-    assert outcome.exit_code == 4
-    assert "NOT proved" in outcome.stdout
-
-
-def test_an_asymmetric_storage_function_proves_nothing(content, outcome_of):
-    assert outcome_of(scaled(content, ("certificate", "P", 0, 1), 1 + Fraction(1, 10**15))).exit_code == 4
-
-
 def test_the_same_storage_function_is_no_proof_for_the_other_family(content, outcome_of):
     forged = with_spec(content, "type: linf, reconstruct: w", "type: l2")
     assert outcome_of(forged).exit_code == 2  # observer.type
@@ -99,13 +58,6 @@ def test_a_smaller_constant_is_not_proved(content, outcome_of, key):
     assert "is large enough" in outcome.stderr
 
 
-@pytest.mark.parametrize("key", ["w", "w_rate", "x_rate"])
-@pytest.mark.parametrize("value", [0.0, -1.0])
-def test_a_constant_that_is_not_positive_is_not_proved(content, outcome_of, key, value):
-    content["guarantee"]["reconstruction"][key] = value
-    assert outcome_of(content).exit_code == 2
-
-
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize(
     ("key", "factor"),
@@ -118,9 +70,6 @@ def test_a_constant_that_is_not_positive_is_not_proved(content, outcome_of, key,
         ("mu2", "2"),
         ("alpha", "10"),
         ("alpha", "-1"),
-        ("P", "-1"),
-        ("P", "1/2"),
-        ("P", "2"),
     ],
 )
 def test_a_forged_level_proves_nothing(content, outcome_of, level, key, factor):
@@ -133,12 +82,6 @@ def test_a_forged_level_proves_nothing(content, outcome_of, level, key, factor):
 @pytest.mark.parametrize("factor", ["-1", "5"])
 def test_a_forged_multiplier_of_a_level_proves_nothing(content, outcome_of, level, factor):
     assert outcome_of(scaled(content, (*ROOT, "levels", level, "multipliers", "lambda1"), factor)).exit_code == 4
-
-
-@pytest.mark.parametrize("level", LEVELS)
-def test_an_asymmetric_storage_function_of_a_level_proves_nothing(content, outcome_of, level):
-    keys = (*ROOT, "levels", level, "P", 0, 1)
-    assert outcome_of(scaled(content, keys, 1 + Fraction(1, 10**15))).exit_code == 4
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -178,23 +121,6 @@ def test_a_slope_that_leaves_the_loop_open_is_refused(content, outcome_of):
     assert "not below 1" in outcome.stderr
 
 
-@pytest.mark.parametrize("keys", [("levels", level) for level in LEVELS] + [("slopes", slope) for slope in SLOPES])
-def test_what_is_missing_is_named(content, outcome_of, keys):
-    del at(content, (*ROOT, keys[0]))[keys[1]]
-    outcome = outcome_of(content)
-    assert outcome.exit_code == 2
-    assert keys[1] in outcome.stderr
-    assert "missing" in outcome.stderr
-
-
-@pytest.mark.parametrize("key", ["levels", "slopes"])
-def test_a_whole_part_that_is_missing_is_named(content, outcome_of, key):
-    del at(content, ROOT)[key]
-    assert outcome_of(content).exit_code == 2
-    del content["certificate"]["reconstruction"]
-    assert outcome_of(content).exit_code == 2
-
-
 def test_a_file_may_claim_less(content, outcome_of):
     """Without the bound in claim and statement, what is left is proved."""
     del content["guarantee"]["reconstruction"]
@@ -202,12 +128,6 @@ def test_a_file_may_claim_less(content, outcome_of):
     statement = content["guarantee"]["statement"]
     content["guarantee"]["statement"] = statement.partition("; limsup |what - w|")[0]
     assert outcome_of(content).exit_code == 0
-
-
-def test_a_larger_constant_is_proved(content, outcome_of):
-    constant = content["guarantee"]["reconstruction"]["w"]
-    content["guarantee"]["reconstruction"]["w"] = 2 * constant
-    assert outcome_of(claiming(content, constant, 2 * constant)).exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -245,55 +165,3 @@ def test_another_plant_is_not_proved_by_it(content, outcome_of, old, new):
     if "slope" in old:
         forged = with_spec(forged, "f: sin(q), ", "")
     assert outcome_of(forged).exit_code == 4
-
-
-# Anything in the place of anything
-
-NO_NUMBERS = ("1/0", "nan", "", None, True, [], {}, "1e999", [["0"]])
-
-
-def leaves(value, keys=()):
-    """Paths to the numbers of a part of a file."""
-    if isinstance(value, dict | list):
-        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from leaves(item, (*keys, key))
-    elif not isinstance(value, bool):
-        yield keys
-
-
-def test_what_is_no_number_is_refused_wherever_it_stands(content, outcome_of):
-    parts = (("guarantee", "reconstruction"), (*ROOT, "levels", LEVELS[3]), (*ROOT, "slopes", SLOPES[1]))
-    places = [(*part, *keys) for part in parts for keys in leaves(at(content, part)) if "checks" not in keys]
-    places = [keys for keys in places if keys[-1] != "kind"]
-    assert len(places) >= 14
-    for i, keys in enumerate(places):
-        forged = put(copy.deepcopy(content), keys, NO_NUMBERS[i % len(NO_NUMBERS)])
-        outcome = outcome_of(forged)
-        assert outcome.exit_code == 2, keys
-        assert len(outcome.stderr.splitlines()) == 1
-
-
-def test_the_checks_that_a_file_claims_are_not_believed(content, outcome_of):
-    forged = scaled(content, (*ROOT, "levels", LEVELS[0], "P"), -1)
-    assert all(check["holds"] for check in at(forged, ROOT)["levels"][LEVELS[0]]["checks"])
-    assert outcome_of(forged).exit_code == 4
-
-
-JSONS = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(-9, 9),
-    st.floats(-2, 2),
-    st.sampled_from(["1/0", "1/2", "x", "", [], {}, [[]]]),
-)
-
-
-@examples(25)
-@given(data=st.data())
-def test_whatever_is_put_in_the_place_of_anything_is_answered(genuine, outcome_of, data):
-    content = json.loads(genuine)
-    keys = list(data.draw(st.sampled_from([ROOT, ("guarantee", "reconstruction"), ("guarantee",)])))
-    while isinstance(at(content, keys), dict | list) and at(content, keys) and data.draw(st.booleans()):
-        place = at(content, keys)
-        keys.append(data.draw(st.sampled_from(list(place) if isinstance(place, dict) else range(len(place)))))
-    outcome_of(put(content, keys, data.draw(JSONS)))

@@ -1,4 +1,4 @@
-"""What `verify` believes of observers of Lipschitz systems: nothing that is not proved.
+"""What `verify` believes of observers of Lipschitz systems, beyond what test_every_family asks of any claim.
 
 The results are made by hand, of gains that are given here, so that nothing but the proof is tested.
 """
@@ -11,11 +11,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import fmpq
-from hypothesis import given
-from hypothesis import strategies as st
-from support.forging import at, claiming, put, scaled, with_spec
+from support.forging import claiming, scaled, with_spec
 from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, made, written
-from support.sweep import examples
 
 from obsdesign.design import Design
 from obsdesign.work import read
@@ -115,49 +112,11 @@ def test_where_the_types_hold_is_said(outcome_of):
 
 # Tampering
 
-CLAIM = ("lipschitz", "constants", "gamma", "decay", "mu1", "mu2", "admissible", "margin")
-
-
-@pytest.mark.parametrize("factor", ["0.99", "1.01", "-1"])
-def test_a_forged_number_of_the_claim_is_caught(content, outcome_of, factor):
-    for key in set(CLAIM) & set(content["guarantee"]):
-        forged = scaled(copy.deepcopy(content), ("guarantee", key), factor)
-        assert outcome_of(forged).exit_code in {2, 4}, key
-
 
 @pytest.mark.parametrize("factor", ["0.99", "1.01", "-1"])
 @pytest.mark.parametrize("key", ["lipschitz", "gamma", "mu1", "mu2"])
 def test_a_forged_number_of_the_larger_claim_is_caught(pair, outcome_of, key, factor):
     assert outcome_of(scaled(pair, ("certificate", "admissible", key), factor)).exit_code in {2, 4}
-
-
-@pytest.mark.parametrize("factor", ["0", "-1", "1/2", "2"])
-@pytest.mark.parametrize("keys", [("P",), ("multipliers",), ("admissible", "P"), ("admissible", "multipliers")])
-def test_a_forged_witness_proves_nothing(pair, outcome_of, keys, factor):
-    place = ("certificate", *keys)
-    places = [(*place, name) for name in at(pair, place)] if keys[-1] == "multipliers" else [place]
-    for path in places:
-        scaled(pair, path, factor)
-    outcome = outcome_of(pair)
-    assert outcome.exit_code == 4
-    assert "NOT proved" in outcome.stdout
-    assert ("admissible" in outcome.stderr) == ("admissible" in keys)
-
-
-@pytest.mark.parametrize("factor", ["0", "-1", "1/2", "100"])
-def test_another_gain_is_not_proved(content, outcome_of, factor):
-    assert outcome_of(scaled(content, ("observer", "L"), factor)).exit_code == 4
-
-
-def test_an_asymmetric_storage_function_proves_nothing(content, outcome_of):
-    assert outcome_of(scaled(content, ("certificate", "P", 0, 1), 1 + Fraction(1, 10**15))).exit_code == 4
-
-
-@pytest.mark.parametrize("gamma", [0.6, 0.3, 0.0])
-def test_a_lower_gamma_is_not_proved_even_with_the_mu2_and_the_statement_of_it(pair, outcome_of, gamma):
-    square = float(Fraction(repr(gamma)) ** 2)
-    claiming(pair, "0.72 norm2(w)", f"{gamma!r} norm2(w)", gamma=gamma, mu2=square)
-    assert outcome_of(pair).exit_code == 4
 
 
 @pytest.mark.parametrize("lipschitz", [1.5, 5.0, 1e300])
@@ -192,11 +151,6 @@ def test_the_decay_is_the_one_that_the_spec_asks_for(pair, outcome_of, decay):
     assert "guarantee.decay" in outcome.stderr
 
 
-def test_a_decay_beyond_what_the_gain_achieves_is_not_proved_with_a_spec_that_asks_for_it(pair, outcome_of):
-    claiming(with_spec(pair, "decay: 0.05", "decay: 0.9"), "exp(-0.05 t)", "exp(-0.9 t)", decay=0.9)
-    assert outcome_of(pair).exit_code == 4
-
-
 def test_a_larger_constant_in_the_spec_is_not_covered(pair, outcome_of):
     with_spec(pair, "lipschitz: 0.3", "lipschitz: 9")
     assert outcome_of(pair).exit_code == 2
@@ -214,12 +168,11 @@ def test_a_larger_constant_below_the_one_of_the_claim_is_refused(pair, outcome_o
     assert "guarantee.admissible" in outcome.stderr
 
 
-@pytest.mark.parametrize(("type_", "key"), [("l2", "type"), ("sporadic", "type"), (None, "type"), (1, "relaxation")])
-def test_another_family_or_relaxation_is_refused(pair, outcome_of, type_, key):
-    pair["observer"][key] = type_
+def test_another_relaxation_is_refused(pair, outcome_of):
+    pair["observer"]["relaxation"] = "norm-bound"
     outcome = outcome_of(pair)
     assert outcome.exit_code == 2
-    assert f"observer.{key}" in outcome.stderr
+    assert "observer.relaxation" in outcome.stderr
 
 
 def test_a_gain_that_the_spec_gives_may_not_be_replaced(pair, outcome_of):
@@ -250,57 +203,6 @@ def test_the_two_norms_of_a_gain_differ(outcome_of):
     content = made(text, fmpq(1), gain=3 * np.eye(2))
     assert outcome_of(content).exit_code == 0
     assert outcome_of(with_spec(content, "{L: 3}", "{L: {frobenius: 3}}")).exit_code == 4
-
-
-# Malformed files
-
-PLACES = [
-    *(("guarantee", key) for key in (*CLAIM, "statement")),
-    *(("certificate", "admissible", key) for key in ("lipschitz", "gamma", "mu1", "mu2", "P", "multipliers")),
-    ("observer", "type"),
-    ("observer", "relaxation"),
-    ("observer", "L"),
-    ("certificate", "P"),
-    ("certificate", "multipliers"),
-    ("certificate", "admissible"),
-    ("observer",),
-    ("guarantee",),
-    ("certificate",),
-    ("status",),
-    ("spec",),
-]
-ODD = ["1/0", "1e350", None, [["1", "2"], ["3"]], {"a": 1}]
-
-
-@pytest.mark.parametrize("keys", PLACES, ids=".".join)
-def test_a_missing_key_is_named(pair, outcome_of, keys):
-    del at(pair, keys[:-1])[keys[-1]]
-    outcome = outcome_of(pair)
-    assert outcome.exit_code == 2
-    assert keys == ("guarantee", "admissible") or f"{'.'.join(keys)}" in outcome.stderr
-
-
-@pytest.mark.parametrize("keys", PLACES, ids=".".join)
-def test_what_is_no_number_or_matrix_or_text_there_is_refused(pair, outcome_of, keys):
-    for odd in ODD:
-        assert outcome_of(put(copy.deepcopy(pair), keys, odd)).exit_code in {2, 4}, odd
-
-
-@examples(20)
-@given(data=st.data())
-def test_no_forgery_is_answered_with_a_traceback_or_believed_where_gamma_is_lower(pair, outcome_of, data):
-    gamma = data.draw(st.floats(0, 0.6))
-    forged = claiming(copy.deepcopy(pair), "0.72 norm2(w)", f"{gamma!r} norm2(w)", gamma=gamma, mu2=gamma * gamma)
-    for keys in data.draw(st.lists(st.sampled_from([("certificate", "P"), ("observer", "L")]), max_size=2)):
-        scaled(forged, keys, data.draw(st.fractions(-3, 3, max_denominator=20)))
-    assert outcome_of(forged).exit_code in {2, 4}
-
-
-def test_of_an_infeasible_result_nothing_can_be_verified(pair, outcome_of):
-    pair |= {"status": "infeasible", "diagnosis": {"reason": "none", "certificate": {}}}
-    outcome = outcome_of(pair)
-    assert outcome.exit_code == 2
-    assert "there is none for type lipschitz" in outcome.stderr
 
 
 # For a simulation
@@ -338,7 +240,3 @@ def test_a_claim_that_the_declared_constant_is_beyond_is_proved_but_guarantees_n
     assert "the spec declares 1.25, of which this says nothing" in content["guarantee"]["statement"]
     assert outcome_of(content).exit_code == 0
     assert recorded_of(content).guarantee is None
-
-
-def test_a_claim_that_is_not_proved_guarantees_nothing(pair, recorded_of):
-    assert recorded_of(scaled(pair, ("certificate", "P"), "-1")).guarantee is None
