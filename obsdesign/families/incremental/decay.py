@@ -14,9 +14,10 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import Minimum, edge, strides
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.reduce import between
-from obsdesign.lmi.solve import Status, reduction
+from obsdesign.lmi.solve import Answer, Status, reduction
 
 EDGE = 1e-6  # relative, of the largest alpha
+JUMP = 2.0  # ratio of gamma^2 at two points beyond which the scaling of one is not believed at the other
 
 Point = dict[str, Any]  # alpha, status and, where it is optimal, gamma
 
@@ -32,20 +33,26 @@ class Decay:
     def curve(self, grid: Sequence[fmpq]) -> Iterator[Point]:
         """Points of the grid; nothing is solved above an infeasible one.
 
-        The inequality is affine in alpha, so the reductions at both ends give those between.
+        The inequality is affine in alpha, so the reductions at both ends give those between. Every point is solved from
+        nothing, but in the scaling of its neighbor.
         """
         search, low, high = searchable(self.family), float(grid[0]), float(grid[-1])
         first, last = (reduction(replace(search, alpha=a).least_gamma(self.restricting)) for a in (low, high))
+        neighbor: Answer | None = None
         lost = False
         for i, alpha in enumerate(map(float, grid)):
             self.engine.report(0.7 * i / len(grid), f"alpha = {alpha:.4g}")
             point: Point = {"alpha": alpha, "status": str(Status.INFEASIBLE)}
             if not lost:
                 problem = replace(search, alpha=alpha).least_gamma(self.restricting)
-                answer = self.engine.minimise(problem, reduced=between(first, last, (alpha - low) / (high - low)))
+                reduced = between(first, last, (alpha - low) / (high - low))
+                answer = self.engine.minimise(problem, neighbor.values if neighbor else None, reduced)
+                if neighbor and not near(neighbor.objective, answer.objective):
+                    answer = self.engine.minimise(problem, reduced=reduced)
                 lost = answer.status is Status.INFEASIBLE
                 point["status"] = str(answer.status)
                 if answer.status is Status.OPTIMAL:
+                    neighbor = answer
                     point["gamma"] = math.sqrt(max(answer.objective, 0.0))
             yield point
 
@@ -101,3 +108,8 @@ class Decay:
         high = float(alpha)
         low, above = strides(lambda a: a < high and self.holds(a), high, 10.0, 4)
         return None if low is None or above is None else self.largest(low, above)
+
+
+def near(one: float, other: float) -> bool:
+    """Whether gamma^2 hardly changes between two points of a curve."""
+    return 0 < one <= JUMP * other and other <= JUMP * one
