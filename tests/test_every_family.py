@@ -357,6 +357,7 @@ def read_places(case):
     return [place for part in listed for place in leaves(at(design.result, part), part)]
 
 
+SPARE = 1e-3  # relative, beyond the largest interval that was proved: its witness may prove a little more
 FACTORS = (
     st.sampled_from([-1, 0, Fraction(1, 2), 2, 1000])
     | st.fractions(-2, 2)
@@ -378,7 +379,7 @@ def test_a_changed_number_proves_nothing_that_is_not_true(case, outcome_of, tmp_
     outcome = outcome_of(forged)
     if outcome.exit_code:
         return
-    weaker = place[1] in case.optional and at(forged, place) < before
+    weaker = place[1] in case.optional and at(forged, place) < before * (1 + SPARE)
     assert place[0] != "guarantee" or place[-1] in SUPPLIES or weaker
     design = od.read(tmp_path / "forged.json")
     assert design.guarantee is not None
