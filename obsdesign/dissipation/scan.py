@@ -16,6 +16,7 @@ Function = Callable[[float], float]
 SHARP = 5e-3  # relative width to which a minimum is found; its value is then good to about 1e-6
 WIDTH = 1.35  # ratio of the ends of a first bracket to the guess in it
 FEW = 4  # values in it: Brent's method has its parabola then, and its value is good to about 1e-5
+LEVEL = 0.05  # relative rise of the neighbors up to which it is; where they are higher the search goes on
 MOST = 100  # .. elsewhere
 FAR = 1e3  # what stands for infinity, relative to the finite values
 
@@ -68,8 +69,8 @@ class Minimum:
             if math.isinf(value) or len(self.values) == tried:
                 return self.best
             if below < best < above or best in {self.low, self.high}:
-                settled = not moved and max(self.values[below], self.values[above]) < math.inf
-                return self.best if settled else self.around()
+                level = max(self.values[below], self.values[above]) <= value + LEVEL * abs(value)
+                return self.best if level and not moved else self.between(below, above, 2 * FEW if moved else FEW)
             below, above = (best / reach, above) if below == best else (below, best * reach)
             reach, moved = reach * reach, True
 

@@ -26,6 +26,7 @@ from obsdesign.model.plant import Plant
 
 CENTERINGS = 6  # of the bound on |L| about the solution, which makes it tight there
 SETTLED = 0.01  # relative change of gamma below which they end
+TIGHTER = 0.03  # relative change of gamma by them beyond which delta is searched again
 STRIDE = 2.0  # between bounds on |L|, until one will do and another will not
 STRIDES = 24
 AROUND = 0.8  # logarithm of the ratio of two of them, up to which a solution is of use to the other
@@ -109,6 +110,9 @@ def within(landscape: Landscape, T2: float, exponent: float | None = None) -> Ca
     first = None if math.isinf(gamma) else bounded(engine, landscape.with_gains(delta, T2), kappa)
     if first is None:
         return None
+    landscape.exponent = delta * T2
+    if first.gamma > (1 - TIGHTER) * gamma:
+        return first
     values = first.values
 
     def again(delta: float) -> float:

@@ -24,6 +24,7 @@ Form = Callable[[Sporadic], Relaxation]
 LEAST_DELTA = 1.001  # least delta / (2 lambda_t) of a relaxation that needs delta > 2 lambda_t
 LARGEST = 60.0  # of delta T2
 CLOSE = 1.2  # bracket of the best delta about that of a neighbor
+VALLEYS = 4  # points of the whole range that guard a search nearby where there may be several valleys
 GUARD = 9  # points of the whole range where a search nearby finds nothing
 MISSING = -1e-6  # what is missing is negative, beyond the noise of a solver (about 2e-8)
 VIOLATION = 5e-5  # of a constraint that a search tolerates, in units of the data, whatever the solver says
@@ -160,7 +161,7 @@ class Landscape:
         if exponent is None or math.isinf(search.near(exponent / T2)[1]):
             search.everywhere(self.range.points)
         elif self.kappa is not None:
-            search.everywhere(GUARD)
+            search.everywhere(VALLEYS)
         return search.best
 
     def least_missing(self, T2: float) -> float:

@@ -160,10 +160,11 @@ class Study:
         if math.isinf(gamma):
             return made
         if self.kappa is not None:
-            start = within(self.landscape(self.scheme.gains, float(decay), self.kappa), float(T2), self.around)
+            landscape = self.landscape(self.scheme.gains, float(decay), self.kappa)
+            start = within(landscape, float(T2), self.exponent if limit and self.around is None else self.around)
             if start is None:
                 return replace(made, diagnosis=too_small(float(self.request.largest_gain or 0), float(T2)))
-            self.around = start.delta * float(T2)
+            self.around = landscape.exponent
             made = replace(made, bounded=max(start.gamma, gamma))
         if self.cap is not None and made.level > self.cap:
             return replace(made, diagnosis=out_of_reach(self.cap, made.level))
