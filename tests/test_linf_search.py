@@ -23,7 +23,7 @@ def curve(family, low, high, points):
 
 
 @pytest.mark.parametrize("D", [0.4, 2])
-def test_the_golden_section_finds_the_minimum_of_a_curve_that_falls_and_then_rises(D):
+def test_the_search_finds_the_minimum_of_a_curve_that_falls_and_then_rises(D):
     family = family_of(arm(D=D, Dqf=0.2, Dq=0.1))
     fine = [p["gamma"] for p in curve(family, 0.02, 5, 40) if "gamma" in p]
     rises = np.sign([b - a for a, b in pairwise(fine) if abs(b / a - 1) > 1e-5])
@@ -40,7 +40,7 @@ def test_feasibility_is_lost_once_and_for_all_as_alpha_grows():
     assert set(statuses[edge:]) == {"infeasible"}
 
 
-def test_the_curve_is_in_the_answer_with_the_points_of_the_golden_section():
+def test_the_curve_is_in_the_answer_with_the_points_of_the_search():
     made = solve(loads(SCALAR % (2, 0, "alpha: {min: 0.1, max: 1.9, points: 5}")))
     alphas = [p["alpha"] for p in made.search.points]
     assert alphas == sorted(alphas)

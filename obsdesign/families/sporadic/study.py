@@ -174,6 +174,12 @@ class Study:
         if chosen is None:
             return made
         gains, certificate = reaching(self.setting, chosen, T2, decay, target, self.kappa)
+        proved = float(certificate.gamma) if certificate and certificate.holds else target
+        if proved > target and limit is None and (lower := target**2 / proved) > made.level:
+            again = self.small(made, start, float(T2), float(decay), lower, True)  # a solve has overstated its gains
+            second = reaching(self.setting, again, T2, decay, target, self.kappa) if again else (None, None)
+            if second[1] and second[1].holds and float(second[1].gamma) < proved:
+                gains, certificate = second
         return replace(made, gains=gains, certificate=certificate)
 
     def small(
