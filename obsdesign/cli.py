@@ -59,7 +59,6 @@ Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after w
 def main() -> None:
     """Entry point. Matrices are small: one thread makes runs repeatable, and halves the start-up time."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         app()
     except KeyboardInterrupt:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,8 +57,12 @@ class Design(Outcome):
 
     @classmethod
     def of(cls, spec: Spec, outcome: Outcome, **origin: Any) -> "Design":
-        """Design of an outcome; its notes begin with those on the spec."""
-        return cls(**{**vars(outcome), "notes": (*spec.notes, *outcome.notes)}, spec=spec, **origin)
+        """Design of an outcome; its notes begin with those on the spec, and its gains cannot be changed any more."""
+        gains = {name: gain.copy() for name, gain in outcome.gains.items()}
+        for gain in gains.values():
+            gain.setflags(write=False)
+        further = {"gains": MappingProxyType(gains), "notes": (*spec.notes, *outcome.notes)}
+        return cls(**{**vars(outcome), **further}, spec=spec, **origin)
 
     @property
     def guarantee(self) -> Guarantee | None:

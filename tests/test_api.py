@@ -269,3 +269,27 @@ def test_a_prompt_is_not_flooded(design):
     for shown in (repr(design), repr(design.spec), repr(design.simulate(horizon=1))):
         assert len(shown) < 100
         assert "\n" not in shown
+
+
+def test_what_was_proved_of_gains_is_not_said_of_others(design):
+    with pytest.raises(ValueError, match="read-only"):
+        design.gains["L1"][0, 0] = 0
+    with pytest.raises(TypeError):
+        design.gains["L1"] = np.zeros((3, 2))
+
+
+def test_a_claim_of_another_plant_bounds_no_run():
+    system = {"A": [[0, 1], [-1, -1]], "B": [1, 1], "C": [1, 0], "D": [0.2]}
+    f = [{"f": "5*sin(q)", "type": {"lipschitz": 5}, "Bf": [0, 1], "Cq": [0, 1]}]
+    design = od.solve(
+        od.Spec(
+            system=system,
+            nonlinearities=f,
+            observer={"type": "lipschitz", "bounds": {"L": 20}},
+            simulation={"horizon": 1, "x0": [1, 0]},
+        )
+    )
+    assert (design.status, design.claim.holds, design.guarantee) == ("certified", True, None)
+    summary = design.simulate().summary
+    assert (summary["bounds"], summary["gamma"]) == ([], None)
+    assert summary["bounds_omitted"] == "no guarantee: nothing is proved of these gains with this plant"

@@ -213,7 +213,7 @@ def test_without_a_guarantee_nothing_is_checked_and_the_summary_says_so():
     run = simulate_sporadic(free(), DESIGN, Sampling(0.205, 0.41), None)
     assert run.V is run.V_bound is run.distance_bound is None
     assert run.summary["bounds"] == []
-    assert run.summary["bounds_omitted"] == "no guarantee: the gains are not certified"
+    assert run.summary["bounds_omitted"] == "no guarantee: nothing is proved of these gains with this plant"
 
 
 def test_the_table_holds_what_the_observer_has_at_each_time():

@@ -82,7 +82,9 @@ class Outcome:
     """Certified or uncertified gains, or why there are none."""
 
     status: Verdict
-    gains: dict[str, Array] = field(default_factory=dict)  # by name; doubles that print as the decimals that are proved
+    gains: Mapping[str, Array] = field(
+        default_factory=dict
+    )  # by name; doubles that print as the decimals that are proved
     claim: Claim | None = None  # what was proved of the gains, or tried to be
     limit: dict[str, Any] = field(default_factory=dict)  # infimum or supremum over all gains, by its name; numerical
     limit_bounded: dict[str, Any] = field(default_factory=dict)  # .. within the bounds of the spec

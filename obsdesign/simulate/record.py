@@ -161,7 +161,7 @@ class Record:
     def uncovered(self) -> str:
         """Why no bound can be stated, or nothing."""
         if self.guarantee is None:
-            return "no guarantee: the gains are not certified"
+            return "no guarantee: nothing is proved of these gains with this plant"
         if self.acting.unmodeled:
             return self.acting.unmodeled
         if self.acting.noise.any():

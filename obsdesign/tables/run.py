@@ -8,7 +8,7 @@ from obsdesign.tables.text import aligned, plain
 
 def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, str]) -> str:
     """Summary of a run."""
-    rows = [] if guaranteed else [("guarantee", "no guarantee: these gains are not certified")]
+    rows = [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
     for key, value in summary.items():
         if key == "bounds":
             rows += [("bound", bound_text(bound)) for bound in value]
