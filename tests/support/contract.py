@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
 
@@ -109,7 +110,7 @@ def differences(one, other, where=""):
     elif isinstance(one, tuple | list) and isinstance(other, tuple | list) and len(one) == len(other):
         for i, pair in enumerate(zip(one, other, strict=True)):
             yield from differences(*pair, f"{where}[{i}]")
-    elif isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+    elif isinstance(one, Mapping) and isinstance(other, Mapping) and one.keys() == other.keys():
         for key in one:
             yield from differences(one[key], other[key], f"{where}.{key}")
     elif isinstance(one, np.ndarray):
