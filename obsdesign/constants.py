@@ -1,13 +1,12 @@
 """The Lipschitz constants of the nonlinearities of a spec, proved, as the command `lipschitz` reports them."""
 
 from collections.abc import Mapping
-from math import inf, isfinite
 from typing import Any
 
 from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
 from obsdesign.nonlinearities.evidence.automatic import lipschitz_proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
-from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.nonlinearities.evidence.restriction import SINCE_ZERO, Restriction
 from obsdesign.spec import Nonlinearity, Spec
 
 
@@ -61,8 +60,8 @@ def names(spec: Spec) -> list[str]:
 def restriction(block: Nonlinearity) -> Restriction:
     """Return f on its region; a run begins at t = 0."""
     assert block.f is not None
-    own = {f"q{i + 1}": limits for i, limits in enumerate(block.region or ())}
-    return Restriction.of(block.f, block.nq, {"t": (0.0, inf), **own, **block.others})
+    own = {f"q{i + 1}": ends for i, ends in enumerate(block.region or ())}
+    return Restriction.of(block.f, block.nq, {"t": SINCE_ZERO, **own, **block.others})
 
 
 def entry(name: str, block: Nonlinearity) -> dict[str, Any]:
@@ -71,7 +70,7 @@ def entry(name: str, block: Nonlinearity) -> dict[str, Any]:
     if block.f is None:
         return report
     f = restriction(block)
-    report["region"] = {f.shown(q): [end if isfinite(end) else None for end in f.box[q]] for q in used(f)}
+    report["region"] = {f.shown(q): [None if x is None else float(x) for x in f.region[q]] for q in used(f)}
     if block.lipschitz:
         declared = max(block.lipschitz)
         report |= {"declared": float(declared), "proved": lipschitz_proved(f, declared)}
@@ -93,4 +92,4 @@ def bounds(f: Restriction, found: Constant) -> dict[str, Any]:
 
 def used(f: Restriction) -> list[str]:
     """Variables that f depends on."""
-    return [name for name in f.box if any(name in component.names for component in f.f)]
+    return [name for name in f.region if any(name in component.names for component in f.f)]

@@ -16,7 +16,7 @@ from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Terms, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
-from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
 
 Vector = npt.NDArray[np.float64]
 
@@ -39,20 +39,20 @@ class Nonlinearity:
     nq: int
     multiplier: Multiplier
     f: tuple[Expression, ...] | None  # in t, the outputs, the inputs and q (or q1, q2, ..); None: not to be simulated
-    region: tuple[Range, ...] | None = None  # of each component of q_i, where the type holds; None: all
-    others: Mapping[str, Range] = field(default_factory=dict)  # of other variables of f (t, outputs, inputs), likewise
+    region: tuple[Ends, ...] | None = None  # of each component of q_i, where the type holds; None: all
+    others: Mapping[str, Ends] = field(default_factory=dict)  # of other variables of f (t, outputs, inputs), likewise
     lipschitz: tuple[
         fmpq, ...
     ] = ()  # constant of f_i, or one for each component that has its own; none is known: empty
 
 
-def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, tuple[float, float]]]:
+def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Range]]:
     """Number of the block, component in it, component of q, and limits, of each component that has a limit."""
     first = 0
     for i, block in enumerate(blocks, start=1):
-        for k, limits in enumerate(block.region or ()):
-            if np.isfinite(limits).any():
-                yield i, k, first + k, limits
+        for k, ends in enumerate(block.region or ()):
+            if ends != EVERYWHERE:
+                yield i, k, first + k, outward(ends)
         first += block.nq
 
 
@@ -204,6 +204,6 @@ class Spec(metaclass=Called):
         whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
         own = ["q"] if block.nq == 1 else [f"q{k + 1}" for k in range(block.nq)]
         known = zip(own, block.region or (), strict=False)
-        limited = [(f"{q}{whose} and its estimate stay", limits) for q, limits in known]
-        limited += [(f"{name} stays", limits) for name, limits in block.others.items()]
-        return [f"{what} in [{low:g}, {high:g}]" for what, (low, high) in limited if (low, high) != EVERYWHERE]
+        limited = [(f"{q}{whose} and its estimate stay", ends) for q, ends in known]
+        limited += [(f"{name} stays", ends) for name, ends in block.others.items()]
+        return ["{} in [{:g}, {:g}]".format(what, *outward(ends)) for what, ends in limited if ends != EVERYWHERE]

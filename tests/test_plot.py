@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.functions import exact
 from support.running import simulate
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
@@ -105,7 +106,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
 """
     )
     spec = loads(text)
-    spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=((-1.0, 1.0),)),))
+    spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=(exact(-1.0, 1.0),)),))
     guarantee = PeakGuarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1))
     run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
     figure = run_sheet(run)

@@ -1,5 +1,6 @@
 """A declared type that its f contradicts is refused with a pair that shows it; a tight one never is."""
 
+import re
 import time
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.commands import run
 from support.functions import within
 from support.sweep import examples
 
@@ -217,6 +219,42 @@ def test_a_region_saves_a_type_that_does_not_hold_everywhere():
     assert spec("type: monotone, f: q**3 - q, region: {q: [1, 2]}").validity
     with pytest.raises(UsageError, match="monotone is refuted"):
         spec("type: monotone, f: q**3 - q")
+
+
+EDGE = """\
+obsdesign: 1
+system: {{inputs: [d], A: [[-1]], B: [[1]], C: [[1]]}}
+nonlinearities:
+  - {{f: (1 - d)*q, type: {{{type}, region: {{d: [0.2, 0.8]}}}}, Bf: [1], Cq: [1]}}
+observer: {{{observer}}}
+"""
+OBSERVERS = [
+    "type: l2, alpha: 0.1, bounds: {L1: 10}",
+    "type: linf, alpha: 0.1, bounds: {L1: 10}",
+    "type: lipschitz, bounds: {L: 10}",
+    "type: sporadic, T1: 0.1, T2: 0.2",
+]
+
+
+@pytest.mark.parametrize("observer", OBSERVERS)
+@pytest.mark.parametrize("type_", ["slope: [0.2, 0.8]", "lipschitz: 0.8", "cocoercive: 0.8"])
+def test_equality_at_the_edge_of_a_region_is_no_refutation(observer, type_, tmp_path):
+    path = tmp_path / "edge.yaml"
+    path.write_text(EDGE.format(type=type_, observer=observer))
+    found = run("solve", path, "-o", tmp_path / "g.json", "-q")
+    assert found.exit_code == 0, found.output
+    assert run("verify", tmp_path / "g.json").exit_code == 0
+
+
+@pytest.mark.parametrize("type_", ["slope: [0.2, 0.79999999]", "slope: [0.20000001, 0.8]", "lipschitz: 0.79999999"])
+def test_what_passes_its_bound_at_the_edge_of_a_region_only_is_refuted_there(type_, tmp_path):
+    path = tmp_path / "edge.yaml"
+    path.write_text(EDGE.format(type=type_, observer=OBSERVERS[0]))
+    found = run("check", path)
+    assert found.exit_code == 2
+    d = re.search(r"\(at d = ([0-9.]+)\)", found.stderr)
+    assert d is not None, found.stderr
+    assert 0.2 <= float(d[1]) <= 0.8
 
 
 def test_two_searches_find_the_same_pair():

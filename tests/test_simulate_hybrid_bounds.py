@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.functions import exact
 from support.running import simulate_sporadic
 from support.sporadic import DESIGN, LINK, LINK_V, OSCILLATOR, OSCILLATOR_V, PREDICTOR, free, paper, read
 from support.sweep import seeds
@@ -215,7 +216,7 @@ def test_a_period_beyond_t2_is_overdue_from_t2_on():
 
 def test_a_run_that_leaves_the_region_of_a_nonlinearity_leaves_its_guarantee():
     spec = read(LINK, x0=np.array([0, 0, 0.5, 0]), w=None, horizon=3.0)
-    block = replace(spec.nonlinearities[0], region=((-0.1, 0.6),))
+    block = replace(spec.nonlinearities[0], region=(exact(-0.1, 0.6),))
     local = replace(spec, nonlinearities=(block,))
     run = simulate_sporadic(local, PREDICTOR, Sampling(0.05, 0.1), LINK_V)
     assert run.left[0].time == run.until < 3

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
+from support.functions import exact
 from support.running import simulate
 from support.sweep import examples
 
@@ -123,7 +124,9 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 401}
 
 def local(region: tuple[float, float] | None, **changes: object) -> Spec:
     spec = loads(HEAD + LOCAL)
-    blocks = tuple(replace(block, region=None if region is None else (region,)) for block in spec.nonlinearities)
+    blocks = tuple(
+        replace(block, region=None if region is None else (exact(*region),)) for block in spec.nonlinearities
+    )
     return replace(spec, nonlinearities=blocks, simulation=replace(spec.simulation, **changes))
 
 
@@ -177,7 +180,7 @@ def test_the_estimate_alone_may_leave():
 def test_a_region_of_other_arguments_is_watched_too():
     spec = local(None)
     (block,) = spec.nonlinearities
-    watched = replace(block, others={"t": (0.0, 2.5), "y1": (-np.inf, np.inf)})
+    watched = replace(block, others={"t": exact(0.0, 2.5), "y1": exact(-np.inf, np.inf)})
     summary = ran(replace(spec, nonlinearities=(watched,)), certificate()).summary
     (only,) = summary["validity"]["left"]
     assert (only["argument"], only["of"]) == ("t", "plant")

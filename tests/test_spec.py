@@ -18,6 +18,7 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
 from obsdesign.families import FAMILIES
 from obsdesign.reading import json_schema, load, loads
+from obsdesign.spec import limited
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = str(ROOT / "specs" / "corless2019-magnetic-bearing.yaml")
@@ -408,7 +409,7 @@ def test_the_type_tells_the_sections_of_an_observer_apart():
         ("type: {lipschitz: 1, region: {q: [-1, 2]}}", ((-1, 2),), {}, "as long as q and its estimate stay in [-1, 2]"),
         (
             "type: monotone, region: {q1: [0, .inf]}",
-            ((0, np.inf),),
+            ((0, None),),
             {},
             "as long as q and its estimate stay in [0, inf]",
         ),
@@ -434,12 +435,13 @@ def test_the_validity_of_several_nonlinearities_names_each():
     two = f"{{type: {{lipschitz: 2, region: {{q2: [-3, 3]}}}}, {PLANE}}}"
     read = spec(nonlinearities=f"[{one}, {two}]")
     assert read.validity == "as long as q2 of nonlinearity 2 and its estimate stay in [-3, 3]"
-    assert [block.region for block in read.nonlinearities] == [None, ((-np.inf, np.inf), (-3, 3))]
+    assert [block.region for block in read.nonlinearities] == [None, ((None, None), (-3, 3))]
 
 
-def test_a_decimal_limit_of_a_region_is_rounded_outward():
+def test_a_decimal_limit_of_a_region_is_exact_and_in_doubles_it_is_rounded_outward():
     (block,) = spec(nonlinearities="[{type: cubic, region: {q: [-0.1, 0.3]}, Bf: [0, 1], Cq: [1, 0]}]").nonlinearities
-    ((low, high),) = block.region
+    assert block.region == ((fmpq(-1, 10), fmpq(3, 10)),)
+    ((_, _, _, (low, high)),) = limited([block])
     assert fmpq(*low.as_integer_ratio()) <= fmpq(-1, 10)
     assert fmpq(*high.as_integer_ratio()) >= fmpq(3, 10)
     assert high - low < 0.4 + 1e-15

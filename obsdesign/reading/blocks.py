@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from obsdesign.expressions import Expression, parse
 from obsdesign.nonlinearities import TEMPLATES, Multiplier, Template
 from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.refutation import counterexample
-from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Range, Restriction
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
 from obsdesign.reading.region import read_region
 from obsdesign.reading.schema import AUTO, Function, TypeData
 from obsdesign.sections.document import Loc, dotted
@@ -140,13 +139,13 @@ def read_declared(reader: Reader, block: Block) -> Assumption | None:
     return None
 
 
-def restricted(f: Sequence[Expression], nq: int, region: Mapping[str, Range]) -> Restriction:
+def restricted(f: Sequence[Expression], nq: int, region: Mapping[str, Ends]) -> Restriction:
     """Return f on its region; a run begins at t = 0."""
-    return Restriction.of(f, nq, {"t": (0.0, inf), **region})
+    return Restriction.of(f, nq, {"t": SINCE_ZERO, **region})
 
 
 def derive(
-    reader: Reader, block: Block, f: Sequence[Expression] | None, region: Mapping[str, Range]
+    reader: Reader, block: Block, f: Sequence[Expression] | None, region: Mapping[str, Ends]
 ) -> Assumption | None:
     """Type that f is proved to have on its region; None after an error."""
     place = (*block.loc, "type")
@@ -166,7 +165,7 @@ def derive(
 
 
 def examine(
-    reader: Reader, block: Block, declared: Assumption, f: Sequence[Expression], region: Mapping[str, Range]
+    reader: Reader, block: Block, declared: Assumption, f: Sequence[Expression], region: Mapping[str, Ends]
 ) -> None:
     """Prove a declared type, or refute it; what is neither is the assumption of the user."""
     where, place = restricted(f, block.nq, region), (*block.loc, "type")

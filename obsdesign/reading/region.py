@@ -1,11 +1,9 @@
 """The region on which the type of a nonlinearity holds."""
 
 from collections.abc import Mapping, Sequence
-from math import inf
 
 from obsdesign.expressions import Expression
-from obsdesign.expressions.interval import point
-from obsdesign.nonlinearities.evidence.restriction import Range
+from obsdesign.nonlinearities.evidence.restriction import Ends
 from obsdesign.nonlinearities.slope import INFINITE
 from obsdesign.reading.schema import Auto, Function
 from obsdesign.sections.document import Loc
@@ -18,7 +16,7 @@ MINUS_INFINITE = ("-.inf", "-.Inf", "-.INF")
 
 def read_region(
     reader: Reader, section: Function, loc: Loc, nq: int, f: Sequence[Expression] | None, known: Sequence[str]
-) -> dict[str, Range]:
+) -> dict[str, Ends]:
     """Ranges of the variables that are limited; a single component of q is q1.
 
     `f`, `known`: the function, and what it may depend on besides its argument.
@@ -30,7 +28,7 @@ def read_region(
         reader.wrong(place, "the region is given twice; give it once", at_key=True)
     place, written = given[0]
     used = known if f is None else [name for name in known if any(name in g.names for g in f)]
-    region: dict[str, Range] = {}
+    region: dict[str, Ends] = {}
     for name, ends in written.items():
         here, variable = (*place, name), "q1" if name == "q" and nq == 1 else name
         if name not in (*arguments(nq), *known):
@@ -57,20 +55,11 @@ def written_regions(section: Function, loc: Loc) -> Sequence[tuple[Loc, Mapping[
     return found
 
 
-def read_range(reader: Reader, ends: Sequence[str], loc: Loc) -> Range:
-    """Limits as doubles, rounded outward."""
+def read_range(reader: Reader, ends: Sequence[str], loc: Loc) -> Ends:
+    """Limits of one variable."""
     before = len(reader.problems)
-    low = read_end(reader, ends[0], (*loc, 0))
-    high = read_end(reader, ends[1], (*loc, 1))
-    if len(reader.problems) == before and not low[1] < high[0]:
+    low = None if ends[0] in MINUS_INFINITE else reader.number(ends[0], (*loc, 0))
+    high = None if ends[1] in INFINITE else reader.number(ends[1], (*loc, 1))
+    if len(reader.problems) == before and low is not None and high is not None and low >= high:
         reader.wrong(loc, f"{ends[0]} is not below {ends[1]}; give [low, high]")
-    return low[0], high[1]
-
-
-def read_end(reader: Reader, text: str, loc: Loc) -> Range:
-    """Double below and double above a limit, which may be infinite."""
-    if text in INFINITE or text in MINUS_INFINITE:
-        end = inf if text in INFINITE else -inf
-        return end, end
-    tight = point(reader.number(text, loc))
-    return float(tight.low), float(tight.high)
+    return low, high

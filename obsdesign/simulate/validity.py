@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from obsdesign.lmi.formula import Array
+from obsdesign.nonlinearities.evidence.restriction import outward
 from obsdesign.spec import Nonlinearity, limited
 
 Side = Literal["plant", "estimate"]
@@ -58,7 +59,7 @@ def leavings(
         for of, values in sides
     ]
     for i, block in enumerate(blocks, start=1):
-        watched += [(i, name, "plant", known[name], limits) for name, limits in block.others.items()]
+        watched += [(i, name, "plant", known[name], outward(ends)) for name, ends in block.others.items()]
     found = [
         Leaving(i, name, of, float(t[out[0]]), float(values[out[0]]), (finite(low), finite(high)))
         for i, name, of, values, (low, high) in watched

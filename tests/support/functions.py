@@ -21,4 +21,9 @@ def bounds(*pairs):
 
 def within(*f, nq=1, **region):
     """f, given as texts, on a region."""
-    return Restriction.of([parse(text, NAMES) for text in f], nq, region)
+    return Restriction.of([parse(text, NAMES) for text in f], nq, {q: exact(*limits) for q, limits in region.items()})
+
+
+def exact(*limits):
+    """Limits as a spec has them."""
+    return tuple(None if abs(x) == np.inf else rational_number(repr(x)) for x in limits)

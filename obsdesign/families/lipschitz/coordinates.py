@@ -28,7 +28,7 @@ from obsdesign.lmi.formula import Array, in_floats, rational, rational_number
 from obsdesign.nonlinearities.evidence.constant import patient_norm
 from obsdesign.nonlinearities.evidence.enclosure import require_continuous
 from obsdesign.nonlinearities.evidence.norm import Matrix
-from obsdesign.nonlinearities.evidence.restriction import Range, Restriction, with_name
+from obsdesign.nonlinearities.evidence.restriction import Range, with_name
 from obsdesign.nonlinearities.evidence.search import spread
 from obsdesign.spec import Spec
 
@@ -168,8 +168,8 @@ class StateFunction:
     @cached_property
     def samples(self) -> Array:
         """Jacobians Bf J Cq at points of the region, (SAMPLES, n, n)."""
-        where, names = Restriction((), 0, self.box), tuple(self.box)
-        points = spread(where, np.random.default_rng(0), SAMPLES)
+        names = tuple(self.box)
+        points = spread(self.box, np.random.default_rng(0), SAMPLES)
         ends = [*self.box.values()]
         if len(ends) <= CORNERS and np.isfinite(ends).all():
             points = np.hstack([points, np.array([*product(*ends)]).T])

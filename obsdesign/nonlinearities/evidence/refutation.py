@@ -15,7 +15,7 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.constant import ball
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.claims import Claim
-from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.nonlinearities.evidence.restriction import Ends, Restriction
 from obsdesign.nonlinearities.evidence.search import Pairs, pairs
 
 BITS = 256  # of the balls
@@ -62,7 +62,7 @@ def confirmed(f: Restriction, claim: Claim, candidates: Pairs, k: int) -> Counte
     """Return the pair in as few digits as still refute the claim, about as clearly as the pair itself."""
     for first, second in rounded(f, candidates.first[:, k], candidates.second[:, k]):
         dq = np.array([first[q] - second[q] for q in f.arguments], dtype=object)
-        if inside(f, first) and inside(f, second) and any(dq):
+        if any(dq):
             with ctx.workprec(BITS):
                 df = [value(g, first) - value(g, second) for g in f.f]
                 reason = claim.refuted(dq, df)
@@ -85,18 +85,20 @@ def rounded(f: Restriction, first: Array, second: Array) -> Iterator[tuple[Point
 
 
 def point(f: Restriction, values: Array, places: Sequence[int]) -> Point:
-    """Point of decimals with so many places."""
-    return {name: decimal(float(x), k) for name, x, k in zip(f.box, values, places, strict=True)}
+    """Point of the region, in decimals with so many places or at its limits."""
+    decimals = (decimal(float(x), k) for x, k in zip(values, places, strict=True))
+    return {name: within(x, ends) for x, (name, ends) in zip(decimals, f.region.items(), strict=True)}
+
+
+def within(x: fmpq, ends: Ends) -> fmpq:
+    """Nearest number within exact limits."""
+    low, high = ends
+    return low if low is not None and x < low else high if high is not None and x > high else x
 
 
 def decimal(x: float, places: int) -> fmpq:
     """Double rounded to so many decimal places, exactly."""
     return rational_number(repr(round(x, places)))
-
-
-def inside(f: Restriction, point: Point) -> bool:
-    """Whether a point is in the box."""
-    return all(low <= float(point[name]) <= high for name, (low, high) in f.box.items())
 
 
 def listed(f: Restriction, point: Point, names: Sequence[str]) -> str:

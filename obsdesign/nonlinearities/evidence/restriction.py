@@ -6,12 +6,22 @@ from functools import cached_property
 from math import inf
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.expressions import Expression, Interval
+from obsdesign.expressions.interval import point
 from obsdesign.expressions.tree import Call, Node, Number, Variable, fold
 
 Range = tuple[float, float]
-EVERYWHERE: Range = (-inf, inf)
+Ends = tuple[fmpq | None, fmpq | None]  # None: no limit
+EVERYWHERE: Ends = (None, None)
+SINCE_ZERO: Ends = (fmpq(0), None)  # t, of which a run begins at 0
+
+
+def outward(ends: Ends) -> Range:
+    """Tightest doubles around exact limits."""
+    low, high = ends
+    return -inf if low is None else float(point(low).low), inf if high is None else float(point(high).high)
 
 
 @dataclass(frozen=True)
@@ -20,10 +30,10 @@ class Restriction:
 
     f: tuple[Expression, ...]
     nq: int
-    box: Mapping[str, Range]  # of q1, .. and of every other variable of f
+    region: Mapping[str, Ends]  # of q1, .. and of every other variable of f
 
     @classmethod
-    def of(cls, f: Sequence[Expression], nq: int, region: Mapping[str, Range]) -> "Restriction":
+    def of(cls, f: Sequence[Expression], nq: int, region: Mapping[str, Ends]) -> "Restriction":
         """Restriction to a region; what it does not name ranges over all reals, and a single q is q1."""
         renamed = tuple(with_name(component, "q", "q1") for component in f)
         arguments = tuple(f"q{i + 1}" for i in range(nq))
@@ -31,15 +41,20 @@ class Restriction:
         others = sorted(set().union(*(component.names for component in renamed)).difference(arguments))
         return cls(renamed, nq, {name: given.get(name, EVERYWHERE) for name in (*arguments, *others)})
 
+    @cached_property
+    def box(self) -> Mapping[str, Range]:
+        """Region in doubles, rounded outward."""
+        return {name: outward(ends) for name, ends in self.region.items()}
+
     @property
     def arguments(self) -> tuple[str, ...]:
         """Names of the components of q."""
-        return tuple(self.box)[: self.nq]
+        return tuple(self.region)[: self.nq]
 
     @property
     def others(self) -> tuple[str, ...]:
         """Names of the other variables."""
-        return tuple(self.box)[self.nq :]
+        return tuple(self.region)[self.nq :]
 
     @cached_property
     def jacobian(self) -> tuple[tuple[Expression, ...], ...]:

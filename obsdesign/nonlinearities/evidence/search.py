@@ -1,6 +1,6 @@
 """Pairs of arguments that may violate a claim: far and close ones, and those that the Jacobian points to."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +44,7 @@ def pairs(f: Restriction, claim: Claim) -> Pairs:
     """Pairs to try, rated."""
     rng = np.random.default_rng(0)
     quick = isinstance(claim, Quadratic)
-    points = spread(f, rng, COUNT if quick else COUNT // SLOWER)
+    points = spread(f.box, rng, COUNT if quick else COUNT // SLOWER)
     found = [apart(f, points, rng), astray(f, points, rng)]
     found += steepest(f, claim, points, TRIALS if quick else TRIALS // SLOWER, rng)
     found += halved(f, claim, joined(found), HALVINGS if quick else HALVINGS // SLOWER)
@@ -85,10 +85,10 @@ def values(f: Restriction, points: Array) -> Array:
     return np.array([np.broadcast_to(g.function(names)(*points), points.shape[1]) for g in f.f])
 
 
-def spread(f: Restriction, rng: np.random.Generator, count: int) -> Array:
+def spread(box: Mapping[str, Range], rng: np.random.Generator, count: int) -> Array:
     """Points (k, count) that cover the box in every variable evenly (a Latin hypercube)."""
-    places = [(rng.permutation(count) + 0.5) / count for _ in f.box]
-    return np.array([placed(u, limits) for u, limits in zip(places, f.box.values(), strict=True)])
+    places = [(rng.permutation(count) + 0.5) / count for _ in box]
+    return np.array([placed(u, limits) for u, limits in zip(places, box.values(), strict=True)])
 
 
 def placed(u: Array, limits: Range) -> Array:
