@@ -202,7 +202,7 @@ class Spec(metaclass=Called):
         """What must hold for the type of one nonlinearity."""
         block = self.nonlinearities[i]
         whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
-        own = ["q"] if block.nq == 1 else [f"q{k + 1}" for k in range(block.nq)]
+        own = ("q",) if block.nq == 1 else numbered("q", block.nq)
         known = zip(own, block.region or (), strict=False)
         limited = [(f"{q}{whose} and its estimate stay", ends) for q, ends in known]
         limited += [(f"{name} stays", ends) for name, ends in block.others.items()]

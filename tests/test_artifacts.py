@@ -17,7 +17,7 @@ from support.lipschitz import written
 
 from obsdesign.errors import UsageError
 from obsdesign.families.outcome import Outcome, Search, Verdict
-from obsdesign.files import csv, digest, to_json, write, write_whole
+from obsdesign.files import csv, digest, to_json, write_whole
 from obsdesign.reading import loads
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -44,7 +44,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(folder, monkeypatch
     def failing(*_args, **_options):
         raise error
 
-    monkeypatch.setattr(write.os, step, failing)
+    monkeypatch.setattr(os, step, failing)
     with pytest.raises(UsageError if isinstance(error, OSError) else error) as caught:
         write_whole(folder / "gains.json", b"new")
     assert (folder / "gains.json").read_bytes() == b"old"
@@ -61,7 +61,7 @@ def test_a_reader_never_sees_a_part_of_a_file(folder, monkeypatch):
         seen.append(((folder / "gains.json").read_bytes(), Path(source).read_bytes(), Path(source).parent))
         replace(source, target)
 
-    monkeypatch.setattr(write.os, "replace", watched)
+    monkeypatch.setattr(os, "replace", watched)
     write_whole(folder / "gains.json", b"new" * 100_000)
     assert seen == [(b"old", b"new" * 100_000, folder)]
 

@@ -485,7 +485,7 @@ def test_every_mistake_of_a_spec_has_its_line():
 # Interrupts
 
 
-@pytest.mark.parametrize("where", ["obsdesign.work.solve", "obsdesign.files.write.os.replace"])
+@pytest.mark.parametrize("where", ["obsdesign.work.solve", "obsdesign.files.os.replace"])
 def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
     monkeypatch.setattr(where, interrupted)
     assert_refused(run("solve", CART), "interrupted", code=130)

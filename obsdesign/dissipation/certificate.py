@@ -8,7 +8,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import SMALL, Incremental
-from obsdesign.files.text import witness
+from obsdesign.files import witness
 from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.model import loop

@@ -40,11 +40,9 @@ def double(value: fmpq) -> float:
 
 
 def rational_power(base: fmpq, exponent: fmpq) -> fmpq | None:
-    """Exact base**exponent, or None where it is irrational or undefined."""
-    if abs(exponent) > MAX_EXPONENT:
-        raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT} in magnitude")
+    """Exact base**exponent, or None where it is irrational or undefined; the exponent is neither 0 nor too large."""
     if base == 0:
-        return fmpq(0) if exponent > 0 else fmpq(1) if exponent == 0 else None
+        return fmpq(0) if exponent > 0 else None
     n, root = int(exponent.p), int(exponent.q)
     if root > 1:
         base = rational_root(base, root)

@@ -19,11 +19,6 @@ Nodes = Sequence[Node]
 Relation = Callable[[Any, Any], Any]
 
 
-def nowhere(*arguments: Node) -> Nodes:  # noqa: ARG001
-    """Switching functions of a smooth operation."""
-    return ()
-
-
 @dataclass(frozen=True)
 class Operation:
     """What each reading of an expression does with one operation."""
@@ -35,7 +30,7 @@ class Operation:
     ball: Callable[..., Any]  # flint.arb
     scalar: Callable[..., float] | None = None  # math; None: numeric.py has closures for it
     rational: Callable[..., fmpq | None] | None = None  # None where irrational; None: folded in tree.py
-    switches: Callable[..., Nodes] = nowhere  # g whose zeros are kinks or jumps
+    switches: Callable[..., Nodes] = lambda *_: ()  # g whose zeros are kinks or jumps; none of a smooth one
 
 
 def apply(name: str, *arguments: Node) -> Node:
@@ -68,11 +63,6 @@ def operation(node: Call, arguments: list[Node]) -> Node:
             return arguments[0] ** arguments[1]
         case name:
             return apply(name, *arguments)
-
-
-def unary(slope: Callable[[Node], Node]) -> Callable[[Nodes, Nodes], Node]:
-    """Chain rule of a function of one argument."""
-    return lambda arguments, rates: product((slope(arguments[0]), rates[0]))
 
 
 HALF, ONE, TWO = number(fmpq(1, 2)), number(1), number(2)
@@ -116,19 +106,9 @@ def extreme_rule(name: str, comparison: str, arguments: Nodes, rates: Nodes) -> 
     return apply("where", chosen, rates[0], extreme_rule(name, comparison, rest, rates[1:]))
 
 
-def flat(arguments: Nodes, rates: Nodes) -> Node:  # noqa: ARG001
-    """Take the derivative of what is piecewise constant."""
-    return number(0)
-
-
 def arc_slope(x: Node) -> Node:
     """1 / sqrt(1 - x^2), the slope of asin."""
     return ONE / apply("sqrt", ONE - x**TWO)
-
-
-def saturation(x: Any) -> Any:
-    """Clip an array to [-1, 1]."""
-    return np.clip(x, -1.0, 1.0)
 
 
 def differences(*arguments: Node) -> Nodes:
@@ -190,7 +170,7 @@ def comparison(relation: Callable[[Any, Any], Any], opposite: Callable[[Any, Any
     """Entry of a comparison, whose value is 1 or 0."""
     return Operation(
         arity=(2, 2),
-        derivative=flat,
+        derivative=lambda *_: number(0),
         array=lambda a, b: np.where(relation(a, b), 1.0, 0.0),
         interval=rule,
         ball=partial(truth_ball, relation, opposite),
@@ -217,10 +197,12 @@ def function(
     rule: Callable[[Interval], Interval],
     ball: Callable[[arb], arb],
     rational: Callable[[fmpq], fmpq | None],
-    switches: Callable[..., Nodes] = nowhere,
+    switches: Callable[..., Nodes] = lambda *_: (),
 ) -> Operation:
-    """Entry of a function of one argument from its slope."""
-    return Operation((1, 1), unary(slope), array, rule, ball, scalar, rational, switches)
+    """Entry of a function of one argument from its slope, by the chain rule."""
+    return Operation(
+        (1, 1), lambda x, rates: product((slope(*x), *rates)), array, rule, ball, scalar, rational, switches
+    )
 
 
 def extreme(name: str, scalar: Callable[[float, float], float], array: Any, ball: Any, rational: Any) -> Operation:
@@ -248,6 +230,7 @@ OPERATORS = {
 sin, cos, tan, tanh, sinh, cosh, exp, sqrt, sgn = (
     partial(apply, name) for name in ("sin", "cos", "tan", "tanh", "sinh", "cosh", "exp", "sqrt", "sign")
 )
+clip = partial(np.clip, a_min=-1.0, a_max=1.0)
 UNIT, POSITIVE, CREST = (-1.0, 1.0), (0.0, math.inf), math.pi / 2
 FUNCTIONS = {
     "sin": function(math.sin, np.sin, cos, wave(np.sin, CREST, 0.0), arb.sin, at(0, 0)),
@@ -277,9 +260,9 @@ FUNCTIONS = {
     "sign": function(signum, np.sign, lambda _: number(0), unwidened(np.sign), arb.sgn, sign, lambda x: (x,)),
     "sat": function(
         clipped,
-        saturation,
+        clip,
         lambda x: apply("where", apply("<", apply("abs", x), ONE), ONE, number(0)),  # 1 inside [-1, 1]
-        unwidened(saturation),
+        unwidened(clip),
         lambda x: x.min(arb(1)).max(arb(-1)),
         lambda x: max(fmpq(-1), min(fmpq(1), x)),
         lambda x: (x - ONE, x + ONE),
@@ -307,7 +290,7 @@ FUNCTIONS = {
 
 PI = Operation(
     arity=(0, 0),
-    derivative=flat,
+    derivative=lambda *_: number(0),
     array=lambda: np.float64(math.pi),
     interval=lambda: Interval(np.array(math.pi), np.array(interval.PI_ABOVE)),
     ball=arb.pi,

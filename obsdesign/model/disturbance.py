@@ -56,17 +56,11 @@ def linear(Am: Array, Bm: Array, Cm: Array, Dm: Array, inverse: tuple[fmpq, ...]
     """Linear model of one channel of w."""
     nm, nv, nw = Am.shape[0], Bm.shape[1], Cm.shape[0]
     return Generator(
-        Am=Am,
-        Bmf=zeros((nm, 0), [Am]),
-        Bm=Bm,
-        Cq2=zeros((0, nm), [Am]),
-        Dq2f=zeros((0, 0), [Am]),
-        Dq2=zeros((0, nv), [Am]),
-        Cm=Cm,
-        Dwf=zeros((nw, 0), [Am]),
-        Dm=Dm,
+        Am, empty(nm, 0), Bm,
+        empty(0, nm), empty(0, 0), empty(0, nv),
+        Cm, empty(nw, 0), Dm,
         inverse=(inverse,),
-    )
+    )  # fmt: skip
 
 
 def unknown() -> Generator:

@@ -1,11 +1,9 @@
-"""A plant as equations over named signals; its matrices are one view of them (`split`)."""
+"""A plant as equations over named signals."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from graphlib import CycleError, TopologicalSorter
 from typing import Literal
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
@@ -27,10 +25,7 @@ class Equations:
     The algebraic signals a, such as the arguments q of nonlinearities, and the outputs y may stand in every right
     side; where they depend on themselves, the equations are implicit.
 
-    Raises
-    ------
-    UsageError
-        If two signals share a name, or a right side has one that is no signal.
+    Raises `UsageError`: two signals share a name, or a right side has one that is no signal.
     """
 
     dynamics: Named  # by the names of the states
@@ -64,74 +59,16 @@ class Equations:
         for part in (self.dynamics, self.algebraic, self.outputs):
             yield from part.items()
 
-    def order(self) -> tuple[str, ...] | None:
-        """Algebraic signals and outputs, each after those that it needs; None where some depend on themselves."""
-        definitions = {**self.algebraic, **self.outputs}
-        needed = {name: side.names & definitions.keys() for name, side in definitions.items()}
-        try:
-            return tuple(TopologicalSorter(needed).static_order())
-        except CycleError:
-            return None
-
-    def explicit(self) -> "Equations":
-        """Same plant with right sides in t, x, u and w alone, and no algebraic signals.
-
-        Raises
-        ------
-        UsageError
-            If the equations are implicit.
-        """
-        order = self.order()
-        if order is None:
-            raise UsageError("the plant has an algebraic loop: no right side in the states alone is known")
-        definitions = {**self.algebraic, **self.outputs}
-        known: dict[str, Expression] = {}
-        for name in order:
-            known[name] = definitions[name].substituted(known)
-        outputs = {name: known[name] for name in self.outputs}
-        dynamics = {name: side.substituted(known) for name, side in self.dynamics.items()}
-        return Equations(dynamics, outputs, {}, self.inputs, self.exogenous, self.time)
-
-
-@dataclass(frozen=True)
-class Split:
-    """Right sides as M a + N phi(a), exactly: linear in the signals a, and weighted terms phi that are not."""
-
-    signals: tuple[str, ...]
-    matrix: Exact  # (rows, signals)
-    terms: tuple[Expression, ...]  # each once; a number is the term 1
-    weights: Exact  # (rows, terms)
-
-    def part(self, names: Sequence[str]) -> Exact:
-        """Columns of M of some signals."""
-        return np.asarray(self.matrix[:, [self.signals.index(name) for name in names]])
-
-
-def split(sides: Sequence[Expression], signals: Sequence[str]) -> Split:
-    """Separate what is linear in the named signals from the rest."""
-    place = {name: i for i, name in enumerate(signals)}
-    terms: dict[Expression, int] = {}
-    matrix = np.full((len(sides), len(signals)), fmpq(0), dtype=object)
-    weights: list[dict[int, fmpq]] = [{} for _ in sides]
-    for row, side in enumerate(sides):
-        for c, term in side.summands():
-            if term.text in place:
-                matrix[row, place[term.text]] += c
-            elif c != 0:
-                column = terms.setdefault(term, len(terms))
-                weights[row][column] = weights[row].get(column, fmpq(0)) + c
-    dense = np.full((len(sides), len(terms)), fmpq(0), dtype=object)
-    for row, entries in enumerate(weights):
-        for column, c in entries.items():
-            dense[row, column] = c
-    return Split(tuple(signals), matrix, tuple(terms), dense)
-
 
 def linear(M: Array, signals: Sequence[str]) -> list[Expression]:
     """Rows of M times the named signals, as expressions; M is exact."""
-    variables = [Expression.variable(name) for name in signals]
-    rows = ([(c, v) for c, v in zip(row, variables, strict=True) if c != 0] for row in M)
-    return [Expression.combination([c for c, _ in row], [v for _, v in row]) for row in rows]
+    return weighted(M, [Expression.variable(name) for name in signals])
+
+
+def weighted(M: Array, expressions: Sequence[Expression]) -> list[Expression]:
+    """Rows of M times as many expressions as it has columns; M is exact."""
+    rows = ([(c, e) for c, e in zip(row, expressions, strict=True) if c != 0] for row in M)
+    return [Expression.combination([c for c, _ in row], [e for _, e in row]) for row in rows]
 
 
 def total(*parts: Sequence[Expression]) -> list[Expression]:
@@ -165,9 +102,7 @@ def from_matrices(plant: Plant[Exact], terms: Terms) -> Equations:
         f += [component.substituted(local) for component in block]
 
     def sides(on_x: Array, on_f: Array, on_w: Array, g: Sequence[Expression]) -> list[Expression]:
-        weighted = [[(c, e) for c, e in zip(row, f, strict=True) if c != 0] for row in on_f]
-        combined = [Expression.combination([c for c, _ in row], [e for _, e in row]) for row in weighted]
-        return total(linear(on_x, plant.states), combined, g, linear(on_w, exogenous))
+        return total(linear(on_x, plant.states), weighted(on_f, f), g, linear(on_w, exogenous))
 
     return Equations(
         dynamics=dict(zip(plant.states, sides(plant.A, plant.Bf, plant.B, terms.gx), strict=True)),
@@ -184,35 +119,3 @@ def free(name: str, taken: set[str]) -> str:
         name += "_"
     taken.add(name)
     return name
-
-
-def matrices(equations: Equations) -> Plant[Exact]:
-    """Matrices of a plant whose right sides are linear in x and w beside terms of the algebraic signals.
-
-    Each term that is no known one (of t, inputs and outputs alone) is a component of f; known terms are left out, as
-    from every `Plant`.
-
-    Raises
-    ------
-    UsageError
-        If a right side has a term of states or unknown inputs that is not linear, or an algebraic signal or an output
-        by itself.
-    """
-    states, exogenous, loose = equations.states, equations.exogenous, (*equations.algebraic, *equations.outputs)
-    names = [name for name, _ in equations.sides()]
-    parts = split([side for _, side in equations.sides()], (*states, *exogenous, *loose))
-    if (parts.part(loose) != 0).any():
-        raise UsageError("no plant in matrices: an algebraic signal or an output stands in a right side by itself")
-    known = {"t", *equations.inputs, *equations.outputs}
-    if stray := [term for term in parts.terms if not term.names <= known | equations.algebraic.keys()]:
-        raise UsageError(f"no plant in matrices: {stray[0]} is not linear in states and unknown inputs")
-    f = [i for i, term in enumerate(parts.terms) if not term.names <= known]
-    of_x, of_w, of_f = parts.part(states), parts.part(exogenous), parts.weights[:, f]
-    x, q, y = (np.array([name in part for name in names]) for part in
-               (equations.dynamics, equations.algebraic, equations.outputs))  # fmt: skip
-    return Plant(
-        A=of_x[x], Bf=of_f[x], B=of_w[x],
-        Cq=of_x[q], Dqf=of_f[q], Dq=of_w[q],
-        C=of_x[y], Df=of_f[y], D=of_w[y],
-        states=states, exogenous=exogenous, outputs=tuple(equations.outputs),
-    )  # fmt: skip

@@ -1,6 +1,6 @@
 """Whether the implicit equation q = c + D f(t, y, q) of a plant, or of an observer, has one solution."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,14 +44,13 @@ def well_posed(D: Array, multiplier: Multiplier) -> Verdict:
     `D`, `multiplier`: the (nq, nf) matrix Dqf of a plant, or Dqf + L2 Df of an observer, and the multiplier of f.
     """
     D, blocks = in_floats(D), in_floats(multiplier.blocks)
-    q, f = parts(multiplier)
-    groups = loops(D, q, f)
-    for group in groups:
-        inner = D[np.ix_(inside(q, group), inside(f, group))]
-        if widest(contraction(inner, Multiplier(tuple(blocks[i] for i in group)))).status is not Status.OPTIMAL:
-            problem = f"no multiplier of {names(group)} was found that makes [D; I]' M [D; I] negative definite"
-            return Verdict(False, problem)
-    return accepted(groups)
+
+    def contracts(group: Sequence[int], q: Array, f: Array) -> bool:
+        own = Multiplier(tuple(blocks[i] for i in group))
+        return widest(contraction(D[np.ix_(q, f)], own)).status is Status.OPTIMAL
+
+    failing = "no multiplier of {} was found that makes [D; I]' M [D; I] negative definite"
+    return judged(D, multiplier, contracts, failing)
 
 
 def contraction(D: Array, multiplier: Multiplier) -> Problem:
@@ -76,21 +75,26 @@ def proved(D: Array, multiplier: Multiplier, values: Values) -> Verdict:
     `D`, `multiplier`, `values`: in rationals. The values of the unknowns of M satisfy the inequalities of its set,
     which is not checked here.
     """
-    q, f = parts(multiplier)
     M11, M12, M22 = multiplier.matrix(values)
+
+    def contracts(_: Sequence[int], q: Array, f: Array) -> bool:
+        across = np.ix_(q, f)
+        N = form(D[across], (M11[np.ix_(q, q)], M12[across], M22[np.ix_(f, f)]))
+        return holds(Inequality("N < 0", N, strict=True))
+
+    return judged(D, multiplier, contracts, "the multiplier does not make [D; I]' M [D; I] of {} negative definite")
+
+
+def judged(
+    D: Array, multiplier: Multiplier, contracts: Callable[[Sequence[int], Array, Array], bool], failing: str
+) -> Verdict:
+    """Verdict on all groups of blocks in a loop; `contracts` takes a group and its positions in q and in f."""
+    sizes = np.array([[0, 0], *([block.nq, block.nf] for block in multiplier.blocks)]).T
+    q, f = (np.split(np.arange(count.sum()), np.cumsum(count)[1:-1]) for count in sizes)
     groups = loops(D, q, f)
     for group in groups:
-        rows, columns = inside(q, group), inside(f, group)
-        across = np.ix_(rows, columns)
-        N = form(D[across], (M11[np.ix_(rows, rows)], M12[across], M22[np.ix_(columns, columns)]))
-        if not holds(Inequality("N < 0", N, strict=True)):
-            problem = f"the multiplier does not make [D; I]' M [D; I] of {names(group)} negative definite"
-            return Verdict(False, problem)
-    return accepted(groups)
-
-
-def accepted(groups: Sequence[Sequence[int]]) -> Verdict:
-    """Verdict where N < 0 for all groups."""
+        if not contracts(group, *(np.concatenate([positions[i] for i in group]) for positions in (q, f))):
+            return Verdict(False, failing.format(names(group)))
     if not groups:
         return Verdict(True, EXPLICIT)
     return Verdict(True, f"[D; I]' M [D; I] < 0 for {' and for '.join(map(names, groups))}")
@@ -99,21 +103,6 @@ def accepted(groups: Sequence[Sequence[int]]) -> Verdict:
 def names(group: Sequence[int]) -> str:
     """Name the blocks of a group as a user counts them."""
     return ", ".join(f"f{i + 1}" for i in group)
-
-
-def parts(multiplier: Multiplier) -> tuple[list[Array], list[Array]]:
-    """Positions of each block in q, and in f."""
-    return indices([b.nq for b in multiplier.blocks]), indices([b.nf for b in multiplier.blocks])
-
-
-def indices(sizes: Sequence[int]) -> list[Array]:
-    """Positions of consecutive parts of a vector."""
-    return np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
-
-
-def inside(positions: Sequence[Array], group: Sequence[int]) -> Array:
-    """Positions of all blocks of a group."""
-    return np.concatenate([positions[i] for i in group])
 
 
 def loops(D: Array, q: Sequence[Array], f: Sequence[Array]) -> list[tuple[int, ...]]:

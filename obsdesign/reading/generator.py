@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 from obsdesign.model import disturbance
 from obsdesign.model.disturbance import Generator
@@ -12,21 +13,7 @@ from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
 from obsdesign.spec import Nonlinearity
 
-MODELS = {
-    "unknown": disturbance.unknown,
-    "integrator": disturbance.integrator,
-    "double-integrator": disturbance.double_integrator,
-}
 MATRICES = ("Am", "Bmf", "Bm", "Cq2", "Dq2f", "Dq2", "Cm", "Dwf", "Dm")
-STATES = {  # names of the states that generate the channel {w}
-    "unknown": (),
-    "integrator": ("{w}",),
-    "double-integrator": ("{w}", "d{w}"),
-    "sinusoid": ("{w}", "d{w}"),
-    "bias+sinusoid": ("{w}.bias", "{w}.sine", "d{w}.sine"),
-}
-
-
 XM, V = Axis(None, "state of the disturbance model"), Axis(None, "v")
 Q2, F2 = Axis(None, "component of q2"), Axis(None, "component of f2")
 
@@ -50,6 +37,13 @@ class Channel:
     generator: Generator
     states: tuple[str, ...]
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
+
+
+MODELS = {  # of the channel {w}, by name
+    "unknown": Channel(disturbance.unknown(), ()),
+    "integrator": Channel(disturbance.integrator(), ("{w}",)),
+    "double-integrator": Channel(disturbance.double_integrator(), ("{w}", "d{w}")),
+}
 
 
 def read_disturbance(
@@ -110,15 +104,15 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
 def read_channel(reader: Reader, section: str | ChannelData, loc: Loc, layout: Layout) -> Channel:
     """Model of one channel of w."""
     if isinstance(section, str):
-        return Channel(MODELS[section](), STATES[section])
+        return MODELS[section]
     if section.model is not None:
         return read_model(reader, section.model, (*loc, "model"), layout.w.of(1), layout)
     if section.sinusoid is not None:
         omega = reader.number(section.sinusoid.omega, (*loc, "sinusoid", "omega"), "> 0")
-        return Channel(disturbance.sinusoid(omega), STATES["sinusoid"])
+        return Channel(disturbance.sinusoid(omega), ("{w}", "d{w}"))
     assert section.bias_sinusoid is not None  # the format has exactly one of the three
     omega = reader.number(section.bias_sinusoid.omega, (*loc, "bias+sinusoid", "omega"), "> 0")
-    return Channel(disturbance.bias_and_sinusoid(omega), STATES["bias+sinusoid"])
+    return Channel(disturbance.bias_and_sinusoid(omega), ("{w}.bias", "{w}.sine", "d{w}.sine"))
 
 
 def read_model(reader: Reader, section: DisturbanceModel, loc: Loc, w: Axis, layout: Layout) -> Channel:
@@ -134,9 +128,8 @@ def read_model(reader: Reader, section: DisturbanceModel, loc: Loc, w: Axis, lay
     v = V.of(nv)
     reader.limit(q.size, "components of q2", loc)
     reader.limit(f.size, "components of f2", loc)
-    rows = {"Am": xm, "Bmf": xm, "Bm": xm, "Cq2": q, "Dq2f": q, "Dq2": q, "Cm": w, "Dwf": w, "Dm": w}
-    columns = {"Am": xm, "Bmf": f, "Bm": v, "Cq2": xm, "Dq2f": f, "Dq2": v, "Cm": xm, "Dwf": f, "Dm": v}
-    exact = {key: reader.matrix(matrices[key], rows[key], columns[key]) for key in MATRICES}
+    axes = zip(MATRICES, product((xm, q, w), (xm, f, v)), strict=True)
+    exact = {key: reader.matrix(matrices[key], rows, columns) for key, (rows, columns) in axes}
     known = layout.known("outputs", "inputs")
     nonlinearities = tuple(read_nonlinearity(reader, block, known) for block in blocks)
     generator = Generator(**exact, inverse=(None,) * (w.size or 0))

@@ -10,7 +10,7 @@ from obsdesign.families.incremental.claim import require_alpha
 from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Diagnosis, Proof
-from obsdesign.files.read import ResultFile
+from obsdesign.files import ResultFile
 from obsdesign.lmi.faces import refutation
 from obsdesign.lmi.farkas import Refutation, check
 from obsdesign.lmi.formula import Array, Unknown, Values, approximate, printed, rational

@@ -18,7 +18,7 @@ from obsdesign.families.incremental.reconstruction import SLOPE, levels, slopes
 from obsdesign.families.incremental.request import Request, request_of
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Outcome
-from obsdesign.files.read import ResultFile
+from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec

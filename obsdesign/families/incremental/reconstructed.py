@@ -11,8 +11,8 @@ from obsdesign.dissipation.certificate import Certificate
 from obsdesign.families.incremental.guarantee import Reconstruction
 from obsdesign.families.incremental.linf import Linf
 from obsdesign.families.incremental.reconstruction import Slope, constants, obstacle
-from obsdesign.files.text import checks as listed
-from obsdesign.files.text import written
+from obsdesign.files import checks as listed
+from obsdesign.files import written
 from obsdesign.lmi.formula import Array, Values, approximate, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.spec import Spec, arguments

@@ -15,7 +15,7 @@ from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.families.lipschitz.relaxations import EQUATIONS, Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.outcome import Outcome
-from obsdesign.files.read import ResultFile
+from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, Inequality, approximate, identity, printed, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.spec import Spec

@@ -10,7 +10,7 @@ from flint import arb, fmpq
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic
-from obsdesign.files.text import witness
+from obsdesign.files import witness
 from obsdesign.lmi.formula import Array, Exact, Values, approximate, in_floats, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.model import loop

@@ -13,7 +13,7 @@ from obsdesign.families.sporadic.certificate import LARGEST_EXPONENT, MEANING, S
 from obsdesign.families.sporadic.figures import figures
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
-from obsdesign.files.read import ResultFile
+from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed, rational_number
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec

@@ -1,8 +1,14 @@
-"""Result files, read exactly."""
+"""Result files: written whole or not at all, and read back exactly.
 
+A number in a result file is a decimal that is read as written, or a text "p/q" of any length.
+"""
+
+import hashlib
 import json
+import os
 import re
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -12,8 +18,8 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from obsdesign.errors import UsageError
-from obsdesign.files.text import digest
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
+from obsdesign.lmi.proof import Check
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
@@ -149,3 +155,115 @@ class ResultFile:
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
+
+
+def rows(matrix: Array) -> list[list[str]]:
+    """Exact entries."""
+    return [[str(entry) for entry in row] for row in matrix]
+
+
+def written(value: Array) -> str | list[list[str]]:
+    """Exact value of an unknown: a number, or rows."""
+    return str(value.item()) if value.shape == (1, 1) else rows(value)
+
+
+def checks(found: Iterable[Check]) -> list[dict[str, Any]]:
+    """Conditions and whether they hold."""
+    return [{"name": c.name, "holds": c.holds, "margin": c.margin if np.isfinite(c.margin) else None} for c in found]
+
+
+def witness(storage: Mapping[str, Array], multipliers: Mapping[str, Array], found: Iterable[Check]) -> dict[str, Any]:
+    """Exact matrices of a storage function and multipliers, and what was checked of them."""
+    matrices = {name: rows(P) for name, P in storage.items()}
+    scales = {name: written(value) for name, value in multipliers.items()}
+    return {"kind": "exact", **matrices, "multipliers": scales, "checks": checks(found)}
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a spec's text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def to_json(value: Any) -> str:
+    """JSON with one line for each key, row of a matrix, and flat object."""
+    return render(value, "") + "\n"
+
+
+def render(value: Any, indent: str) -> str:
+    """JSON of a value whose first line stands at an indentation."""
+    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    nested = any(isinstance(v, dict | list) and v for v in entries)
+    if (
+        not entries
+        or (not nested and indent and len(flat) < 200)
+        or (indent and not nested and isinstance(value, list))
+    ):
+        return flat
+    inner = indent + "  "
+    if isinstance(value, dict):
+        lines = [f"{json.dumps(k)}: {render(v, inner)}" for k, v in value.items()]
+    else:
+        lines = [render(v, inner) for v in value]
+    left, right = "{}" if isinstance(value, dict) else "[]"
+    return f"{left}\n{inner}" + f",\n{inner}".join(lines) + f"\n{indent}{right}"
+
+
+def csv(header: list[str], samples: Array) -> bytes:
+    """Table of a run, one row a sample, 12 digits."""
+    lines = [",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in samples)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def write_whole(path: str | Path, content: bytes) -> None:
+    """Write one file, whole or not at all.
+
+    Raises `UsageError` if the folder does not exist or may not be written.
+    """
+    write_all({str(path): content})
+
+
+def write_all(files: Mapping[str, bytes]) -> None:
+    """Write files under temporary names beside them, and rename these when all are complete.
+
+    Raises `UsageError` if a folder does not exist or may not be written; then none of the files is.
+    """
+    staged: dict[str, Path] = {}
+    path = ""
+    try:
+        for path, content in files.items():
+            if Path(path).is_dir():
+                raise IsADirectoryError(0, "it is a folder")
+            with tempfile.NamedTemporaryFile(dir=Path(path).parent, prefix=".obsdesign.", delete=False) as file:
+                staged[path] = Path(file.name)
+                file.write(content)
+            staged[path].chmod(0o666 & ~umask())
+        for path, temporary in staged.items():
+            temporary.replace(path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        for temporary in staged.values():
+            temporary.unlink(missing_ok=True)
+
+
+def require_writable(*paths: str) -> None:
+    """Refuse paths that could not be written, before anything is computed.
+
+    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
+    """
+    for path in paths:
+        folder = Path(path).parent
+        if Path(path).is_dir():
+            raise UsageError(f"{path}: cannot be written: it is a folder")
+        if not folder.is_dir():
+            raise UsageError(f"{path}: cannot be written: there is no folder {folder}")
+        if not os.access(folder, os.W_OK):
+            raise UsageError(f"{path}: cannot be written: the folder {folder} may not be written")
+
+
+def umask() -> int:
+    """Permissions that the user withholds from new files."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
