@@ -236,10 +236,7 @@ def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str
 def limited(seconds: float) -> Iterator[None]:
     """Give up after so many seconds; every second again, for an error raised within a destructor is lost.
 
-    Raises
-    ------
-    TimeLimitError
-        The time is over.
+    Raises `TimeLimitError`: the time is over.
     """
 
     def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001

@@ -18,10 +18,7 @@ def constants(spec: Spec) -> dict[str, Any]:
     <= `upper` (proved), `point` (where the Jacobian of f has at least the 2-norm `lower`), `gap` (relative) and
     `boxes`, or `infinite` (true: so it is seen to be; false: no bound could be proved) and `reason`.
 
-    Raises
-    ------
-    UsageError
-        No block has an f.
+    Raises `UsageError`: no block has an f.
     """
     if all(block.f is None for block in spec.nonlinearities):
         raise UsageError(f"{spec.path}: no nonlinearity has an f, of which there could be a constant; give f")
@@ -34,12 +31,7 @@ def constants(spec: Spec) -> dict[str, Any]:
 def require_finite(report: Mapping[str, Any]) -> None:
     """Refuse a report of which a constant has no upper bound.
 
-    Raises
-    ------
-    InfeasibleError
-        A constant is seen to be infinite.
-    UndecidedError
-        It could only not be bounded.
+    Raises `InfeasibleError`: a constant is seen to be infinite; `UndecidedError`: it could only not be bounded.
     """
     missing = [block for block in report["blocks"] if "reason" in block]
     if missing:

@@ -74,10 +74,7 @@ class Design(Outcome):
     def observer(self) -> Observer:
         """Equations of the observer with these gains: what is simulated.
 
-        Raises
-        ------
-        UsageError
-            There are no gains, or a nonlinearity has no f.
+        Raises `UsageError`: there are no gains, or a nonlinearity has no f.
         """
         if not self.gains:
             raise UsageError(f"{self.spec.path}: no gains to simulate: {self.diagnosis.get('reason', self.status)}")
@@ -125,21 +122,12 @@ class Design(Outcome):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the result file, whole or not at all.
 
-        Raises
-        ------
-        UsageError
-            The folder does not exist or may not be written.
+        Raises `UsageError`: the folder does not exist or may not be written.
         """
         write_whole(os.fspath(path), self.text())
 
     def text(self) -> bytes:
-        """Result file as it is written, or as it was read.
-
-        Raises
-        ------
-        UndecidedError
-            A number of it is not finite.
-        """
+        """Result file as it is written, or as it was read; raises `UndecidedError` if a number is not finite."""
         if self.recorded is not None:
             return self.recorded.raw
         try:
@@ -150,10 +138,7 @@ class Design(Outcome):
     def verify(self) -> Proof:
         """Prove the claim anew from what `save` writes, in rationals and with no solver.
 
-        Raises
-        ------
-        UsageError
-            The design claims nothing that could be proved.
+        Raises `UsageError`: the design claims nothing that could be proved.
         """
         name = f"{self.spec.name or 'design'}.gains.json"
         return proof_of(ResultFile(name, self.text()), self.spec)
@@ -161,17 +146,9 @@ class Design(Outcome):
     def simulate(self, progress: Callable[[float], None] | None = None, /, **changes: Any) -> "Run":
         """Run plant and observer, and hold the run against every bound of the guarantee.
 
-        Parameters
-        ----------
-        progress
-            Called now and then with the fraction that is done.
-        **changes
-            Keys of the section `simulation` of a spec: `horizon=5`, `x0=[1, 0]`, `w=["sin(t)"]`, ..
-
-        Raises
-        ------
-        UsageError
-            There are no gains, a nonlinearity has no f, or a change is not valid.
+        `progress`: called now and then with the fraction that is done; `changes`: keys of the section `simulation` of
+        a spec: `horizon=5`, `x0=[1, 0]`, `w=["sin(t)"]`, .. Raises `UsageError`: there are no gains, a nonlinearity
+        has no f, or a change is not valid.
         """
         from obsdesign.simulate import simulate
 

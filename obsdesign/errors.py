@@ -30,10 +30,7 @@ class Problem:
 class ObsdesignError(Exception):
     """Base class of every error that a person can act on.
 
-    Parameters
-    ----------
-    *problems
-        What is wrong: text, or `Problem` with its place. Printed one line each.
+    `problems`: what is wrong, texts or `Problem`s with their places; printed one line each.
     """
 
     exit_code = 1

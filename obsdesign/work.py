@@ -22,13 +22,7 @@ __all__ = ["check", "lipschitz", "load", "read", "solve", "verify"]
 
 
 def require_spec(spec: object) -> None:
-    """Refuse what is no spec, such as its path.
-
-    Raises
-    ------
-    UsageError
-        With what to write instead.
-    """
+    """Refuse what is no spec, such as its path; raises `UsageError` with what to write instead."""
     if not isinstance(spec, Spec):
         raise UsageError(f"a spec is expected, not {type(spec).__name__}; load(path or text) reads one")
 
@@ -36,24 +30,11 @@ def require_spec(spec: object) -> None:
 def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
     """Design, or analyse, the observer that a spec asks for, and prove what its gains achieve.
 
-    Parameters
-    ----------
-    solver
-        clarabel, or any solver that cvxpy has installed.
-    report
-        Called with the fraction that is done, and with what is being done.
+    `solver`: clarabel, or any solver that cvxpy has installed; `report`: called with the fraction that is done, and
+    with what is being done. Infeasible is an answer, with a `diagnosis`, and no exception.
 
-    Returns
-    -------
-    Design
-        Infeasible is an answer, with a `diagnosis`, and no exception.
-
-    Raises
-    ------
-    UsageError
-        What is asked makes no sense for the family, or nothing bounds a gain that would grow without end.
-    UndecidedError
-        The solver found neither a solution nor that there is none.
+    Raises `UsageError`: what is asked makes no sense for the family, or nothing bounds a gain that would grow without
+    end; `UndecidedError`: the solver found neither a solution nor that there is none.
     """
     require_spec(spec)
     started = time.perf_counter()
@@ -74,22 +55,9 @@ def check(spec: Spec) -> list[Finding]:
 def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | None = None) -> Mapping[str, Any]:
     """Lipschitz constant of every f of a spec on its region, between two proved bounds; see `constants.constants`.
 
-    Parameters
-    ----------
-    scaling
-        Whether to search coordinates T x in which the constant is small, f taken as any function of the states.
-    T
-        Diagonal of a T to try instead.
-
-    Returns
-    -------
-    Mapping
-        `name`, `blocks`, and `scaling` where it was asked for and every constant has an upper bound.
-
-    Raises
-    ------
-    UsageError
-        No nonlinearity has an f, or T does not fit.
+    `scaling`: whether to search coordinates T x in which the constant is small, f taken as any function of the states;
+    `T`: diagonal of a T to try instead. Returns `name`, `blocks`, and `scaling` where it was asked for and every
+    constant has an upper bound. Raises `UsageError`: no nonlinearity has an f, or T does not fit.
     """
     require_spec(spec)
     report = constants(spec)
@@ -101,29 +69,22 @@ def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | N
 def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:
     """Design of a result file, its claim proved anew.
 
-    Parameters
-    ----------
-    spec
-        The spec that it must belong to; without one, the spec in the file is believed.
-
-    Raises
-    ------
-    UsageError
-        The file is malformed, has no gains, or belongs to another spec.
+    `spec`: the spec that it must belong to; without one, the spec in the file is believed. Raises `UsageError`: the
+    file is malformed, has no gains, or belongs to another spec.
     """
-    if spec is not None:
-        require_spec(spec)
-    return design_of(ResultFile.open(os.fspath(path)), spec)
+    return design_of(*opened(path, spec))
 
 
 def verify(path: str | os.PathLike[str], spec: Spec | None = None) -> Proof:
     """Prove the claim of a result file anew: its guarantee, or that there is no solution; with no solver.
 
-    Raises
-    ------
-    UsageError
-        The file claims nothing that can be proved, is malformed, or belongs to another spec.
+    Raises `UsageError`: the file claims nothing that can be proved, is malformed, or belongs to another spec.
     """
+    return proof_of(*opened(path, spec))
+
+
+def opened(path: str | os.PathLike[str], spec: Spec | None) -> tuple[ResultFile, Spec | None]:
+    """Result file, and the spec that it must belong to, if there is one."""
     if spec is not None:
         require_spec(spec)
-    return proof_of(ResultFile.open(os.fspath(path)), spec)
+    return ResultFile.open(os.fspath(path)), spec

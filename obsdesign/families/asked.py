@@ -12,9 +12,8 @@ from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.plant import Plant
 from obsdesign.sections.document import Loc, described
-from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required
+from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required, unavailable
 from obsdesign.sections.values import Axis, Reader, Sign
-from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
 
 LATER_FAMILIES = ("kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain")

@@ -2,17 +2,19 @@
 
 schema.py     the sections of the format (structure only), and its JSON Schema
 resolve.py    the sections to the types of the design: exact values, derived sizes, names
-build.py      the same from Python values
 """
 
 import os
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
-from obsdesign.errors import UsageError
-from obsdesign.reading.build import build, with_simulation
-from obsdesign.reading.resolve import resolve
+from obsdesign.errors import Problem, UsageError
+from obsdesign.reading.resolve import FORMAT, resolve
 from obsdesign.reading.schema import json_schema
 from obsdesign.sections.document import compose, read
-from obsdesign.spec import Noise, Nonlinearity, Simulation, Spec
+from obsdesign.sections.writing import written
+from obsdesign.spec import Called, Noise, Nonlinearity, Simulation, Spec
 
 __all__ = [
     "Noise",
@@ -26,14 +28,13 @@ __all__ = [
     "with_simulation",
 ]
 
+PYTHON = "<python>"  # in place of a file
+
 
 def load(source: str | os.PathLike[str]) -> Spec:
     """Read a spec from a file, or from its text, which has more than one line.
 
-    Raises
-    ------
-    UsageError
-        One problem for everything that is wrong, with file, line, column and key.
+    Raises `UsageError`: one problem for everything that is wrong, with file, line, column and key.
     """
     path = os.fspath(source)
     if "\n" in path:
@@ -47,18 +48,33 @@ def load(source: str | os.PathLike[str]) -> Spec:
 
 
 def loads(text: str, path: str = "<text>") -> Spec:
-    """Read a spec from its text.
-
-    Parameters
-    ----------
-    text
-        YAML, at most 4 MiB.
-    path
-        What messages call it.
-
-    Raises
-    ------
-    UsageError
-        One problem for everything that is wrong, with file, line, column and key.
-    """
+    """Read a spec from its text, YAML of at most 4 MiB; `path`: what messages call it. Raises as `load`."""
     return resolve(compose(text, path))
+
+
+def build(sections: Mapping[str, Any]) -> Spec:
+    """Read a spec from its sections: `system`, `observer`, and the others of a spec file, by name.
+
+    The sections are written as YAML, which is the `text` of the spec, and read as any file is.
+
+    `sections`: numbers, text, numpy arrays, lists and mappings. A double is taken as the shortest decimal that prints
+    it: 0.1 is 1/10. Raises `UsageError`: one problem for everything that is wrong, with its key.
+    """
+    text = written({"obsdesign": int(FORMAT), **sections}, PYTHON)
+    try:
+        return resolve(compose(text, PYTHON))
+    except UsageError as error:
+        raise UsageError(*(Problem(one.message, PYTHON, key=one.key) for one in error.problems)) from None
+
+
+def with_simulation(spec: Spec, changes: Mapping[str, Any]) -> Spec:
+    """Return the same spec, its text included, with other values of keys of `simulation:`; None takes a key away.
+
+    Raises `UsageError`: a change is wrong, with its key.
+    """
+    sections = compose(spec.text, spec.path).root.plain()
+    trial = {**sections.get("simulation", {}), **changes}
+    return replace(spec, simulation=build({**sections, "simulation": trial}).simulation)
+
+
+Called.build = staticmethod(build)

@@ -1,4 +1,4 @@
-"""The nonlinear blocks f_i of a spec: their sizes, their types and their functions."""
+"""The nonlinear blocks f_i of a spec: their sizes, their types, their functions, and the regions on which the types hold."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,12 +13,14 @@ from obsdesign.nonlinearities import TEMPLATES, Multiplier, Template
 from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.refutation import counterexample
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
-from obsdesign.reading.region import read_region
-from obsdesign.reading.schema import AUTO, Function, TypeData
+from obsdesign.nonlinearities.slope import INFINITE
+from obsdesign.reading.schema import AUTO, Auto, Function, TypeData
 from obsdesign.sections.document import Loc, dotted
+from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.spec import Nonlinearity, arguments
 
+MINUS_INFINITE = ("-.inf", "-.Inf", "-.INF")
 ARGUMENT = re.compile(r"\bq\b")
 POINTS = np.concatenate([np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)])
 TOLERANCE = 1e-9  # relative, of two ways to write the same function
@@ -207,3 +209,54 @@ def compare(reader: Reader, block: Block, text: str, f: Sequence[Expression], kn
             place = f"{text} is {right[k]:.6g} at q = {q[k]:.6g}, where f is {value}"
             reader.wrong((*block.loc, "f"), f"differs from its type {block.kind.name}: {place}")
             return
+
+
+def read_region(
+    reader: Reader, section: Function, loc: Loc, nq: int, f: Sequence[Expression] | None, known: Sequence[str]
+) -> dict[str, Ends]:
+    """Ranges of the variables that are limited; a single component of q is q1.
+
+    `f`, `known`: the function, and what it may depend on besides its argument.
+    """
+    given = written_regions(section, loc)
+    if not given:
+        return {}
+    for place, _ in given[1:]:
+        reader.wrong(place, "the region is given twice; give it once", at_key=True)
+    place, written = given[0]
+    used = known if f is None else [name for name in known if any(name in g.names for g in f)]
+    region: dict[str, Ends] = {}
+    for name, ends in written.items():
+        here, variable = (*place, name), "q1" if name == "q" and nq == 1 else name
+        if name not in (*arguments(nq), *known):
+            reader.wrong(here, unknown("variable", name, (*arguments(nq), *used), {}), at_key=True)
+        elif name not in (*arguments(nq), *used):
+            reader.wrong(here, f"f does not depend on {name}; leave it out", at_key=True)
+        elif variable in region:
+            reader.wrong(here, "q and q1 are the same; give one of them", at_key=True)
+        else:
+            region[variable] = read_range(reader, ends, here)
+    return region
+
+
+def written_regions(section: Function, loc: Loc) -> Sequence[tuple[Loc, Mapping[str, Sequence[str]]]]:
+    """Regions of a block with their places; there should be one at most."""
+    found = []
+    if not isinstance(section.type, str):
+        if isinstance(section.type.data, Auto) and section.type.data.region is not None:
+            found.append(((*loc, "type", "auto", "region"), section.type.data.region))
+        if section.type.region is not None:
+            found.append(((*loc, "type", "region"), section.type.region))
+    if section.region is not None:
+        found.append(((*loc, "region"), section.region))
+    return found
+
+
+def read_range(reader: Reader, ends: Sequence[str], loc: Loc) -> Ends:
+    """Limits of one variable."""
+    before = len(reader.problems)
+    low = None if ends[0] in MINUS_INFINITE else reader.number(ends[0], (*loc, 0))
+    high = None if ends[1] in INFINITE else reader.number(ends[1], (*loc, 1))
+    if len(reader.problems) == before and low is not None and high is not None and low >= high:
+        reader.wrong(loc, f"{ends[0]} is not below {ends[1]}; give [low, high]")
+    return low, high

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.reading.schema import System
 from obsdesign.sections.document import described
+from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, counted
-from obsdesign.sections.words import unknown
 from obsdesign.spec import numbered
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

@@ -1,28 +1,33 @@
 """From the models of the format to the types of the design and of the simulation."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from flint import fmpq
 
 from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
+from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.generator import Exogenous, read_disturbance
-from obsdesign.reading.names import read_parameters
-from obsdesign.reading.performance import read_performance
-from obsdesign.reading.plant import Reading, read_plant
-from obsdesign.reading.schema import read_file
+from obsdesign.reading.names import Names, read_parameters
+from obsdesign.reading.plant import Layout, Reading, read_plant
+from obsdesign.reading.schema import Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.sections.document import Document, Loc, Number, described
+from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, Size
-from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible")
 PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+|\[[0-9]+\])*")
 TOLERANCES = ("rtol", "atol")
+GROUPS = ("x", "w", "all")
+FEEDTHROUGH = "is no function of the augmented state; give it a disturbance model, such as integrator"
 RECORD = ("verified", "printed", "rtol", "atol", "note")
 
 
@@ -132,3 +137,54 @@ def read_plain(reader: Reader, value: Any, loc: Loc) -> Any:
     if isinstance(value, dict):
         reader.wrong(loc, "expected a number, text or a list, found a mapping")
     return value
+
+
+def read_performance(
+    reader: Reader, section: str | Sequence[str] | Weight | None, layout: Layout, exogenous: Exogenous
+) -> tuple[Array, tuple[str, ...]]:
+    """H over the augmented state, and the names of z."""
+    loc: Loc = ("performance",)
+    if isinstance(section, Weight):
+        return read_weight(reader, section, layout, exogenous)
+    if isinstance(section, str) and section not in GROUPS:
+        allowed = (*GROUPS, "a list of names", "{H: a matrix}")
+        reader.wrong(loc, unknown("performance", section, allowed, {}))
+    if layout.names is None or exogenous.generator is None or section is None:
+        return empty(0, 0), ()
+    x, w = layout.names.states, layout.names.w
+    table = rows(layout.names, exogenous.states, exogenous.generator)
+    groups = {"x": x, "w": w, "all": (*x, *exogenous.states)}
+    chosen = groups.get(section, x) if isinstance(section, str) else section
+    for i, name in enumerate(chosen):
+        place = loc if isinstance(section, str) else (*loc, i)
+        if name not in table:
+            reader.wrong(place, unknown("state", name, tuple(table), {}))
+        elif table[name] is None:
+            reader.wrong(place, f"{name} {FEEDTHROUGH}")
+    if not chosen:
+        reader.wrong(loc, "there is nothing to estimate; name at least one state")
+    H = [row for row in map(table.get, chosen) if row is not None]
+    return np.array(H, dtype=object), tuple(chosen)
+
+
+def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Array | None]:
+    """Row over the augmented state of each state and each w; None where w has a feedthrough from v or f."""
+    n, size = len(names.states), len(names.states) + len(xm)
+    basis = np.full((size, size), fmpq(0), dtype=object)
+    np.fill_diagonal(basis, fmpq(1))
+    table: dict[str, Array | None] = dict(zip((*names.states, *xm), basis, strict=True))
+    for i, name in enumerate(names.w):
+        row = np.concatenate([np.full(n, fmpq(0), dtype=object), generator.Cm[i]])
+        feedthrough = np.any(generator.Dm[i] != 0) or np.any(generator.Dwf[i] != 0)
+        table.setdefault(name, None if feedthrough else row)
+    return table
+
+
+def read_weight(reader: Reader, section: Weight, layout: Layout, exogenous: Exogenous) -> tuple[Array, tuple[str, ...]]:
+    """H as given."""
+    entries = reader.entries(section.H, ("performance", "H"))
+    n, nm = layout.states.size, exogenous.xm.size
+    augmented = Axis(None if n is None or nm is None else n + nm, "augmented state")
+    nz = entries.shape(None, augmented.size)[0] or 1
+    H = reader.matrix(entries, Axis(nz, "component of z"), augmented)
+    return H, numbered("z", nz)

@@ -31,11 +31,12 @@ from obsdesign.sections.forms import (
     Schema,
     Section,
     key,
+    nearest,
     refuse,
     required,
+    unavailable,
 )
 from obsdesign.sections.values import Reader
-from obsdesign.sections.words import nearest, unavailable
 
 AUTO = "auto"
 MAX_BLOCKS = 400

@@ -15,13 +15,13 @@ Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the m
 is read, since families and types of nonlinearities are registered, which no static model says.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.values import Reader
-from obsdesign.sections.words import nearest, unknown
 
 Schema = dict[str, Any]
 Entries = str | list[str] | list[list[str]]  # of a matrix
@@ -296,3 +296,31 @@ class Section:
             "additionalProperties": False,
             **({"required": needed} if needed else {}),
         }
+
+
+def unavailable(words: Sequence[str], available: Sequence[str]) -> dict[str, str]:
+    """Hints for words of the format that this version does not read."""
+    instead = f"; available: {', '.join(available)}" if available else ""
+    return dict.fromkeys(words, f"is not available in this version{instead}")
+
+
+def nearest(word: str, words: Sequence[str]) -> str | None:
+    """Return the word that was probably meant."""
+    folded = {w.lower(): w for w in words}
+    close = get_close_matches(word.lower(), folded, n=1)
+    return folded[close[0]] if close else None
+
+
+def unknown(kind: str, word: object, words: Sequence[str], hints: Mapping[str, str]) -> str:
+    """Say what is wrong with a word and which are allowed.
+
+    `kind`: what the word should name, such as "key"; `words`: those that are allowed; `hints`: what to say of words
+    that have a meaning, but not here.
+    """
+    if not isinstance(word, str):
+        return f"expected one of {', '.join(words)}, found {described(word)}"
+    if word in hints:
+        return f"{word} {hints[word]}"
+    meant = nearest(word, (*words, *hints))
+    question = f"; did you mean {meant}?" if meant else ";"
+    return f"unknown {kind} {described(word)}{question} allowed: {', '.join(words)}"

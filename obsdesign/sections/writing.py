@@ -66,13 +66,7 @@ def scalar(value: Any) -> str | None:
 
 
 def whole(value: Any) -> str:
-    """Digits of a whole number or of a fraction.
-
-    Raises
-    ------
-    UsageError
-        There are more than Python converts.
-    """
+    """Digits of a whole number or of a fraction; raises `UsageError` if there are more than Python converts."""
     try:
         return str(value)
     except ValueError:
