@@ -93,8 +93,8 @@ def solve(
             typer.echo(text, nl=False)
         else:
             write_whole(target, text)
-        if not quiet and target != "-":
-            typer.echo(text if as_json else f"{aligned([*design.table(), ('file', target)])}\n", nl=False)
+            if not quiet:
+                typer.echo(text if as_json else f"{aligned([*design.table(), ('file', target)])}\n", nl=False)
         if design.status == "uncertified":
             typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
         beside = Path(target).parent if target != "-" else Path()

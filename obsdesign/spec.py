@@ -13,7 +13,7 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
-from obsdesign.model.equations import Equations, Terms, free, from_matrices
+from obsdesign.model.equations import Equations, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
@@ -181,11 +181,11 @@ class Spec(metaclass=Called):
             if block.f is None:
                 raise UsageError(f"nonlinearities[{i}] has no `f`, which a simulation needs (a design does not)")
             blocks.append((block.f, block.nq))
-        gx, gq, gy = (
+        known = [
             (*g, *[Expression.number(0)] * (rows - len(g)))
             for g, rows in ((self.gx, plant.n), (self.gq, width), (self.gy, len(plant.C)))
-        )
-        return from_matrices(plant, Terms(tuple(blocks), gx, gq, gy, self.inputs))
+        ]
+        return from_matrices(plant, blocks, known, self.inputs)
 
     @cached_property
     def multiplier(self) -> Multiplier:

@@ -76,24 +76,23 @@ def total(*parts: Sequence[Expression]) -> list[Expression]:
     return [Expression.combination([fmpq(1)] * len(column), column) for column in zip(*parts, strict=True)]
 
 
-@dataclass(frozen=True)
-class Terms:
-    """What stands beside the matrices of a plant: its nonlinear blocks and known terms."""
+def from_matrices(
+    plant: Plant[Exact],
+    blocks: Sequence[tuple[Sequence[Expression], int]],
+    known: Sequence[Sequence[Expression]],
+    inputs: tuple[str, ...],
+) -> Equations:
+    """Equations of a plant in matrices: x' = A x + Bf f + gx + B w, q = .., y = ..; q are algebraic signals.
 
-    blocks: tuple[tuple[tuple[Expression, ...], int], ...]  # f_i, of t, outputs, inputs and q (or q1, ..); and nq_i
-    gx: tuple[Expression, ...]  # as many as states, likewise gq and gy
-    gq: tuple[Expression, ...]
-    gy: tuple[Expression, ...]
-    inputs: tuple[str, ...]
-
-
-def from_matrices(plant: Plant[Exact], terms: Terms) -> Equations:
-    """Equations of a plant in matrices: x' = A x + Bf f + gx + B w, q = .., y = ..; q are algebraic signals."""
-    taken = {"t", *plant.states, *terms.inputs, *plant.outputs}
+    `blocks`: each f_i, of t, outputs, inputs and q (or q1, ..), with nq_i; `known`: gx, gq and gy, as many terms in each
+    as there are states, components of q and outputs; `inputs`: names of u.
+    """
+    gx, gq, gy = known
+    taken = {"t", *plant.states, *inputs, *plant.outputs}
     exogenous = tuple(free(name, taken) for name in plant.exogenous)
     q: list[str] = []
     f: list[Expression] = []
-    for i, (block, nq) in enumerate(terms.blocks, start=1):
+    for i, (block, nq) in enumerate(blocks, start=1):
         own = [free(f"q{i}" if nq == 1 else f"q{i}_{k + 1}", taken) for k in range(nq)]
         local = {f"q{k + 1}": Expression.variable(name) for k, name in enumerate(own)}
         if nq == 1:
@@ -105,10 +104,10 @@ def from_matrices(plant: Plant[Exact], terms: Terms) -> Equations:
         return total(linear(on_x, plant.states), weighted(on_f, f), g, linear(on_w, exogenous))
 
     return Equations(
-        dynamics=dict(zip(plant.states, sides(plant.A, plant.Bf, plant.B, terms.gx), strict=True)),
-        outputs=dict(zip(plant.outputs, sides(plant.C, plant.Df, plant.D, terms.gy), strict=True)),
-        algebraic=dict(zip(q, sides(plant.Cq, plant.Dqf, plant.Dq, terms.gq), strict=True)),
-        inputs=terms.inputs,
+        dynamics=dict(zip(plant.states, sides(plant.A, plant.Bf, plant.B, gx), strict=True)),
+        outputs=dict(zip(plant.outputs, sides(plant.C, plant.Df, plant.D, gy), strict=True)),
+        algebraic=dict(zip(q, sides(plant.Cq, plant.Dqf, plant.Dq, gq), strict=True)),
+        inputs=inputs,
         exogenous=exogenous,
     )
 

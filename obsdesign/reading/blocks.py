@@ -1,4 +1,4 @@
-"""The nonlinear blocks f_i of a spec: their sizes, their types, their functions, and the regions on which the types hold."""
+"""The nonlinear blocks f_i of a spec: their sizes, functions and types, and the regions on which the types hold."""
 
 import re
 from collections.abc import Mapping, Sequence
