@@ -63,11 +63,7 @@ def rational_root(base: fmpq, root: int) -> fmpq | None:
 
 def at(argument: int, value: int) -> Callable[[fmpq], fmpq | None]:
     """Rule of a function that is rational at one rational argument only (Lindemann and Weierstrass)."""
-
-    def rule(x: fmpq) -> fmpq | None:
-        return fmpq(value) if x == argument else None
-
-    return rule
+    return lambda x: fmpq(value) if x == argument else None
 
 
 def sign(x: Any) -> fmpq:

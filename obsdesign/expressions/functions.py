@@ -244,12 +244,7 @@ FUNCTIONS = {
     "sinh": function(math.sinh, np.sinh, cosh, monotone(np.sinh, 0.0), arb.sinh, at(0, 0)),
     "cosh": function(math.cosh, np.cosh, sinh, even(monotone(np.cosh, 0.0)), arb.cosh, at(0, 1)),
     "tanh": function(
-        math.tanh,
-        np.tanh,
-        lambda x: ONE - tanh(x) ** TWO,
-        monotone(np.tanh, 0.0, image=UNIT),
-        arb.tanh,
-        at(0, 0),
+        math.tanh, np.tanh, lambda x: ONE - tanh(x) ** TWO, monotone(np.tanh, 0.0, image=UNIT), arb.tanh, at(0, 0)
     ),
     "exp": function(math.exp, np.exp, exp, monotone(np.exp, 0.0, image=POSITIVE), arb.exp, at(0, 1)),
     "log": function(math.log, np.log, lambda x: ONE / x, monotone(np.log, 1.0, POSITIVE), arb.log, at(1, 0)),

@@ -84,8 +84,8 @@ def from_matrices(
 ) -> Equations:
     """Equations of a plant in matrices: x' = A x + Bf f + gx + B w, q = .., y = ..; q are algebraic signals.
 
-    `blocks`: each f_i, of t, outputs, inputs and q (or q1, ..), with nq_i; `known`: gx, gq and gy, as many terms in each
-    as there are states, components of q and outputs; `inputs`: names of u.
+    `blocks`: each f_i, of t, outputs, inputs and q (or q1, ..), with nq_i; `known`: gx, gq and gy, with as many
+    terms as there are states, components of q and outputs; `inputs`: names of u.
     """
     gx, gq, gy = known
     taken = {"t", *plant.states, *inputs, *plant.outputs}

@@ -1,24 +1,38 @@
-"""The plant of a spec: sizes from its matrices, then every matrix checked against them."""
+"""The plant of a spec: sizes from its matrices, then every matrix checked against them; names of its signals."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from obsdesign.expressions import Expression
+from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
-from obsdesign.reading.names import Names, read_names
 from obsdesign.reading.schema import Nonlinearity as Section
 from obsdesign.reading.schema import System
-from obsdesign.sections.document import Loc
+from obsdesign.sections.document import Loc, described
+from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
-from obsdesign.spec import Nonlinearity
+from obsdesign.spec import Nonlinearity, numbered
 
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
 X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")
 Q, F = Axis(None, "component of q"), Axis(None, "component of f")
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names of the signals of a plant."""
+
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    w: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -195,3 +209,61 @@ def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], 
         exogenous=names.w,
         outputs=names.outputs,
     )
+
+
+def meaning(name: str) -> str | None:
+    """Say what a name means already, or why it is none."""
+    if not NAME.fullmatch(name):
+        return "is not a name; use letters, digits and _, a letter first"
+    if name == "t":
+        return "is the time; choose another name"
+    if name == "pi" or name in FUNCTIONS:
+        return "is a function or a constant; choose another name"
+    if ARGUMENT.fullmatch(name):
+        return "is the argument of a nonlinearity; choose another name"
+    if name.startswith("hat_"):
+        return "begins like the name of an estimate; choose another name"
+    return None
+
+
+def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
+    """Values of the parameters, each from those before it."""
+    for name, text in parameters.items():
+        if reason := meaning(name):
+            reader.wrong(("parameters", name), f"{described(name)} {reason}", at_key=True)
+        value = reader.number(text, ("parameters", name))
+        if reason is None:
+            reader.parameters[name] = value
+
+
+def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: Axis) -> Names | None:
+    """Names of the signals; None if an earlier error leaves them open."""
+    before = len(reader.problems)
+    taken = dict.fromkeys(numbered("w", w.size or 0), "an exogenous input")
+    names = Names(
+        states=given_or(reader, "states", system.states, states, "x"),
+        outputs=given_or(reader, "outputs", system.outputs, outputs, "y"),
+        inputs=tuple(system.inputs),
+        w=tuple(taken),
+    )
+    for key, each in (("states", "a state"), ("outputs", "an output"), ("inputs", "an input")):
+        given = getattr(system, key)
+        for i, name in enumerate(getattr(names, key)):
+            if reason := meaning(name) or (name in taken and f"is {taken[name]} already; choose another name"):
+                reader.wrong(("system", key, i) if given else ("system", key), f"{described(name)} {reason}")
+            taken[name] = each
+    for name in reader.parameters:
+        if name in taken:
+            message = f"{name} is {taken[name]} already; choose another name"
+            reader.wrong(("parameters", name), message, at_key=True)
+    for name in system.units:
+        if name not in taken:
+            reader.wrong(("system", "units", name), unknown("signal", name, tuple(taken), {}), at_key=True)
+    return names if len(reader.problems) == before else None
+
+
+def given_or(reader: Reader, key: str, given: Sequence[str] | None, axis: Axis, letter: str) -> tuple[str, ...]:
+    """Names as given, or the default ones."""
+    if given is not None and not axis.admits(len(given)):
+        reader.wrong(("system", key), f"expected {counted(axis.size, 'name')} ({axis}), found {len(given)}")
+    return numbered(letter, axis.size or 0) if given is None else tuple(given)

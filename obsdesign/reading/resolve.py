@@ -13,8 +13,7 @@ from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.generator import Exogenous, read_disturbance
-from obsdesign.reading.names import Names, read_parameters
-from obsdesign.reading.plant import Layout, Reading, read_plant
+from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
 from obsdesign.reading.schema import Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.sections.document import Document, Loc, Number, described
