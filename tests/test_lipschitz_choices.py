@@ -11,6 +11,7 @@ from support.plants import plant, zeros
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.finding import hidden_mode
 from obsdesign.families.lipschitz.claim import Claim, needed
 from obsdesign.families.lipschitz.compare import compared
 from obsdesign.families.lipschitz.front import Optimum
@@ -21,7 +22,6 @@ from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma
 from obsdesign.families.outcome import Outcome, Verdict
-from obsdesign.families.reasons import hidden_mode
 from obsdesign.lmi.formula import in_floats, printed, rational, rational_number
 from obsdesign.lmi.solve import Status
 

@@ -16,8 +16,7 @@ from obsdesign.families.sporadic.certificate import certify_sporadic
 from obsdesign.families.sporadic.design import design_sporadic
 from obsdesign.families.sporadic.gains import Setting, reaching
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.families.sporadic.scheme import schemes
-from obsdesign.families.sporadic.study import Study
+from obsdesign.families.sporadic.study import Study, schemes
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.lipschitz import lipschitz

@@ -23,10 +23,7 @@ class Observer:
     The algebraic signals a, such as yhat and the arguments of nonlinearities, may depend on themselves: the equations
     are implicit then. Where there are jumps, y is known at a measurement only.
 
-    Raises
-    ------
-    UsageError
-        If a right side has a name that is no signal, or needs y between two measurements.
+    Raises `UsageError`: a right side has a name that is no signal, or needs y between two measurements.
     """
 
     dynamics: Named  # by the names of the states s

@@ -17,7 +17,7 @@ from flint import fmpq
 from obsdesign.lmi.farkas import Constraint, Refutation, constraints, decided, null_space
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number, zeros
 from obsdesign.lmi.probe import Block, Program
-from obsdesign.lmi.proof import Formula
+from obsdesign.lmi.proof import Formula, with_digits
 from obsdesign.lmi.reduce import power_of_two
 from obsdesign.lmi.solvers import Solver, call
 
@@ -52,7 +52,7 @@ def refutation(formula: Formula, unknowns: Sequence[Unknown], solver: str = "cla
         for center in centers(cone, space, call(solver)):
             tried.append(center)
             for digits in DIGITS if center.margin > 0 else ():
-                made = decided(given, cone.multipliers(rounded(center.y, digits) @ space))
+                made = decided(given, cone.multipliers(with_digits(center.y, digits) @ space))
                 if made.holds:
                     return made
         faces += [face for face in smaller(cone, tried) if face.order < cone.order]
@@ -93,9 +93,8 @@ class Cone:
 
     def space(self) -> Array:
         """Rational basis, as rows of coordinates, of the multipliers for which the unknowns cancel."""
-        columns = []
-        for c, V in zip(self.given, self.ranges, strict=True):
-            columns.append(weighted(V.T @ c.terms @ V, *np.triu_indices(V.shape[1])))
+        pairs = zip(self.given, self.ranges, strict=True)
+        columns = [weighted(V.T @ c.terms @ V, *np.triu_indices(V.shape[1])) for c, V in pairs]
         columns += [weighted(c.terms, *free) for c, free in zip(self.given, self.free, strict=True)]
         return null_space(np.concatenate(columns, axis=1))
 
@@ -231,10 +230,7 @@ def range_of(S: Array, scale: Array, near: float) -> Array:
     values, vectors = np.linalg.eigh(S)
     null = scale[:, None] * vectors[:, values <= EDGE]
     rows = echelon((null / np.linalg.norm(null, axis=0)).T)
-    exact = np.empty(rows.shape, dtype=object)
-    for place, value in np.ndenumerate(rows):
-        exact[place] = simplest(float(value), near)
-    return null_space(exact).T
+    return null_space(np.vectorize(lambda x: simplest(float(x), near), otypes=[object])(rows)).T
 
 
 def echelon(rows: Array) -> Array:
@@ -265,8 +261,3 @@ def between(low: fmpq, high: fmpq) -> fmpq:
         return fmpq(whole)
     below = low.floor()
     return below + 1 / between(1 / (high - below), 1 / (low - below))
-
-
-def rounded(y: Array, digits: int) -> Array:
-    """Rationals of so many significant decimal digits."""
-    return rational(np.vectorize(lambda x: f"{x:.{digits}g}", otypes=[object])(y))

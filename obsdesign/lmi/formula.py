@@ -143,11 +143,7 @@ def rational_number(value: Any) -> fmpq:
 
 def rational(matrix: npt.ArrayLike) -> Array:
     """Exact rationals of a matrix of numbers or of decimal texts, entry by entry."""
-    entries = np.asarray(matrix, dtype=object)
-    exact = np.empty(entries.shape, dtype=object)
-    for index, value in np.ndenumerate(entries):
-        exact[index] = rational_number(value)
-    return exact
+    return np.asarray(np.vectorize(rational_number, otypes=[object])(np.asarray(matrix, dtype=object)))
 
 
 def printed(value: Any) -> Any:

@@ -43,11 +43,6 @@ class Block:
         """N' F N."""
         return Block(self.name, N.T @ self.terms @ N, self.strict)
 
-    def sizes(self) -> tuple[Array, Array]:
-        """Largest diagonal entry, and largest entry, of each row over all terms."""
-        absolute = np.abs(self.terms)
-        return absolute.diagonal(axis1=1, axis2=2).max(axis=0), absolute.max(axis=(0, 2))
-
 
 @dataclass(frozen=True)
 class Program:
@@ -84,17 +79,13 @@ def probe(problem: Problem) -> Program:
         terms = value[:-1] - value[0]
         terms[0] = value[0]
         block = Block(inequality.name, terms, inequality.strict)
-        require_affine(inequality.name, block.at(witness), value[-1])
+        expected, found = block.at(witness), value[-1]
+        scale = np.abs(expected).max(initial=0) + np.abs(found).max(initial=0)
+        if np.abs(expected - found).max(initial=0) > 1e-9 * scale:
+            raise ArithmeticError(f"the inequality {inequality.name!r} is not affine in its unknowns")
         blocks.append(block)
     cost, constant = np.zeros(size), 0.0
     if problem.minimise:
         objective = np.broadcast_to(problem.minimise(points), (size + 2, 1, 1))[:, 0, 0]
         cost, constant = objective[1:-1] - objective[0], float(objective[0])
     return Program(cost, constant, tuple(blocks))
-
-
-def require_affine(name: str, expected: Array, found: Array) -> None:
-    """Compare superposition with the formula itself."""
-    scale = np.abs(expected).max(initial=0) + np.abs(found).max(initial=0)
-    if np.abs(expected - found).max(initial=0) > 1e-9 * scale:
-        raise ArithmeticError(f"the inequality {name!r} is not affine in its unknowns")

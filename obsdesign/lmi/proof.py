@@ -105,7 +105,12 @@ def margin(matrix: Array) -> float:
 
 def rounded(values: Values, digits: int) -> dict[str, Array]:
     """Rationals of the values at so many significant decimal digits."""
-    return {name: rational(np.vectorize(lambda x: f"{x:.{digits}g}", otypes=[object])(m)) for name, m in values.items()}
+    return {name: with_digits(matrix, digits) for name, matrix in values.items()}
+
+
+def with_digits(matrix: Array, digits: int) -> Array:
+    """Rationals of a matrix at so many significant decimal digits."""
+    return rational(np.vectorize(lambda x: f"{x:.{digits}g}", otypes=[object])(matrix))
 
 
 def complete(
@@ -130,16 +135,9 @@ def complete(
         return np.concatenate([by_name[name][row] for name, row in rows])
 
     at = residual(x)
-    J = np.stack([residual(x + unit(len(x), j)) - at for j in pivots], axis=1)
+    J = np.stack([residual(x + unit) - at for unit in rational(np.eye(len(x))[list(pivots)])], axis=1)
     J, r = fmpq_mat(J.tolist()), fmpq_mat([[v] for v in at])
     step = (J.transpose() * J).solve(-(J.transpose() * r))
     for j, d in zip(pivots, step.entries(), strict=True):
         x[j] += d
     return matrices(unknowns, x)
-
-
-def unit(size: int, j: int) -> Array:
-    """Coordinate vector in rationals."""
-    e = np.full(size, fmpq(0), dtype=object)
-    e[j] = fmpq(1)
-    return e

@@ -96,8 +96,8 @@ def eliminate(reduced: Reduced) -> Reduced:
 
 def zero_diagonal(block: Block) -> Array:
     """Mask of the rows whose diagonal entry vanishes for every value of the unknowns, relative to its row."""
-    diagonal, row = block.sizes()
-    return np.asarray(diagonal <= ZERO * row)
+    size = np.abs(block.terms)
+    return np.asarray(size.diagonal(axis1=1, axis2=2).max(axis=0) <= ZERO * size.max(axis=(0, 2)))
 
 
 def solve_equalities(reduced: Reduced, equalities: Array) -> Reduced:

@@ -5,8 +5,7 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array, identity
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import Matrices
-from obsdesign.nonlinearities.sizes import require_shape
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_shape
 from obsdesign.sections.forms import MATRIX, Entries, Section, key, required
 
 

@@ -8,8 +8,7 @@ from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import Constant
 from obsdesign.nonlinearities.evidence import automatic
-from obsdesign.nonlinearities.sizes import require_as_many
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_as_many
 
 
 def cocoercive(k: fmpq, nq: int, nf: int) -> Multiplier:

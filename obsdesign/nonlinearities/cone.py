@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.errors import UsageError
 from obsdesign.lmi.farkas import null_space
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, rational, symmetric, zeros
 from obsdesign.model.multiplier import Block, Matrix, Multiplier
 from obsdesign.nonlinearities.data import MatrixList
 from obsdesign.nonlinearities.evidence.claims import Hull
-from obsdesign.nonlinearities.sizes import require_shape
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_matrices
 
 
 @dataclass(frozen=True)
@@ -69,10 +67,7 @@ def cone(directions: Sequence[Array], nq: int, nf: int) -> Multiplier:
 
     `directions`: at least one matrix Th_i (nf, nq). Raises `UsageError`: there is no matrix, or one has another size.
     """
-    if not directions:
-        raise UsageError("cone: there is no matrix; list the directions of the cone")
-    for i, Th in enumerate(directions, start=1):
-        require_shape(f"cone: matrix {i}", Th, nf, nq)
+    require_matrices("cone", "the directions of the cone", directions, nf, nq)
     rays = tuple(ray(Th, both_ways=any((Th == -other).all() for other in directions)) for Th in directions)
     return Multiplier((Cone(zeros((nf, nq), [rational([[0]])]), rays),))
 

@@ -88,10 +88,10 @@ class Matrices(Data):
     def sizes(self, data: Any, nq: Size, nf: Size) -> tuple[Size, Size]:
         """Rows and columns of the first matrix that has them."""
         named = dict(zip(self.form.forms(), data, strict=True))
-        rows, columns = first_shape([entries for name, entries in named.items() if name not in self.wide], nq, nf)
+        nq, nf = first_sizes([entries for name, entries in named.items() if name not in self.wide], nq, nf)
         for name in self.wide:
-            columns = columns or named[name].shape(None, nq)[1]
-        return nq or columns, nf or rows
+            nq = nq or named[name].shape()[1]
+        return nq, nf
 
     def fitted(self, reader: Reader, data: Any, nq: int, nf: int) -> Any:
         """Matrices of these sizes."""
@@ -118,8 +118,7 @@ class MatrixList(Data):
 
     def sizes(self, data: Any, nq: Size, nf: Size) -> tuple[Size, Size]:
         """Rows and columns of the first matrix that has them."""
-        rows, columns = first_shape(data, nq, nf)
-        return nq or columns, nf or rows
+        return first_sizes(data, nq, nf)
 
     def fitted(self, reader: Reader, data: Any, nq: int, nf: int) -> Any:
         """Matrices of these sizes."""
@@ -151,10 +150,8 @@ class WholeMatrix(Data):
         return np.atleast_2d(data.values)
 
 
-def first_shape(matrices: Sequence[Any], nq: Size, nf: Size) -> tuple[Size, Size]:
-    """Rows and columns of the first of the matrices that has them."""
-    for entries in matrices:
-        rows, columns = entries.shape(nf, nq)
-        if rows and columns:
-            return rows, columns
-    return None, None
+def first_sizes(matrices: Sequence[Any], nq: Size, nf: Size) -> tuple[Size, Size]:
+    """Sizes of q and f: those that are known, or else the columns and rows of the first matrix that has both."""
+    shapes = (entries.shape(nf, nq) for entries in matrices)
+    rows, columns = next((shape for shape in shapes if all(shape)), (None, None))
+    return nq or columns, nf or rows

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he
 from obsdesign.model.multiplier import Block, Matrix, Multiplier
 from obsdesign.nonlinearities.data import MATRICES, MatrixList
 from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import Hull
-from obsdesign.nonlinearities.sizes import require_shape
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_matrices
 from obsdesign.sections.forms import Either, auto
 
 
@@ -59,10 +57,7 @@ def jacobian(vertices: Sequence[Array], nq: int, nf: int) -> Multiplier:
     `vertices`: at least one matrix Th_i (nf, nq). Their mean is the member of the class. Raises `UsageError`: there is
     no matrix, or one has another size.
     """
-    if not vertices:
-        raise UsageError("jacobian: there is no matrix; list the vertices of the polytope")
-    for i, Th in enumerate(vertices, start=1):
-        require_shape(f"jacobian: matrix {i}", Th, nf, nq)
+    require_matrices("jacobian", "the vertices of the polytope", vertices, nf, nq)
     return Multiplier((Polytope(np.sum(vertices, axis=0) / len(vertices), tuple(vertices)),))
 
 

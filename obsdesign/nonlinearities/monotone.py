@@ -5,8 +5,7 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled
-from obsdesign.nonlinearities.sizes import require_as_many
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_as_many
 
 
 def monotone(data: None, nq: int, nf: int) -> Multiplier:  # noqa: ARG001

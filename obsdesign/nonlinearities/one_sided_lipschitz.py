@@ -7,8 +7,7 @@ from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import rational
 from obsdesign.model.multiplier import Multiplier, Scaled, Sum
 from obsdesign.nonlinearities.data import Constants
-from obsdesign.nonlinearities.sizes import require_as_many
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_as_many
 from obsdesign.sections.forms import ENTRY, Section, required
 
 

@@ -6,8 +6,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.ball import ball
 from obsdesign.nonlinearities.data import Matrices
-from obsdesign.nonlinearities.sizes import require_shape
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_shape
 from obsdesign.sections.forms import MATRIX, Entries, Section, key, required
 
 

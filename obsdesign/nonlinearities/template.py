@@ -1,11 +1,13 @@
 """A type of nonlinearity: what it assumes of f, what data it takes, and what follows from it."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
 
+from obsdesign.errors import UsageError
+from obsdesign.lmi.formula import Array
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.data import Data
 from obsdesign.nonlinearities.evidence.automatic import Choice, slopes_proved
@@ -57,3 +59,24 @@ class Template:
     def proved(self, f: Restriction, data: Any) -> bool:
         """Whether f surely is of this type on its region; False says nothing."""
         return self.proof(f, data) if self.proof else slopes_proved(f, self.slopes(data, f.nq))
+
+
+def require_shape(what: str, matrix: Array, rows: int, columns: int) -> None:
+    """Refuse, by a `UsageError`, a matrix of another shape than q and f make it."""
+    if matrix.shape != (rows, columns):
+        given = " x ".join(map(str, matrix.shape))
+        raise UsageError(f"{what} is {given}, and q and f make it {rows} x {columns}")
+
+
+def require_matrices(what: str, missing: str, matrices: Sequence[Array], rows: int, columns: int) -> None:
+    """Refuse, by a `UsageError`, an empty list of matrices, with what to list, and one of another shape."""
+    if not matrices:
+        raise UsageError(f"{what}: there is no matrix; list {missing}")
+    for i, matrix in enumerate(matrices, start=1):
+        require_shape(f"{what}: matrix {i}", matrix, rows, columns)
+
+
+def require_as_many(what: str, nq: int, nf: int) -> None:
+    """Refuse, by a `UsageError`, an f of another size than q."""
+    if nf != nq:
+        raise UsageError(f"{what}: f has {nf} components and q has {nq}; it takes as many of both")

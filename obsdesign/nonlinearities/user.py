@@ -9,8 +9,7 @@ from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, rational
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import WholeMatrix
-from obsdesign.nonlinearities.sizes import require_shape
-from obsdesign.nonlinearities.template import Template
+from obsdesign.nonlinearities.template import Template, require_shape
 
 REGULARISATION = (fmpq(0), *(fmpq(1, 4**k) for k in range(20)))
 

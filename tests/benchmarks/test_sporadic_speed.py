@@ -17,8 +17,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.design import design_sporadic
 from obsdesign.families.sporadic.gains import Setting
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.families.sporadic.scheme import schemes
-from obsdesign.families.sporadic.study import Study
+from obsdesign.families.sporadic.study import Study, schemes
 from obsdesign.lmi.formula import in_floats, rational_number
 
 SPEC = Path(__file__).parents[2] / "specs" / "ferrante2019-manipulator.yaml"

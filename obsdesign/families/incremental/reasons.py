@@ -3,10 +3,10 @@
 from typing import Any
 
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families.finding import hidden_mode
 from obsdesign.families.incremental.absence import absence
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.families.reasons import hidden_mode
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import System, invariant_zeros, text
 from obsdesign.model.structure import accuracy

@@ -3,8 +3,8 @@
 import numpy as np
 
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families.finding import described
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.families.reasons import described
 from obsdesign.lmi.formula import Array
 from obsdesign.model.multiplier import Scaled
 from obsdesign.model.pencil import text

@@ -28,8 +28,8 @@ from obsdesign.lmi.formula import Array, in_floats, rational, rational_number
 from obsdesign.nonlinearities.evidence.constant import patient_norm
 from obsdesign.nonlinearities.evidence.enclosure import require_continuous
 from obsdesign.nonlinearities.evidence.norm import Matrix
+from obsdesign.nonlinearities.evidence.refutation import spread
 from obsdesign.nonlinearities.evidence.restriction import Range, with_name
-from obsdesign.nonlinearities.evidence.search import spread
 from obsdesign.spec import Spec
 
 SAMPLES = 400  # Jacobians that stand for all of them in the search

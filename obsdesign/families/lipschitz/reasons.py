@@ -8,12 +8,12 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
+from obsdesign.families.finding import hidden_mode
 from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, seen, theorem2
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.families.reasons import hidden_mode
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
 

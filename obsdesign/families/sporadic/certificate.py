@@ -116,10 +116,7 @@ class SporadicCertificate(Proved):
 def exponential(exponent: fmpq) -> fmpq:
     """Rational that is not below exp(exponent), by ball arithmetic.
 
-    Raises
-    ------
-    UsageError
-        If the exponent is negative or above `LARGEST_EXPONENT`.
+    Raises `UsageError`: the exponent is negative or above `LARGEST_EXPONENT`.
     """
     if not 0 <= exponent <= LARGEST_EXPONENT:
         raise UsageError(f"delta T2 = {approximate(exponent):g} is not between 0 and {LARGEST_EXPONENT}")
@@ -140,19 +137,9 @@ def certify_sporadic(
 ) -> SporadicCertificate:
     """Check every condition of the claim exactly.
 
-    Parameters
-    ----------
-    plant, multiplier, Cp
-        The problem, in rationals.
-    gains, interval, decay, gamma
-        L and H, T1 and T2, lambda_t, and the level: the claim.
-    delta, mu, values
-        Exponent, supply, and P1, P2 and the multipliers: what proves it.
-
-    Raises
-    ------
-    UsageError
-        If delta T2 is negative or beyond `LARGEST_EXPONENT`.
+    `plant`, `multiplier`, `Cp`: the problem, in rationals; `gains`, `interval`, `decay`, `gamma`: L and H, T1 and T2,
+    lambda_t, and the level: the claim; `delta`, `mu`, `values`: exponent, supply, and P1, P2 and the multipliers: what
+    proves it. Raises `UsageError`: delta T2 is negative or beyond `LARGEST_EXPONENT`.
     """
     (L, H), (T1, T2) = gains, interval
     ratio = exponential(delta * T2)

@@ -6,27 +6,23 @@ digits, and the guarantee is proved for the rounded ones, with a delta of its ow
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from flint import fmpq
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.outcome import Outcome, Verdict
-from obsdesign.families.reasons import hidden_mode
+from obsdesign.families.finding import hidden_mode
+from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.sporadic.claim import Claim
-from obsdesign.families.sporadic.gains import Gains, Setting, prove
-from obsdesign.families.sporadic.given_gains import SHORTER, longest_proof, sustained, tolerated
+from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
-from obsdesign.families.sporadic.pareto import curve, farthest, interval, searched
-from obsdesign.families.sporadic.reasons import hiding_interval, too_long, useless
-from obsdesign.families.sporadic.request import SporadicRequest, request_of
-from obsdesign.families.sporadic.scheme import Scheme, schemes
-from obsdesign.families.sporadic.study import Made, Point, Study, within_slack
+from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
+from obsdesign.families.sporadic.request import RANGED, SporadicRequest, request_of
+from obsdesign.families.sporadic.study import Made, Point, Scheme, Study, schemes, within_slack
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -40,7 +36,8 @@ class Designer:
         self, plant: Plant[Exact], multiplier: Multiplier, Cp: Array, request: SporadicRequest, engine: Engine
     ) -> None:
         self.request, self.engine = request, engine
-        self.T2, self.decay = interval(request.T2), interval(request.decay)
+        self.T2, self.decay = Range(*ends(request.T2)), Range(*ends(request.decay))
+        self.lowest = printed(max(self.T2.low, request.T1)), printed(self.decay.low)
         self.setting = Setting(engine, plant, multiplier, Cp, request.delta, printed(request.T1))
         self.schemes = schemes(request)
         self.notes: list[str] = []
@@ -52,18 +49,14 @@ class Designer:
         plant, multiplier = self.setting.plant, self.setting.multiplier
         T2, decay = float(self.T2.low), float(self.decay.low)
         hidden = hidden_mode(plant.doubles, in_floats(multiplier.member), decay, "lambda_t = ")
-        blocked = hidden or hiding_interval(plant, multiplier, decay, T2)
-        if blocked:
+        if blocked := hidden or hiding_interval(plant, multiplier, decay, T2):
             return self.completed(Outcome(Verdict.INFEASIBLE, diagnosis=blocked))
         if self.request.gains:
             given = self.request.gains
             return self.completed(self.analysis((printed(given["L"]), printed(given["H"]))))
-        objectives: dict[str, Callable[[], Outcome]] = {
-            "max-T2": self.longest,
-            "max-decay": self.fastest,
-            "pareto": self.pareto,
-        }
-        return self.completed(objectives.get(self.request.objective, self.single)())
+        if self.request.objective in RANGED:
+            return self.completed(self.farthest())
+        return self.completed(self.pareto() if self.request.objective == "pareto" else self.single())
 
     def completed(self, made: Outcome) -> Outcome:
         """Add what every answer has."""
@@ -121,12 +114,11 @@ class Designer:
             self.notes.append(
                 "the least gamma never decreases with T2 or decay: the lower ends of the ranges are taken"
             )
-        T2, decay = printed(max(self.T2.low, self.request.T1)), printed(self.decay.low)
-        found = [study.at(T2, decay) for study in self.studies]
-        best = self.best(found, lambda made: made.level)
-        if math.isinf(found[best].gamma):
-            return self.infeasible(self.studies[best], float(T2), float(decay))
-        made, goal = found[best], self.studies[best].target(found[best].level)
+        found = [(study, study.at(*self.lowest)) for study in self.studies]
+        study, made = min(found, key=lambda pair: pair[1].level)
+        if math.isinf(made.gamma):
+            return self.infeasible(study, *map(float, self.lowest))
+        goal = study.target(made.level)
         if made.certificate and made.certificate.holds and float(made.certificate.gamma) > goal:
             self.notes.append(
                 f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is nearest"
@@ -136,10 +128,7 @@ class Designer:
     def shipped(self, made: Made, limit: dict[str, Any]) -> Outcome:
         """Design of what was made.
 
-        Raises
-        ------
-        UndecidedError
-            There is a limit, and no gains were found near it.
+        Raises `UndecidedError`: there is a limit, and no gains were found near it.
         """
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
@@ -153,81 +142,41 @@ class Designer:
             diagnosis=made.diagnosis,
         )
 
-    def best(self, found: Sequence[Any], size: Callable[[Any], float]) -> int:
-        """Index of the least, the first if several are."""
-        return min(range(len(found)), key=lambda i: size(found[i]))
-
     def infeasible(self, study: Study, T2: float, decay: float) -> Outcome:
         """Answer that there are no gains, with what would be feasible."""
         self.engine.report(0.9, "diagnosis")
         if study.missing(T2, decay) < 0:
             raise UndecidedError(f"the least gamma at T2 = {T2:g} with decay {decay:g} was not found")
-        largest = study.longest(SHORTER * T2, T2, decay)
-        fastest = study.fastest(T2, SHORTER * decay, decay) if decay else None
+        largest = study.farthest("T2", SHORTER * T2, T2, decay)
+        fastest = study.farthest("decay", SHORTER * decay, decay, T2) if decay else None
         form = f"{study.scheme.relaxation} with injection {study.scheme.injection}"
         return Outcome(Verdict.INFEASIBLE, diagnosis=too_long(T2, decay, largest, fastest, form))
 
     # Largest T2 or decay
 
-    def longest(self) -> Outcome:
-        """Largest T2, by what is missing for feasibility."""
-        decay = float(self.decay.low)
-        low, high = float(max(self.T2.low, self.request.T1)), float(self.T2.high)
-        blind = self.blind()
-        if blind:
+    def farthest(self) -> Outcome:
+        """Design near the largest T2, or decay, that any scheme reaches, by what is missing for feasibility."""
+        name = RANGED[self.request.objective]
+        low, other = self.lowest if name == "T2" else self.lowest[::-1]
+        high = float(self.T2.high if name == "T2" else self.decay.high)
+        interval = float(low), high, float(other)
+        if name == "T2" and (blind := self.blind()):
             return blind
-        made = self.farthest(
-            "T2",
-            low,
-            high,
-            lambda study, bounded: study.longest(low, high, decay, bounded=bounded),
-            lambda T2: (T2, printed(self.decay.low)),
-        )
-        if made.limit.get("attained"):
-            self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
-        return made
-
-    def fastest(self) -> Outcome:
-        """Largest decay, likewise."""
-        T2 = printed(max(self.T2.low, self.request.T1))
-        low, high = float(self.decay.low), float(self.decay.high)
-        return self.farthest(
-            "decay",
-            low,
-            high,
-            lambda study, bounded: study.fastest(float(T2), low, high, bounded=bounded),
-            lambda decay: (T2, decay),
-        )
-
-    def farthest(
-        self,
-        name: str,
-        low: float,
-        high: float,
-        search: Callable[[Study, bool], float | None],
-        place: Callable[[fmpq], tuple[fmpq, fmpq]],
-    ) -> Outcome:
-        """Design near the largest value that any of the schemes reaches."""
-        reached = [search(study, False) for study in self.studies]
-        best = self.best(reached, lambda value: -math.inf if value is None else -value)
-        study, limit = self.studies[best], reached[best]
+        reached = [(study, study.farthest(name, *interval)) for study in self.studies]
+        study, limit = max(reached, key=lambda pair: -math.inf if pair[1] is None else pair[1])
         if limit is None:
-            T2, decay = place(printed(low))
-            return self.infeasible(study, float(T2), float(decay))
+            return self.infeasible(study, *map(float, self.lowest))
         limits: dict[str, Any] = {"limit": {name: limit, "attained": limit == high}}
+        if name == "T2" and limit == high:
+            self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
         if study.kappa is not None or study.cap is not None:
-            limit = search(study, True)
+            limit = study.farthest(name, *interval, bounded=True)
             if limit is None:
-                diagnosis = {
-                    "condition": "bounds",
-                    "reason": f"no {name} of the range can be reached within the bounds",
-                    "feasible": {},
-                    "suggestion": "allow larger bounds",
-                }
-                return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, **limits)
+                return Outcome(Verdict.INFEASIBLE, diagnosis=out_of_bounds(name), **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high}
         self.engine.report(0.8, "gains")
-        found = study.at(*place(within_slack(limit, low, self.request.slack)))
+        near = within_slack(limit, float(low), self.request.slack)
+        found = study.at(near, other) if name == "T2" else study.at(other, near)
         if math.isinf(found.gamma):
             raise UndecidedError(f"solutions seem to end at {name} = {limit:g}, but no gains were found near it")
         return replace(self.shipped(found, {}), **{"limit_bounded": {}, **limits})
@@ -253,23 +202,22 @@ class Designer:
 
     def pareto(self) -> Outcome:
         """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
-        T2, decay = self.request.T2, self.request.decay
-        if not isinstance(T2, Range) and not isinstance(decay, Range):
+        if not isinstance(self.request.T2, Range) and not isinstance(self.request.decay, Range):
             raise UsageError("observer.objective: pareto needs a range of T2 or of decay; give {min: .., max: ..}")
-        curves, made = [], []
-        for study in self.studies:
-            points = curve(study, T2, decay)
-            curves.append({**study.scheme.names, "points": [point for point, _ in points]})
-            made += [(study, point, m) for point, m in points if m.status == "certified"]
-        if not made:
-            return replace(
-                self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), search=searched(curves)
-            )
-        return replace(self.farthest_point(made), search=searched(curves))
+        found = [(study, study.curve()) for study in self.studies]
+        curves = [[point for point, _ in points] for _, points in found]
+        named = ({**study.scheme.names, "points": points} for study, points in zip(self.studies, curves, strict=True))
+        search = Search("decay" if "decay" in curves[0][0] else "T2", tuple(curves[0]), curves=tuple(named))
+        made = [(study, point, m) for study, points in found for point, m in points if m.status == "certified"]
+        if made:
+            return replace(self.farthest_point(made), search=search)
+        return replace(self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), search=search)
 
     def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> Outcome:
         """Design for the farthest point with a gamma within the slack of the least."""
-        study, m = farthest(made, self.request.slack)
+        largest = min(m.gamma for _, _, m in made) * (1 + float(self.request.slack))
+        near = [item for item in made if item[2].gamma <= largest]
+        study, _, m = max(near, key=lambda item: item[1]["T2"] if "T2" in item[1] else item[1]["decay"])
         assert m.certificate
         T2, decay = m.certificate.T2, m.certificate.family.decay
         self.notes.append(
@@ -287,7 +235,7 @@ class Designer:
 
         For max-T2 and max-decay, within the slack of the largest value for which Theorem 2 has a solution.
         """
-        decay, T2 = printed(self.decay.low), printed(max(self.T2.low, self.request.T1))
+        T2, decay = self.lowest
         most = tolerated(self.setting, gains, float(T2), float(self.T2.high), float(decay))
         objective = self.request.objective
         limit: dict[str, Any] = {}
@@ -322,22 +270,11 @@ def design_sporadic(
 ) -> Outcome:
     """Design, or analyze, an observer for sporadic measurements.
 
-    Parameters
-    ----------
-    plant, multiplier, H
-        The problem, in rationals: D = 0 and Df = 0; z = H e.
-    request
-        T1, T2, decay, delta, injections, relaxations, objective, bounds, and gains to be analyzed.
-    engine
-        Solver, report of progress, and the count of solves.
+    `plant`, `multiplier`, `H`: the problem, in rationals: D = 0 and Df = 0; z = H e.
 
-    Raises
-    ------
-    UsageError
-        The measurement has a direct term, T1 > T2, a range of delta that its relaxation cannot use, gains of the wrong
-        shape, a relaxation of another injection, or min-gamma without a disturbance.
-    UndecidedError
-        The solver found neither a solution nor that there is none.
+    Raises `UsageError`: the measurement has a direct term, T1 > T2, a range of delta that its relaxation cannot use,
+    gains of the wrong shape, a relaxation of another injection, or min-gamma without a disturbance. Raises
+    `UndecidedError`: the solver found neither a solution nor that there is none.
     """
     return Designer(plant, multiplier, H, request, engine).outcome()
 

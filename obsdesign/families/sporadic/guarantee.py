@@ -78,7 +78,8 @@ class SporadicGuarantee:
 
     def bounds(self, course: Course) -> list[Bound]:
         """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest."""
-        at, V, size = measurements(course), self.storage(course), distance(course)
+        at, V = measurements(course), self.storage(course)
+        size = np.asarray(np.linalg.norm(np.hstack([course.e, at.mismatch]), axis=1))  # |x|_A
         zero_input = not course.v2[-1] and not at.eta_sup[-1]
         early = course.t < at.crowded if at.eta_sup[-1] else np.full(len(V), True)
         return [
@@ -136,8 +137,3 @@ def measurements(course: Course) -> Measurements:
     """What the jumps of a run do; there is no such guarantee without."""
     assert course.measurements
     return course.measurements
-
-
-def distance(course: Course) -> Array:
-    """|x|_A, the length of (eps, theta~), (M,)."""
-    return np.asarray(np.linalg.norm(np.hstack([course.e, measurements(course).mismatch]), axis=1))

@@ -12,7 +12,7 @@ import numpy as np
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.scan import Minimum
-from obsdesign.families.sporadic.relaxations import Bound, Relaxation, WithGains
+from obsdesign.families.sporadic.relaxations import UNBOUNDED, Bound, Relaxation, WithGains
 from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, matrices, probe
@@ -97,23 +97,15 @@ class Landscape:
     exponent: float | None = None  # delta T2 of the last minimum
 
     @property
-    def delta_above_decay(self) -> bool:
-        """Whether delta > 2 lambda_t is necessary."""
-        return self.form(self.family).delta_above_decay
-
-    @property
     def interval(self) -> tuple[float, float]:
         """Where delta is searched."""
         low, high = float(self.range.low), float(self.range.high)
-        return (max(low, 2 * LEAST_DELTA * self.family.decay) if self.delta_above_decay else low), high
+        above = self.form(self.family).delta_above_decay  # delta > 2 lambda_t is necessary
+        return (max(low, 2 * LEAST_DELTA * self.family.decay) if above else low), high
 
     def relaxation(self, delta: float, T2: float) -> Relaxation:
         """The relaxation at one point."""
-        return self.form(self.family_at(delta, T2))
-
-    def family_at(self, delta: float, T2: float) -> Sporadic:
-        """The family at one point."""
-        return replace(self.family, delta=delta, ratio=math.exp(delta * T2))
+        return self.form(replace(self.family, delta=delta, ratio=math.exp(delta * T2)))
 
     def with_gains(self, delta: float, T2: float) -> WithGains:
         """The relaxation at one point, of a form that has the gains in it."""
@@ -125,10 +117,10 @@ class Landscape:
         """Least gamma within the bound on |L|."""
         return relaxation.least_gamma(self.bound(relaxation))
 
-    def bound(self, relaxation: Relaxation) -> Bound | None:
+    def bound(self, relaxation: Relaxation) -> Bound:
         """Bound on |L|, if there is one: the form has the gains in it then."""
         if self.kappa is None:
-            return None
+            return UNBOUNDED
         assert isinstance(relaxation, WithGains)
         return relaxation.bound(self.kappa)
 

@@ -5,19 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import ends
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
-from obsdesign.families.sporadic.request import SporadicRequest, request_of
+from obsdesign.families.sporadic.request import request_of
 from obsdesign.lmi.formula import Array, identity, printed
 from obsdesign.model.equations import free, linear
 from obsdesign.spec import Spec
 
 
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
-    """Observer of a spec, for the intervals that it asks for; see `holding`."""
-    return replace(holding(spec, gains), intervals=intervals(request_of(spec)))
+    """Observer of a spec, for T1 and T2 that it asks for (the least where T2 is a range); see `holding`."""
+    request = request_of(spec)
+    T1, T2 = float(request.T1), float(ends(request.T2)[0])
+    return replace(holding(spec, gains), intervals=(T1, max(T2, T1)))
 
 
 def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
@@ -49,12 +51,6 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         jump=dict(zip(theta, innovation, strict=True)),
         twins=copy.twins,
     )
-
-
-def intervals(request: SporadicRequest) -> tuple[float, float]:
-    """Return T1 and T2 that are asked for; the least where T2 is a range."""
-    T2 = request.T2.low if isinstance(request.T2, Range) else request.T2
-    return float(request.T1), float(max(T2, request.T1))
 
 
 def require_simulable(spec: Spec) -> None:

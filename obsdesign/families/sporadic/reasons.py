@@ -91,6 +91,16 @@ def too_small(kappa: float, T2: float) -> Diagnosis:
     }
 
 
+def out_of_bounds(name: str) -> Diagnosis:
+    """Answer that no value of a range is within the bounds."""
+    return {
+        "condition": "bounds",
+        "reason": f"no {name} of the range can be reached within the bounds",
+        "feasible": {},
+        "suggestion": "allow larger bounds",
+    }
+
+
 def useless(T2: float, decay: float, tolerated: float | None) -> Diagnosis:
     """Answer that given gains achieve nothing."""
     shorter = f"ask for T2 at most {tolerated * (1 - 1e-3):.4g}" if tolerated else "ask for a smaller decay"

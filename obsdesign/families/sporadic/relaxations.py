@@ -22,6 +22,17 @@ Gains = tuple[Array, Array]  # L (n, ny), H (ny, ny)
 
 
 @dataclass(frozen=True)
+class Bound:
+    """A convex bound on |L|, with the unknowns that it needs; or none."""
+
+    inequalities: Callable[[Values], list[Inequality]] = lambda _: []
+    unknowns: tuple[Unknown, ...] = ()
+
+
+UNBOUNDED = Bound()
+
+
+@dataclass(frozen=True)
 class Relaxation(ABC):
     """Inequalities that imply (28), affine in their unknowns; in doubles."""
 
@@ -34,9 +45,9 @@ class Relaxation(ABC):
         """What must be negative at s = 1 and at s = r."""
 
     @property
-    @abstractmethod
     def further(self) -> tuple[Unknown, ...]:
-        """Unknowns besides P1, P2 and the multiplier."""
+        """Unknowns besides P1, P2 and the multiplier; without gains in it, none."""
+        return ()
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -56,36 +67,33 @@ class Relaxation(ABC):
 
     # Problems
 
-    def least_gamma(self, bound: "Bound | None" = None) -> Problem:
+    def least_gamma(self, bound: Bound = UNBOUNDED) -> Problem:
         """Minimise mu = gamma^2, for a bound on |L| if that is given; P1, P2 >= 0 are closed by the solver."""
 
         def inequalities(v: Values) -> list[Inequality]:
-            rows = self.inequalities({**v, "weight": ONE})
-            if not self.family.plant.B.shape[1]:
-                rows.append(Inequality("mu >= 0", -v["mu"]))
-            return rows if bound is None else [*rows, bound.inequality(v)]
+            least = [] if self.family.plant.B.shape[1] else [Inequality("mu >= 0", -v["mu"])]
+            return [*self.inequalities({**v, "weight": ONE}), *least, *bound.inequalities(v)]
 
-        unknowns = *self.unknowns, *(bound.unknowns if bound else ()), Unknown("mu", (1, 1))
-        return Problem(unknowns, inequalities, lambda v: v["mu"])
+        return Problem((*self.unknowns, *bound.unknowns, Unknown("mu", (1, 1))), inequalities, lambda v: v["mu"])
 
-    def elastic(self, bound: "Bound | None" = None) -> Problem:
+    def elastic(self, bound: Bound = UNBOUNDED) -> Problem:
         """Minimise what is missing for the inequalities without w and z (Corollary 1): feasible iff it is negative.
 
         P1 and P2 have a trace of the order of 1 together, in the units in which they are of the same size.
         """
         root, n = np.sqrt(self.family.ratio), self.family.plant.n
-        undisturbed = replace(self, family=self.family.undisturbed)
+        undisturbed = replace(self, family=replace(self.family, plant=self.family.plant.undisturbed))
 
         def inequalities(v: Values) -> list[Inequality]:
             v = {**v, "weight": 0 * ONE, "mu": 0 * ONE}
-            flows, rest = undisturbed.inequalities(v)[:2], undisturbed.family.positive(v)
-            relaxed = [Inequality(f.name, f.matrix - v["missing"] * np.eye(f.matrix.shape[-1])) for f in flows]
+            last, first, *rest = undisturbed.inequalities(v)
+            eye = np.eye(last.matrix.shape[-1])
+            relaxed = [Inequality(flow.name, flow.matrix - v["missing"] * eye) for flow in (last, first)]
             size = trace(v["P1"]) + root * trace(v["P2"])
             sizes = Inequality("size >= n", n * ONE - size), Inequality("size <= 2 n", size - 2 * n * ONE)
-            gain = [] if bound is None else [bound.inequality(v)]
-            return [*relaxed, *rest, *sizes, *gain]
+            return [*relaxed, *rest, *sizes, *bound.inequalities(v)]
 
-        unknowns = *self.unknowns, *(bound.unknowns if bound else ()), Unknown("missing", (1, 1))
+        unknowns = *self.unknowns, *bound.unknowns, Unknown("missing", (1, 1))
         return Problem(unknowns, inequalities, lambda v: v["missing"])
 
     def scaled(self, problem: Problem, program: Program) -> tuple[Program, Array]:  # noqa: ARG002
@@ -95,14 +103,6 @@ class Relaxation(ABC):
     def witness(self, gamma: float) -> Problem:
         """The inequalities for a gamma."""
         return Problem(self.unknowns, lambda v: self.inequalities({**v, "weight": ONE, "mu": gamma**2 * ONE}))
-
-
-@dataclass(frozen=True)
-class Bound:
-    """A convex bound on |L|, with the unknowns that it needs."""
-
-    inequality: Callable[[Values], Inequality]
-    unknowns: tuple[Unknown, ...] = ()
 
 
 class WithGains(Relaxation):
@@ -124,15 +124,15 @@ class WithGains(Relaxation):
         """
         square, eye = kappa**2 * np.eye(len(self.family.plant.C)), np.eye(self.family.plant.n)
 
-        def inequality(v: Values) -> Inequality:
+        def inequalities(v: Values) -> list[Inequality]:
             X = self.factor(v)
             if center is None:
                 S, right = he(X) - v["t"] * eye, v["t"] * square
             else:
                 S, right = he(center.T @ X) - center.T @ center, square
-            return Inequality("|L| <= kappa", -symmetric([[S, v["J"]], [right]]))
+            return [Inequality("|L| <= kappa", -symmetric([[S, v["J"]], [right]]))]
 
-        return Bound(inequality, (Unknown("t", (1, 1)),) if center is None else ())
+        return Bound(inequalities, (Unknown("t", (1, 1)),) if center is None else ())
 
 
 def trace(X: Array) -> Array:
@@ -142,8 +142,6 @@ def trace(X: Array) -> Array:
 
 class Reduced(Relaxation):
     """Proposition 2 without J and Y: the limit of all L and H."""
-
-    further: ClassVar[tuple[Unknown, ...]] = ()
 
     def flow(self, v: Values, s: float) -> Array:
         """M with theta = 0."""
@@ -179,8 +177,7 @@ class Predictor(Proposition2):
     @property
     def further(self) -> tuple[Unknown, ...]:
         """J."""
-        ny, n = self.family.plant.C.shape
-        return (Unknown("J", (n, ny)),)
+        return super().further[:1]
 
     def flow(self, v: Values, s: float) -> Array:
         """M of (30)."""
@@ -198,8 +195,6 @@ class Given(Relaxation):
 
     L: Array
     H: Array
-
-    further: ClassVar[tuple[Unknown, ...]] = ()
 
     def flow(self, v: Values, s: float) -> Array:
         """M of (30)."""

@@ -1,30 +1,30 @@
 """What one injection and relaxation can do: limits, edges of feasibility, and certified gains."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.bounds import Range, ends, require_agreement
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.scan import zero
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.sporadic.certificate import SporadicCertificate
-from obsdesign.families.sporadic.gains import ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
+from obsdesign.families.sporadic.gains import EDGE, ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
 from obsdesign.families.sporadic.landscape import Form, Landscape
 from obsdesign.families.sporadic.reasons import out_of_reach, too_small
+from obsdesign.families.sporadic.relaxations import Predictor, Proposition2, Reduced
 from obsdesign.families.sporadic.request import SporadicRequest
-from obsdesign.families.sporadic.scheme import Scheme
-from obsdesign.lmi.formula import in_floats, rational_number
+from obsdesign.families.sporadic.slack import Held, Proposition3, Proposition4, Proposition5
+from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.lmi.formula import in_floats, printed, rational_number
 from obsdesign.lmi.solve import Status
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero
-EDGE = 1e-5  # relative, of a largest T2 or decay
 Point = dict[str, Any]
 
 
@@ -57,6 +57,44 @@ class Made:
     def size(self) -> float:
         """|L|."""
         return float(np.linalg.norm(in_floats(self.gains)[0], 2)) if self.gains else math.inf
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """One curve: the limit, by inequalities without the gains where there are such, and the gains."""
+
+    injection: str
+    relaxation: str
+    limit: Form
+    gains: Form
+    printed: Form  # what Table I counts
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What tells it from other curves."""
+        return {"injection": self.injection, "relaxation": self.relaxation}
+
+    def counts(self, family: Sporadic) -> dict[str, int]:
+        """Scalar unknowns of the printed inequalities, and of those that the limit takes."""
+        return {"printed": self.printed(family).scalars, "solved": self.limit(family).scalars}
+
+
+SCHEMES = (
+    Scheme("dynamic", "proposition-2", Reduced, Proposition2, Proposition2),
+    Scheme("dynamic", "proposition-3", Proposition3, Proposition3, Proposition3),
+    Scheme("dynamic", "proposition-4", Proposition4, Proposition4, Proposition4),
+    Scheme("predictor", "proposition-2", Predictor, Predictor, Predictor),
+    Scheme("hold", "proposition-5", Held, Held, Proposition5),
+)
+
+
+def schemes(request: SporadicRequest) -> tuple[Scheme, ...]:
+    """Schemes of a request, in its order, each once.
+
+    Raises `UsageError`: a relaxation fits none of the injections, or an injection none of the relaxations.
+    """
+    require_agreement(request)
+    return tuple(s for pair in request.pairs for s in SCHEMES if (s.injection, s.relaxation) == pair)
 
 
 class Study:
@@ -114,36 +152,28 @@ class Study:
         return delta, gamma
 
     def missing(self, T2: float, decay: float, *, bounded: bool = False) -> float:
-        """Negative where there are gains, of any size and for any gamma, or else within the bounds."""
-        if not bounded:
-            return self.shortage(self.landscape(self.scheme.limit, decay), T2)
-        landscape = self.landscape(self.scheme.gains, decay, self.kappa)
-        if self.kappa is None:
-            landscape = self.landscape(self.scheme.limit, decay)
-        if self.cap is None:
-            return self.shortage(landscape, T2)
-        _, gamma = landscape.least_gamma(T2, self.exponent)
-        return math.log(gamma / self.cap) if math.isfinite(gamma) and gamma > 0 else gamma - 1.0
+        """Negative where there are gains, of any size and for any gamma, or else within the bounds.
 
-    def shortage(self, landscape: Landscape, T2: float) -> float:
-        """What is missing, from where the last search ended."""
+        The search begins where the last one ended.
+        """
+        kappa = self.kappa if bounded else None
+        landscape = self.landscape(self.scheme.limit if kappa is None else self.scheme.gains, decay, kappa)
+        if bounded and self.cap is not None:
+            _, gamma = landscape.least_gamma(T2, self.exponent)
+            return math.log(gamma / self.cap) if math.isfinite(gamma) and gamma > 0 else gamma - 1.0
         landscape.exponent = self.exponent
         value = landscape.least_missing(T2)
         self.exponent = landscape.exponent
         return value
 
-    def longest(self, low: float, high: float, decay: float, *, bounded: bool = False) -> float | None:
-        """Largest T2 in an interval; None if there is none."""
-        return self.farthest(lambda T2: self.missing(T2, decay, bounded=bounded), low, high)
-
-    def fastest(self, T2: float, low: float, high: float, *, bounded: bool = False) -> float | None:
-        """Largest decay in an interval; None if there is none."""
-        return self.farthest(lambda decay: self.missing(T2, decay, bounded=bounded), low, high)
-
-    def farthest(self, function: Callable[[float], float], low: float, high: float) -> float | None:
-        """Largest argument at which a function is negative."""
+    def farthest(self, name: str, low: float, high: float, other: float, *, bounded: bool = False) -> float | None:
+        """Largest T2 in an interval at a decay, or largest decay at a T2, whichever is named; None if there is none."""
         self.exponent = None
-        return zero(function, low, high, EDGE * high)
+
+        def missing(value: float) -> float:
+            return self.missing(*((value, other) if name == "T2" else (other, value)), bounded=bounded)
+
+        return zero(missing, low, high, EDGE * high)
 
     # Gains
 
@@ -211,22 +241,41 @@ class Study:
 
     # Curves
 
+    def curve(self) -> list[tuple[Point, Made]]:
+        """Points over the range of T2 or of the decay; above an infeasible one there is none.
+
+        Where both are ranges, the largest T2 for each decay.
+        """
+        T2, decay = self.request.T2, self.request.decay
+        name, ranged = ("decay", decay) if isinstance(decay, Range) else ("T2", T2)
+        assert isinstance(ranged, Range)
+        grid = [printed(value) for value in ranged.grid()]
+        points: list[tuple[Point, Made]] = []
+        for i, value in enumerate(grid):
+            self.setting.engine.report(0.9 * i / len(grid), ", ".join(self.scheme.names.values()))
+            if points and points[-1][0]["status"] == "infeasible":
+                points.append(({name: float(value), "status": "infeasible"}, Made()))
+            elif name == "T2":
+                points.append(self.point(name, value, value, printed(ends(decay)[0])))
+            elif isinstance(T2, Range):
+                points.append(self.longest_point(value, T2))
+            else:
+                points.append(self.point(name, value, printed(T2), value))
+        return points
+
     def point(self, name: str, value: fmpq, T2: fmpq, decay: fmpq) -> tuple[Point, Made]:
         """Limit and certified gains of one point of a curve of gamma."""
         delta, gamma = self.least_gamma(float(T2), float(decay))
         if math.isinf(gamma):
-            return {name: float(value), "status": self.verdict(T2, decay)}, Made()
+            status = "infeasible" if self.missing(float(T2), float(decay)) >= 0 else "undecided"
+            return {name: float(value), "status": status}, Made()
         made = self.at(T2, decay, (delta, gamma))
         return {name: float(value), "gamma": gamma, "delta": delta, **described(made)}, made
-
-    def verdict(self, T2: fmpq, decay: fmpq) -> str:
-        """Whether a point without a solution has none."""
-        return "infeasible" if self.missing(float(T2), float(decay)) >= 0 else "undecided"
 
     def longest_point(self, decay: fmpq, interval: Range) -> tuple[Point, Made]:
         """Largest T2 for one decay, and certified gains for one within the slack of it."""
         low, high = float(interval.low), float(interval.high)
-        limit = self.longest(low, high, float(decay), bounded=self.cap is not None)
+        limit = self.farthest("T2", low, high, float(decay), bounded=self.cap is not None)
         if limit is None:
             return {"decay": float(decay), "status": "infeasible"}, Made()
         T2 = within_slack(limit, low, self.request.slack)

@@ -33,7 +33,7 @@ Misprints: Theorem 1 (ii) has rho2 for sqrt(rho2); (23) lacks 1 / rho1 in the te
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, symmetric
@@ -68,11 +68,6 @@ class Sporadic:
             for tau, s in (("0", 1), ("T2", self.ratio))
         )
         return last, first
-
-    @property
-    def undisturbed(self) -> "Sporadic":
-        """Same without w."""
-        return replace(self, plant=self.plant.undisturbed)
 
     def supply(self, v: Values) -> tuple[list[Array], list[Array], list[Array]]:
         """Upper triangle in (e, w, f) of weight |z|^2 - mu |w|^2 + [dq; df]' M [dq; df]."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from itertools import product
+from itertools import chain, compress, product
 from math import inf
 from typing import Any
 
@@ -67,10 +67,10 @@ def slopes(f: Restriction) -> Choice:
         if low == -inf:
             hint = "" if found.high[i, i] == inf else ", or write -f and -Bf, so that the slope is bounded below"
             raise UsageError(unbounded(f, i, i, "below") + hint)
-    ends = [exact_ends(f, found, i, i) for i in range(f.nq)]
-    low, high = ([pair[k] for pair in ends] for k in (0, 1))
+    low, high = np.diagonal(exact(f, found), axis1=1, axis2=2)
     text = f"slope [{listed(low)}, {listed(high)}]"
-    return Choice("slope", ends, text, f"each f_i depends on q_i only{looseness(found.gap)}")
+    reason = f"each f_i depends on q_i only{looseness(found.gap)}"
+    return Choice("slope", list(zip(low, high, strict=True)), text, reason)
 
 
 def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
@@ -84,12 +84,12 @@ def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
     free = varying(f, found)
     if len(free) > MAX_VARYING:
         raise UsageError(f"jacobian: {len(free)} entries vary, at most {MAX_VARYING} may; use lipschitz")
+    low, high = exact(f, found)
     vertices = []
-    for chosen in product((0, 1), repeat=len(free)):
-        side = np.zeros((len(f.f), f.nq), dtype=int)
-        for places, end in zip(free, chosen, strict=True):
-            side[tuple(np.transpose(places))] = end
-        vertices.append(vertex(f, found, side))
+    for chosen in product((False, True), repeat=len(free)):
+        vertices.append(low.copy())
+        for place in chain(*compress(free, chosen)):
+            vertices[-1][place] = high[place]
     reason = f"entries of the Jacobian that vary: {len(free)}{looseness(found.gap)}"
     return Choice("jacobian", vertices, f"jacobian of {len(vertices)} vertices", reason)
 
@@ -147,28 +147,21 @@ def unbounded(f: Restriction, i: int, j: int, side: str) -> str:
 def varying(f: Restriction, found: Enclosure) -> list[list[tuple[int, int]]]:
     """Places of the entries that vary, those of the same expression together."""
     places: dict[Any, list[tuple[int, int]]] = {}
-    for i, j in np.ndindex(found.low.shape):
-        low, high = exact_ends(f, found, i, j)
-        if low != high:
-            places.setdefault(f.jacobian[i][j], []).append((i, j))
+    for i, j in np.argwhere(np.not_equal(*exact(f, found))).tolist():
+        places.setdefault(f.jacobian[i][j], []).append((i, j))
     return list(places.values())
 
 
-def exact_ends(f: Restriction, found: Enclosure, i: int, j: int) -> tuple[fmpq, fmpq | None]:
-    """Bounds of an entry as decimals: its value if it is a number; None is infinite."""
-    root = f.jacobian[i][j].root
-    if isinstance(root, Number):
-        return root.value, root.value
-    low, high = found.low[i, j], found.high[i, j]
-    return outward(low, up=False), None if high == inf else outward(high, up=True)
-
-
-def vertex(f: Restriction, found: Enclosure, side: Array) -> Array:
-    """Matrix of the lower (0) or the upper (1) bound of each entry."""
-    exact = np.empty(side.shape, dtype=object)
-    for i, j in np.ndindex(side.shape):
-        exact[i, j] = exact_ends(f, found, i, j)[side[i, j]]
-    return exact
+def exact(f: Restriction, found: Enclosure) -> Array:
+    """Lower and upper bounds (2, nf, nq) as decimals: of a number its value; None is infinite."""
+    ends = np.empty((2, *found.low.shape), dtype=object)
+    for i, j in np.ndindex(found.low.shape):
+        root, low, high = f.jacobian[i][j].root, float(found.low[i, j]), float(found.high[i, j])
+        if isinstance(root, Number):
+            ends[:, i, j] = root.value
+        else:
+            ends[:, i, j] = outward(low, up=False), None if high == inf else outward(high, up=True)
+    return ends
 
 
 def outward(value: float, *, up: bool) -> fmpq:

@@ -74,14 +74,10 @@ class Quadratic(Claim):
         v = np.linalg.eigh(M[:nq, :nq] + cross + cross.mT + J.mT @ M[nq:, nq:] @ J)[1][..., 0]
         return self.relative(v, (J @ v[..., None])[..., 0], typical(np.linalg.norm(J, axis=(1, 2)))), v
 
-    def form(self, dq: Array, df: Sequence[arb]) -> arb:
-        """Enclosure of the form."""
-        s = [*(arb(x) for x in dq), *df]
-        return sum((arb(self.M[i, j]) * s[i] * s[j] for i, j in np.argwhere(self.M != 0)), arb(0))
-
     def refuted(self, dq: Array, df: Sequence[arb]) -> str | None:
-        """Say what the form is if it is negative."""
-        value = self.form(dq, df)
+        """Say what the form is if its enclosure is negative."""
+        s = [*(arb(x) for x in dq), *df]
+        value = sum((arb(self.M[i, j]) * s[i] * s[j] for i, j in np.argwhere(self.M != 0)), arb(0))
         return self.words(dq, df, value) if value < 0 else None
 
     def words(self, dq: Array, df: Sequence[arb], value: arb) -> str:  # noqa: ARG002

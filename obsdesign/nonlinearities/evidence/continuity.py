@@ -5,6 +5,8 @@ A derivative bounds the difference quotients of f there only: that of a jump, su
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
 
 import numpy as np
 import numpy.typing as npt
@@ -95,9 +97,7 @@ def soundness(operation: str, operands: list[Part]) -> Truth:
         either = a.sound & b.sound & (not condition.varies)
         choice: Truth = condition.sound & ((taken & a.sound) | (passed & b.sound) | either)
         return choice
-    sound = YES
-    for part in operands:
-        sound = sound & part.sound
+    sound = reduce(and_, (part.sound for part in operands), YES)
     if any(part.varies for part in operands) and operation in RULES:
         sound = sound & RULES[operation](*(part.value for part in operands))
     return sound

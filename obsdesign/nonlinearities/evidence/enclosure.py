@@ -57,20 +57,9 @@ def supremum(
 ) -> Supremum:
     """Supremum of a function over a box.
 
-    Parameters
-    ----------
-    value
-        Encloses the function over boxes, one an entry; empty entries have no value.
-    box
-        May be unbounded.
-    work
-        Most boxes to look at.
-    target
-        The search ends once the supremum is known to be at most this, or more.
-    at
-        Encloses it at points, if that takes less time than over boxes.
-    tolerance
-        The search ends once the bound is as tight as this, in relation to the largest magnitude.
+    `value` encloses the function over boxes, one an entry (empty entries have no value), `at` at points, if that takes
+    less time; `box` may be unbounded; `work`: most boxes to look at. The search ends once the supremum is known to be
+    at most the `target`, or more, or the bound is as tight as the `tolerance`, relative to the largest magnitude.
     """
     batch = int(np.clip(work / 16, 16, BATCH))
     boxes = np.array([*box.values()], dtype=float).reshape(len(box), 1, 2)
@@ -208,7 +197,7 @@ def supremum_of(g: Expression, f: Restriction, share: float = 1.0, target: float
     box = {name: f.box[name] for name in f.box if name in g.names}
     work = share * WORK
     if work >= MIN_BOXES * len(g.order):
-        form = MeanValueForm.of(g, tuple(box))
+        form = MeanValueForm(g, {name: g.derivative(name) for name in box})
         if work >= MIN_BOXES * form.operations:
             return supremum(form.enclose, box, work / form.operations, target, g.enclose)
     return supremum(g.enclose, box, work / len(g.order), target)
@@ -223,11 +212,6 @@ class MeanValueForm:
 
     g: Expression
     slopes: Mapping[str, Expression]
-
-    @classmethod
-    def of(cls, g: Expression, names: Sequence[str]) -> "MeanValueForm":
-        """Form of an expression in the given variables."""
-        return cls(g, {name: g.derivative(name) for name in names})
 
     @property
     def operations(self) -> int:
