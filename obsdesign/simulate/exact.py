@@ -58,11 +58,9 @@ class Exact:
     def advance(self, s: Array, held: Array, h: Vector) -> Array:
         """Return the states that follow s (K, ns) under constant inputs after times h (K,)."""
         rows = max(1, CHUNK // (4 * self.F.size))
-        parts = [self._advance(s[i : i + rows], held[i : i + rows], h[i : i + rows]) for i in range(0, len(h), rows)]
+        chunks = [slice(i, i + rows) for i in range(0, len(h), rows)]
+        parts = [self.moved(s[k], held[k], h[k], *transitions(self.F, self.Q, h[k])) for k in chunks]
         return np.concatenate(parts) if parts else s
-
-    def _advance(self, s: Array, held: Array, h: Vector) -> Array:
-        return self.moved(s, held, h, *transitions(self.F, self.Q, h))
 
     def moved(self, s: Array, held: Array, h: Vector, Phi: Array, W: Array) -> Array:
         """Return what follows s, given the matrices of `transitions`."""

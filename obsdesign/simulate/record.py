@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from obsdesign.families.guarantee import Course, Guarantee, Measurements, SampledGuarantee, envelope
+from obsdesign.families.guarantee import Course, Measurements, SampledGuarantee, envelope
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.definitions import error, mismatch
 from obsdesign.simulate.integrate import Trajectory
@@ -170,8 +170,3 @@ class Record:
         if (impulse := next(steps, None)) is not None:
             return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
         return ""
-
-
-def sampled(guarantee: Guarantee | None) -> SampledGuarantee:
-    """Return the guarantee of an observer that receives measurements at instants: no other covers it."""
-    return cast("SampledGuarantee", guarantee)

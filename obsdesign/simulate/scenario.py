@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from typing import cast
 
@@ -15,7 +14,7 @@ from obsdesign.lmi.formula import Array, Float, identity, zeros
 from obsdesign.model.disturbance import augment, with_inputs
 from obsdesign.model.equations import Equations
 from obsdesign.simulate.sampling import Sampling, Schedule, schedule
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Noise, Simulation, Spec
 
 Vector = Float
 NOISE_SAMPLES = 1_000_000
@@ -79,13 +78,8 @@ class Scenario:
         """Whether any noise acts on the outputs."""
         return bool(self.noise.any()) or (self.eta is not None and bool(self.eta.any()))
 
-    def held(self, t: float) -> Vector:
-        """Noise at an instant, (ny,)."""
-        row: Vector = self.noise[min(int(t / self.period), len(self.noise) - 1)]
-        return row
-
-    def held_at(self, t: Vector) -> Vector:
-        """Noise at instants (N,), (N, ny)."""
+    def held(self, t: float | Vector) -> Vector:
+        """Noise at an instant, (ny,), or at instants (N,), (N, ny)."""
         return np.asarray(self.noise[np.minimum(t / self.period, len(self.noise) - 1).astype(int)])
 
     def steps_of_xm(self, before: float, after: float) -> Vector:
@@ -146,11 +140,7 @@ def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guara
     if guarantee is not None:
         proved = cast("SampledGuarantee", guarantee)
         planned = replace(planned, T1=proved.T1, T2=proved.T2)
-    size, noise = (len(planned.received), len(acting.outputs)), simulation.noise
-    eta = np.zeros(size)
-    if noise is not None:
-        draw = generator.standard_normal(size) if noise.type == "gaussian" else generator.uniform(-1, 1, size)
-        eta = noise.amplitude * draw
+    eta = draw(simulation.noise, generator, (len(planned.received), len(acting.outputs)))
     return replace(acting, schedule=planned, eta=eta)
 
 
@@ -196,6 +186,12 @@ def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
         raise UsageError(
             f"simulation.noise.period: {count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
         )
-    generator = np.random.default_rng(simulation.seed)
-    draw = generator.standard_normal if noise.type == "gaussian" else partial(generator.uniform, -1, 1)
-    return noise.amplitude * draw(size=(count, ny)), noise.period
+    return draw(noise, np.random.default_rng(simulation.seed), (count, ny)), noise.period
+
+
+def draw(noise: Noise | None, generator: np.random.Generator, size: tuple[int, int]) -> Array:
+    """Noise at random, (K, ny); zeros without."""
+    if noise is None:
+        return np.zeros(size)
+    gaussian = noise.type == "gaussian"
+    return noise.amplitude * (generator.standard_normal(size) if gaussian else generator.uniform(-1, 1, size))
