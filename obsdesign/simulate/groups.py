@@ -131,10 +131,7 @@ class Loop(Group):
     def fill(self, X: Float) -> None:
         """Solve.
 
-        Raises
-        ------
-        ArithmeticError
-            If there is no solution to be found.
+        Raises `ArithmeticError` if there is no solution to be found.
         """
         X[self.start : self.stop] = self._last = self._newton(X)
         for group in self.groups:

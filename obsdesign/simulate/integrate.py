@@ -309,10 +309,7 @@ class Crossing:
 def finite(values: Vector) -> Vector:
     """Return values if all are finite.
 
-    Raises
-    ------
-    FloatingPointError
-        If one is not.
+    Raises `FloatingPointError` if one is not.
     """
     if not np.isfinite(values).all():
         raise FloatingPointError("the model has no finite value")

@@ -111,10 +111,7 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     sampled
         Whether y is known at instants only, so that no noise is held.
 
-    Raises
-    ------
-    UsageError
-        If a nonlinearity has no f to simulate, or the noise has too many samples.
+    Raises `UsageError` if a nonlinearity has no f to simulate, or the noise has too many samples.
     """
     xm, v, unmodeled = disturbance(spec, simulation)
     plant = beside(spec) if unmodeled else spec.equations(with_inputs(spec.augmented, spec.generator, spec.reserved))
@@ -130,10 +127,7 @@ def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guara
 
     Whether the measurements keep to the intervals of a guarantee is asked of the schedule.
 
-    Raises
-    ------
-    UsageError
-        If the law gives an interval that is not positive.
+    Raises `UsageError` if the law gives an interval that is not positive.
     """
     intervals, loss, generator = (np.random.default_rng(s) for s in np.random.SeedSequence(simulation.seed).spawn(3))
     planned = schedule(sampling, simulation.horizon, intervals, loss)

@@ -45,10 +45,8 @@ def run(
     progress
         Called now and then with the fraction that is done.
 
-    Raises
-    ------
-    UsageError
-        The spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or measurements go back in time.
+    Raises `UsageError` if the spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or
+    measurements go back in time.
     """
     simulation = spec.simulation
     if simulation is None:

@@ -154,12 +154,8 @@ class System:
 
     def enter(self, stretch: Stretch, s: Vector) -> Vector:
         """Return the state with which a stretch begins: the error of xm jumps against xm, a measurement is received."""
-        if not len(stretch.step) and stretch.measured is None:
-            return s
-        new = s.copy()
-        if len(stretch.step):
-            end = len(self.integrated) + len(self.copied)
-            new[end - len(stretch.step) : end] -= stretch.step
+        new, end = s.copy(), len(self.integrated) + len(self.copied)
+        new[end - len(stretch.step) : end] -= stretch.step
         return new if stretch.measured is None else self.receive(stretch.measured, stretch.start, new)
 
     def receive(self, k: int, t: float, s: Vector) -> Vector:
