@@ -31,19 +31,11 @@ mismatch = "{} mismatch".format  # what a measurement without noise would add to
 
 @dataclass
 class Definitions:
-    """Definitions of a plant with its observer.
-
-    Parameters
-    ----------
-    plant, observer
-        Over signals of the same names.
-    noisy
-        Whether outputs are measured with noise, an input of the program.
-    """
+    """Definitions of a plant with its observer."""
 
     plant: Equations
-    observer: Observer
-    noisy: bool
+    observer: Observer  # over signals of the same names
+    noisy: bool  # whether outputs are measured with noise, an input of the program
     made: dict[str, Definition] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

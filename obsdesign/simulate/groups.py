@@ -58,17 +58,7 @@ class Pairs(Group):
 
 
 class Terms(Group):
-    """Nonlinear terms of the slots before.
-
-    Parameters
-    ----------
-    start
-        Slot of the first term.
-    terms
-        Expressions in the names of slots.
-    names
-        Those of the slots before.
-    """
+    """Nonlinear terms of the slots before, which have the `names` that stand in the terms; the first is at `start`."""
 
     def __init__(self, start: int, terms: Sequence[Expression], names: Sequence[str]) -> None:
         self.start, self.stop = start, start + len(terms)

@@ -141,24 +141,11 @@ def integrate(
     progress: Callable[[float], None] | None = None,
     explicit: bool = False,
 ) -> Trajectory:
-    """Follow the flow from `start` through the segments.
+    """Follow the flow from `start`, the state (ns,) before the jump of the first segment, through the segments.
 
-    LSODA takes each segment, restarted at its start; Radau takes over where LSODA fails or works too hard.
-
-    Parameters
-    ----------
-    flow
-        The vector field, smooth inside each segment.
-    start
-        State (ns,) before the jump of the first segment.
-    samples
-        Increasing times (N,) at which the state is kept.
-    tolerance
-        Of each step.
-    progress
-        Called with the time reached.
-    explicit
-        Whether segments are short, so that DOP853 goes before LSODA until the flow is stiff.
+    LSODA takes each segment, in which the flow is smooth, restarted at its start; Radau takes over where LSODA fails or
+    works too hard. Where segments are short, `explicit`, DOP853 goes before LSODA until the flow is stiff. The state is
+    kept at the samples, increasing times (N,), and `progress` is called with the time reached.
 
     Returns
     -------

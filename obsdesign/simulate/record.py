@@ -20,16 +20,8 @@ from obsdesign.spec import Spec
 class Record:
     """Signals and errors of a run, at the samples and at the steps of the integrator together.
 
-    An instant at which the model has no value, as at the end of a run that stalled, is left out.
-
-    Parameters
-    ----------
-    spec, system
-        What was simulated.
-    breaks
-        Instants at which signals or terms jump or bend, as `System.breaks` gives them.
-    trajectory
-        What the integration gave.
+    An instant at which the model has no value, as at the end of a run that stalled, is left out. The breaks are those
+    of `System.breaks`.
     """
 
     def __init__(

@@ -104,12 +104,7 @@ class Scenario:
 
 
 def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
-    """Signals of the `simulation` section of a spec.
-
-    Parameters
-    ----------
-    sampled
-        Whether y is known at instants only, so that no noise is held.
+    """Signals of the `simulation` section of a spec; no noise is held where y is sampled, known at instants only.
 
     Raises `UsageError` if a nonlinearity has no f to simulate, or the noise has too many samples.
     """

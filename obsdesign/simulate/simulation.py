@@ -32,18 +32,9 @@ def run(
 ) -> Run:
     """Simulate the plant of a spec with an observer, up to the horizon, or to an escape or a stall.
 
-    Parameters
-    ----------
-    spec
-        With a `simulation` section.
-    observer
-        Over signals of the same names as the plant of the spec, with its disturbance model.
-    guarantee
-        What is proved of this observer; None leaves the bounds out.
-    sampling
-        How measurements reach an observer that jumps at each; None: as the spec says.
-    progress
-        Called now and then with the fraction that is done.
+    The signals of the observer have the same names as those of the plant with its disturbance model. Without a
+    guarantee, what is proved of the observer, the bounds are left out. `sampling` says how measurements reach an
+    observer that jumps at each; None: as the spec says. `progress` is called now and then with the fraction done.
 
     Raises `UsageError` if the spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or
     measurements go back in time.

@@ -39,18 +39,8 @@ class System:
         s = (integrated true states, errors, further states of the observer, integral of |z|^2, integral of |v|^2, b)
 
     with b' = -2 alpha b + c |v|^2, so that V(t) <= exp(-2 alpha t) V(0) + b(t). Where measurements arrive at instants,
-    s goes on with their number j and the last y, and b jumps by what the noise of each adds to V.
-
-    Parameters
-    ----------
-    scenario
-        What acts on the plant.
-    observer
-        Its equations, over signals of the same names as the plant's.
-    H
-        z = H e, over all states of the plant.
-    guarantee
-        For b; without it b stays zero.
+    s goes on with their number j and the last y, and b jumps by what the noise of each adds to V; without a guarantee b
+    stays zero. z = H e, over all states of the plant. The signals of the observer have the same names as the plant's.
     """
 
     def __init__(self, scenario: Scenario, observer: Observer, H: Float, guarantee: Guarantee | None) -> None:
