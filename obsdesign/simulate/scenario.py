@@ -38,7 +38,7 @@ class Scenario:
 
     The disturbance comes in one of three ways.
 
-    - v is given: it drives `plant`, the augmented plant, and xm is integrated with x (`xm` is None).
+    - v is given: it drives `plant`, the augmented plant, and xm is integrated with x (`known` is empty).
     - w is given and v follows from it: v drives the augmented plant, whose xm are known functions of time.
     - w is given and no v generates it (w depends on the states, say): it acts on the plant beside the
       disturbance model, whose true state stays zero. `unmodeled` says why.
@@ -49,7 +49,7 @@ class Scenario:
     outputs: tuple[str, ...]  # names of y
     inputs: tuple[str, ...]  # names of w as the user calls it; among the outputs of `plant` it has those of `w`
     u: tuple[Expression, ...]
-    xm: tuple[Expression, ...] | None
+    known: tuple[Expression, ...]  # the true xm as functions of time, as far as they are not integrated
     v: tuple[Expression, ...]  # drive of `plant`: v, or w itself where it is unmodeled
     unmodeled: str
     horizon: float
@@ -66,12 +66,7 @@ class Scenario:
     @property
     def integrated(self) -> int:
         """Number of the true states that are integrated."""
-        return self.n if self.xm is not None else len(self.plant.states)
-
-    @property
-    def known(self) -> tuple[Expression, ...]:
-        """The true xm as functions of time, as far as they are not integrated."""
-        return () if self.xm is None else self.xm
+        return len(self.plant.states) - len(self.known)
 
     @property
     def noisy(self) -> bool:
@@ -133,13 +128,11 @@ def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guara
     return replace(acting, schedule=planned, eta=eta)
 
 
-def disturbance(
-    spec: Spec, simulation: Simulation
-) -> tuple[tuple[Expression, ...] | None, tuple[Expression, ...], str]:
-    """xm(t) where it is known, the drive, and why the given w has no v if it has none."""
+def disturbance(spec: Spec, simulation: Simulation) -> tuple[tuple[Expression, ...], tuple[Expression, ...], str]:
+    """xm(t) as far as it is known, the drive, and why the given w has no v if it has none."""
     w = simulation.w
     if w is None:
-        return None, simulation.v or (Expression.number(0),) * len(spec.drives), ""
+        return (), simulation.v or (Expression.number(0),) * len(spec.drives), ""
     at_rest = (Expression.number(0),) * len(spec.model_states)
     for name, signal, inverse in zip(spec.plant.exogenous, w, spec.generator.inverse, strict=True):
         if signal.names - {"t"} and inverse != (1,):

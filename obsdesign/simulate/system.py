@@ -87,7 +87,7 @@ class System:
     def signals(self, made: Definitions) -> dict[str, Definition]:
         """Known inputs, known states of the disturbance model, and the drive."""
         acting, plant = self.scenario, self.scenario.plant
-        known = zip(plant.states[len(plant.states) - len(acting.known) :], acting.known, strict=True)
+        known = zip(plant.states[acting.integrated :], acting.known, strict=True)
         pairs = (*zip(plant.inputs, acting.u, strict=True), *known, *zip(plant.exogenous, acting.v, strict=True))
         return {name: made.weights(signal) for name, signal in pairs}
 
