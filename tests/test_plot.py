@@ -13,7 +13,7 @@ from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.plot import run_figure, tradeoff_figure
 from obsdesign.plot.axis import CLOSEST, growing_axis, linear_threshold, number, symlog_axis
-from obsdesign.plot.layout import ROW, legend_above
+from obsdesign.plot.canvas import ROW, legend_above
 from obsdesign.plot.panels import Curve, limits
 from obsdesign.plot.run import run_sheet
 from obsdesign.plot.tradeoff import curves_sheet, tradeoff_sheet

@@ -9,8 +9,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped, plain
-from obsdesign.plot.canvas import COLORS, drawn, new_figure
-from obsdesign.plot.layout import legend_below
+from obsdesign.plot.canvas import COLORS, drawn, legend_below, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -141,14 +140,8 @@ def shipped_among(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any
     if shipped is None:
         return None
     keys = [key for key in ("lipschitz", "gamma") if key in shipped]
-    return next(
-        (
-            p
-            for p in points
-            if all(np.isclose(certified([p], key), shipped[key], rtol=1e-9, atol=0).all() for key in keys)
-        ),
-        None,
-    )
+    same = np.all([np.isclose(certified(points, key), shipped[key], rtol=1e-9, atol=0) for key in keys], axis=0)
+    return next((p for p, found in zip(points, same, strict=True) if found), None)
 
 
 def draw_over_weight(axes: "Axes", front: Front, key: str, shipped: Mapping[str, Any] | None) -> None:

@@ -1,18 +1,16 @@
 """The figure of a run of an observer with measurements at instants."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from textwrap import wrap
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import plain, time_axis
-from obsdesign.plot.canvas import COLORS, drawn
-from obsdesign.plot.layout import Panel, compose, legend_above, legend_below, shared
+from obsdesign.plot.axis import time_axis
+from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
-from obsdesign.plot.run import LINE, verdict
+from obsdesign.plot.run import ended, titled, verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,12 +33,11 @@ def hybrid_sheet(run: "Run") -> "Figure":
     assert schedule
     states = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states)]
     inputs = [Curve(name, run.w[:, i], None) for i, name in enumerate(run.exogenous)]
-    escapes = run.status == "escape"
-    what = "states (dashed: estimates)"
+    observed = comparisons(run, states, "states (dashed: estimates)")
     sections: tuple[list[Panel], ...] = (
-        [Sampled(panel, run, schedule) for panel in comparisons(run.spec, run.t, states, what, escapes)],
-        [*comparisons(run.spec, run.t, inputs, "unknown inputs", escapes), *injections(run)],
-        [Distance(run), Intervals(schedule)],
+        [partial(draw_sampled, panel=panel, schedule=schedule) for panel in observed],
+        [*(panel.draw for panel in comparisons(run, inputs, "unknown inputs")), *injections(run)],
+        [partial(draw_distance, run=run), partial(draw_intervals, schedule=schedule)],
     )
     figure = compose(heading(run), sections)
     if run.guarantee is not None and run.until < run.time:
@@ -53,92 +50,59 @@ def hybrid_sheet(run: "Run") -> "Figure":
 hybrid_figure = drawn(hybrid_sheet)
 
 
-@dataclass(frozen=True)
-class Sampled:
-    """Panel of states and estimates, with the instants of the measurements marked on these."""
-
-    panel: Comparison
-    run: "Run"
-    schedule: "Schedule"
-
-    def draw(self, axes: "Axes") -> None:
-        """Draw a dot on each estimate at each of a few measurements, and a cross at the foot where one is lost."""
-        self.panel.draw(axes)
-        alone = len(self.panel.curves) == 1
-        received = self.schedule.received
-        at = received[received <= self.run.t[-1]]
-        for curve, color in zip(self.panel.curves, COLORS, strict=False):
-            if curve.estimate is not None and len(at) <= NARROW:
-                dots = np.interp(at, self.panel.t, curve.estimate)
-                other, label = (ESTIMATE, "at a measurement") if alone else (color, None)
-                axes.plot(at, dots, ".", color=other, markersize=4, label=label)
-        mark_lost(axes, self.schedule)
+def draw_sampled(axes: "Axes", panel: Comparison, schedule: "Schedule") -> None:
+    """Draw states and estimates, a dot on each of these at each of a few measurements, a cross where one is lost."""
+    panel.draw(axes)
+    alone = len(panel.curves) == 1
+    at = schedule.received[schedule.received <= panel.t[-1]]
+    for curve, color in zip(panel.curves, COLORS, strict=False):
+        if curve.estimate is not None and len(at) <= NARROW:
+            other, label = (ESTIMATE, "at a measurement") if alone else (color, None)
+            axes.plot(at, np.interp(at, panel.t, curve.estimate), ".", color=other, markersize=4, label=label)
+    mark_lost(axes, schedule)
 
 
-@dataclass(frozen=True)
-class Injection:
-    """Panel of theta, which jumps at the measurements."""
-
-    t: Array
-    curves: Sequence[Curve]
-    escapes: bool
-
-    def draw(self, axes: "Axes") -> None:
-        """Draw with the jumps as they are."""
-        for curve, color in zip(self.curves, COLORS, strict=False):
-            axes.plot(self.t, curve.true, color=color, linewidth=1.0, label=curve.name)
-        if self.escapes:
-            grow(axes, self.curves)
-        time_axis(axes, self.t, log=False)
-        axes.set_ylabel(r"$\theta$ (held output error)")
-        legend_above(axes)
+def draw_injection(axes: "Axes", t: Array, curves: Sequence[Curve], escapes: bool) -> None:
+    """Draw theta, with its jumps at the measurements as they are."""
+    for curve, color in zip(curves, COLORS, strict=False):
+        axes.plot(t, curve.true, color=color, linewidth=1.0, label=curve.name)
+    if escapes:
+        grow(axes, curves)
+    time_axis(axes, t, log=False)
+    axes.set_ylabel(r"$\theta$ (held output error)")
+    legend_above(axes)
 
 
-@dataclass(frozen=True)
-class Distance:
-    """Panel of |x|_A, the length of (eps, C eps - theta), and what is proved of it."""
-
-    run: "Run"
-
-    def draw(self, axes: "Axes") -> None:
-        """Draw on a logarithmic axis, with the instants of the measurements as dots."""
-        steps = self.run.steps
-        floor = lowest(steps.distance)
-        if steps.distance_bound is not None:
-            known = steps.t < self.run.until
-            limit = np.maximum(steps.distance_bound[known], floor)
-            axes.plot(steps.t[known], limit, color=BOUND, linestyle=DASHED, label="proved bound")
-        axes.plot(steps.t, np.maximum(steps.distance, floor), color=TRUE)
-        after = np.flatnonzero(np.diff(steps.j, prepend=0))
-        if len(after) <= DOTS:
-            at = np.maximum(steps.distance[after], floor)
-            axes.plot(steps.t[after], at, ".", color=TRUE, markersize=3.5)
-        axes.set_yscale("log")
-        axes.set_ylim(bottom=floor)
-        time_axis(axes, steps.t, log=False)
-        axes.set_ylabel(r"$|x|_\mathcal{A} = |(\varepsilon, C\varepsilon - \theta)|$")
+def draw_distance(axes: "Axes", run: "Run") -> None:
+    """Draw |x|_A, the length of (eps, C eps - theta), with dots at the measurements, and what is proved of it."""
+    steps = run.steps
+    floor = lowest(steps.distance)
+    distance = np.maximum(steps.distance, floor)
+    if steps.distance_bound is not None:
+        known = steps.t < run.until
+        limit = np.maximum(steps.distance_bound[known], floor)
+        axes.plot(steps.t[known], limit, color=BOUND, linestyle=DASHED, label="proved bound")
+    axes.plot(steps.t, distance, color=TRUE)
+    after = np.flatnonzero(np.diff(steps.j, prepend=0))
+    if len(after) <= DOTS:
+        axes.plot(steps.t[after], distance[after], ".", color=TRUE, markersize=3.5)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=floor)
+    time_axis(axes, steps.t, log=False)
+    axes.set_ylabel(r"$|x|_\mathcal{A} = |(\varepsilon, C\varepsilon - \theta)|$")
 
 
-@dataclass(frozen=True)
-class Intervals:
-    """Panel of the time from each measurement to the next, with T1 and T2."""
-
-    schedule: "Schedule"
-
-    def draw(self, axes: "Axes") -> None:
-        """Draw each interval where it ends."""
-        schedule = self.schedule
-        size = 3 if len(schedule.received) <= DOTS else 1
-        axes.plot(schedule.received, schedule.intervals, ".", color=TRUE, markersize=size)
-        for limit, name in ((schedule.T1, "$T_1$"), (schedule.T2, "$T_2$")):
-            axes.axhline(limit, color=BOUND, linewidth=0.8, linestyle=DASHED)
-            axes.annotate(
-                name, (1, limit), xycoords=("axes fraction", "data"), xytext=(3, -3), textcoords="offset points"
-            )
-        mark_lost(axes, schedule)
-        axes.set_ylim(0, 1.15 * max(float(schedule.intervals.max(initial=0.0)), schedule.T2))
-        time_axis(axes, np.array([0.0, schedule.horizon]), log=False)
-        axes.set_ylabel("interval before it [s]")
+def draw_intervals(axes: "Axes", schedule: "Schedule") -> None:
+    """Draw the time from each measurement to the next where it ends, and T1 and T2."""
+    size = 3 if len(schedule.received) <= DOTS else 1
+    axes.plot(schedule.received, schedule.intervals, ".", color=TRUE, markersize=size)
+    for limit, name in ((schedule.T1, "$T_1$"), (schedule.T2, "$T_2$")):
+        axes.axhline(limit, color=BOUND, linewidth=0.8, linestyle=DASHED)
+        axes.annotate(name, (1, limit), xycoords=("axes fraction", "data"), xytext=(3, -3), textcoords="offset points")
+    mark_lost(axes, schedule)
+    axes.set_ylim(0, 1.15 * max(float(schedule.intervals.max(initial=0.0)), schedule.T2))
+    time_axis(axes, np.array([0.0, schedule.horizon]), log=False)
+    axes.set_ylabel("interval before it [s]")
 
 
 def lowest(distance: Array) -> float:
@@ -148,11 +112,11 @@ def lowest(distance: Array) -> float:
     return 0.3 * max(min(ends, default=peak), 1e-16 * peak)
 
 
-def injections(run: "Run") -> Iterator[Injection]:
+def injections(run: "Run") -> Iterator[Panel]:
     """Panels of theta, at the steps, which hold it before and after each jump."""
     curves = [Curve(f"theta_{name}", run.steps.theta[:, i], None) for i, name in enumerate(run.outputs)]
     for group in shared(curves, CURVES):
-        yield Injection(run.steps.t, group, run.status == "escape")
+        yield partial(draw_injection, t=run.steps.t, curves=group, escapes=run.status == "escape")
 
 
 def mark_lost(axes: "Axes", schedule: "Schedule") -> None:
@@ -166,8 +130,7 @@ def mark_lost(axes: "Axes", schedule: "Schedule") -> None:
 def heading(run: "Run") -> str:
     """Name of the spec; how the run ended, what it achieved and what is proved; what is wrong with the sampling."""
     summary, guarantee = run.summary, run.guarantee
-    ended = {"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
-    facts = [f"{ended} at t = {run.time:.4g} s"] if ended else []
+    facts = ended(run, f"{run.time:.4g}")
     facts += [rf"$\|y_p\|_2$ = {summary['z_norm2']:.4g}", rf"$\|w\|_2$ = {summary['v_norm2']:.4g}"]
     facts.append(f"{summary['sampling']['received']} measurements")
     if guarantee is None:
@@ -176,7 +139,5 @@ def heading(run: "Run") -> str:
         proved = rf"$\gamma$ = {guarantee.gamma:.4g}, {guarantee.symbol} = {guarantee.rates().alpha:.4g}"
         until = f" until t = {run.until:.4g}" if run.until < run.time else ""
         facts += [f"proved: {proved}", verdict(run, until)]
-    lines = [*wrap(plain(run.spec.name), LINE), ",  ".join(facts)]
-    if guarantee is not None and summary["bounds_omitted"]:
-        lines += wrap(plain(summary["bounds_omitted"]), LINE)
-    return "\n".join(lines)
+    omitted = guarantee is not None and summary["bounds_omitted"]
+    return titled(run, facts, [omitted] if omitted else [])

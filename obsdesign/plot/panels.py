@@ -2,18 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import growing_axis, linear_threshold, number, symlog_axis, time_axis, with_unit
-from obsdesign.plot.canvas import COLORS
-from obsdesign.plot.layout import legend_above, shared
-from obsdesign.spec import Spec
+from obsdesign.plot.canvas import COLORS, legend_above, shared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from obsdesign.simulate import Run
 
 TRUE, ESTIMATE = COLORS[:2]
 DASHED = (0, (4, 2))
@@ -22,6 +22,7 @@ DOTTED = (0, (1, 1.5))
 REGION = COLORS[3]
 CURVES = 7  # in one panel: as many as there are colors
 SINGLE = 8  # so many signals get a panel each; more share panels
+FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
 GROWTH = 10  # of a signal that escapes, against its beginning
 
 
@@ -67,16 +68,16 @@ class Comparison:
         axes.set_ylabel(self.label)
 
 
-def comparisons(spec: Spec, t: Array, curves: Sequence[Curve], what: str, escapes: bool) -> Iterator[Comparison]:
+def comparisons(run: "Run", curves: Sequence[Curve], what: str) -> Iterator[Comparison]:
     """One panel a signal, or one for several where there are many."""
+    escapes = run.status == "escape"
     if len(curves) <= SINGLE:
-        yield from (Comparison(t, [curve], with_unit(spec, curve.name), escapes) for curve in curves)
+        yield from (Comparison(run.t, [curve], with_unit(run.spec, curve.name), escapes) for curve in curves)
     else:
-        yield from (Comparison(t, group, what, escapes) for group in shared(curves, CURVES // 2 + 1))
+        yield from (Comparison(run.t, group, what, escapes) for group in shared(curves, CURVES // 2 + 1))
 
 
-@dataclass(frozen=True)
-class Level:
+class Level(NamedTuple):
     """A horizontal line of an error panel, from a time on."""
 
     value: float
@@ -84,58 +85,44 @@ class Level:
     label: str
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Panel of estimation errors on a symmetric logarithmic axis."""
-
-    t: Array
-    curves: Sequence[tuple[str, Array]]
-    label: str
-    log_time: bool
-    level: Level | None = None
-
-    def draw(self, axes: "Axes") -> None:
-        """Draw; the axis is linear about zero, below the errors that matter."""
-        for (name, values), color in zip(self.curves, COLORS, strict=False):
-            axes.plot(self.t, values, color=color, label=name)
-        threshold = linear_threshold([values for _, values in self.curves])
-        low = min(float(values.min()) for _, values in self.curves)
-        high = max(float(values.max()) for _, values in self.curves)
-        if self.level:
-            axes.plot([self.level.start, self.t[-1]], 2 * [self.level.value], color=BOUND, linestyle=DASHED)
-            axes.plot([], [], color=BOUND, linestyle=DASHED, label=self.level.label)
-            high = max(high, self.level.value)
-        symlog_axis(axes, threshold, low, high)
-        axes.axhline(0, color="black", linewidth=0.6)
-        time_axis(axes, self.t, self.log_time)
-        axes.set_ylabel(self.label)
-        legend_above(axes)
+def settles_early(run: "Run") -> bool:
+    """Whether the error settles so soon that time is better drawn on a logarithmic axis."""
+    settled = run.summary["settling_time"]
+    return settled is not None and settled < FAST * run.time
 
 
-@dataclass(frozen=True)
-class Storage:
-    """Panel of V(e) and its bound."""
-
-    t: Array
-    V: Array
-    bound: Array
-    log_time: bool
-    until: float  # the guarantee says nothing after that
-
-    def draw(self, axes: "Axes") -> None:
-        """Draw on a logarithmic axis."""
-        tiny = float(self.bound.max()) * 1e-20 + 1e-300
-        known = self.t < self.until
-        if known.any():
-            label = "proved bound" if known.all() else "proved bound, while in the region"
-            axes.plot(self.t[known], np.maximum(self.bound, tiny)[known], color=BOUND, linestyle=DASHED, label=label)
-        axes.plot(self.t, np.maximum(self.V, tiny), color=TRUE)
-        axes.set_yscale("log")
-        time_axis(axes, self.t, self.log_time)
-        axes.set_ylabel("V(e) = e' P e")
+def draw_errors(
+    axes: "Axes", run: "Run", curves: Sequence[tuple[str, Array]], label: str, level: Level | None = None
+) -> None:
+    """Draw estimation errors on a symmetric logarithmic axis, linear about zero, below the errors that matter."""
+    t = run.steps.t
+    for (name, values), color in zip(curves, COLORS, strict=False):
+        axes.plot(t, values, color=color, label=name)
+    sizes = [values for _, values in curves]
+    low, high = min(float(values.min()) for values in sizes), max(float(values.max()) for values in sizes)
+    if level:
+        axes.plot([level.start, t[-1]], 2 * [level.value], color=BOUND, linestyle=DASHED)
+        axes.plot([], [], color=BOUND, linestyle=DASHED, label=level.label)
+        high = max(high, level.value)
+    symlog_axis(axes, linear_threshold(sizes), low, high)
+    axes.axhline(0, color="black", linewidth=0.6)
+    time_axis(axes, t, settles_early(run))
+    axes.set_ylabel(label)
+    legend_above(axes)
 
 
-Panel = Comparison | Errors | Storage
+def draw_storage(axes: "Axes", run: "Run", V: Array, bound: Array) -> None:
+    """Draw V(e) on a logarithmic axis, and its bound as long as the run is in the region of the guarantee."""
+    t = run.steps.t
+    tiny = float(bound.max()) * 1e-20 + 1e-300
+    known = t < (run.left[0].time if run.left else np.inf)
+    if known.any():
+        label = "proved bound" if known.all() else "proved bound, while in the region"
+        axes.plot(t[known], np.maximum(bound, tiny)[known], color=BOUND, linestyle=DASHED, label=label)
+    axes.plot(t, np.maximum(V, tiny), color=TRUE)
+    axes.set_yscale("log")
+    time_axis(axes, t, settles_early(run))
+    axes.set_ylabel("V(e) = e' P e")
 
 
 def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:

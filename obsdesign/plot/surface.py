@@ -8,7 +8,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import cross, highest, mark_shipped, plain
-from obsdesign.plot.canvas import COLORS, drawn, facets, halo, levels, new_figure, ticked
+from obsdesign.plot.canvas import COLORS, drawn, facets, halo, legend_below, levels, new_figure, ticked
 from obsdesign.plot.front import (
     ARBITRARY,
     CORNER,
@@ -23,7 +23,6 @@ from obsdesign.plot.front import (
     shipped_among,
     unattained,
 )
-from obsdesign.plot.layout import legend_below
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -59,14 +59,8 @@ def tradeoff_sheet(
 ) -> "Figure":
     """Draw the curve of a search; a point without a result stands at the foot, under its status.
 
-    Parameters
-    ----------
-    points
-        Mappings with the searched x, the result y (missing or None where there is none) and "status".
-    shipped
-        The point of the design that is shipped, or None.
-    x, y
-        Keys on the axes.
+    Points are mappings with the searched `x`, the result `y` (missing or None where there is none) and "status".
+    `shipped` is the point of the design that is shipped, or None.
     """
     figure = new_figure(6.4, 4.2)
     axes = figure.add_subplot()

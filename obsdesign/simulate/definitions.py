@@ -6,65 +6,36 @@ with those of the plant: nothing is left but errors, inputs and differences of t
 integrated itself, since the difference of two large states has lost its digits.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Observer
-from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.model.equations import Equations, Named
 from obsdesign.simulate.program import UNIT, Definition, Pair
 
 ZERO = Expression.number(0)
 
 
-def error(name: str) -> str:
-    """Name of the error of the estimate of a signal."""
-    return f"{name} error"
-
-
-def rate(name: str) -> str:
-    """Name of the rate of a state."""
-    return f"{name} rate"
-
-
-def noise(name: str) -> str:
-    """Name of the noise of an output."""
-    return f"{name} noise"
-
-
-def measured(name: str) -> str:
-    """Name of an output as it is measured."""
-    return f"{name} measured"
-
-
-def after(name: str) -> str:
-    """Name of a state after a measurement."""
-    return f"{name} after"
-
-
-def mismatch(name: str) -> str:
-    """Name of what a measurement without noise would add to a state."""
-    return f"{name} mismatch"
+# names of signals that go with another
+error = "{} error".format  # of the estimate of a signal
+rate = "{} rate".format  # of a state
+noise = "{} noise".format  # of an output
+measured = "{} measured".format  # an output as it is measured
+after = "{} after".format  # a state after a measurement
+mismatch = "{} mismatch".format  # what a measurement without noise would add to a state
 
 
 @dataclass
 class Definitions:
-    """Definitions of a plant with its observer.
-
-    Parameters
-    ----------
-    plant, observer
-        Over signals of the same names.
-    noisy
-        Whether outputs are measured with noise, an input of the program.
-    """
+    """Definitions of a plant with its observer."""
 
     plant: Equations
-    observer: Observer
-    noisy: bool
+    observer: Observer  # over signals of the same names
+    noisy: bool  # whether outputs are measured with noise, an input of the program
     made: dict[str, Definition] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -117,62 +88,49 @@ class Definitions:
         """Define a signal by an expression."""
         self.made[name] = self.weights(side)
 
-    def combine(self, name: str, row: Array, signals: Sequence[str]) -> None:
-        """Define a linear combination of signals."""
-        pairs = zip(signals, map(rational_number, row), strict=True)
-        self.made[name] = {signal: c for signal, c in pairs if c != 0}
-
-    def squares(self, name: str, signals: Sequence[str]) -> None:
-        """Define a sum of squares."""
-        self.define(name, Expression.squares(signals))
-
     def weights(self, side: Expression) -> dict[str, fmpq]:
         """Linear combination of signals and terms that an expression is."""
-        found: dict[str, fmpq] = {}
+        found: defaultdict[str, fmpq] = defaultdict(fmpq)
         for c, term in side.summands():
-            add(found, self.slot(term), c)
-        return found
+            found[self.slot(term)] += c
+        return dict(found)
 
     def slot(self, term: Expression) -> str:
-        """Name of a variable or of a number, or of a term, which is defined once."""
-        if not term.names:
-            text = term.text
-            if text == UNIT:
-                return UNIT
-        if term.names == {term.text}:
-            return term.text
-        self.made[term.text] = term
-        return term.text
+        """Name of a variable or of the number 1, or of a term, which is defined once."""
+        name = term.text
+        if name != UNIT and term.names != {name}:
+            self.made[name] = term
+        return name
 
     def difference(self, estimate: Expression, true: Expression) -> dict[str, fmpq]:
         """A right side of the observer minus one of the plant, in signals of the plant and errors.
 
         A term of the observer that copies one of the plant with the same weight is replaced by their difference.
         """
-        found: dict[str, fmpq] = {}
-        pending: dict[Expression, fmpq] = {}
+        found: defaultdict[str, fmpq] = defaultdict(fmpq)
+        pending: defaultdict[Expression, fmpq] = defaultdict(fmpq)
         for c, term in true.summands():
             if term.names == {term.text}:
-                add(found, term.text, -c)
+                found[term.text] -= c
             else:
-                pending[term] = pending.get(term, fmpq(0)) - c
+                pending[term] -= c
         back = {hat: Expression.variable(twin) for hat, twin in self.observer.twins.items()}
         seen = {y: Expression.variable(measured(y)) for y in self.observer.outputs} if self.noisy else {}
         for c, term in estimate.summands():
             name = term.text
             if term.names == {name}:
                 for part in self.parts(name):
-                    add(found, part, c)
+                    found[part] += c
                 continue
             twin, here = term.substituted(back), term.substituted(seen)
             if pending.get(twin) == -c:
                 del pending[twin]
                 if here != twin:
-                    add(found, self.pair(here, twin), c)
+                    found[self.pair(here, twin)] += c
             else:
-                add(found, self.slot(here), c)
+                found[self.slot(here)] += c
         for term, c in pending.items():
-            add(found, self.slot(term), c)
+            found[self.slot(term)] += c
         return {name: c for name, c in found.items() if c != 0}
 
     def parts(self, name: str) -> Iterable[str]:
@@ -187,8 +145,3 @@ class Definitions:
         name = f"({first}) - ({second})"
         self.made[name] = Pair(first, second, -1)
         return name
-
-
-def add(weights: dict[str, fmpq], name: str, c: fmpq) -> None:
-    """Add to a weight."""
-    weights[name] = weights.get(name, fmpq(0)) + c

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.simulate.integrate import HUGE, Status, Trajectory, Vector
+from obsdesign.simulate.integrate import HUGE, Trajectory, Vector
 from obsdesign.simulate.scenario import Stretch
 from obsdesign.simulate.system import V2, Affine, System
 
@@ -58,11 +58,9 @@ class Exact:
     def advance(self, s: Array, held: Array, h: Vector) -> Array:
         """Return the states that follow s (K, ns) under constant inputs after times h (K,)."""
         rows = max(1, CHUNK // (4 * self.F.size))
-        parts = [self._advance(s[i : i + rows], held[i : i + rows], h[i : i + rows]) for i in range(0, len(h), rows)]
+        chunks = [slice(i, i + rows) for i in range(0, len(h), rows)]
+        parts = [self.moved(s[k], held[k], h[k], *transitions(self.F, self.Q, h[k])) for k in chunks]
         return np.concatenate(parts) if parts else s
-
-    def _advance(self, s: Array, held: Array, h: Vector) -> Array:
-        return self.moved(s, held, h, *transitions(self.F, self.Q, h))
 
     def moved(self, s: Array, held: Array, h: Vector, Phi: Array, W: Array) -> Array:
         """Return what follows s, given the matrices of `transitions`."""
@@ -109,16 +107,11 @@ def follow(system: System, affine: Affine, start: Vector, stretches: list[Stretc
         beyond = ~(np.linalg.norm(path_s[:, : system.end], axis=1) < limit)
     if not beyond.any():
         return Trajectory(samples, s, path_t, path_s, "done", stretches[-1].stop, "")
-    return cut(samples, s, path_t, path_s, int(np.argmax(beyond)), limit)
-
-
-def cut(samples: Vector, s: Array, path_t: Vector, path_s: Array, first: int, limit: float) -> Trajectory:
-    """Trajectory up to the first step of the path at which the state is too large."""
-    status: Status = "escape"
+    first = int(np.argmax(beyond))
     time = float(path_t[first])
     kept = samples < time
     reason = f"at t = {time:.6g}: the state grows beyond {limit:.0e}"
-    return Trajectory(samples[kept], s[kept], path_t[:first], path_s[:first], status, time, reason)
+    return Trajectory(samples[kept], s[kept], path_t[:first], path_s[:first], "escape", time, reason)
 
 
 def heads(exact: Exact, s: Vector, stretches: list[Stretch], lengths: Vector, held: Array) -> Iterator[Vector]:

@@ -1,9 +1,9 @@
 """Groups of slots of an array program: how each is filled from the slots before it, and its derivatives."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -16,18 +16,20 @@ ROUNDING = 1e-15  # of a residual that is nothing else, where the step is large:
 NO_SOLUTION = "the algebraic loop through q = .. + Dqf f(q) has no solution"
 
 
-class Group(Protocol):
+class Group(ABC):
     """Slots that are filled together, from those before them."""
 
+    @abstractmethod
     def fill(self, X: Float) -> None:
         """Fill the slots of X (slots,), or of a table of one column an instant, (slots, N)."""
 
-    def differentiate(self, X: Float, dX: Float) -> None:
-        """Fill the rows of dX (slots, m), given the values X."""
+    def differentiate(self, X: Float, dX: Float) -> None:  # noqa: ARG002
+        """Fill the rows of dX (slots, m), given the values X; where the group is linear, as it fills X."""
+        self.fill(dX)
 
 
 @dataclass(frozen=True)
-class Rows:
+class Rows(Group):
     """Linear signals: M times the slots before."""
 
     start: int
@@ -38,13 +40,9 @@ class Rows:
         """One product."""
         np.dot(self.M, X[: self.start], out=X[self.start : self.stop])
 
-    def differentiate(self, X: Float, dX: Float) -> None:  # noqa: ARG002
-        """The same product."""
-        self.fill(dX)
-
 
 @dataclass(frozen=True)
-class Pairs:
+class Pairs(Group):
     """Sums or differences of two slots."""
 
     start: int
@@ -53,33 +51,14 @@ class Pairs:
     second: slice | Array
     sign: int
 
-    @classmethod
-    def of(cls, start: int, first: Array, second: Array, sign: int) -> "Pairs":
-        """Pairs of the slots with these numbers."""
-        return cls(start, start + len(first), span(first), span(second), sign)
-
     def fill(self, X: Float) -> None:
         """By index."""
         combine = np.add if self.sign > 0 else np.subtract
         combine(X[self.first], X[self.second], out=X[self.start : self.stop])
 
-    def differentiate(self, X: Float, dX: Float) -> None:  # noqa: ARG002
-        """By index."""
-        self.fill(dX)
 
-
-class Terms:
-    """Nonlinear terms of the slots before.
-
-    Parameters
-    ----------
-    start
-        Slot of the first term.
-    terms
-        Expressions in the names of slots.
-    names
-        Those of the slots before.
-    """
+class Terms(Group):
+    """Nonlinear terms of the slots before, which have the `names` that stand in the terms; the first is at `start`."""
 
     def __init__(self, start: int, terms: Sequence[Expression], names: Sequence[str]) -> None:
         self.start, self.stop = start, start + len(terms)
@@ -126,7 +105,7 @@ class Terms:
         return float(np.linalg.norm(J) * np.linalg.norm(X[: self.start][J.any(axis=0)]))
 
 
-class Loop:
+class Loop(Group):
     """Terms that depend on themselves: phi = T(phi), by Newton's method from the last solution.
 
     The slots from `start` to `stop` hold phi; the groups after them compute T from it, the last of them in `terms`.
@@ -142,10 +121,7 @@ class Loop:
     def fill(self, X: Float) -> None:
         """Solve.
 
-        Raises
-        ------
-        ArithmeticError
-            If there is no solution to be found.
+        Raises `ArithmeticError` if there is no solution to be found.
         """
         X[self.start : self.stop] = self._last = self._newton(X)
         for group in self.groups:

@@ -117,17 +117,10 @@ class Recorder:
             del self.path_t[1::2], self.path_s[1::2]
             self.stride *= 2
 
-    def trajectory(self, width: int, end: "End") -> Trajectory:
+    def trajectory(self, end: "End") -> Trajectory:
         """Everything recorded."""
-        return Trajectory(
-            np.array(self.t),
-            np.array(self.s).reshape(-1, width),
-            np.array(self.path_t),
-            np.array(self.path_s).reshape(-1, width),
-            end.status,
-            end.time,
-            end.reason,
-        )
+        t, s, path_t, path_s = map(np.array, (self.t, self.s, self.path_t, self.path_s))
+        return Trajectory(t, s, path_t, path_s, **vars(end))
 
 
 @dataclass(frozen=True)
@@ -148,24 +141,11 @@ def integrate(
     progress: Callable[[float], None] | None = None,
     explicit: bool = False,
 ) -> Trajectory:
-    """Follow the flow from `start` through the segments.
+    """Follow the flow from `start`, the state (ns,) before the jump of the first segment, through the segments.
 
-    LSODA takes each segment, restarted at its start; Radau takes over where LSODA fails or works too hard.
-
-    Parameters
-    ----------
-    flow
-        The vector field, smooth inside each segment.
-    start
-        State (ns,) before the jump of the first segment.
-    samples
-        Increasing times (N,) at which the state is kept.
-    tolerance
-        Of each step.
-    progress
-        Called with the time reached.
-    explicit
-        Whether segments are short, so that DOP853 goes before LSODA until the flow is stiff.
+    LSODA takes each segment, in which the flow is smooth, restarted at its start; Radau takes over where LSODA fails or
+    works too hard. Where segments are short, `explicit`, DOP853 goes before LSODA until the flow is stiff. The state is
+    kept at the samples, increasing times (N,), and `progress` is called with the time reached.
 
     Returns
     -------
@@ -183,7 +163,7 @@ def integrate(
             s, end = crossing.cross(segment, segment.enter(s))
             if end.status != "done":
                 break
-    return recorder.trajectory(len(start), end)
+    return recorder.trajectory(end)
 
 
 Attempt = Callable[[Segment, float, Vector], "DOP853 | LSODA | Radau"]  # at the segment, from t and s
@@ -225,13 +205,7 @@ class Crossing:
             end = End("escape" if escape else "stall", t, f"at t = {t:.6g}: {reason}")
         return s, end
 
-    def follow(
-        self,
-        attempt: "Attempt",
-        segment: Segment,
-        t: float,
-        s: Vector,
-    ) -> tuple[float, Vector, End]:
+    def follow(self, attempt: Attempt, segment: Segment, t: float, s: Vector) -> tuple[float, Vector, End]:
         """Step until the segment is crossed, the state escapes, or the method gives up."""
         calls, begin = self.calls, t
         try:
@@ -244,7 +218,8 @@ class Crossing:
                 if not size < self.limit:
                     return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.3g}")
                 self.recorder.step(solver)
-                self.report(t)
+                if self.progress is not None and self.recorder.steps % 100 == 0:
+                    self.progress(t)
                 if size > self.outgrown and t < segment.stop:
                     self.renew(size)
                     solver = attempt(segment, t, s)
@@ -301,10 +276,7 @@ class Crossing:
                 return np.full_like(s, np.nan)
 
         first = min(1e-6 * (1 + abs(t)), segment.stop - t)
-        rtol, atol = (
-            self.tolerance.relative,
-            cast(float, self.tolerance.absolute),
-        )  # an array, say scipy's own types
+        rtol, atol = self.tolerance.relative, cast(float, self.tolerance.absolute)  # an array, say scipy's own types
         return Radau(rhs, t, s, segment.stop, rtol=rtol, atol=atol, jac=self.jacobian(segment), first_step=first)
 
     def jacobian(self, segment: Segment) -> Callable[[float, Vector], Vector]:
@@ -320,19 +292,11 @@ class Crossing:
         state = s[: self.flow.watched]
         return bool(state @ growth * max(t, 1e-300) > 1e9 * (state @ state))
 
-    def report(self, t: float) -> None:
-        """Say how far the integration is."""
-        if self.progress is not None and self.recorder.steps % 100 == 0:
-            self.progress(t)
-
 
 def finite(values: Vector) -> Vector:
     """Return values if all are finite.
 
-    Raises
-    ------
-    FloatingPointError
-        If one is not.
+    Raises `FloatingPointError` if one is not.
     """
     if not np.isfinite(values).all():
         raise FloatingPointError("the model has no finite value")

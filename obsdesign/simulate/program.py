@@ -5,7 +5,8 @@ terms by closures, sums and differences by index, algebraic loops by Newton's me
 the same groups, with the symbolic derivatives of the terms.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Float, approximate
-from obsdesign.simulate.groups import Group, Loop, Pairs, Rows, Terms
+from obsdesign.simulate.groups import Group, Loop, Pairs, Rows, Terms, span
 
 UNIT = "1"  # slot of the number 1
 
@@ -56,7 +57,7 @@ class Program:
         self.inputs = (UNIT, *inputs)
         self.definitions = resolved(definitions)
         self.slots: dict[str, int] = {name: i for i, name in enumerate(self.inputs)}
-        self.groups = self._scheduled(list(self._wanted(outputs)))
+        self.groups = self._scheduled(self._wanted(outputs))
         self.loops = any(isinstance(group, Loop) for group in self.groups)
         self._X = np.zeros(len(self.slots))
         self._X[0] = 1.0
@@ -98,16 +99,10 @@ class Program:
                 column[len(self.inputs) :] = np.nan
         return X
 
-    def _wanted(self, outputs: Sequence[str]) -> dict[str, None]:
+    def _wanted(self, outputs: Sequence[str]) -> list[str]:
         """Names that have to be computed, outputs and what they need."""
-        found: dict[str, None] = {}
-        waiting = list(outputs)
-        while waiting:
-            name = waiting.pop()
-            if name not in found and name not in self.inputs:
-                found[name] = None
-                waiting += needs(self.definitions[name])
-        return found
+        found = reach(outputs, lambda name: () if name in self.inputs else needs(self.definitions[name]))
+        return [name for name in found if name not in self.inputs]
 
     def _scheduled(self, waiting: list[str]) -> list[Group]:
         """Groups in an order in which each needs what is before it only."""
@@ -137,7 +132,7 @@ class Program:
         if isinstance(made[0], Pair):
             pairs = [pair for pair in made if isinstance(pair, Pair)]
             first, second = self.places(p.first for p in pairs), self.places(p.second for p in pairs)
-            return Pairs.of(start, first, second, made[0].sign)
+            return Pairs(start, len(self.slots), span(first), span(second), made[0].sign)
         M = np.zeros((len(names), start))
         for row, weights in enumerate(made):
             if isinstance(weights, Mapping):
@@ -150,11 +145,7 @@ class Program:
         terms = [name for name in names if isinstance(self.definitions[name], Expression)]
         start = len(self.slots)
         self.slots |= {name: start + i for i, name in enumerate(terms)}
-        waiting, groups = [name for name in names if name not in terms], list[Group]()
-        while waiting:
-            ready = self._ready(waiting)
-            groups.append(self._group(ready))
-            waiting = [name for name in waiting if name not in ready]
+        groups = self._scheduled([name for name in names if name not in terms])
         first, before = len(self.slots), list(self.slots)
         again = [term for name in terms if isinstance(term := self.definitions[name], Expression)]
         self.slots |= {f"{name} again": first + i for i, name in enumerate(terms)}
@@ -173,54 +164,47 @@ def resolved(definitions: Mapping[str, Definition]) -> dict[str, Definition]:
 
     A linear signal that depends on itself through linear ones stands as a term, to be found as in any other loop.
     """
-    linear = {name for name, made in definitions.items() if isinstance(made, Mapping)}
-    sums = {name for name, made in definitions.items() if isinstance(made, Pair) and made.sign > 0}
-    edges = {name: [n for n in needs(definitions[name]) if n in linear | sums] for name in linear | sums}
-    cyclic = {name for name in edges if name in reach(edges[name], edges)}
+    linear = {name: made for name, made in definitions.items() if isinstance(made, Mapping)}
+    sums = {name: made for name, made in definitions.items() if isinstance(made, Pair) and made.sign > 0}
+    edges = {name: [n for n in needs(definitions[name]) if n in linear or n in sums] for name in (*linear, *sums)}
+    cyclic = {name for name in edges if name in reach(edges[name], edges.__getitem__)}
     made: dict[str, Definition] = dict(definitions)
 
-    def expand(name: str, factor: fmpq, into: dict[str, fmpq]) -> None:
-        definition = definitions.get(name)
+    def expand(name: str, factor: fmpq, into: defaultdict[str, fmpq]) -> None:
         if name in cyclic:
             made[f"({name})"] = Expression.variable(name)
-            into[f"({name})"] = into.get(f"({name})", fmpq(0)) + factor
-        elif isinstance(definition, Pair) and definition.sign > 0:
-            expand(definition.first, factor, into)
-            expand(definition.second, factor, into)
-        elif isinstance(definition, Mapping):
-            for other, weight in definition.items():
+            into[f"({name})"] += factor
+        elif name in sums:
+            for part in needs(sums[name]):
+                expand(part, factor, into)
+        elif name in linear:
+            for other, weight in linear[name].items():
                 expand(other, factor * weight, into)
         else:
-            into[name] = into.get(name, fmpq(0)) + factor
+            into[name] += factor
 
-    for name in linear:
-        weights: dict[str, fmpq] = {}
-        for other, weight in needs_of(definitions[name]):
+    for name, given in linear.items():
+        weights: defaultdict[str, fmpq] = defaultdict(fmpq)
+        for other, weight in given.items():
             expand(other, weight, weights)
         made[name] = {other: weight for other, weight in weights.items() if weight != 0}
     return made
 
 
-def needs_of(definition: Definition) -> Iterator[tuple[str, fmpq]]:
-    """Names and weights of a linear signal."""
-    if isinstance(definition, Mapping):
-        yield from definition.items()
-
-
-def reach(names: Iterable[str], edges: Mapping[str, Sequence[str]]) -> set[str]:
-    """Names that can be reached along edges."""
-    found: set[str] = set()
+def reach(names: Iterable[str], following: Callable[[str], Iterable[str]]) -> dict[str, None]:
+    """Names that can be reached from some, in the order in which they are."""
+    found: dict[str, None] = {}
     waiting = list(names)
     while waiting:
         if (name := waiting.pop()) not in found:
-            found.add(name)
-            waiting += edges.get(name, ())
+            found[name] = None
+            waiting += following(name)
     return found
 
 
 def loop(waiting: Sequence[str], definitions: Mapping[str, Definition]) -> list[str]:
     """Signals, none of which is ready, that need each other and nothing else that is waiting."""
     edges = {name: [n for n in needs(definitions[name]) if n in waiting] for name in waiting}
-    reached = {name: reach(edges[name], edges) for name in waiting}
+    reached = {name: reach(edges[name], edges.__getitem__) for name in waiting}
     first = min((name for name in waiting if name in reached[name]), key=lambda name: len(reached[name]))
     return [name for name in waiting if name in reached[first]]

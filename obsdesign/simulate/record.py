@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from obsdesign.families.guarantee import Course, Guarantee, Measurements, SampledGuarantee, envelope
+from obsdesign.families.guarantee import Course, Measurements, SampledGuarantee, envelope
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.definitions import error, mismatch
 from obsdesign.simulate.integrate import Trajectory
@@ -20,16 +20,8 @@ from obsdesign.spec import Spec
 class Record:
     """Signals and errors of a run, at the samples and at the steps of the integrator together.
 
-    An instant at which the model has no value, as at the end of a run that stalled, is left out.
-
-    Parameters
-    ----------
-    spec, system
-        What was simulated.
-    breaks
-        Instants at which signals or terms jump or bend, as `System.breaks` gives them.
-    trajectory
-        What the integration gave.
+    An instant at which the model has no value, as at the end of a run that stalled, is left out. The breaks are those
+    of `System.breaks`.
     """
 
     def __init__(
@@ -170,8 +162,3 @@ class Record:
         if (impulse := next(steps, None)) is not None:
             return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
         return ""
-
-
-def sampled(guarantee: Guarantee | None) -> SampledGuarantee:
-    """Return the guarantee of an observer that receives measurements at instants: no other covers it."""
-    return cast("SampledGuarantee", guarantee)

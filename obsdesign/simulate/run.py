@@ -111,10 +111,7 @@ class Run(Samples):
     def plot(self, path: str | None = None) -> bytes:
         """Draw the run as a PNG, and write it where a path is given.
 
-        Raises
-        ------
-        UsageError
-            The file cannot be written.
+        Raises `UsageError` if the file cannot be written.
         """
         from obsdesign.files import write_whole
         from obsdesign.plot import run_figure

@@ -23,10 +23,7 @@ class Sampling:
     The law is "periodic", "random" (uniform in [T1, T2]), or an expression of t: the time from a measurement sent at
     t to the next, after a first one at T2. Where a law leaves [T1, T2], the run says from when on no guarantee holds.
 
-    Raises
-    ------
-    UsageError
-        If a number is out of its range, or the law is none of these.
+    Raises `UsageError` if a number is out of its range, or the law is none of these.
     """
 
     T1: float  # s, shortest interval that is expected
@@ -123,10 +120,7 @@ class Schedule:
 def schedule(sampling: Sampling, horizon: float, intervals: np.random.Generator, loss: np.random.Generator) -> Schedule:
     """Measurements of a run over [0, horizon).
 
-    Raises
-    ------
-    UsageError
-        If the law gives an interval that is not positive, or more than 200,000 measurements.
+    Raises `UsageError` if the law gives an interval that is not positive, or more than 200,000 measurements.
     """
     sent: list[float] = []
     for t in instants(sampling, intervals):

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from typing import cast
 
@@ -15,7 +14,7 @@ from obsdesign.lmi.formula import Array, Float, identity, zeros
 from obsdesign.model.disturbance import augment, with_inputs
 from obsdesign.model.equations import Equations
 from obsdesign.simulate.sampling import Sampling, Schedule, schedule
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Noise, Simulation, Spec
 
 Vector = Float
 NOISE_SAMPLES = 1_000_000
@@ -39,7 +38,7 @@ class Scenario:
 
     The disturbance comes in one of three ways.
 
-    - v is given: it drives `plant`, the augmented plant, and xm is integrated with x (`xm` is None).
+    - v is given: it drives `plant`, the augmented plant, and xm is integrated with x (`known` is empty).
     - w is given and v follows from it: v drives the augmented plant, whose xm are known functions of time.
     - w is given and no v generates it (w depends on the states, say): it acts on the plant beside the
       disturbance model, whose true state stays zero. `unmodeled` says why.
@@ -50,7 +49,7 @@ class Scenario:
     outputs: tuple[str, ...]  # names of y
     inputs: tuple[str, ...]  # names of w as the user calls it; among the outputs of `plant` it has those of `w`
     u: tuple[Expression, ...]
-    xm: tuple[Expression, ...] | None
+    known: tuple[Expression, ...]  # the true xm as functions of time, as far as they are not integrated
     v: tuple[Expression, ...]  # drive of `plant`: v, or w itself where it is unmodeled
     unmodeled: str
     horizon: float
@@ -67,25 +66,15 @@ class Scenario:
     @property
     def integrated(self) -> int:
         """Number of the true states that are integrated."""
-        return self.n if self.xm is not None else len(self.plant.states)
-
-    @property
-    def known(self) -> tuple[Expression, ...]:
-        """The true xm as functions of time, as far as they are not integrated."""
-        return () if self.xm is None else self.xm
+        return len(self.plant.states) - len(self.known)
 
     @property
     def noisy(self) -> bool:
         """Whether any noise acts on the outputs."""
         return bool(self.noise.any()) or (self.eta is not None and bool(self.eta.any()))
 
-    def held(self, t: float) -> Vector:
-        """Noise at an instant, (ny,)."""
-        row: Vector = self.noise[min(int(t / self.period), len(self.noise) - 1)]
-        return row
-
-    def held_at(self, t: Vector) -> Vector:
-        """Noise at instants (N,), (N, ny)."""
+    def held(self, t: float | Vector) -> Vector:
+        """Noise at an instant, (ny,), or at instants (N,), (N, ny)."""
         return np.asarray(self.noise[np.minimum(t / self.period, len(self.noise) - 1).astype(int)])
 
     def steps_of_xm(self, before: float, after: float) -> Vector:
@@ -110,17 +99,9 @@ class Scenario:
 
 
 def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
-    """Signals of the `simulation` section of a spec.
+    """Signals of the `simulation` section of a spec; no noise is held where y is sampled, known at instants only.
 
-    Parameters
-    ----------
-    sampled
-        Whether y is known at instants only, so that no noise is held.
-
-    Raises
-    ------
-    UsageError
-        If a nonlinearity has no f to simulate, or the noise has too many samples.
+    Raises `UsageError` if a nonlinearity has no f to simulate, or the noise has too many samples.
     """
     xm, v, unmodeled = disturbance(spec, simulation)
     plant = beside(spec) if unmodeled else spec.equations(with_inputs(spec.augmented, spec.generator, spec.reserved))
@@ -136,31 +117,22 @@ def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guara
 
     Whether the measurements keep to the intervals of a guarantee is asked of the schedule.
 
-    Raises
-    ------
-    UsageError
-        If the law gives an interval that is not positive.
+    Raises `UsageError` if the law gives an interval that is not positive.
     """
     intervals, loss, generator = (np.random.default_rng(s) for s in np.random.SeedSequence(simulation.seed).spawn(3))
     planned = schedule(sampling, simulation.horizon, intervals, loss)
     if guarantee is not None:
         proved = cast("SampledGuarantee", guarantee)
         planned = replace(planned, T1=proved.T1, T2=proved.T2)
-    size, noise = (len(planned.received), len(acting.outputs)), simulation.noise
-    eta = np.zeros(size)
-    if noise is not None:
-        draw = generator.standard_normal(size) if noise.type == "gaussian" else generator.uniform(-1, 1, size)
-        eta = noise.amplitude * draw
+    eta = draw(simulation.noise, generator, (len(planned.received), len(acting.outputs)))
     return replace(acting, schedule=planned, eta=eta)
 
 
-def disturbance(
-    spec: Spec, simulation: Simulation
-) -> tuple[tuple[Expression, ...] | None, tuple[Expression, ...], str]:
-    """xm(t) where it is known, the drive, and why the given w has no v if it has none."""
+def disturbance(spec: Spec, simulation: Simulation) -> tuple[tuple[Expression, ...], tuple[Expression, ...], str]:
+    """xm(t) as far as it is known, the drive, and why the given w has no v if it has none."""
     w = simulation.w
     if w is None:
-        return None, simulation.v or (Expression.number(0),) * len(spec.drives), ""
+        return (), simulation.v or (Expression.number(0),) * len(spec.drives), ""
     at_rest = (Expression.number(0),) * len(spec.model_states)
     for name, signal, inverse in zip(spec.plant.exogenous, w, spec.generator.inverse, strict=True):
         if signal.names - {"t"} and inverse != (1,):
@@ -196,6 +168,12 @@ def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
         raise UsageError(
             f"simulation.noise.period: {count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
         )
-    generator = np.random.default_rng(simulation.seed)
-    draw = generator.standard_normal if noise.type == "gaussian" else partial(generator.uniform, -1, 1)
-    return noise.amplitude * draw(size=(count, ny)), noise.period
+    return draw(noise, np.random.default_rng(simulation.seed), (count, ny)), noise.period
+
+
+def draw(noise: Noise | None, generator: np.random.Generator, size: tuple[int, int]) -> Array:
+    """Noise at random, (K, ny); zeros without."""
+    if noise is None:
+        return np.zeros(size)
+    gaussian = noise.type == "gaussian"
+    return noise.amplitude * (generator.standard_normal(size) if gaussian else generator.uniform(-1, 1, size))

@@ -1,6 +1,6 @@
 """Try an observer on the scenario of a spec."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -9,7 +9,7 @@ from obsdesign.errors import UsageError
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.simulate import exact
-from obsdesign.simulate.integrate import Segment, Tolerance, Trajectory, Vector, finite, integrate
+from obsdesign.simulate.integrate import Flow, Segment, Tolerance, Trajectory, Vector, finite, integrate
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
 from obsdesign.simulate.sampling import Sampling
@@ -32,23 +32,12 @@ def run(
 ) -> Run:
     """Simulate the plant of a spec with an observer, up to the horizon, or to an escape or a stall.
 
-    Parameters
-    ----------
-    spec
-        With a `simulation` section.
-    observer
-        Over signals of the same names as the plant of the spec, with its disturbance model.
-    guarantee
-        What is proved of this observer; None leaves the bounds out.
-    sampling
-        How measurements reach an observer that jumps at each; None: as the spec says.
-    progress
-        Called now and then with the fraction that is done.
+    The signals of the observer have the same names as those of the plant with its disturbance model. Without a
+    guarantee, what is proved of the observer, the bounds are left out. `sampling` says how measurements reach an
+    observer that jumps at each; None: as the spec says. `progress` is called now and then with the fraction done.
 
-    Raises
-    ------
-    UsageError
-        The spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or measurements go back in time.
+    Raises `UsageError` if the spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or
+    measurements go back in time.
     """
     simulation = spec.simulation
     if simulation is None:
@@ -98,15 +87,12 @@ def follow(
     if affine is not None:
         return exact.follow(system, affine, start, list(system.scenario.stretches(breaks)), samples)
     told = progress and (lambda t: progress(t / simulation.horizon))
-    segments = pieces(system, breaks)
-    return integrate(system.flow(), start, segments, samples, tolerance(start, system), told, explicit=sampled)
-
-
-def pieces(system: System, breaks: list[tuple[float, float]]) -> Iterator[Segment]:
-    """Segments between breaks, noise samples and measurements."""
-    for stretch in system.scenario.stretches(breaks):
-        held = stretch.held[: len(system.silent)]
-        yield Segment(stretch.start, stretch.stop, partial(system.enter, stretch), held)
+    flow = Flow(system.rhs, system.jacobian, watched=system.end)
+    segments = (
+        Segment(stretch.start, stretch.stop, partial(system.enter, stretch), stretch.held[: len(system.silent)])
+        for stretch in system.scenario.stretches(breaks)
+    )
+    return integrate(flow, start, segments, samples, tolerance(start, system), told, explicit=sampled)
 
 
 def sampled(simulation: Simulation, observer: Observer, guarantee: Guarantee | None) -> Sampling:

@@ -14,7 +14,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float, rational_number
 from obsdesign.simulate.definitions import Definitions, after, error, measured, mismatch, noise, rate
 from obsdesign.simulate.groups import is_zero
-from obsdesign.simulate.integrate import Flow, Vector
+from obsdesign.simulate.integrate import Vector
 from obsdesign.simulate.program import UNIT, Definition, Program, needs
 from obsdesign.simulate.scenario import Scenario, Stretch
 from obsdesign.simulate.signals import switch_times
@@ -39,18 +39,8 @@ class System:
         s = (integrated true states, errors, further states of the observer, integral of |z|^2, integral of |v|^2, b)
 
     with b' = -2 alpha b + c |v|^2, so that V(t) <= exp(-2 alpha t) V(0) + b(t). Where measurements arrive at instants,
-    s goes on with their number j and the last y, and b jumps by what the noise of each adds to V.
-
-    Parameters
-    ----------
-    scenario
-        What acts on the plant.
-    observer
-        Its equations, over signals of the same names as the plant's.
-    H
-        z = H e, over all states of the plant.
-    guarantee
-        For b; without it b stays zero.
+    s goes on with their number j and the last y, and b jumps by what the noise of each adds to V; without a guarantee b
+    stays zero. z = H e, over all states of the plant. The signals of the observer have the same names as the plant's.
     """
 
     def __init__(self, scenario: Scenario, observer: Observer, H: Float, guarantee: Guarantee | None) -> None:
@@ -61,9 +51,10 @@ class System:
         made.made |= self.signals(made)
         self.z = tuple(f"z {k + 1}" for k in range(len(H)))
         for name, row in zip(self.z, H, strict=True):
-            made.combine(name, row, [error(state) for state in plant.states])
-        made.squares(Z2, self.z)
-        made.squares(V2, plant.exogenous)
+            weights = zip(map(error, plant.states), map(rational_number, row), strict=True)
+            made.made[name] = {signal: c for signal, c in weights if c != 0}
+        made.define(Z2, Expression.squares(self.z))
+        made.define(V2, Expression.squares(plant.exogenous))
         alpha, c = guarantee.rates() if guarantee else (0.0, 0.0)
         made.made |= {
             rate(INTEGRALS[0]): {Z2: fmpq(1)},
@@ -96,7 +87,7 @@ class System:
     def signals(self, made: Definitions) -> dict[str, Definition]:
         """Known inputs, known states of the disturbance model, and the drive."""
         acting, plant = self.scenario, self.scenario.plant
-        known = zip(plant.states[len(plant.states) - len(acting.known) :], acting.known, strict=True)
+        known = zip(plant.states[acting.integrated :], acting.known, strict=True)
         pairs = (*zip(plant.inputs, acting.u, strict=True), *known, *zip(plant.exogenous, acting.v, strict=True))
         return {name: made.weights(signal) for name, signal in pairs}
 
@@ -123,10 +114,6 @@ class System:
         names = self.program.inputs[2 : 2 + self.width]
         J[: self.width, : self.width] = self.program.derivatives(X, names)[self.rates]
         return J
-
-    def flow(self) -> Flow:
-        """Vector field of s."""
-        return Flow(self.rhs, self.jacobian, watched=self.end)
 
     def start(self, x0: Vector, xhat0: Vector, further: Vector) -> Vector:
         """Return the initial s for x0, (n,) or (n + nm,), for xhat0, (n + nm,), and for further states of the observer.
@@ -157,12 +144,8 @@ class System:
 
     def enter(self, stretch: Stretch, s: Vector) -> Vector:
         """Return the state with which a stretch begins: the error of xm jumps against xm, a measurement is received."""
-        if not len(stretch.step) and stretch.measured is None:
-            return s
-        new = s.copy()
-        if len(stretch.step):
-            end = len(self.integrated) + len(self.copied)
-            new[end - len(stretch.step) : end] -= stretch.step
+        new, end = s.copy(), len(self.integrated) + len(self.copied)
+        new[end - len(stretch.step) : end] -= stretch.step
         return new if stretch.measured is None else self.receive(stretch.measured, stretch.start, new)
 
     def receive(self, k: int, t: float, s: Vector) -> Vector:
@@ -191,20 +174,14 @@ class System:
 
     def table(self, t: Float, s: Float) -> "Table":
         """Signals along states s (N, ns) at times t; NaN outside the model's domain."""
-        held = self.scenario.held_at(t)[:, : len(self.silent)]
+        held = self.scenario.held(t)[:, : len(self.silent)]
         return Table(self.program, self.program.table(np.vstack([t, s[:, : self.width].T, held.T])))
 
     def amplification(self) -> float:
         """How much larger than the errors of the states the error of an estimate of w is; at least 1."""
         made = [self.program.definitions[error(w)] for w in self.estimated.values()]
-        sizes = [
-            abs(float(c))
-            for weights in made
-            if isinstance(weights, Mapping)
-            for name, c in weights.items()
-            if name in self.copied
-        ]
-        return max([1.0, *sizes])
+        weights = [pair for linear in made if isinstance(linear, Mapping) for pair in linear.items()]
+        return max([1.0, *(abs(float(c)) for name, c in weights if name in self.copied)])
 
     def breaks(self) -> list[tuple[float, float]]:
         """Instants at which a signal or a term jumps or bends: the last double before, the first after."""
@@ -217,13 +194,10 @@ def is_constant(name: str, definitions: Mapping[str, Definition]) -> bool:
     if name == UNIT:
         return True
     made = definitions.get(name)
-    if made is None:
+    term = isinstance(made, Expression)
+    if made is None or (isinstance(made, Expression) and not is_zero(made.derivative("t"))):
         return False
-    if isinstance(made, Expression) and not is_zero(made.derivative("t")):
-        return False
-    return all(
-        is_constant(other, definitions) for other in needs(made) if other != "t" or not isinstance(made, Expression)
-    )
+    return all(is_constant(other, definitions) for other in needs(made) if other != "t" or not term)
 
 
 @dataclass(frozen=True)

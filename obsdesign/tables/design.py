@@ -1,16 +1,19 @@
-"""Results as text."""
+"""Results as text, and points of a search: curves over one parameter, trade-offs over a weight, surfaces over both."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from obsdesign.families import FAMILIES
-from obsdesign.tables.search import certified, search_rows
 from obsdesign.tables.text import limit_text
 
+QUANTITIES = ("lipschitz", "gamma")
+LONGEST = 60  # points that are listed one by one
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
 
+Rows = list[tuple[str, str]]
 
-def design_rows(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+
+def design_rows(content: Mapping[str, Any]) -> Rows:
     """What an engineer wants to know of a result, from the result file."""
     rows = [("problem", content["name"]), ("status", content["status"])]
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
@@ -25,7 +28,7 @@ def design_rows(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows + [("note", note) for note in content.get("notes", [])]
 
 
-def background(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
+def background(claimed: Mapping[str, Any]) -> Rows:
     """What bounds the limit, and what the relaxations cost."""
     rows = []
     if "widened" in claimed:
@@ -50,13 +53,13 @@ def compared(row: Mapping[str, Any]) -> str:
     return "   ".join(parts)
 
 
-def limits(claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
+def limits(claimed: Mapping[str, Any]) -> Rows:
     """Limits of the objective."""
     known = ((name, limit_text(claimed.get(key, {}))) for key, name in LIMITS.items())
     return [(name, text) for name, text in known if text]
 
 
-def proof(certificate: Mapping[str, Any]) -> list[tuple[str, str]]:
+def proof(certificate: Mapping[str, Any]) -> Rows:
     """What was proved in one line, led by the main inequality, and each condition that was not."""
     checks = list(conditions(certificate))
     held = [check["name"] for check in checks if check["holds"]]
@@ -73,3 +76,89 @@ def conditions(certificate: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     for part in certificate.values():
         if isinstance(part, Mapping):
             yield from conditions(part)
+
+
+def search_rows(search: Mapping[str, Any]) -> Rows:
+    """Points of a search, in the form that fits them."""
+    weighed = any("weight" in point for point in search.get("points", []))
+    return front(search) if weighed else list(curves(search))
+
+
+def curves(search: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Points of a search, or of each of its curves."""
+    parameter = search.get("parameter", "alpha")
+    for curve in search.get("curves", [{"points": search.get("points", [])}]):
+        if "injection" in curve:
+            yield "curve", f"{curve['injection']}, {curve['relaxation']}"
+        yield from (("curve", f"{parameter} {p[parameter]:<10.4g} {reached(p)}") for p in curve["points"])
+
+
+def reached(point: Mapping[str, Any]) -> str:
+    """One point of a curve."""
+    if "gamma" not in point:
+        return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
+    proved = point.get("certified")
+    return f"gamma {point['gamma']:.6g}" + (
+        f"   certified {proved['gamma']:.6g}, |L| = {proved['L']:.4g}" if proved else ""
+    )
+
+
+def front(search: Mapping[str, Any]) -> Rows:
+    """Points of a curve, or a summary of a surface."""
+    points, parameters = search["points"], search.get("parameters", [search["parameter"]])
+    if len(points) > LONGEST:
+        return summary(points, parameters)
+    at = (", ".join(f"{key} {point[key]:<7.4g}" for key in parameters) for point in points)
+    return [("curve", f"{where} {shown(point)}") for where, point in zip(at, points, strict=True)]
+
+
+def shown(point: Mapping[str, Any]) -> str:
+    """One point."""
+    if not solvable(point):
+        return str(point["status"])
+    parts = [quantities(point)]
+    parts += [f"certified {certified(point['certified'])}"] if "certified" in point else [str(point["status"])]
+    parts += [] if point.get("attained", True) else ["not attained"]
+    return "   ".join([*parts, *(["corner"] if point.get("corner") else [])])
+
+
+def summary(points: Sequence[Mapping[str, Any]], parameters: Sequence[str]) -> Rows:
+    """Many points in a few lines: how many are certified, between what, and where there are none."""
+    proved = [point["certified"] for point in points if "certified" in point]
+    absent = [point for point in points if not solvable(point)]
+    hidden = sum(not point.get("attained", True) for point in points)
+    rows = [("surface", f"{len(points)} points, {between(points, parameters)}: {len(proved)} certified")]
+    rows += [("certified", between(proved, (*QUANTITIES, "L")))] if proved else []
+    rows += [("not attained", f"at {hidden} of them")] if hidden else []
+    return rows + ([("no solution", f"at {len(absent)} of them, {between(absent, parameters)}")] if absent else [])
+
+
+def between(points: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
+    """Ranges of what points hold."""
+    columns = {key: [point[key] for point in points if key in point] for key in keys}
+    return ", ".join(f"{label(key)} {span(min(c), max(c))}" for key, c in columns.items() if c)
+
+
+def span(low: float, high: float) -> str:
+    """Range in words."""
+    return f"{low:.4g} to {high:.4g}" if low < high else f"{low:.4g}"
+
+
+def solvable(point: Mapping[str, Any]) -> bool:
+    """Whether a point has a limit: of what has no weight in it there is none."""
+    return any(key in point for key in QUANTITIES)
+
+
+def certified(numbers: Mapping[str, float]) -> str:
+    """What a gain is proved to achieve, and its size."""
+    return f"{quantities(numbers)}, |L| = {numbers['L']:.4g}"
+
+
+def quantities(numbers: Mapping[str, float]) -> str:
+    """Lipschitz constant and gamma, whichever there are."""
+    return ", ".join(f"{key} {numbers[key]:.6g}" for key in QUANTITIES if key in numbers)
+
+
+def label(key: str) -> str:
+    """Name of a quantity in a table."""
+    return "|L|" if key == "L" else key
