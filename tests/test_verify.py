@@ -12,7 +12,7 @@ from support.forging import put, with_spec
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.files import ResultFile
 from obsdesign.reading import load
 from obsdesign.work import verify

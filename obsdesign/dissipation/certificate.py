@@ -44,23 +44,14 @@ def certify(
 ) -> Certificate:
     """Check every condition of the claim exactly.
 
-    Parameters
-    ----------
-    family
-        Plant, multiplier, alpha and both gains, in rationals.
-    gamma, mu1, mu2
-        The claim, such as |z|_2 <= gamma |v|_2 from zero error, and the numbers that prove it.
-    values
-        P and the multipliers, in rationals.
-    largest
-        Bound on the eigenvalues of P, if the spec has one.
+    `family`: plant, multiplier, alpha and both gains, in rationals; `gamma`, `mu1`, `mu2`: the claim, such as |z|_2 <=
+    gamma |v|_2 from zero error, and the numbers that prove it; `values`: P and the multipliers, in rationals;
+    `largest`: bound on the eigenvalues of P, if the spec has one.
     """
-    bounded = (
-        [] if largest is None else [Inequality(SMALL, values["P"] - largest * identity(len(values["P"]), values["P"]))]
-    )
+    P, plant = values["P"], family.plant
+    bounded = [] if largest is None else [Inequality(SMALL, P - largest * identity(len(P), P))]
     proved = prove([*family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}), *bounded])
-    plant = family.plant
-    margin = family.level_margin(gamma, mu1, mu2)
+    margin = family.about.margin(gamma, mu1, mu2)
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     conditions = (
         *proved,
@@ -72,7 +63,7 @@ def certify(
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
-    return Certificate(type(family), family.alpha, gamma, mu1, mu2, values["P"], multipliers, conditions)
+    return Certificate(type(family), family.alpha, gamma, mu1, mu2, P, multipliers, conditions)
 
 
 def rate(family: Incremental) -> Check:

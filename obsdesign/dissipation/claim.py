@@ -42,7 +42,8 @@ def claim(
         values = complete(
             lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
         )
-        certificate = certify(family, level, fmpq(1), mu, family.unscaled(values, mu), largest)
+        values = {name: value / solved["mu1"].item() for name, value in values.items()}
+        certificate = certify(family, level, fmpq(1), mu, values, largest)
         if certificate.holds:
             break
     return certificate

@@ -70,12 +70,7 @@ def small_gains(
 ) -> Iterator[tuple[Incremental, Values]]:
     """Families with both gains, of small norm and in more and more digits, and the P and scales they come from.
 
-    Parameters
-    ----------
-    family
-        In rationals; L2 may be free.
-    gamma
-        Level to reach, with some room.
+    `family`: in rationals; L2 may be free; `gamma`: level to reach, with some room.
     """
     for fixed in with_L2(engine, family, gamma, bounds):
         values = smallest(engine, in_floats(fixed), gamma, bounds)

@@ -91,19 +91,8 @@ class Front(ABC):
         """Least constant."""
         return float(self.study.declared)
 
-    @property
-    def restricted(self) -> bool:
-        """Whether there are bounds."""
-        return self.bounds.L1 is not None or self.bounds.floor is not None
-
     def endless(self, weight: float, gamma: float) -> Optimum:
-        """Limit where the constant grows without end.
-
-        Raises
-        ------
-        UsageError
-            Nothing bounds the gain.
-        """
+        """Limit where the constant grows without end. Raises `UsageError`: nothing bounds the gain."""
         if not self.study.restricted:
             raise unlimited(self.study)
         return Optimum(weight, math.inf, gamma, attained=False)
@@ -123,7 +112,7 @@ class Direct(Front):
 
     def gains(self, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
         """Those of the largest least eigenvalue of P, where nothing is bounded, before those of small norm."""
-        if not self.restricted:
+        if not self.bounds.restricted:
             family = self.family(float(constant) * (1 + ROOM))
             answer = self.study.engine.minimise(largest_floor(family, gamma * (1 - ROOM)))
             for L1 in rounded_gains(answer.values, self.bounds) if answer.status is Status.OPTIMAL else ():
@@ -141,7 +130,7 @@ class Direct(Front):
 
     def optimum(self, weight: float, start: Values | None = None) -> Optimum | Status:
         """One problem; at the weight 1 over all gains the closed form."""
-        if weight == 1 and not self.restricted:
+        if weight == 1 and not self.bounds.restricted:
             most = self.supremum.value
             return Optimum(weight, most, math.inf, attained=False) if most < math.inf else self.endless(1.0, math.inf)
         answer = self.solved(weight, start)
@@ -192,7 +181,7 @@ class Searched(Front):
     def largest(self) -> float:
         """Supremum of the constant within the bounds."""
         low, high = self.declared, self.supremum.value
-        if not self.restricted:
+        if not self.bounds.restricted:
             return high
         high = min(high, UNBOUNDED * max(low, 1.0))
         return edge(lambda constant: self.gamma(constant) < math.inf, low, high, EDGE)
@@ -222,7 +211,7 @@ class Searched(Front):
         """Limit for the weight 1."""
         if self.largest == math.inf:
             return self.endless(1.0, math.inf)
-        if self.restricted and out_of_bounds(self.at(self.largest)):
+        if self.bounds.restricted and out_of_bounds(self.at(self.largest)):
             return Status.INFEASIBLE
         return Optimum(1.0, self.largest, math.inf, attained=False)
 

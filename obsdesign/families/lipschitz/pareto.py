@@ -84,13 +84,7 @@ def weighed(study: Study) -> Outcome:
 
 
 def certain(found: Optimum | Status, weight: float) -> Optimum:
-    """Limit for a weight.
-
-    Raises
-    ------
-    UndecidedError
-        It was not found.
-    """
+    """Limit for a weight. Raises `UndecidedError`: it was not found."""
     if isinstance(found, Status):
         raise UndecidedError(f"the least objective for the weight {weight:g} was not found: {found}")
     return found
@@ -162,13 +156,7 @@ def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
 
 
 def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
-    """Answer that no point has a solution.
-
-    Raises
-    ------
-    UndecidedError
-        There may be one.
-    """
+    """Answer that no point has a solution. Raises `UndecidedError`: there may be one."""
     if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
     blocked = study.obstacle()

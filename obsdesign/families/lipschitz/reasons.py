@@ -23,16 +23,9 @@ ELSEWHERE = "; s-procedure and norm-bound need no such thing"
 def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str) -> Diagnosis:
     """Answer that no gain will do, from closed forms where there are any; empty if nothing stands in the way.
 
-    Parameters
-    ----------
-    engine
-        Solves for the limits that have no closed form.
-    unit
-        The family for the constant 1, at the least decay that is asked for.
-    request
-        Objective and declared constants: max-lipschitz needs detectability only.
-    relaxation
-        One of `RELAXATIONS`.
+    `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least decay
+    that is asked for; `request`: objective and declared constants: max-lipschitz needs detectability only;
+    `relaxation`: one of `RELAXATIONS`.
     """
     fixed = in_floats(unit)  # f = 0 is in the class
     found = hidden_mode(fixed.plant, fixed.multiplier.member, fixed.alpha)

@@ -9,7 +9,7 @@ import numpy as np
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
-from obsdesign.dissipation.inequality import LARGE, ONE
+from obsdesign.dissipation.inequality import ONE
 from obsdesign.dissipation.scan import edge, strides
 from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Unstructured
@@ -79,34 +79,20 @@ class Stretch:
         """Minimise the objective, in one unknown xi."""
         family = self.family.stretched(self.scale)
         rates = self.by_norm if isinstance(family, Unstructured) else self.by_scale
-        limited = family.gain_unknowns("t", bounds) if bounds.L1 is not None else []
 
         def inequalities(v: Values) -> list[Inequality]:
-            rows = rates(family, {**v, "Y": v["Y"] if family.L1 is None else v["P"] @ family.L1})
-            return [*rows, *self.within(v, bounds)]
+            return [*rates(family, {**v, "Y": family.injected(v)}), *family.within(v, bounds)]
 
-        gains = [] if family.L1 is not None else [Unknown("Y", family.plant.C.mT.shape)]
-        unknowns = (Unknown("P", family.plant.A.shape, symmetric=True), *gains, Unknown("xi", (1, 1)), *limited)
+        p, limited = family.plant, family.gain_unknowns(bounds)
+        gains = [] if family.L1 is not None else [Unknown("Y", p.C.mT.shape)]
+        unknowns = (Unknown("P", p.A.shape, symmetric=True), *gains, Unknown("xi", (1, 1)), *limited)
         return Problem(unknowns, inequalities, lambda v: v["xi"])
-
-    def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
-        """Bounds on P and on L1."""
-        rows = []
-        if bounds.floor is not None:
-            rows.append(Inequality(LARGE, float(bounds.floor) * self.family.eye - v["P"]))
-        if bounds.L1 is not None:
-            rows += self.family.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
-        return rows
 
     def by_norm(self, family: Lipschitz, v: Values) -> list[Inequality]:
         """X < -I and P <= xi / (2 l) I."""
         assert isinstance(family, Unstructured)
-        small = 2 * family.lipschitz * v["P"] - v["xi"] * family.eye
-        return [
-            family.convergence(v, ONE),
-            Inequality("2 l P <= xi I", small),
-            Inequality("P > 0", -v["P"], strict=True),
-        ]
+        small = Inequality("2 l P <= xi I", 2 * family.lipschitz * v["P"] - v["xi"] * family.eye)
+        return [family.convergence(v, ONE), small, Inequality("P > 0", -v["P"], strict=True)]
 
     def by_scale(self, family: Lipschitz, v: Values) -> list[Inequality]:
         """[X + Cq'M11 Cq, P Bf; ., -xi I] <= 0."""
@@ -137,10 +123,9 @@ class Stretch:
     def feasible(self, constant: float, bounds: Bounds) -> Answer:
         """Point of largest margin at a constant, within bounds."""
         problem = self.family.stretched(constant).witness(1.0)
-        limited = self.family.gain_unknowns("t", bounds) if bounds.L1 is not None else []
         within = replace(
             problem,
-            unknowns=(*problem.unknowns, *limited),
-            inequalities=lambda v: (*problem.inequalities(v), *self.within(v, bounds)),
+            unknowns=(*problem.unknowns, *self.family.gain_unknowns(bounds)),
+            inequalities=lambda v: (*problem.inequalities(v), *self.family.within(v, bounds)),
         )
         return self.engine.widest(within)

@@ -68,7 +68,7 @@ class Study:
     @property
     def restricted(self) -> bool:
         """Whether anything but gamma is bounded."""
-        return self.bounds.L1 is not None or self.bounds.floor is not None
+        return self.bounds.restricted
 
     @property
     def closed(self) -> bool:
@@ -105,12 +105,8 @@ class Study:
     ) -> Claim | None:
         """Proof that a gain (in rationals) tolerates a constant, with a gamma; None if there is none.
 
-        Parameters
-        ----------
-        gamma
-            Level to prove; None for nearly the least that the gain has.
-        values
-            A solution of the relaxation for about this gain, constant and gamma: it may be the proof already.
+        `gamma`: level to prove; None for nearly the least that the gain has; `values`: a solution of the relaxation for
+        about this gain, constant and gamma: it may be the proof already.
         """
         family = replace(self.unit, L1=-L).stretched(constant)
         if not self.disturbed:

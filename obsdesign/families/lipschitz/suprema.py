@@ -39,19 +39,9 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
     It is attained where the storage function of the optimum is regular and the rate is positive (at the rate 0 the
     inequality is strict). With several blocks that is not known, as it takes finite scales too, and never claimed.
 
-    Parameters
-    ----------
-    engine
-        Solves where there is no closed form.
-    unit
-        The family for the constant 1.
-    relaxation
-        "s-procedure"; or "norm-bound" or "abbaszadeh", which are the same here: Theorems 1 and 2.
-
-    Raises
-    ------
-    UndecidedError
-        The reduced problem was not solved.
+    `engine`: solves where there is no closed form; `unit`: the family for the constant 1; `relaxation`: "s-procedure";
+    or "norm-bound" or "abbaszadeh", which are the same here: Theorems 1 and 2. Raises `UndecidedError`: the reduced
+    problem was not solved.
     """
     if relaxation == "s-procedure":
         return by_scales(engine, in_floats(unit))
@@ -126,13 +116,7 @@ def widened(engine: Engine, core: Core, value: float) -> float:
 
 
 def optimum(engine: Engine, problem: Problem) -> Answer:
-    """Optimum of a reduced problem.
-
-    Raises
-    ------
-    UndecidedError
-        It was not solved.
-    """
+    """Optimum of a reduced problem. Raises `UndecidedError`: it was not solved."""
     answer = engine.minimise(problem, precise=True)
     if answer.status is not Status.OPTIMAL:
         raise UndecidedError("the largest Lipschitz constant over all gains was not found: its problem was not solved")
