@@ -16,11 +16,11 @@ from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_g
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import Level, cancelled, falling, unbounded
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.incremental.absence import why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim
 from obsdesign.families.incremental.decay import Decay, Point
 from obsdesign.families.incremental.extent import largest_class
-from obsdesign.families.incremental.reasons import why_not
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import request_of

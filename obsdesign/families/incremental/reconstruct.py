@@ -81,8 +81,5 @@ def slope_proof(engine: Engine, slope: Slope) -> SlopeProof | None:
     square = np.full((1, 1), bound**2)
     wide = engine.widest(Problem(slope.unknowns, lambda v: theorem({**v, "square": square})))
     exact = rational_number(repr(bound))
-    for digits in DIGITS:
-        proof = prove_slope(slope, exact, rounded(wide.values, digits))
-        if proof.holds:
-            return proof
-    return None
+    tried = (prove_slope(slope, exact, rounded(wide.values, digits)) for digits in DIGITS)
+    return next((proof for proof in tried if proof.holds), None)

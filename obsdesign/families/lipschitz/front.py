@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.gain import ROOM, bounded, rounded_gains, within
 from obsdesign.dissipation.inequality import LARGE, ONE
 from obsdesign.dissipation.scan import Minimum, edge
@@ -72,7 +72,7 @@ class Front(ABC):
     """Limits of one relaxation at one decay, over the gains within bounds."""
 
     study: Study
-    bounds: Bounds = field(default_factory=Bounds)  # not on gamma
+    bounds: Bounds = NO_BOUNDS  # not on gamma
 
     @abstractmethod
     def optimum(self, weight: float, start: Values | None = None) -> Optimum | Status:

@@ -27,11 +27,8 @@ def tolerated(study: Study, L: Array) -> tuple[float, Claim | None]:
         return 0.0, None
     limit = stretch.constant(answer)
     most = BEYOND * max(float(study.declared), 1.0) if limit == math.inf else limit
-    for backoff in BACKOFFS:
-        proved = study.proved(L, printed(round_down(most * (1 - backoff), 6)))
-        if proved:
-            return limit, proved
-    return limit, None
+    tried = (study.proved(L, printed(round_down(most * (1 - backoff), 6))) for backoff in BACKOFFS)
+    return limit, next((proved for proved in tried if proved), None)
 
 
 def largest_of(study: Study, L: Array) -> Outcome:

@@ -8,10 +8,9 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
-from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, seen, theorem2
+from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reasons import hidden_mode
 from obsdesign.lmi.formula import in_floats
@@ -39,7 +38,7 @@ def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation:
 
 def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:
     """Answer that Theorem 3 divides by the constant; empty if it can. In Theorem 4 it is free."""
-    if declared * norm_of(in_floats(unit)) or objective != "min-gamma":
+    if declared * in_floats(unit).lipschitz or objective != "min-gamma":
         return {}
     return {
         "condition": "lipschitz",
@@ -52,7 +51,7 @@ def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagno
 
 def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagnosis:
     """Answer that Theorems 3 and 4 have no solution for any constant; empty if they have."""
-    h, best = seen(in_floats(unit)), theorem2(engine, unit).value
+    h, best = in_floats(unit).seen, theorem2(engine, unit).value
     room = 2 * (1 - h) * best
     if h < 1 < room:
         return {}

@@ -113,6 +113,17 @@ class Lipschitz(L2):
         blocks = tuple(replace(b, M11=factor * factor * b.M11) for b in self.multiplier.scaled_blocks())
         return replace(self, multiplier=Multiplier(blocks))
 
+    @property
+    def lipschitz(self) -> float:
+        """Constant l = |Bf| |diag(l_i) Cq|, by which f as a whole is known; in doubles."""
+        root = np.sqrt(block_diagonal([b.M11 for b in self.multiplier.scaled_blocks()]))  # diagonal: l_i^2 I
+        return float(np.linalg.norm(self.plant.Bf, 2) * np.linalg.norm(root @ self.plant.Cq, 2))
+
+    @property
+    def seen(self) -> float:
+        """Return h = sigma(H)^2, in doubles."""
+        return float(np.linalg.norm(self.H, 2)) ** 2 if self.H.size else 0.0
+
 
 class Unstructured(Lipschitz):
     """What knows f by one constant l, |Bf df| <= l |e|; in doubles."""
@@ -123,17 +134,6 @@ class Unstructured(Lipschitz):
     def auxiliary(self) -> tuple[Unknown, ...]:
         """The scalars."""
         return tuple(Unknown(name, (1, 1)) for name in self.further)
-
-    @property
-    def lipschitz(self) -> float:
-        """Constant l = |Bf| |diag(l_i) Cq|."""
-        root = np.sqrt(block_diagonal([b.M11 for b in self.multiplier.scaled_blocks()]))  # diagonal: l_i^2 I
-        return float(np.linalg.norm(self.plant.Bf, 2) * np.linalg.norm(root @ self.plant.Cq, 2))
-
-    @property
-    def seen(self) -> float:
-        """Return h = sigma(H)^2."""
-        return float(np.linalg.norm(self.H, 2)) ** 2 if self.H.size else 0.0
 
     @property
     def injection(self) -> None:

@@ -11,7 +11,6 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.dissipation.scan import edge, strides
-from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Unstructured
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, Values
 from obsdesign.lmi.solve import Answer, Status
@@ -42,7 +41,7 @@ class Stretch:
     @cached_property
     def scale(self) -> float:
         """Constant of f that is as large as the dynamics are fast, so that units do not matter."""
-        p, whole = self.family.plant, norm_of(self.family)
+        p, whole = self.family.plant, self.family.lipschitz
         rate = float(np.linalg.norm(p.A + self.family.alpha * self.family.eye, 2))
         return rate / whole if rate and whole else 1.0
 

@@ -10,8 +10,8 @@ from flint import fmpq_mat
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
-from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, norm_of, regular, unstructured
-from obsdesign.families.lipschitz.relaxations import Lipschitz, NormBound
+from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, regular, unstructured
+from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Array, Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
@@ -45,7 +45,7 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
     """
     if relaxation == "s-procedure":
         return by_scales(engine, in_floats(unit))
-    limit, whole = theorem2(engine, unit), norm_of(in_floats(unit))
+    limit, whole = theorem2(engine, unit), in_floats(unit).lipschitz
     if whole or not limit.value:
         return replace(limit, value=limit.value and limit.value / whole)
     return Supremum(inf, closed=EVERY)
@@ -132,7 +132,7 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
     """
     if relaxation != "abbaszadeh":
         return largest_constant(engine, unit, relaxation)
-    limit, whole, h = theorem2(engine, unit), norm_of(in_floats(unit)), seen(in_floats(unit))
+    limit, whole, h = theorem2(engine, unit), in_floats(unit).lipschitz, in_floats(unit).seen
     if h >= 1 or not limit.value:
         return Supremum(0.0, closed="sigma(H) >= 1" if h >= 1 else limit.closed)
     excess = 2 * (1 - h) * limit.value - 1
@@ -140,11 +140,6 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
         return Supremum(inf, closed=EVERY)
     value = excess / (h + sqrt(h * h + excess)) / whole if excess > 0 else 0.0
     return Supremum(value, closed=GAMMA + (limit.closed or "limit of Theorem 2"))
-
-
-def seen(unit: Lipschitz) -> float:
-    """Return h = sigma(H)^2, in doubles."""
-    return float(NormBound(unit.plant, unit.multiplier, unit.H, unit.alpha).seen)
 
 
 def ceiling(unit: Lipschitz) -> float | None:
@@ -156,7 +151,7 @@ def ceiling(unit: Lipschitz) -> float | None:
     fixed = in_floats(unit)
     if not unstructured(fixed) or not Unseen.of(fixed).order:
         return None
-    return least_undetecting(fixed) / norm_of(fixed)
+    return least_undetecting(fixed) / fixed.lipschitz
 
 
 def cancels(plant: Plant[Exact]) -> bool:
