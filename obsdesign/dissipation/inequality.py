@@ -141,6 +141,7 @@ class Incremental(ABC):
         M12 = block_diagonal([b.M12 for b in blocks])
         M22 = block_diagonal([s * b.M22 for s, b in zip(scale, blocks, strict=True)])
         U = free_factor(self.multiplier)
+        tau = block_diagonal([s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)])
         Ge, Gf, Gv = (self.argument(v, *pair) for pair in ((p.Cq, p.C), (p.Dqf, p.Df), (-p.Dq, -p.D)))
         return symmetric(
             [
@@ -152,11 +153,7 @@ class Incremental(ABC):
                 ],
                 [he(Gf.mT @ M12) + M22, M12.mT @ Gv, Gf.mT @ U],
                 [-m * identity(p.B.shape[1], p.B), Gv.mT @ U],
-                [
-                    -block_diagonal(
-                        [s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)]
-                    )
-                ],
+                [-tau],
             ]
         )
 
@@ -244,14 +241,11 @@ class Incremental(ABC):
         if self.L2 is not None:
             return []
         mean = np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
-        return [
-            Inequality(name, bound)
-            for u in self.multiplier.unknowns()
-            for name, bound in (
-                (f"{u.name} > 0", LEAST_SCALE * mean - v[u.name]),
-                (f"{u.name} bounded", v[u.name] - LARGEST_SCALE * mean),
-            )
-        ]
+        rows = []
+        for name in (u.name for u in self.multiplier.unknowns()):
+            rows.append(Inequality(f"{name} > 0", LEAST_SCALE * mean - v[name]))
+            rows.append(Inequality(f"{name} bounded", v[name] - LARGEST_SCALE * mean))
+        return rows
 
     def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
         """P >= floor I; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.

@@ -114,7 +114,13 @@ class Direct(Front):
         """Those of the largest least eigenvalue of P, where nothing is bounded, before those of small norm."""
         if not self.bounds.restricted:
             family = self.family(float(constant) * (1 + ROOM))
-            answer = self.study.engine.minimise(largest_floor(family, gamma * (1 - ROOM)))
+            highest = family.problem(  # P >= -t I, at a gamma: Theorem 4 keeps P bounded
+                [Unknown("t", (1, 1))],
+                lambda v: {**v, **family.weights((gamma * (1 - ROOM)) ** 2 * ONE)},
+                lambda v: [Inequality(LARGE, -v["t"] * family.eye - v["P"])],
+                minimise="t",
+            )
+            answer = self.study.engine.minimise(highest)
             for L1 in rounded_gains(answer.values, self.bounds) if answer.status is Status.OPTIMAL else ():
                 yield -L1, self.study.proved(-L1, constant, gamma, answer.values)
         yield from super().gains(constant, gamma)
@@ -224,16 +230,6 @@ class Searched(Front):
 
         costs = {constant: cost(constant) for constant in self.grid}
         return Minimum(cost, grid[0], grid[-1], SHARP, 12, costs).between(grid[max(best - 1, 0)], grid[best + 1])[0]
-
-
-def largest_floor(family: Lipschitz, gamma: float) -> Problem:
-    """Minimise t, P >= -t I, at a gamma: Theorem 4 keeps P bounded."""
-    return family.problem(
-        [Unknown("t", (1, 1))],
-        lambda v: {**v, **family.weights(gamma**2 * ONE)},
-        lambda v: [Inequality(LARGE, -v["t"] * family.eye - v["P"])],
-        minimise="t",
-    )
 
 
 def front(study: Study, bounds: Bounds) -> Front:

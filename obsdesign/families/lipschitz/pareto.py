@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, Range
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, Range
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import size_of
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
@@ -60,7 +60,7 @@ def weighed(study: Study) -> Outcome:
     """Design for one weight: the limit over all gains, the one within the bounds, a small gain and its proof."""
     assert isinstance(study.request.weight, fmpq)
     weight = float(study.request.weight)
-    best = certain(front(study, Bounds()).optimum(weight), weight)
+    best = certain(front(study, NO_BOUNDS).optimum(weight), weight)
     limits: dict[str, Any] = {"limit": best.numbers}
     inner = front(study, study.bounds)
     if study.restricted:

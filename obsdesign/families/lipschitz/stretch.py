@@ -70,10 +70,6 @@ class Stretch:
         """Whether the largest constant is one problem."""
         return self.power == 1 or len(self.family.multiplier.blocks) == 1
 
-    def wide(self, constant: float) -> Answer:
-        """Point of largest margin at a constant, within no bounds."""
-        return self.engine.widest(self.family.stretched(constant).witness(1.0))
-
     def problem(self, bounds: Bounds) -> Problem:
         """Minimise the objective, in one unknown xi."""
         family = self.family.stretched(self.scale)

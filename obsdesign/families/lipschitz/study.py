@@ -82,15 +82,12 @@ class Study:
 
     def attenuation(self, constant: float, kind: type[Lipschitz] | None = None, L: Array | None = None) -> Lipschitz:
         """Inequalities of the relaxation with w and z for a constant, in doubles; for a gain in rationals, or any."""
-        family = replace(recast(self.unit, kind or KINDS[self.relaxation]), L1=None if L is None else -L)
-        return in_floats(family).stretched(constant)
+        return in_floats(recast(self.unit, kind or KINDS[self.relaxation], L)).stretched(constant)
 
     def stretch(self, L: Array | None = None) -> Stretch:
         """Search for the largest constant, without w and z, for a gain or over all."""
         kind = Lipschitz if self.relaxation == "s-procedure" else NormBound
-        return Stretch(
-            self.engine, in_floats(replace(recast(self.unit, kind), L1=None if L is None else -L).undisturbed())
-        )
+        return Stretch(self.engine, in_floats(recast(self.unit, kind, L).undisturbed()))
 
     def proved(
         self, L: Array, constant: fmpq, gamma: float | None = None, values: Values | None = None
@@ -150,6 +147,6 @@ def out_of_bounds(answer: Answer) -> bool:
     )
 
 
-def recast(family: Lipschitz, kind: type[K]) -> K:
-    """Same problem in another relaxation."""
-    return kind(family.plant, family.multiplier, family.H, family.alpha, family.L1, family.L2)
+def recast(unit: Lipschitz, kind: type[K], L: Array | None = None) -> K:
+    """Same problem in another relaxation, for a gain in rationals, or any."""
+    return kind(unit.plant, unit.multiplier, unit.H, unit.alpha, None if L is None else -L, unit.L2)

@@ -1,6 +1,5 @@
 """Suprema of the Lipschitz constant over all gains, without the gain; a closed form wherever there is one."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 
@@ -12,7 +11,7 @@ from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, regular, unstructured
 from obsdesign.families.lipschitz.relaxations import Lipschitz
-from obsdesign.lmi.formula import Array, Exact, Problem, in_floats
+from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
@@ -89,12 +88,6 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     return Supremum(value, attainable and regular(answer.values["P"]))
 
 
-def with_scales(engine: Engine, core: Core, scales: Sequence[Array]) -> float:
-    """Largest constant for scales; 0 if it was not found."""
-    answer = engine.minimise(core.largest(scales / np.max(scales)))
-    return core.constant(answer.objective) if answer.status is Status.OPTIMAL else 0.0
-
-
 def widened(engine: Engine, core: Core, value: float) -> float:
     """Largest constant of several blocks over their scales, from that for equal scales.
 
@@ -103,9 +96,11 @@ def widened(engine: Engine, core: Core, value: float) -> float:
     """
     step = ACCURACY
     while value:
-        wider = engine.widest(core.admissible(value * (1 + step)))
-        scales = [wider.values[name] for name in core.scales] if wider.status is Status.OPTIMAL else []
-        better = with_scales(engine, core, scales) if scales else 0.0
+        better, answer = 0.0, engine.widest(core.admissible(value * (1 + step)))
+        if answer.status is Status.OPTIMAL:
+            scales = np.array([answer.values[name] for name in core.scales])
+            answer = engine.minimise(core.largest(scales / np.max(scales)))
+            better = core.constant(answer.objective) if answer.status is Status.OPTIMAL else 0.0
         if better > value * (1 + step / 2):
             value, step = better, min(8 * step, 1.0)
         elif step > ACCURACY:
