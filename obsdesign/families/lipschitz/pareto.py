@@ -168,11 +168,11 @@ def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
     for weight in map(float, weights):
         study.engine.report(0.5, f"weight = {weight:.4g}, decay = {decay:.4g}")
         best = line.optimum(weight, start)
+        spot = Spot(weight, decay, best)
         if isinstance(best, Optimum):
             start = best.values or start
-            spots.append(shipped(line, best, Spot(weight, decay, best)))
-        else:
-            spots.append(Spot(weight, decay, best))
+            spot = shipped(line, best, spot)
+        spots.append(spot)
     same = [alike(one.optimum, other.optimum) for one, other in pairwise(spots)]
     for spot, before, after in zip(spots, [False, *same], [*same, False], strict=True):
         yield replace(spot, corner=before or after)

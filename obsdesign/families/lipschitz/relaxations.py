@@ -84,6 +84,7 @@ class Lipschitz(L2):
         level="mu <= gamma^2",
         zero_decay=True,
     )
+    power: ClassVar[int] = 2  # xi of `converging` is the constant to minus this
 
     @classmethod
     def of(
@@ -124,10 +125,19 @@ class Lipschitz(L2):
         """Return h = sigma(H)^2, in doubles."""
         return float(np.linalg.norm(self.H, 2)) ** 2 if self.H.size else 0.0
 
+    def converging(self, v: Values) -> list[Inequality]:
+        """[X + Cq'M11 Cq, P Bf; ., -xi I] <= 0, of one block."""
+        (block,) = self.multiplier.scaled_blocks()
+        Cq = self.plant.Cq
+        forced = self.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
+        decrease = Inequality(self.about.decrease, forced, strict=not self.alpha)
+        return [decrease, Inequality("P > 0", -v["P"], strict=True)]
+
 
 class Unstructured(Lipschitz):
     """What knows f by one constant l, |Bf df| <= l |e|; in doubles."""
 
+    power = 1
     further: ClassVar[tuple[str, ...]]  # scalar unknowns besides P and the gain
 
     @property
@@ -139,6 +149,11 @@ class Unstructured(Lipschitz):
     def injection(self) -> None:
         """None: the gain enters two inequalities."""
         return
+
+    def converging(self, v: Values) -> list[Inequality]:
+        """X < -I and 0 < P <= xi / (2 l) I."""
+        small = Inequality("2 l P <= xi I", 2 * self.lipschitz * v["P"] - v["xi"] * self.eye)
+        return [self.convergence(v, ONE), small, Inequality("P > 0", -v["P"], strict=True)]
 
     def convergence(self, v: Values, a: Array) -> Inequality:
         """X < -a I."""
