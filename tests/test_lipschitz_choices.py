@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from flint import fmpq
-from obsdesign.families.dissipation.zero import Level
 from support.plants import plant, zeros
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.zero import Level
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.lipschitz.claim import Claim, needed
 from obsdesign.families.lipschitz.design import compared
