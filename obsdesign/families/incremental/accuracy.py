@@ -44,11 +44,14 @@ class Accurate:
     values: Values  # P, Y, F, the multiplier
     spare: float  # r
 
+    def weight(self, H: Array) -> float:
+        """Least h with |H e|^2 <= h V."""
+        return float(np.linalg.eigvalsh(H @ np.linalg.solve(self.values["P"], H.T)).max(initial=0.0))
+
     def L1(self, gamma: float, outputs: Sequence[Array]) -> Array:
-        """(28), for the level gamma of each output H e, with the least h for which |H e|^2 <= h V."""
+        """(28), for the level gamma of each output."""
         P, Y, F = self.values["P"], self.values["Y"], self.values["F"]
-        h = max(float(np.linalg.eigvalsh(H @ np.linalg.solve(P, H.T)).max(initial=0.0)) for H in outputs)
-        zeta = h / (4 * self.spare * gamma**2)
+        zeta = max(self.weight(H) for H in outputs) / (4 * self.spare * gamma**2)
         C = in_floats(self.family).plant.C
         return np.asarray(np.linalg.solve(P, Y - zeta * (F @ C).T @ F))
 
