@@ -164,7 +164,7 @@ def test_a_module_knows_no_family_but_its_own(path):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("simulate/run.py", "from obsdesign.families.incremental.linf import Linf"),
+        ("simulate/run.py", "from obsdesign.families.incremental.theorems import Linf"),
         ("families/sporadic/design.py", "from obsdesign.families.lipschitz.claim import Claim"),
         ("families/incremental/design.py", "from obsdesign.families.lipschitz.claim import Claim"),
         ("families/outcome.py", "from obsdesign.families.lipschitz.claim import Claim"),

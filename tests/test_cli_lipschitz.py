@@ -377,7 +377,7 @@ def test_a_dash_prints_the_file_and_nothing_else():
 
 @pytest.mark.parametrize(("outcome_of", "code"), [(interrupted, 130), (endless, 4)])
 def test_a_design_that_is_stopped_leaves_nothing_behind(monkeypatch, outcome_of, code):
-    monkeypatch.setattr("obsdesign.families.lipschitz.design.Designer.outcome", outcome_of)
+    monkeypatch.setattr("obsdesign.families.lipschitz.design.design", outcome_of)
     outcome, content = solved(SPEC, "--timeout", "1")
     assert outcome.exit_code == code
     assert len(outcome.stderr.splitlines()) == 1

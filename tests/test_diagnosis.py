@@ -10,8 +10,7 @@ from support.shipped import SPECS, shipped
 
 from obsdesign.families.incremental.absence import absence, refuted
 from obsdesign.families.incremental.extent import largest_class, reduced
-from obsdesign.families.incremental.l2 import L2
-from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.incremental.theorems import L2, THEOREMS
 from obsdesign.lmi.formula import in_floats, rational, rational_number
 from obsdesign.lmi.solve import Status, widest
 from obsdesign.reading import loads

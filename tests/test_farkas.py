@@ -11,8 +11,7 @@ from support.shipped import shipped
 from support.sweep import SWEEP, rng
 
 from obsdesign.families.incremental.absence import question, refuted
-from obsdesign.families.incremental.l2 import L2
-from obsdesign.families.incremental.linf import Linf
+from obsdesign.families.incremental.theorems import L2, Linf
 from obsdesign.lmi.faces import refutation, simplest
 from obsdesign.lmi.farkas import CONSTANT, check, constraints
 from obsdesign.lmi.formula import Inequality, Unknown, in_floats, rational, rational_number, symmetric

@@ -17,7 +17,7 @@ from obsdesign.dissipation.certificate import certify
 from obsdesign.dissipation.gain import searchable
 from obsdesign.dissipation.shift import shifted_plant, unshifted
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.formula import identity, in_floats, rational, rational_number
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.reduce import balance, reduce

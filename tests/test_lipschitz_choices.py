@@ -10,12 +10,12 @@ from support.plants import plant, zeros
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.zero import Level
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.finding import hidden_mode
 from obsdesign.families.lipschitz.claim import Claim, needed
-from obsdesign.families.lipschitz.compare import compared
+from obsdesign.families.lipschitz.design import compared
 from obsdesign.families.lipschitz.front import Optimum
-from obsdesign.families.lipschitz.min_gamma import Level
 from obsdesign.families.lipschitz.pareto import Spot, absent, alike, knee
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, lipschitz_multiplier
 from obsdesign.families.lipschitz.request import LipschitzRequest

@@ -9,7 +9,7 @@ import pytest
 from flint import fmpq
 from support.lipschitz import FRONT, PAIR, QUIET, QUIET_L, L, designed, written
 
-from obsdesign.families.lipschitz.compare import row
+from obsdesign.families.lipschitz.design import row
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.files import to_json
 from obsdesign.reading import loads

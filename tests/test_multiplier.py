@@ -13,7 +13,7 @@ from support.shipped import shipped
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.formula import Inequality, in_floats, rational
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.solve import Status, minimise

@@ -13,9 +13,7 @@ from support.commands import run
 
 from obsdesign.dissipation.certificate import certify
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.incremental.linf import Linf
 from obsdesign.families.incremental.reconstruct import slope_proof
-from obsdesign.families.incremental.reconstructed import prove_slope, reconstructed
 from obsdesign.families.incremental.reconstruction import (
     ARGUMENT,
     DRIFT,
@@ -26,8 +24,11 @@ from obsdesign.families.incremental.reconstruction import (
     left_inverse,
     levels,
     norm_above,
+    prove_slope,
+    reconstructed,
     slopes,
 )
+from obsdesign.families.incremental.theorems import Linf
 from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.reading import loads

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.running import simulate
 
-from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
+from obsdesign.families.lipschitz.relaxations import LipschitzGuarantee
 from obsdesign.plot.run import run_sheet
 from obsdesign.reading import loads
 

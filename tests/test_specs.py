@@ -7,8 +7,8 @@ from support.shipped import NAMES, on, shipped, solved
 
 from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.gain import searchable
-from obsdesign.families.incremental.l2 import L2
 from obsdesign.families.incremental.request import Request
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.lmi.solve import Status, minimise

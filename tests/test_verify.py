@@ -12,7 +12,7 @@ from support.forging import put, with_spec
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.files import ResultFile
 from obsdesign.reading import load
 from obsdesign.work import verify
@@ -28,7 +28,7 @@ def restated(content, **claim):
     """A content whose claim is changed, and whose statement says so."""
     content["guarantee"] |= claim
     g = content["guarantee"]
-    g["statement"] = L2.statement(float(g["gamma"]), float(g["alpha"]))
+    g["statement"] = L2.about.statement.format(gamma=repr(float(g["gamma"])), alpha=repr(float(g["alpha"])))
     return content
 
 

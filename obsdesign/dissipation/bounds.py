@@ -43,6 +43,14 @@ class Bounds:
     gamma: fmpq | None = None
     floor: fmpq | None = None  # P >= t I
 
+    @property
+    def restricted(self) -> bool:
+        """Whether anything but gamma is bounded."""
+        return (self.L1, self.P, self.floor) != (None, None, None)
+
+
+NO_BOUNDS = Bounds()
+
 
 class Conflicting(Protocol):
     """A request whose keys may not go together."""

@@ -44,27 +44,18 @@ def certify(
 ) -> Certificate:
     """Check every condition of the claim exactly.
 
-    Parameters
-    ----------
-    family
-        Plant, multiplier, alpha and both gains, in rationals.
-    gamma, mu1, mu2
-        The claim, such as |z|_2 <= gamma |v|_2 from zero error, and the numbers that prove it.
-    values
-        P and the multipliers, in rationals.
-    largest
-        Bound on the eigenvalues of P, if the spec has one.
+    `family`: plant, multiplier, alpha and both gains, in rationals; `gamma`, `mu1`, `mu2`: the claim, such as |z|_2 <=
+    gamma |v|_2 from zero error, and the numbers that prove it; `values`: P and the multipliers, in rationals;
+    `largest`: bound on the eigenvalues of P, if the spec has one.
     """
-    bounded = (
-        [] if largest is None else [Inequality(SMALL, values["P"] - largest * identity(len(values["P"]), values["P"]))]
-    )
+    P, plant, alpha, zero = values["P"], family.plant, family.alpha, family.about.zero_decay
+    bounded = [] if largest is None else [Inequality(SMALL, P - largest * identity(len(P), P))]
     proved = prove([*family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}), *bounded])
-    plant = family.plant
-    margin = family.level_margin(gamma, mu1, mu2)
+    margin = family.about.margin(gamma, mu1, mu2)
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     conditions = (
         *proved,
-        rate(family),
+        Check("decay >= 0" if zero else "alpha > 0", alpha > 0 or (zero and alpha == 0), approximate(alpha)),
         Check("mu1 > 0", mu1 > 0, approximate(mu1)),
         Check("gamma >= 0", gamma >= 0, approximate(gamma)),
         Check("mu2 >= 0", mu2 >= 0, approximate(mu2)),
@@ -72,11 +63,4 @@ def certify(
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
-    return Certificate(type(family), family.alpha, gamma, mu1, mu2, values["P"], multipliers, conditions)
-
-
-def rate(family: Incremental) -> Check:
-    """Whether the decay rate is positive, or not negative where the family allows zero."""
-    zero = family.about.zero_decay
-    allowed = family.alpha >= 0 if zero else family.alpha > 0
-    return Check("decay >= 0" if zero else "alpha > 0", allowed, approximate(family.alpha))
+    return Certificate(type(family), alpha, gamma, mu1, mu2, P, multipliers, conditions)

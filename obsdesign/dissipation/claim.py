@@ -1,7 +1,6 @@
 """From gains to a proved claim: the solver proposes P and the scales, rationals decide."""
 
 import math
-from collections.abc import Sequence
 
 from flint import fmpq
 
@@ -42,7 +41,8 @@ def claim(
         values = complete(
             lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
         )
-        certificate = certify(family, level, fmpq(1), mu, family.unscaled(values, mu), largest)
+        values = {name: value / solved["mu1"].item() for name, value in values.items()}
+        certificate = certify(family, level, fmpq(1), mu, values, largest)
         if certificate.holds:
             break
     return certificate
@@ -54,10 +54,9 @@ def best_claim(engine: Engine, family: Incremental) -> tuple[Status, Certificate
     if least.status is not Status.OPTIMAL:
         return least.status, None
     root = math.sqrt(max(least.objective, 0.0)) or 1e-9
-    claims: Sequence[float] = [round_up(root * (1 + backoff), 6) for backoff in BACKOFFS]
     certificate = None
-    for gamma in claims:
-        certificate = claim(engine, family, gamma)
+    for backoff in BACKOFFS:
+        certificate = claim(engine, family, round_up(root * (1 + backoff), 6))
         if certificate and certificate.holds:
             break
     return least.status, certificate

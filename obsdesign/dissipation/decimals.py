@@ -6,7 +6,7 @@ import math
 import numpy as np
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array, printed
+from obsdesign.lmi.formula import Array, printed, rational_number
 
 
 def significant(matrix: Array, digits: int) -> Array:
@@ -16,10 +16,15 @@ def significant(matrix: Array, digits: int) -> Array:
 
 def square_below(x: fmpq) -> fmpq:
     """Largest double, as the decimal that prints it, that is not above x squared."""
-    double = float(x * x)
-    while printed(double) > x * x:
-        double = math.nextafter(double, 0.0)
-    return printed(double)
+    return rational_number(repr(below(x * x)))
+
+
+def below(x: fmpq) -> float:
+    """Largest double, read as the decimal that prints it, that is not above x."""
+    double = float(x)
+    while printed(double) > x:
+        double = math.nextafter(double, -math.inf)
+    return double
 
 
 def round_down(x: float, digits: int) -> float:

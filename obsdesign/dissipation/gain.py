@@ -70,14 +70,9 @@ def small_gains(
 ) -> Iterator[tuple[Incremental, Values]]:
     """Families with both gains, of small norm and in more and more digits, and the P and scales they come from.
 
-    Parameters
-    ----------
-    family
-        In rationals; L2 may be free.
-    gamma
-        Level to reach, with some room.
+    `family`: in rationals; L2 may be free; `gamma`: level to reach, with some room.
     """
-    for fixed in with_L2(engine, family, gamma, bounds):
+    for fixed in with_L2(family, lambda search: smallest(engine, search, gamma, bounds)):
         values = smallest(engine, in_floats(fixed), gamma, bounds)
         if values is None:
             continue
@@ -93,24 +88,23 @@ def rounded_gains(values: Values, bounds: Bounds) -> Iterator[Array]:
             yield printed(L1)
 
 
-def with_L2(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Iterator[Incremental]:
-    """Families with L2 = R / lambda, back from the loop shift, in more and more digits; or the family itself."""
+def with_L2(family: Incremental, solve: Callable[[Incremental], Values | None]) -> Iterator[Incremental]:
+    """Families with L2 = R / lambda, back from the loop shift, in more and more digits; or the family itself.
+
+    `solve`: R and lambda of the family in which they are found, if there are any.
+    """
     if family.L2 is not None:
         yield family
         return
-    values = smallest(engine, searchable(family), gamma, bounds)
+    values = solve(searchable(family))
     if values is None:
         return
-    for digits in DIGITS:
-        yield replace(family, L2=printed(significant(feedback(family, values), digits)))
-
-
-def feedback(family: Incremental, values: Values) -> Array:
-    """L2 = R / lambda, back from the loop shift."""
     blocks = family.multiplier.scaled_blocks()
     plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
     scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], [len(b.M11) for b in blocks])
-    return unshifted(values["R"] / scales[:, None], plant, K)
+    L2 = unshifted(values["R"] / scales[:, None], plant, K)
+    for digits in DIGITS:
+        yield replace(family, L2=printed(significant(L2, digits)))
 
 
 def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Values | None:

@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.shift import free_factor, shifted_plant, square_root
 from obsdesign.lmi.formula import (
@@ -60,6 +60,8 @@ class Theorem:
     decrease: str  # the dissipation inequality in words
     gamma: str  # what gamma bounds, in words
     level: str  # when mu1 and mu2 prove gamma, in words
+    margin: Callable[[fmpq, fmpq, fmpq], fmpq]  # .. in numbers: what must be >= 0 for gamma, mu1 and mu2
+    statement: str  # guarantee in words for {gamma} and {alpha}, with the observer written out
     monotone: bool  # whether the least gamma never decreases with alpha
     zero_decay: bool = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
 
@@ -87,29 +89,18 @@ class Incremental(ABC):
 
     @abstractmethod
     def weights(self, mu: Array) -> Values:
-        """Return mu1 and mu2 as the solver has them, for gamma^2 = mu and P of a size that does not depend on mu."""
+        """Return mu1 and mu2 as the solver has them, for gamma^2 = mu and P of a size that does not depend on mu.
 
-    @abstractmethod
-    def unscaled(self, values: Values, mu: fmpq) -> Values:
-        """P and the multiplier of the claim mu1 = 1, mu2 = mu, from those for `weights`."""
+        The claim has mu1 = 1: its P and multiplier are those of the solver over mu1.
+        """
 
-    @abstractmethod
-    def storage_bound(self, P: Array, mu: Array, largest: Any) -> Array:
-        """Return what must be <= 0 for the P of the claim to be at most `largest` I."""
-
-    @staticmethod
-    @abstractmethod
-    def level_margin(gamma: fmpq, mu1: fmpq, mu2: fmpq) -> fmpq:
-        """What must be >= 0 for mu1 and mu2 to prove gamma; `Theorem.level` says it in words."""
-
-    @staticmethod
-    @abstractmethod
-    def statement(gamma: float, alpha: float) -> str:
-        """Guarantee in words, with the observer written out."""
+    def storage_bound(self, P: Array, mu: Array, largest: Any) -> Inequality:
+        """The P of the claim is at most `largest` I."""
+        return Inequality(SMALL, P - largest * self.weights(mu)["mu1"] * self.eye)
 
     def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
         """(13) for the weight of |z|^2 and the supply m, strict for alpha = 0; P > 0; membership of the multiplier."""
-        v = {**v, "Y": v["Y"] if self.L1 is None else v["P"] @ self.L1}
+        v = {**v, "Y": self.injected(v)}
         dissipation = self.dissipation_with_free_L2 if self.L2 is None else self.dissipation
         return [
             Inequality(
@@ -120,6 +111,10 @@ class Incremental(ABC):
             Inequality("P > 0", -v["P"], strict=True),
             *self.multiplier.inequalities(v),
         ]
+
+    def injected(self, v: Values) -> Array:
+        """Y = P L1, which is an unknown where L1 is."""
+        return v["Y"] if self.L1 is None else np.asarray(v["P"] @ self.L1)
 
     def dissipation(self, v: Values, Q: Array, m: Array) -> Array:
         """V' + 2 alpha V + e' Q e - m |v|^2 in (e, f, v), with q = Ge e + Gf f + Gv v."""
@@ -146,6 +141,7 @@ class Incremental(ABC):
         M12 = block_diagonal([b.M12 for b in blocks])
         M22 = block_diagonal([s * b.M22 for s, b in zip(scale, blocks, strict=True)])
         U = free_factor(self.multiplier)
+        tau = block_diagonal([s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)])
         Ge, Gf, Gv = (self.argument(v, *pair) for pair in ((p.Cq, p.C), (p.Dqf, p.Df), (-p.Dq, -p.D)))
         return symmetric(
             [
@@ -157,11 +153,7 @@ class Incremental(ABC):
                 ],
                 [he(Gf.mT @ M12) + M22, M12.mT @ Gv, Gf.mT @ U],
                 [-m * identity(p.B.shape[1], p.B), Gv.mT @ U],
-                [
-                    -block_diagonal(
-                        [s * np.eye(square_root(b.M11).shape[1]) for s, b in zip(scale, blocks, strict=True)]
-                    )
-                ],
+                [-tau],
             ]
         )
 
@@ -187,31 +179,23 @@ class Incremental(ABC):
 
     # Problems for the solver, in doubles
 
-    def least_gamma(self, bounds: Bounds | None = None) -> Problem:
+    def least_gamma(self, bounds: Bounds = NO_BOUNDS) -> Problem:
         """Minimise mu = gamma^2; P >= 0 is closed by the solver, so that the optimum is the infimum.
 
-        With bounds, also P <= p I, P >= t I and, for |L1| <= kappa, `gain` with a floor of its own and square kappa^2.
+        With bounds, also P <= p I, and `within`.
         """
 
         def bounded(v: Values) -> list[Inequality]:
-            rows = []
-            if bounds and bounds.P is not None:
-                rows.append(Inequality(SMALL, self.storage_bound(v["P"], v["mu"], float(bounds.P))))
-            if bounds and bounds.floor is not None:
-                rows.append(Inequality(LARGE, float(bounds.floor) * self.eye - v["P"]))
-            if bounds and bounds.L1 is not None:
-                rows += self.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
-            return rows
+            largest = [] if bounds.P is None else [self.storage_bound(v["P"], v["mu"], float(bounds.P))]
+            return [*largest, *self.within(v, bounds)]
 
-        small = bounds is not None and bounds.L1 is not None
-        unknowns = [Unknown("mu", (1, 1)), *(self.gain_unknowns("t", bounds) if bounds and small else [])]
-        injection = None if small or self.L1 is not None else self.injection
+        unknowns = [Unknown("mu", (1, 1)), *self.gain_unknowns(bounds)]
+        injection = self.injection if bounds.L1 is None else None
         return self.problem(unknowns, self.weighted, bounded, minimise="mu", injection=injection)
 
     def feasible(self) -> Problem:
         """The theorem for some gamma."""
-        injection = None if self.L1 is not None else self.injection
-        return self.problem([Unknown("mu", (1, 1))], self.weighted, injection=injection)
+        return self.problem([Unknown("mu", (1, 1))], self.weighted, injection=self.injection)
 
     def witness(self, gamma: float | None, largest: Any = None) -> Problem:
         """The theorem for a gamma, or for some gamma, with nothing projected out; and P <= p I for the largest p."""
@@ -220,7 +204,7 @@ class Incremental(ABC):
         mu = gamma**2 * ONE
 
         def bounded(v: Values) -> list[Inequality]:
-            return [] if largest is None else [Inequality(SMALL, self.storage_bound(v["P"], mu, float(largest)))]
+            return [] if largest is None else [self.storage_bound(v["P"], mu, float(largest))]
 
         return self.problem([], lambda v: {**v, **self.weights(mu)}, bounded)
 
@@ -257,19 +241,23 @@ class Incremental(ABC):
         if self.L2 is not None:
             return []
         mean = np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
-        return [
-            Inequality(name, bound)
-            for u in self.multiplier.unknowns()
-            for name, bound in (
-                (f"{u.name} > 0", LEAST_SCALE * mean - v[u.name]),
-                (f"{u.name} bounded", v[u.name] - LARGEST_SCALE * mean),
-            )
-        ]
+        rows = []
+        for name in (u.name for u in self.multiplier.unknowns()):
+            rows.append(Inequality(f"{name} > 0", LEAST_SCALE * mean - v[name]))
+            rows.append(Inequality(f"{name} bounded", v[name] - LARGEST_SCALE * mean))
+        return rows
 
-    def gain(self, v: Values, floor: Array, square: Array) -> list[Inequality]:
-        """Floor I <= P and [P, Y; Y', W] >= 0: L1'L1 floor <= L1'P L1 <= W, with W <= square I or tr W <= square."""
-        rows = [Inequality("P >= t I", floor * self.eye - v["P"])]
-        if "W" not in v:
+    def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
+        """P >= floor I; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.
+
+        Then t L1'L1 <= L1'P L1 <= W, with W = s I or, for the Frobenius norm, tr W <= s.
+        """
+        rows = [] if bounds.floor is None else [Inequality(LARGE, float(bounds.floor) * self.eye - v["P"])]
+        if bounds.L1 is None:
+            return rows
+        rows.append(Inequality(LARGE, v["t"] * self.eye - v["P"]))
+        square = float(bounds.L1) ** 2 * v["t"]
+        if bounds.norm == "spectral":
             W = square * np.eye(self.plant.C.shape[0])
             return [*rows, Inequality("[P, Y; Y', s I] >= 0", -symmetric([[v["P"], v["Y"]], [W]]))]
         trace = np.trace(v["W"], axis1=-2, axis2=-1)[..., None, None]
@@ -279,13 +267,11 @@ class Incremental(ABC):
             Inequality("tr W <= s", trace - square),
         ]
 
-    def gain_unknowns(self, name: str, bounds: Bounds) -> list[Unknown]:
-        """Unknowns of `gain`."""
+    def gain_unknowns(self, bounds: Bounds) -> list[Unknown]:
+        """Unknowns t and W of a bound on L1."""
         ny = self.plant.C.shape[0]
-        return [
-            Unknown(name, (1, 1)),
-            *([Unknown("W", (ny, ny), symmetric=True)] if bounds.norm == "frobenius" else []),
-        ]
+        found = [Unknown("t", (1, 1)), Unknown("W", (ny, ny), symmetric=True)]
+        return [] if bounds.L1 is None else found if bounds.norm == "frobenius" else found[:1]
 
     @property
     def eye(self) -> Array:
@@ -294,7 +280,9 @@ class Incremental(ABC):
 
     @property
     def injection(self) -> Injection | None:
-        """Y enters (13) as He([I; 0] Y [C Df -D])."""
+        """Y enters (13) as He([I; 0] Y [C Df -D]), where it is unknown."""
+        if self.L1 is not None:
+            return None
         p = self.plant
         extra = 0 if self.L2 is not None else free_factor(self.multiplier).shape[1]
         right = np.hstack([p.C, p.Df, -p.D, np.zeros((p.C.shape[0], extra))])

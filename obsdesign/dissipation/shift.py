@@ -24,10 +24,7 @@ def free_factor(multiplier: Multiplier) -> Array:
 def square_root(M: Array) -> Array:
     """U with M = U U', its columns as many as the rank.
 
-    Raises
-    ------
-    UsageError
-        If M is not positive semidefinite: the multiplier does not allow a free L2.
+    Raises `UsageError` if M is not positive semidefinite: the multiplier does not allow a free L2.
     """
     values, vectors = np.linalg.eigh(M)
     scale = np.abs(values).max(initial=0)

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.errors import UsageError
@@ -48,6 +50,31 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
         return None
     reference = math.sqrt(wide.values["mu"].item())
     return SHARE * reference if math.sqrt(least) <= ROUNDED * reference else None
+
+
+@dataclass(frozen=True)
+class Level:
+    """Least gamma over some gains, and where the limit is zero at a finite gain the level to certify in its place."""
+
+    gamma: float
+    instead: float | None = None
+
+    @classmethod
+    def of(cls, answer: Answer, instead: float | None) -> Self:
+        """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
+        gamma = math.sqrt(max(answer.objective, 0.0))
+        return cls(0.0, instead) if instead and gamma < SHARE * instead else cls(gamma)
+
+    @property
+    def attained(self) -> bool:
+        """Whether a finite gain has it, for the limit over all gains."""
+        return self.instead is not None
+
+    def target(self, slack: float) -> float:
+        """Gamma to be certified, within the slack of the least, rounded down to 6 digits so that it stays there."""
+        if self.instead:
+            return round_up(self.instead, 6)
+        return max(round_down(self.gamma * (1 + slack), 6), round_up(self.gamma, 6))
 
 
 def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:

@@ -13,7 +13,7 @@ import pytest
 from support.speed import child_time, processor_time, slowness
 
 from obsdesign.dissipation.gain import searchable
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.reduce import between
 from obsdesign.lmi.solve import minimise, reduction
 from obsdesign.reading import load

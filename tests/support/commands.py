@@ -20,7 +20,7 @@ def files(folder="."):
     return sorted(p.name for p in Path(folder).iterdir())
 
 
-def endless(_):
+def endless(*_):
     """A design that takes for ever, in place of the outcome of a designer."""
     while True:
         time.sleep(0.01)

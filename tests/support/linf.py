@@ -3,7 +3,7 @@
 import math
 
 from obsdesign.dissipation.gain import searchable
-from obsdesign.families.incremental.linf import Linf
+from obsdesign.families.incremental.theorems import Linf
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.solve import Status, minimise
 from obsdesign.reading import loads

@@ -25,7 +25,7 @@ import numpy as np
 
 from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import DIGITS, feedback, searchable
+from obsdesign.dissipation.gain import DIGITS, with_L2
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, in_floats, printed, symmetric
 from obsdesign.lmi.solve import Status
@@ -65,23 +65,16 @@ def accurate(engine: Engine, family: Incremental) -> Accurate | None:
     """Solution of the conditions for a family in rationals, with the smallest Y; None if none was found."""
     alpha = float(family.alpha)
     for ratio in FASTER if family.about.monotone else BARELY:
-        for fixed in with_feedback(engine, family, ratio * alpha):
+
+        def optimum(search: Incremental, rate: float = ratio * alpha) -> Values | None:
+            least = engine.minimise(conditions(search, rate))
+            return least.values if least.status is Status.OPTIMAL else None
+
+        for fixed in with_L2(family, optimum):
             values = solution(engine, in_floats(fixed), ratio * alpha)
             if values is not None:
                 return Accurate(fixed, values, (ratio - 1) * alpha if family.about.monotone else alpha)
     return None
-
-
-def with_feedback(engine: Engine, family: Incremental, rate: float) -> Iterator[Incremental]:
-    """Families with L2, in more and more digits; or the family itself."""
-    if family.L2 is not None:
-        yield family
-        return
-    least = engine.minimise(conditions(searchable(family), rate))
-    if least.status is not Status.OPTIMAL:
-        return
-    for digits in DIGITS:
-        yield replace(family, L2=printed(significant(feedback(family, least.values), digits)))
 
 
 def solution(engine: Engine, family: Incremental, rate: float) -> Values | None:

@@ -1,5 +1,7 @@
 """What a spec allows an observer with the gains L1 and L2."""
 
+from typing import Any
+
 import numpy as np
 from flint import fmpq
 
@@ -25,21 +27,12 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     alpha, _ = ends(request.alpha)
     findings = detectability(augmented, K, float(alpha), "alpha")
     nf = plant.Bf.shape[1]
-    findings += [
-        finding(test.name, test.holds, test.sentence, **test.numbers)
-        for test in condition1(plant, in_floats(spec.generator.Am))
-    ]
+    tests = condition1(plant, in_floats(spec.generator.Am))
+    findings += [finding(test.name, test.holds, test.sentence, **test.numbers) for test in tests]
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
         zeros = invariant_zeros(system)
-        findings.append(
-            finding(
-                f"zeros, {name}",
-                zeros.left_invertible,
-                f"{name}: {zeros.sentence}",
-                zeros=[complex_pair(z) for z in zeros.values],
-                normal_rank=zeros.normal_rank,
-            )
-        )
+        numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
+        findings.append(finding(f"zeros, {name}", zeros.left_invertible, f"{name}: {zeros.sentence}", **numbers))
     findings += [*slopes(spec, alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
     if (L2 := request.feedback) is not None:

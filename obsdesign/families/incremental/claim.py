@@ -12,11 +12,17 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.families.incremental.linf import Linf
-from obsdesign.families.incremental.reconstructed import Reconstructed, inapplicable, prove_slope, reconstructed
-from obsdesign.families.incremental.reconstruction import SLOPE, levels, slopes
+from obsdesign.families.incremental.reconstruction import (
+    SLOPE,
+    Reconstructed,
+    inapplicable,
+    levels,
+    prove_slope,
+    reconstructed,
+    slopes,
+)
 from obsdesign.families.incremental.request import Request, request_of
-from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.incremental.theorems import THEOREMS, Linf
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate
@@ -49,7 +55,7 @@ class Claim(Proved):
     def statement(self, spec: Spec) -> str:
         """Guarantee of the family in words, and where it holds."""
         g = self.certificate.guarantee
-        said = THEOREMS[spec.observer.type].statement(g.gamma, g.alpha)
+        said = THEOREMS[spec.observer.type].about.statement.format(gamma=repr(g.gamma), alpha=repr(g.alpha))
         bound = self.reconstruction.bound if self.reconstruction else None
         if bound:
             rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""

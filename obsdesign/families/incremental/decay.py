@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import searchable
 from obsdesign.dissipation.inequality import Incremental
@@ -24,11 +24,11 @@ Point = dict[str, Any]  # alpha, status and, where it is optimal, gamma
 
 @dataclass(frozen=True)
 class Decay:
-    """The least gamma of a family, within bounds (None: over all gains), as a function of alpha."""
+    """The least gamma of a family, within bounds, as a function of alpha."""
 
     engine: Engine
     family: Incremental  # in rationals
-    bounds: Bounds | None = None
+    bounds: Bounds = NO_BOUNDS
 
     def curve(self, grid: Sequence[fmpq]) -> Iterator[Point]:
         """Points of the grid; nothing is solved above an infeasible one.
@@ -37,31 +37,27 @@ class Decay:
         nothing, but in the scaling of its neighbor.
         """
         search, low, high = searchable(self.family), float(grid[0]), float(grid[-1])
-        first, last = (reduction(replace(search, alpha=a).least_gamma(self.restricting)) for a in (low, high))
+        first, last = (reduction(replace(search, alpha=a).least_gamma(self.bounds)) for a in (low, high))
         neighbor: Answer | None = None
         lost = False
         for i, alpha in enumerate(map(float, grid)):
             self.engine.report(0.7 * i / len(grid), f"alpha = {alpha:.4g}")
-            point: Point = {"alpha": alpha, "status": str(Status.INFEASIBLE)}
-            if not lost:
-                problem = replace(search, alpha=alpha).least_gamma(self.restricting)
-                reduced = between(first, last, (alpha - low) / (high - low))
-                answer = self.engine.minimise(problem, neighbor.values if neighbor else None, reduced)
-                if neighbor and not near(neighbor.objective, answer.objective):
-                    answer = self.engine.minimise(problem, reduced=reduced)
-                lost = answer.status is Status.INFEASIBLE
-                point["status"] = str(answer.status)
-                if answer.status is Status.OPTIMAL:
-                    neighbor = answer
-                    point["gamma"] = math.sqrt(max(answer.objective, 0.0))
-            yield point
+            if lost:
+                yield {"alpha": alpha, "status": str(Status.INFEASIBLE)}
+                continue
+            problem = replace(search, alpha=alpha).least_gamma(self.bounds)
+            reduced = between(first, last, (alpha - low) / (high - low))
+            answer = self.engine.minimise(problem, neighbor.values if neighbor else None, reduced)
+            if neighbor and not near(neighbor.objective, answer.objective):
+                answer = self.engine.minimise(problem, reduced=reduced)
+            lost = answer.status is Status.INFEASIBLE
+            neighbor = answer if answer.status is Status.OPTIMAL else neighbor
+            yield point(alpha, answer)
 
     def at(self, alpha: float) -> Point:
         """One point."""
         family = replace(self.family, alpha=rational_number(repr(alpha)))
-        answer = self.engine.minimise(searchable(family).least_gamma(self.restricting))
-        known = {"gamma": math.sqrt(max(answer.objective, 0.0))} if answer.status is Status.OPTIMAL else {}
-        return {"alpha": alpha, "status": str(answer.status), **known}
+        return point(alpha, self.engine.minimise(searchable(family).least_gamma(self.bounds)))
 
     def lowest(self, points: Sequence[Point]) -> list[Point]:
         """Further points about the lowest of a curve that falls and then rises."""
@@ -79,20 +75,14 @@ class Decay:
     def feasible(self, alpha: fmpq) -> tuple[bool, bool]:
         """Whether the inequality has a solution at alpha, and whether that stayed undecided."""
         family = searchable(replace(self.family, alpha=alpha))
-        level = self.bounds.gamma if self.bounds else None
-        answer = self.engine.minimise(family.least_gamma(self.restricting))
+        level = self.bounds.gamma
+        answer = self.engine.minimise(family.least_gamma(self.bounds))
         if answer.status is Status.OPTIMAL:
             return level is None or answer.objective <= float(level) ** 2, False
-        if level is None and self.restricting is None:
+        if level is None and not self.bounds.restricted:
             wide = self.engine.widest(family.feasible())
             return wide.status is Status.OPTIMAL, wide.status is Status.UNDECIDED
         return False, answer.status is Status.UNDECIDED
-
-    @property
-    def restricting(self) -> Bounds | None:
-        """The bounds that the least gamma is subject to: not that on gamma itself."""
-        bounds = self.bounds
-        return bounds if bounds and (bounds.L1 is not None or bounds.P is not None) else None
 
     def largest(self, low: float, high: float) -> float:
         """Edge of feasibility between a feasible and an infeasible alpha."""
@@ -108,6 +98,12 @@ class Decay:
         high = float(alpha)
         low, above = strides(lambda a: a < high and self.holds(a), high, 10.0, 4)
         return None if low is None or above is None else self.largest(low, above)
+
+
+def point(alpha: float, answer: Answer) -> Point:
+    """Point of a curve."""
+    gamma = {"gamma": math.sqrt(max(answer.objective, 0.0))} if answer.status is Status.OPTIMAL else {}
+    return {"alpha": alpha, "status": str(answer.status), **gamma}
 
 
 def near(one: float, other: float) -> bool:

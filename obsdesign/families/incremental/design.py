@@ -10,22 +10,21 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.claim import best_claim, claim
-from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.dissipation.zero import SHARE, cancelled, falling, unbounded
+from obsdesign.dissipation.zero import Level, cancelled, falling, unbounded
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.incremental.absence import why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim
 from obsdesign.families.incremental.decay import Decay, Point
 from obsdesign.families.incremental.extent import largest_class
-from obsdesign.families.incremental.linf import Linf
-from obsdesign.families.incremental.reasons import why_not
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import request_of
-from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.incremental.theorems import THEOREMS, Linf
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.lmi.formula import Values, in_floats, rational_number
 from obsdesign.lmi.solve import Status
@@ -51,7 +50,6 @@ class Designer:
         self.decay = Decay(engine, self.family, self.request.bounds)
         self.notes: list[str] = []
         self.points: list[Point] = []
-        self.cancelled: float | None = None  # level to certify where the limit is zero at a finite gain
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
@@ -71,7 +69,7 @@ class Designer:
     def accurate(self) -> Outcome | None:
         """Gains in closed form for `objective: {gamma: ..}`, where nothing bounds them and the plant admits them."""
         gamma, outputs = self.request.gamma, [in_floats(self.family).H]
-        if gamma is None or self.decay.restricting is not None:
+        if gamma is None or self.request.bounds.restricted:
             return None
         if self.request.reconstruct:
             inverse = left_inverse(self.family.plant.B)
@@ -98,39 +96,38 @@ class Designer:
         family = replace(self.family, alpha=alpha)
         search = searchable(family)
         self.engine.report(0.7, "limit")
-        limits, gamma = self.limits(search, alpha)
-        if gamma is None:
+        limits, least = self.limits(search, alpha)
+        if least is None:
             return self.infeasible(alpha, limits)
-        target = self.target(search, gamma)
+        target = self.target(search, least)
         if self.request.bounds.gamma is not None:
             target = min(target, float(self.request.bounds.gamma))
-        if target < gamma:
-            return self.infeasible(alpha, {"gamma": {"asked": target, "least": gamma}, **limits})
+        if target < least.gamma:
+            return self.infeasible(alpha, {"gamma": {"asked": target, "least": least.gamma}, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
         return replace(made, **limits, search=self.search, notes=tuple(self.notes))
 
-    def limits(self, search: Incremental, alpha: fmpq) -> tuple[dict[str, Any], float | None]:
+    def limits(self, search: Incremental, alpha: fmpq) -> tuple[dict[str, Any], Level | None]:
         """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
         answer = self.engine.minimise(search.least_gamma())
         if answer.status is Status.INFEASIBLE:
             return {}, None
-        table = falling(self.engine, search, answer)
-        if not table:
-            self.cancelled = cancelled(self.engine, search, answer)
-        if answer.status is Status.OPTIMAL or table or self.cancelled:
-            gamma = 0.0 if table else self.level(answer.objective)
-            limits: dict[str, Any] = {"limit": {"gamma": gamma, "attained": False}}
-        elif self.request.objective in {"feasibility", "max-alpha"} or self.decay.restricting:
-            gamma, limits = 0.0, {"limit": {"attained": False}}
-            if self.request.objective not in {"feasibility", "max-alpha"}:
+        table, free = falling(self.engine, search, answer), self.request.objective in {"feasibility", "max-alpha"}
+        instead = None if table else cancelled(self.engine, search, answer)
+        if answer.status is Status.OPTIMAL or table or instead:
+            level = Level(0.0) if table else Level.of(answer, instead)
+            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": False}}
+        elif free or self.request.bounds.restricted:
+            level, limits = Level(0.0), {"limit": {"attained": False}}
+            if not free:
                 self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
         else:
             raise UndecidedError(f"the least gamma at alpha = {float(alpha):g} was not found: {answer.reason}")
-        if self.decay.restricting is None:
+        if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
-            return limits, gamma
+            return limits, level
         bounded = within(self.engine, search, self.request.bounds)
         if bounded.status is Status.INFEASIBLE:
             return {"bounds": "no gain within the bounds satisfies the inequality", **limits}, None
@@ -138,30 +135,21 @@ class Designer:
             if table and self.request.bounds.L1 is None:
                 raise unbounded(alpha, table)
             raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.reason}")
-        gamma = self.level(bounded.objective)
-        return {**limits, "limit_bounded": {"gamma": gamma, "attained": True}}, gamma
+        level = Level.of(bounded, instead)
+        return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True}}, level
 
-    def level(self, square: float) -> float:
-        """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
-        gamma = math.sqrt(max(square, 0.0))
-        return 0.0 if self.cancelled and gamma < SHARE * self.cancelled else gamma
-
-    def target(self, search: Incremental, gamma: float) -> float:
-        """Gamma to be certified, rounded down to 6 digits so that it stays within the slack of the limit.
-
-        Where the objective is not gamma, it is `moderate`.
-        """
+    def target(self, search: Incremental, least: Level) -> float:
+        """Gamma to be certified, within the slack of the limit; where the objective is not gamma, it is `moderate`."""
         bounds = self.request.bounds
         if self.request.gamma is not None:
             return float(self.request.gamma)
         if self.request.objective in {"feasibility", "max-alpha"}:
             if bounds.gamma is not None:
                 return float(bounds.gamma)
-            gamma = max(gamma, self.moderate(search))
-        if gamma == 0 and self.cancelled:
+            least = max(least, Level(self.moderate(search)), key=lambda level: level.gamma)
+        if least.instead:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
-            return round_up(self.cancelled, 6)
-        return max(round_down(gamma * (1 + float(self.request.slack)), 6), round_up(gamma, 6))
+        return least.target(float(self.request.slack))
 
     def moderate(self, search: Incremental) -> float:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
@@ -325,11 +313,7 @@ def shown(value: Any) -> str:
 def design(spec: Spec, engine: Engine) -> Outcome:
     """Design, or analyze, an observer with the gains L1 and L2.
 
-    Raises
-    ------
-    UsageError
-        The limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free L2.
-    UndecidedError
-        The solver found neither a solution nor that there is none.
+    Raises `UsageError`: the limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free
+    L2. Raises `UndecidedError`: the solver found neither a solution nor that there is none.
     """
     return Designer(spec, engine).outcome()

@@ -11,15 +11,19 @@ from obsdesign.dissipation.claim import DIGITS, best_claim
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.decay import Decay
-from obsdesign.families.incremental.linf import Linf
-from obsdesign.families.incremental.reconstructed import (
+from obsdesign.families.incremental.reconstruction import (
+    SLOPE,
     Reconstructed,
+    Slope,
     SlopeProof,
+    constants,
     inapplicable,
+    levels,
     prove_slope,
     reconstructed,
+    slopes,
 )
-from obsdesign.families.incremental.reconstruction import SLOPE, Slope, constants, levels, slopes
+from obsdesign.families.incremental.theorems import Linf
 from obsdesign.lmi.formula import Problem, Unknown, in_floats, printed, rational_number
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Status
@@ -35,11 +39,9 @@ SLOWEST = 1e-3  # of these alphas, relative to the slowest pole
 
 def reconstruct(engine: Engine, spec: Spec, family: Linf) -> Reconstructed | str:
     """Bound on |what - w| for gains in rationals, or why none is proved."""
-    proofs = {}
-    for name, slope in slopes(family.multiplier).items() if family.plant.Bf.shape[1] else ():
-        if proof := slope_proof(engine, slope):
-            proofs[name] = proof
-    reason = inapplicable(spec, proofs[SLOPE].bound if len(proofs) == len(slopes(family.multiplier)) else None)
+    needed = slopes(family.multiplier) if family.plant.Bf.shape[1] else {}
+    proofs = {name: proof for name, slope in needed.items() if (proof := slope_proof(engine, slope))}
+    reason = inapplicable(spec, proofs[SLOPE].bound if proofs and len(proofs) == len(needed) else None)
     if reason:
         return reason
     certificates: dict[str, Certificate] = {}
@@ -79,8 +81,5 @@ def slope_proof(engine: Engine, slope: Slope) -> SlopeProof | None:
     square = np.full((1, 1), bound**2)
     wide = engine.widest(Problem(slope.unknowns, lambda v: theorem({**v, "square": square})))
     exact = rational_number(repr(bound))
-    for digits in DIGITS:
-        proof = prove_slope(slope, exact, rounded(wide.values, digits))
-        if proof.holds:
-            return proof
-    return None
+    tried = (prove_slope(slope, exact, rounded(wide.values, digits)) for digits in DIGITS)
+    return next((proof for proof in tried if proof.holds), None)

@@ -1,12 +1,12 @@
 """What a spec asks of an observer with the gains L1 and L2: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
 from flint import fmpq, fmpq_mat
 
-from obsdesign.dissipation.bounds import SLACK, Bounds, Range
+from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
@@ -69,7 +69,7 @@ class Request:
     objective: Objective | Literal["gamma"] = "min-gamma"
     gamma: fmpq | None = None  # the level to reach, for objective "gamma"
     slack: fmpq = SLACK
-    bounds: Bounds = field(default_factory=Bounds)
+    bounds: Bounds = NO_BOUNDS
     gains: Mapping[str, Array] | None = None  # analysis of these instead of a design
     reconstruct: bool = False  # w by pinv(B) L1 (yhat - y)
 
@@ -80,14 +80,10 @@ class Request:
 
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""
-        alpha = self.alpha
-        if isinstance(alpha, Range):
-            alpha = replace(alpha, low=printed(alpha.low), high=printed(alpha.high))
-        else:
-            alpha = printed(alpha)
+        low, high = map(printed, ends(self.alpha))
         return replace(
             self,
-            alpha=alpha,
+            alpha=replace(self.alpha, low=low, high=high) if isinstance(self.alpha, Range) else low,
             L2=None if self.L2 is None else printed(self.L2),
             gamma=None if self.gamma is None else printed(self.gamma),
             gains=self.gains and {name: printed(matrix) for name, matrix in self.gains.items()},
@@ -146,17 +142,15 @@ def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
             f"observer.alpha is not given and is searched from {float(ALPHA.low):g} to {float(ALPHA.high):g}"
         )
         return ALPHA
-    if isinstance(section.alpha, asked.Interval):
-        return asked.read_range(reader, section.alpha, loc)
-    if section.objective in RANGED:
+    if section.objective in RANGED and not isinstance(section.alpha, asked.Interval):
         reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
-    return reader.number(section.alpha, loc, "> 0")
+    return asked.read_searched(reader, section.alpha, loc, "> 0")
 
 
 def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
     """Largest gain, storage function and level."""
     if section is None:
-        return Bounds()
+        return NO_BOUNDS
     gain, norm = asked.read_largest_gain(reader, section.L1, "L1")
     P, gamma = (asked.read_bound(reader, getattr(section, name), name) for name in ("P", "gamma"))
     return Bounds(gain, norm, P, gamma)

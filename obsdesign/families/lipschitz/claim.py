@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, ends
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.decimals import below, square_below
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.families.lipschitz.relaxations import EQUATIONS, Lipschitz, proportions
@@ -69,17 +70,13 @@ class Claim(Proved):
         """Largest double within what is spare."""
         return below(self.spare(spec))
 
-    def constants(self, spec: Spec) -> list[float]:
-        """Constants of the blocks that are proved."""
-        return shared(self.lipschitz, spec)
-
     def statement(self, spec: Spec) -> str:
         """Claim in words, with norms over [0, T] for every T, and with the observer written out."""
         g, drive = self.certificate.guarantee, spec.observer.drive if spec.disturbed else ""
         level = f"norm2(z) <= sqrt(e0' P e0) + {g.gamma!r} norm2({drive}), and "
         decays = f"|e(t)| <= sqrt(cond(P)) exp(-{g.alpha!r} t) |e0|" if g.alpha else "e(t) -> 0"
         said = f"{level}{decays} where {drive} = 0" if drive else decays
-        every = f"for every f with {bounds('f', self.constants(spec))}"
+        every = f"for every f with {bounds('f', shared(self.lipschitz, spec))}"
         parts = [f"{said}; for {EQUATIONS}", every, *self.beyond(spec)]
         return "; ".join([*parts, f"local: {spec.validity}"] if spec.validity else parts)
 
@@ -97,7 +94,7 @@ class Claim(Proved):
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, what that leaves for an uncertainty, the limit it is near to, and the witnesses."""
-        g, more, constants = self.certificate.guarantee, self.admissible, self.constants(spec)
+        g, more, constants = self.certificate.guarantee, self.admissible, shared(self.lipschitz, spec)
         guarantee = {
             "lipschitz": approximate(self.lipschitz),
             **({"constants": constants} if len(constants) > 1 else {}),
@@ -137,14 +134,6 @@ def bounds(name: str, constants: Sequence[float]) -> str:
     if len(constants) == 1:
         return f"|d{name}| <= {constants[0]!r} |dq|"
     return ", ".join(f"|d{name}{i}| <= {c!r} |dq{i}|" for i, c in enumerate(constants, start=1))
-
-
-def below(x: fmpq) -> float:
-    """Largest double, read as the decimal that prints it, that is not above x."""
-    double = float(x)
-    while printed(double) > x:
-        double = math.nextafter(double, -math.inf)
-    return double
 
 
 def read(spec: Spec, file: ResultFile) -> Claim:
@@ -195,26 +184,23 @@ def read_levels(file: ResultFile, claim: Sequence[str]) -> tuple[fmpq, fmpq, fmp
     name = ".".join(claim)
     if not math.isfinite(approximate(gamma * gamma)):
         raise file.wrong(f"{name}.gamma", "beyond the range of doubles")
-    for key, found, expected in (("mu1", mu1, fmpq(1)), ("mu2", mu2, printed(below(gamma * gamma)))):
+    for key, found, expected in (("mu1", mu1, fmpq(1)), ("mu2", mu2, square_below(gamma))):
         if found != expected:
             raise file.wrong(f"{name}.{key}", f"{approximate(expected)!r} belongs to this gamma")
     return gamma, mu1, mu2
 
 
 def within(request: LipschitzRequest, L: Array) -> tuple[Check, ...]:
-    """Whether the gain is within the bound of the spec, if it is a designed one."""
-    if request.bounds.L1 is None or request.gains:
+    """Whether the gain is within the bound of the spec, if it is a designed one.
+
+    L'L - kappa^2 I, or with the Frobenius norm tr L'L - kappa^2, must be <= 0.
+    """
+    kappa, product = request.bounds.L1, L.T @ L
+    if kappa is None or request.gains:
         return ()
-    return prove([Inequality("|L| <= kappa", excess(L, request.bounds))])
-
-
-def excess(L: Array, bounds: Bounds) -> Array:
-    """L'L - kappa^2 I, or its trace with the Frobenius norm: what must be <= 0."""
-    assert bounds.L1 is not None
-    square, product = bounds.L1 * bounds.L1, L.T @ L
-    if bounds.norm == "spectral":
-        return np.asarray(product - square * identity(len(product), product))
-    return rational([[np.trace(product) - square]])
+    if request.bounds.norm == "frobenius":
+        product = rational([[np.trace(product)]])
+    return prove([Inequality("|L| <= kappa", product - kappa * kappa * identity(len(product), product))])
 
 
 def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, decay: fmpq) -> None:
@@ -248,7 +234,7 @@ def require_consequences(spec: Spec, file: ResultFile, claim: Claim) -> None:
     """Hold what follows from the numbers of a claim against what the file says."""
     if not spec.disturbed and "gamma" in file.table(*GUARANTEE):
         raise file.wrong("guarantee.gamma", "the plant has no w")
-    constants = claim.constants(spec)
+    constants = shared(claim.lipschitz, spec)
     expected = {"margin": [claim.margin(spec)], **({"constants": constants} if len(constants) > 1 else {})}
     for key, numbers in expected.items():
         if file.numbers(*GUARANTEE, key) != [printed(x) for x in numbers]:

@@ -36,18 +36,13 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.families.lipschitz.relaxations import Lipschitz, NormBound
+from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, block_diagonal, he, symmetric
 from obsdesign.model.pencil import System, output_nulling, scaled, split
 
 ZERO = 1e-10  # relative size of what is taken for zero after a change of basis
 ROUNDED = 1e-5  # eigenvalue of a solution, where 1 is large, that counts as zero
 DIP = 1e-10  # relative depth below the least value known at which a lower one is searched for
-
-
-def norm_of(unit: Lipschitz) -> float:
-    """Return |Bf| |diag(l_i) Cq|, by which f as a whole is known; `unit` in doubles."""
-    return NormBound(unit.plant, unit.multiplier, unit.H, unit.alpha).lipschitz
 
 
 def arguments(unit: Lipschitz) -> list[Array]:
@@ -196,11 +191,6 @@ class Core:
         cost = block_diagonal([tau * np.eye(share.nf) for tau, share in zip(scales, self.shares, strict=True)])
         return np.asarray(T.T @ symmetric([[he(P @ s.A) + c2 * Q, P @ s.B], [-cost]]) @ T)
 
-    @property
-    def storage(self) -> Unknown:
-        """Return P."""
-        return Unknown("P", self.system.A.shape, symmetric=True)
-
     def largest(self, scales: Sequence[Array]) -> Problem:
         """Maximise c^2 for given scales."""
 
@@ -208,7 +198,8 @@ class Core:
             dissipation = self.dissipation(v["P"], scales, v["c2"])
             return Inequality("dissipation", dissipation), Inequality("P >= 0", -v["P"])
 
-        return Problem((self.storage, Unknown("c2", (1, 1))), inequalities, lambda v: -v["c2"])
+        P = Unknown("P", self.system.A.shape, symmetric=True)
+        return Problem((P, Unknown("c2", (1, 1))), inequalities, lambda v: -v["c2"])
 
     def constant(self, objective: float) -> float:
         """Constant of the family at an optimum of `largest`."""
@@ -216,19 +207,15 @@ class Core:
 
     def admissible(self, constant: float) -> Problem:
         """Scales for a constant (of the family)."""
-        names = self.scales
-        c2 = (constant / self.scale) ** 2
+        names, c2 = self.scales, (constant / self.scale) ** 2
 
         def inequalities(v: Values) -> tuple[Inequality, ...]:
             dissipation = self.dissipation(v["P"], [v[name] for name in names], c2)
-            positive = [Inequality(f"{name} > 0", -v[name], strict=True) for name in names]
-            return (
-                Inequality("dissipation", dissipation, strict=True),
-                Inequality("P > 0", -v["P"], strict=True),
-                *positive,
-            )
+            positive = (Inequality(f"{name} > 0", -v[name], strict=True) for name in ("P", *names))
+            return Inequality("dissipation", dissipation, strict=True), *positive
 
-        return Problem((self.storage, *(Unknown(name, (1, 1)) for name in names)), inequalities)
+        P = Unknown("P", self.system.A.shape, symmetric=True)
+        return Problem((P, *(Unknown(name, (1, 1)) for name in names)), inequalities)
 
     @property
     def scales(self) -> tuple[str, ...]:

@@ -68,22 +68,14 @@ class Scaling:
 def scaling(spec: Spec, engine: Engine, T: Sequence[str] | None = None) -> dict[str, Any]:
     """Compare the coordinates of a spec with scaled ones.
 
-    Parameters
-    ----------
-    T
-        Diagonal of T in decimals; None: the tool searches for the largest ratio of admissible to actual constant.
+    `T`: diagonal of T in decimals; None: the tool searches for the largest ratio of admissible to actual constant.
 
     Returns `relaxation` and `decay` for which a constant is admissible, and for `identity` and `scaled` each `T`,
     `lower` <= constant <= `upper`, `admissible`, `margin` = admissible - upper and `ratio` = admissible / upper;
     `edge`: whether the search ended at the largest spread of T that it tries.
 
-    Raises
-    ------
-    UsageError
-        A block has no f, f may jump or is not one of the states alone, or T has another size or an entry that is not
-        positive.
-    UndecidedError
-        No Lipschitz constant of f could be proved.
+    Raises `UsageError`: a block has no f, f may jump or is not one of the states alone, or T has another size or an
+    entry that is not positive. Raises `UndecidedError`: no Lipschitz constant of f could be proved.
     """
     view = StateFunction.of(spec, engine)
     ones = (fmpq(1),) * spec.augmented.n

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.gain import ROOM, bounded, rounded_gains, within
 from obsdesign.dissipation.inequality import LARGE, ONE
 from obsdesign.dissipation.scan import Minimum, edge
@@ -72,7 +72,7 @@ class Front(ABC):
     """Limits of one relaxation at one decay, over the gains within bounds."""
 
     study: Study
-    bounds: Bounds = field(default_factory=Bounds)  # not on gamma
+    bounds: Bounds = NO_BOUNDS  # not on gamma
 
     @abstractmethod
     def optimum(self, weight: float, start: Values | None = None) -> Optimum | Status:
@@ -91,19 +91,8 @@ class Front(ABC):
         """Least constant."""
         return float(self.study.declared)
 
-    @property
-    def restricted(self) -> bool:
-        """Whether there are bounds."""
-        return self.bounds.L1 is not None or self.bounds.floor is not None
-
     def endless(self, weight: float, gamma: float) -> Optimum:
-        """Limit where the constant grows without end.
-
-        Raises
-        ------
-        UsageError
-            Nothing bounds the gain.
-        """
+        """Limit where the constant grows without end. Raises `UsageError`: nothing bounds the gain."""
         if not self.study.restricted:
             raise unlimited(self.study)
         return Optimum(weight, math.inf, gamma, attained=False)
@@ -123,9 +112,15 @@ class Direct(Front):
 
     def gains(self, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
         """Those of the largest least eigenvalue of P, where nothing is bounded, before those of small norm."""
-        if not self.restricted:
+        if not self.bounds.restricted:
             family = self.family(float(constant) * (1 + ROOM))
-            answer = self.study.engine.minimise(largest_floor(family, gamma * (1 - ROOM)))
+            highest = family.problem(  # P >= -t I, at a gamma: Theorem 4 keeps P bounded
+                [Unknown("t", (1, 1))],
+                lambda v: {**v, **family.weights((gamma * (1 - ROOM)) ** 2 * ONE)},
+                lambda v: [Inequality(LARGE, -v["t"] * family.eye - v["P"])],
+                minimise="t",
+            )
+            answer = self.study.engine.minimise(highest)
             for L1 in rounded_gains(answer.values, self.bounds) if answer.status is Status.OPTIMAL else ():
                 yield -L1, self.study.proved(-L1, constant, gamma, answer.values)
         yield from super().gains(constant, gamma)
@@ -141,7 +136,7 @@ class Direct(Front):
 
     def optimum(self, weight: float, start: Values | None = None) -> Optimum | Status:
         """One problem; at the weight 1 over all gains the closed form."""
-        if weight == 1 and not self.restricted:
+        if weight == 1 and not self.bounds.restricted:
             most = self.supremum.value
             return Optimum(weight, most, math.inf, attained=False) if most < math.inf else self.endless(1.0, math.inf)
         answer = self.solved(weight, start)
@@ -192,7 +187,7 @@ class Searched(Front):
     def largest(self) -> float:
         """Supremum of the constant within the bounds."""
         low, high = self.declared, self.supremum.value
-        if not self.restricted:
+        if not self.bounds.restricted:
             return high
         high = min(high, UNBOUNDED * max(low, 1.0))
         return edge(lambda constant: self.gamma(constant) < math.inf, low, high, EDGE)
@@ -222,7 +217,7 @@ class Searched(Front):
         """Limit for the weight 1."""
         if self.largest == math.inf:
             return self.endless(1.0, math.inf)
-        if self.restricted and out_of_bounds(self.at(self.largest)):
+        if self.bounds.restricted and out_of_bounds(self.at(self.largest)):
             return Status.INFEASIBLE
         return Optimum(1.0, self.largest, math.inf, attained=False)
 
@@ -235,16 +230,6 @@ class Searched(Front):
 
         costs = {constant: cost(constant) for constant in self.grid}
         return Minimum(cost, grid[0], grid[-1], SHARP, 12, costs).between(grid[max(best - 1, 0)], grid[best + 1])[0]
-
-
-def largest_floor(family: Lipschitz, gamma: float) -> Problem:
-    """Minimise t, P >= -t I, at a gamma: Theorem 4 keeps P bounded."""
-    return family.problem(
-        [Unknown("t", (1, 1))],
-        lambda v: {**v, **family.weights(gamma**2 * ONE)},
-        lambda v: [Inequality(LARGE, -v["t"] * family.eye - v["P"])],
-        minimise="t",
-    )
 
 
 def front(study: Study, bounds: Bounds) -> Front:

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.claim import BACKOFFS
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.zero import settled
@@ -22,16 +22,13 @@ ANY = "the gains tolerate any Lipschitz constant; the one certified is an exampl
 def tolerated(study: Study, L: Array) -> tuple[float, Claim | None]:
     """Largest constant of the relaxation for gains, in rationals, and a proof of nearly that; (0, None) if none."""
     stretch = study.stretch(L)
-    answer = stretch.least(Bounds())
+    answer = stretch.least(NO_BOUNDS)
     if answer.status is not Status.OPTIMAL:
         return 0.0, None
     limit = stretch.constant(answer)
     most = BEYOND * max(float(study.declared), 1.0) if limit == math.inf else limit
-    for backoff in BACKOFFS:
-        proved = study.proved(L, printed(round_down(most * (1 - backoff), 6)))
-        if proved:
-            return limit, proved
-    return limit, None
+    tried = (study.proved(L, printed(round_down(most * (1 - backoff), 6))) for backoff in BACKOFFS)
+    return limit, next((proved for proved in tried if proved), None)
 
 
 def largest_of(study: Study, L: Array) -> Outcome:

@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.gain import rounded_gains, smallest, within
-from obsdesign.dissipation.zero import SHARE, cancelled, falling, settled, tabulated
+from obsdesign.dissipation.zero import Level, cancelled, falling, settled, tabulated
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
@@ -19,30 +17,11 @@ from obsdesign.families.lipschitz.study import Study, out_of_bounds
 from obsdesign.families.lipschitz.suprema import cancels
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Array
-from obsdesign.lmi.solve import Answer, Status
+from obsdesign.lmi.solve import Status
 
 CANCELS = (
     "L D = B has a solution: a finite gain keeps w from the error, gamma = 0 is attained and nothing is left to do"
 )
-
-
-@dataclass(frozen=True)
-class Level:
-    """Least gamma over some gains, and where the limit is zero at a finite gain the level to certify in its place."""
-
-    gamma: float
-    instead: float | None = None
-
-    @property
-    def attained(self) -> bool:
-        """Whether a finite gain has it, for the limit over all gains."""
-        return self.instead is not None
-
-    def target(self, slack: float) -> float:
-        """Gamma to be certified, within the slack of the least."""
-        if self.instead:
-            return round_up(self.instead, 6)
-        return max(round_down(self.gamma * (1 + slack), 6), round_up(self.gamma, 6))
 
 
 def least_gamma(study: Study) -> Outcome:
@@ -56,7 +35,7 @@ def least_gamma(study: Study) -> Outcome:
             return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         if answer.status is not Status.OPTIMAL:
             raise UndecidedError(f"the least gamma within the bounds was not found: {answer.reason}")
-        limit = level_of(answer, limit.instead)
+        limit = Level.of(answer, limit.instead)
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if asked < limit.gamma:
@@ -91,13 +70,7 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
     instead = cancelled(study.engine, family, answer) if answer.status is not Status.INFEASIBLE else None
     if answer.status is not Status.OPTIMAL and not instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}")
-    return level_of(answer, instead)
-
-
-def level_of(answer: Answer, instead: float | None) -> Level:
-    """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
-    gamma = math.sqrt(max(answer.objective, 0.0))
-    return Level(0.0, instead) if instead and gamma < SHARE * instead else Level(gamma)
+    return Level.of(answer, instead)
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:

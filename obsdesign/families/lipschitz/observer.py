@@ -12,9 +12,5 @@ from obsdesign.spec import Spec
 
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     """Observer with the gain L (n, ny), which multiplies y - yhat: L1 = -L, and L2 = 0."""
-    return incremental.observer(spec, as_incremental(spec, gains))
-
-
-def as_incremental(spec: Spec, gains: Mapping[str, Array]) -> dict[str, Array]:
-    """Gains L1 and L2 of the same observer."""
-    return {"L1": -gains["L"], "L2": np.zeros((len(spec.augmented.Cq), len(spec.augmented.C)))}
+    none = np.zeros((len(spec.augmented.Cq), len(spec.augmented.C)))
+    return incremental.observer(spec, {"L1": -gains["L"], "L2": none})

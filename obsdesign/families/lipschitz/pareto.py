@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, Range
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, Range
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import size_of
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
@@ -28,16 +28,8 @@ SAME = 1e-4  # relative difference of two limits that count as one point
 ARBITRARY = {0.0: "lipschitz", 1.0: "gamma"}  # what has no weight
 
 
-@dataclass(frozen=True)
-class Goal:
-    """Constant and gamma to be certified, within the slack of an objective."""
-
-    constant: fmpq
-    gamma: float
-
-
-def goal(front: Front, optimum: Optimum) -> Goal:
-    """Half of the slack goes into the constant, and the rest into gamma.
+def goal(front: Front, optimum: Optimum) -> tuple[fmpq, float]:
+    """Constant and gamma to be certified: half of the slack goes into the constant, and the rest into gamma.
 
     Where gamma has no weight it is twice the least for the constant; where it would be zero, a share of
     that of the solution of widest margin.
@@ -54,7 +46,7 @@ def goal(front: Front, optimum: Optimum) -> Goal:
         total = (1 + study.slack) * optimum.objective
         square = (total - weighted(weight, float(constant), 0.0)) / (1 - weight)
     gamma = round_down(math.sqrt(max(square, 0.0)), 6)
-    return Goal(constant, gamma if gamma > SUSPECT else visible(front, constant, gamma))
+    return constant, gamma if gamma > SUSPECT else visible(front, constant, gamma)
 
 
 def visible(front: Front, constant: fmpq, gamma: float) -> float:
@@ -66,8 +58,9 @@ def visible(front: Front, constant: fmpq, gamma: float) -> float:
 
 def weighed(study: Study) -> Outcome:
     """Design for one weight: the limit over all gains, the one within the bounds, a small gain and its proof."""
-    weight = float(study.weight)
-    best = certain(front(study, Bounds()).optimum(weight), weight)
+    assert isinstance(study.request.weight, fmpq)
+    weight = float(study.request.weight)
+    best = certain(front(study, NO_BOUNDS).optimum(weight), weight)
     limits: dict[str, Any] = {"limit": best.numbers}
     inner = front(study, study.bounds)
     if study.restricted:
@@ -76,21 +69,15 @@ def weighed(study: Study) -> Outcome:
             return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         best = certain(inside, weight)
         limits["limit_bounded"] = {**best.numbers, "attained": study.closed}
-    aim = goal(inner, best)
-    L, claim = study.first(small_gains(study, inner.family(float(aim.constant)), aim.constant, aim.gamma))
+    constant, gamma = goal(inner, best)
+    L, claim = study.first(small_gains(study, inner.family(float(constant)), constant, gamma))
     if L is None:
-        raise UndecidedError(f"no gain was found for lipschitz = {float(aim.constant):g} and gamma = {aim.gamma:g}")
+        raise UndecidedError(f"no gain was found for lipschitz = {float(constant):g} and gamma = {gamma:g}")
     return study.outcome(L, claim, notes=arbitrary(weight), **limits)
 
 
 def certain(found: Optimum | Status, weight: float) -> Optimum:
-    """Limit for a weight.
-
-    Raises
-    ------
-    UndecidedError
-        It was not found.
-    """
+    """Limit for a weight. Raises `UndecidedError`: it was not found."""
     if isinstance(found, Status):
         raise UndecidedError(f"the least objective for the weight {weight:g} was not found: {found}")
     return found
@@ -162,13 +149,7 @@ def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
 
 
 def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
-    """Answer that no point has a solution.
-
-    Raises
-    ------
-    UndecidedError
-        There may be one.
-    """
+    """Answer that no point has a solution. Raises `UndecidedError`: there may be one."""
     if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
     blocked = study.obstacle()
@@ -187,11 +168,11 @@ def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
     for weight in map(float, weights):
         study.engine.report(0.5, f"weight = {weight:.4g}, decay = {decay:.4g}")
         best = line.optimum(weight, start)
+        spot = Spot(weight, decay, best)
         if isinstance(best, Optimum):
             start = best.values or start
-            spots.append(shipped(line, best, Spot(weight, decay, best)))
-        else:
-            spots.append(Spot(weight, decay, best))
+            spot = shipped(line, best, spot)
+        spots.append(spot)
     same = [alike(one.optimum, other.optimum) for one, other in pairwise(spots)]
     for spot, before, after in zip(spots, [False, *same], [*same, False], strict=True):
         yield replace(spot, corner=before or after)
@@ -207,10 +188,10 @@ def alike(one: Optimum | Status, other: Optimum | Status) -> bool:
 def shipped(front: Front, optimum: Optimum, spot: Spot) -> Spot:
     """Point with a certified gain, if there is one."""
     try:
-        aim = goal(front, optimum)
+        constant, gamma = goal(front, optimum)
     except UndecidedError:
         return spot
-    certified = ((L, proved) for L, proved in front.gains(aim.constant, aim.gamma) if proved)
+    certified = ((L, proved) for L, proved in front.gains(constant, gamma) if proved)
     L, proved = next(certified, (None, None))
     return replace(spot, L=L, proved=proved)
 

@@ -9,10 +9,9 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import hidden_mode
-from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
-from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, seen, theorem2
+from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
@@ -23,16 +22,9 @@ ELSEWHERE = "; s-procedure and norm-bound need no such thing"
 def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str) -> Diagnosis:
     """Answer that no gain will do, from closed forms where there are any; empty if nothing stands in the way.
 
-    Parameters
-    ----------
-    engine
-        Solves for the limits that have no closed form.
-    unit
-        The family for the constant 1, at the least decay that is asked for.
-    request
-        Objective and declared constants: max-lipschitz needs detectability only.
-    relaxation
-        One of `RELAXATIONS`.
+    `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least decay
+    that is asked for; `request`: objective and declared constants: max-lipschitz needs detectability only;
+    `relaxation`: one of `RELAXATIONS`.
     """
     fixed = in_floats(unit)  # f = 0 is in the class
     found = hidden_mode(fixed.plant, fixed.multiplier.member, fixed.alpha)
@@ -46,7 +38,7 @@ def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation:
 
 def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:
     """Answer that Theorem 3 divides by the constant; empty if it can. In Theorem 4 it is free."""
-    if declared * norm_of(in_floats(unit)) or objective != "min-gamma":
+    if declared * in_floats(unit).lipschitz or objective != "min-gamma":
         return {}
     return {
         "condition": "lipschitz",
@@ -59,7 +51,7 @@ def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagno
 
 def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagnosis:
     """Answer that Theorems 3 and 4 have no solution for any constant; empty if they have."""
-    h, best = seen(in_floats(unit)), theorem2(engine, unit).value
+    h, best = in_floats(unit).seen, theorem2(engine, unit).value
     room = 2 * (1 - h) * best
     if h < 1 < room:
         return {}

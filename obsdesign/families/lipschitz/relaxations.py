@@ -29,16 +29,16 @@ monotone in l.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.inequality import ONE, Theorem
-from obsdesign.families.incremental.l2 import L2
-from obsdesign.families.lipschitz.guarantee import LipschitzGuarantee
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
+from obsdesign.dissipation.guarantee import EnergyGuarantee
+from obsdesign.dissipation.inequality import ONE
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.formula import (
     Array,
     Exact,
@@ -64,18 +64,27 @@ CONVERGES = "X < -a I"
 ATTENUATES = "[H'H + c I, P B - F D; ., -mu I] <= 0"
 
 
-class Lipschitz(L2):
-    """The s-procedure, with a scale for each block. L1 = -L, and L2 = 0; `LipschitzClaim` states what it proves."""
+@dataclass(frozen=True)
+class LipschitzGuarantee(EnergyGuarantee):
+    """V' + 2 decay V + |z|^2 - gamma^2 |v|^2 <= 0: that of the energy, with mu1 = 1, in the words of the paper."""
 
-    about = Theorem(
+    rate: ClassVar[str] = "decay"
+    weight: ClassVar[str] = ""
+    symbol: ClassVar[str] = "decay"
+
+
+class Lipschitz(L2):
+    """The s-procedure, with a scale for each block. L1 = -L, and L2 = 0; `Claim` states what it proves."""
+
+    about = replace(
+        L2.about,
         name="lipschitz",
         guarantee=LipschitzGuarantee,
         decrease="V' + 2 decay V + |z|^2 - mu |w|^2 <= 0",
-        gamma=L2.about.gamma,
         level="mu <= gamma^2",
-        monotone=True,
         zero_decay=True,
     )
+    power: ClassVar[int] = 2  # xi of `converging` is the constant to minus this
 
     @classmethod
     def of(
@@ -89,16 +98,8 @@ class Lipschitz(L2):
     ) -> Self:
         """Problem for constants of the blocks, in rationals.
 
-        Parameters
-        ----------
-        plant
-            With Dqf = 0, Dq = 0 and Df = 0.
-        multiplier
-            Of any type: only the sizes of its blocks matter.
-        constants
-            Of each block.
-        H, decay, L
-            z = H e; 1/s; the gain, or None if it is to be found.
+        `plant`: with Dqf = 0, Dq = 0 and Df = 0; `multiplier`: of any type: only the sizes of its blocks matter;
+        `constants`: of each block; `H`, `decay`, `L`: z = H e; 1/s; the gain, or None if it is to be found.
         """
         sizes = [(block.nq, block.nf) for block in multiplier.blocks]
         absent = rational(np.zeros((len(plant.Cq), len(plant.C))))
@@ -113,10 +114,30 @@ class Lipschitz(L2):
         blocks = tuple(replace(b, M11=factor * factor * b.M11) for b in self.multiplier.scaled_blocks())
         return replace(self, multiplier=Multiplier(blocks))
 
+    @property
+    def lipschitz(self) -> float:
+        """Constant l = |Bf| |diag(l_i) Cq|, by which f as a whole is known; in doubles."""
+        root = np.sqrt(block_diagonal([b.M11 for b in self.multiplier.scaled_blocks()]))  # diagonal: l_i^2 I
+        return float(np.linalg.norm(self.plant.Bf, 2) * np.linalg.norm(root @ self.plant.Cq, 2))
+
+    @property
+    def seen(self) -> float:
+        """Return h = sigma(H)^2, in doubles."""
+        return float(np.linalg.norm(self.H, 2)) ** 2 if self.H.size else 0.0
+
+    def converging(self, v: Values) -> list[Inequality]:
+        """[X + Cq'M11 Cq, P Bf; ., -xi I] <= 0, of one block."""
+        (block,) = self.multiplier.scaled_blocks()
+        Cq = self.plant.Cq
+        forced = self.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
+        decrease = Inequality(self.about.decrease, forced, strict=not self.alpha)
+        return [decrease, Inequality("P > 0", -v["P"], strict=True)]
+
 
 class Unstructured(Lipschitz):
     """What knows f by one constant l, |Bf df| <= l |e|; in doubles."""
 
+    power = 1
     further: ClassVar[tuple[str, ...]]  # scalar unknowns besides P and the gain
 
     @property
@@ -125,31 +146,23 @@ class Unstructured(Lipschitz):
         return tuple(Unknown(name, (1, 1)) for name in self.further)
 
     @property
-    def lipschitz(self) -> float:
-        """Constant l = |Bf| |diag(l_i) Cq|."""
-        root = np.sqrt(block_diagonal([b.M11 for b in self.multiplier.scaled_blocks()]))  # diagonal: l_i^2 I
-        return float(np.linalg.norm(self.plant.Bf, 2) * np.linalg.norm(root @ self.plant.Cq, 2))
-
-    @property
-    def seen(self) -> float:
-        """Return h = sigma(H)^2."""
-        return float(np.linalg.norm(self.H, 2)) ** 2 if self.H.size else 0.0
-
-    @property
     def injection(self) -> None:
         """None: the gain enters two inequalities."""
         return
 
+    def converging(self, v: Values) -> list[Inequality]:
+        """X < -I and 0 < P <= xi / (2 l) I."""
+        small = Inequality("2 l P <= xi I", 2 * self.lipschitz * v["P"] - v["xi"] * self.eye)
+        return [self.convergence(v, ONE), small, Inequality("P > 0", -v["P"], strict=True)]
+
     def convergence(self, v: Values, a: Array) -> Inequality:
         """X < -a I."""
-        p, P = self.plant, v["P"]
-        Y = v["Y"] if self.L1 is None else P @ self.L1  # = -F
+        p, P, Y = self.plant, v["P"], self.injected(v)  # Y = -F
         return Inequality(CONVERGES, he(P @ p.A + Y @ p.C) + 2 * self.alpha * P + a * self.eye, strict=True)
 
     def attenuation(self, v: Values, c: Array) -> Inequality:
         """[H'H + c I, P B - F D; ., -mu I] <= 0, for the weight mu1 of H'H and the supply mu2."""
-        p, P = self.plant, v["P"]
-        Y = v["Y"] if self.L1 is None else P @ self.L1
+        p, P, Y = self.plant, v["P"], self.injected(v)
         seen = v["mu1"] * (self.H.mT @ self.H) + c * self.eye
         supply = -v["mu2"] * identity(p.B.shape[1], p.B)
         return Inequality(ATTENUATES, symmetric([[seen, P @ p.B + Y @ p.D], [supply]]))
@@ -202,7 +215,7 @@ class Theorem4(Unstructured):
             Inequality("l xi <= 1", self.lipschitz * xi - one),
         )
 
-    def pareto(self, weight: float, ratio: float = 1.0, bounds: Bounds | None = None) -> Problem:
+    def pareto(self, weight: float, ratio: float = 1.0, bounds: Bounds = NO_BOUNDS) -> Problem:
         """Minimise weight ratio xi + (1 - weight) mu, where 1 / (ratio xi) is the constant that is weighed."""
         least = self.least_gamma(bounds)
         return replace(least, minimise=lambda v: weight * ratio * v["xi"] + (1 - weight) * v["mu"])

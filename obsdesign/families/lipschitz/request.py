@@ -1,13 +1,13 @@
 """What a spec asks of an observer of a Lipschitz system: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.lmi.formula import Array, identity
 from obsdesign.model.disturbance import augment
@@ -83,7 +83,7 @@ class LipschitzRequest:
     weight: fmpq | Range | None = None  # of 1 / lipschitz against gamma^2, in [0, 1], for pareto
     decay: fmpq | Range = ZERO  # beta, 1/s
     slack: fmpq = SLACK
-    bounds: Bounds = field(default_factory=Bounds)
+    bounds: Bounds = NO_BOUNDS
     gains: Mapping[str, Array] | None = None  # L (n, ny): analysis of this
     drive: str = "w"  # v where a disturbance model generates w
 
@@ -143,7 +143,7 @@ def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | No
 def read_bounds(reader: Reader, section: LipschitzBounds | None) -> Bounds:
     """Largest gain and level, and least storage function."""
     if section is None:
-        return Bounds()
+        return NO_BOUNDS
     gain, norm = asked.read_largest_gain(reader, section.L, "L")
     least = asked.read_bound(reader, section.P.min, "P", "min") if section.P else None
     return Bounds(gain, norm, gamma=asked.read_bound(reader, section.gamma, "gamma"), floor=least)

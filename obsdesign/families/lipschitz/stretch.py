@@ -9,10 +9,8 @@ import numpy as np
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
-from obsdesign.dissipation.inequality import LARGE, ONE
 from obsdesign.dissipation.scan import edge, strides
-from obsdesign.families.lipschitz.closed_forms import norm_of
-from obsdesign.families.lipschitz.relaxations import Lipschitz, Unstructured
+from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Inequality, Problem, Unknown, Values
 from obsdesign.lmi.solve import Answer, Status
 
@@ -34,25 +32,20 @@ class Stretch:
     engine: Engine
     family: Lipschitz  # without w and z, for the constant 1, in doubles
 
-    @property
-    def power(self) -> int:
-        """The objective is c to minus this."""
-        return 1 if isinstance(self.family, Unstructured) else 2
-
     @cached_property
     def scale(self) -> float:
         """Constant of f that is as large as the dynamics are fast, so that units do not matter."""
-        p, whole = self.family.plant, norm_of(self.family)
+        p, whole = self.family.plant, self.family.lipschitz
         rate = float(np.linalg.norm(p.A + self.family.alpha * self.family.eye, 2))
         return rate / whole if rate and whole else 1.0
 
     def objective(self, constant: float) -> float:
         """Objective of a constant."""
-        return float((constant / self.scale) ** -self.power)
+        return float((constant / self.scale) ** -self.family.power)
 
     def constant(self, answer: Answer) -> float:
         """Constant of an answer; infinite if any will do."""
-        return float(self.scale * answer.objective ** (-1 / self.power)) if answer.objective > NONE else math.inf
+        return float(self.scale * answer.objective ** (-1 / self.family.power)) if answer.objective > NONE else math.inf
 
     def least(self, bounds: Bounds, start: Values | None = None) -> Answer:
         """Least objective within the bounds on L1 and (Theorem 1) P >= t I."""
@@ -69,54 +62,19 @@ class Stretch:
     @property
     def convex(self) -> bool:
         """Whether the largest constant is one problem."""
-        return self.power == 1 or len(self.family.multiplier.blocks) == 1
-
-    def wide(self, constant: float) -> Answer:
-        """Point of largest margin at a constant, within no bounds."""
-        return self.engine.widest(self.family.stretched(constant).witness(1.0))
+        return self.family.power == 1 or len(self.family.multiplier.blocks) == 1
 
     def problem(self, bounds: Bounds) -> Problem:
         """Minimise the objective, in one unknown xi."""
         family = self.family.stretched(self.scale)
-        rates = self.by_norm if isinstance(family, Unstructured) else self.by_scale
-        limited = family.gain_unknowns("t", bounds) if bounds.L1 is not None else []
 
         def inequalities(v: Values) -> list[Inequality]:
-            rows = rates(family, {**v, "Y": v["Y"] if family.L1 is None else v["P"] @ family.L1})
-            return [*rows, *self.within(v, bounds)]
+            return [*family.converging({**v, "Y": family.injected(v)}), *family.within(v, bounds)]
 
-        gains = [] if family.L1 is not None else [Unknown("Y", family.plant.C.mT.shape)]
-        unknowns = (Unknown("P", family.plant.A.shape, symmetric=True), *gains, Unknown("xi", (1, 1)), *limited)
+        p, limited = family.plant, family.gain_unknowns(bounds)
+        gains = [] if family.L1 is not None else [Unknown("Y", p.C.mT.shape)]
+        unknowns = (Unknown("P", p.A.shape, symmetric=True), *gains, Unknown("xi", (1, 1)), *limited)
         return Problem(unknowns, inequalities, lambda v: v["xi"])
-
-    def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
-        """Bounds on P and on L1."""
-        rows = []
-        if bounds.floor is not None:
-            rows.append(Inequality(LARGE, float(bounds.floor) * self.family.eye - v["P"]))
-        if bounds.L1 is not None:
-            rows += self.family.gain(v, v["t"], float(bounds.L1) ** 2 * v["t"])
-        return rows
-
-    def by_norm(self, family: Lipschitz, v: Values) -> list[Inequality]:
-        """X < -I and P <= xi / (2 l) I."""
-        assert isinstance(family, Unstructured)
-        small = 2 * family.lipschitz * v["P"] - v["xi"] * family.eye
-        return [
-            family.convergence(v, ONE),
-            Inequality("2 l P <= xi I", small),
-            Inequality("P > 0", -v["P"], strict=True),
-        ]
-
-    def by_scale(self, family: Lipschitz, v: Values) -> list[Inequality]:
-        """[X + Cq'M11 Cq, P Bf; ., -xi I] <= 0."""
-        (block,) = family.multiplier.scaled_blocks()
-        Cq = family.plant.Cq
-        forced = family.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
-        return [
-            Inequality(family.about.decrease, forced, strict=not family.alpha),
-            Inequality("P > 0", -v["P"], strict=True),
-        ]
 
     def bisected(self, bounds: Bounds) -> Answer:
         """Largest constant of several blocks, with the point of widest margin at nearly that."""
@@ -137,10 +95,9 @@ class Stretch:
     def feasible(self, constant: float, bounds: Bounds) -> Answer:
         """Point of largest margin at a constant, within bounds."""
         problem = self.family.stretched(constant).witness(1.0)
-        limited = self.family.gain_unknowns("t", bounds) if bounds.L1 is not None else []
         within = replace(
             problem,
-            unknowns=(*problem.unknowns, *limited),
-            inequalities=lambda v: (*problem.inequalities(v), *self.within(v, bounds)),
+            unknowns=(*problem.unknowns, *self.family.gain_unknowns(bounds)),
+            inequalities=lambda v: (*problem.inequalities(v), *self.family.within(v, bounds)),
         )
         return self.engine.widest(within)

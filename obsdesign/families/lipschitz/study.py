@@ -13,7 +13,6 @@ from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.lipschitz.claim import Claim, needed, within
-from obsdesign.families.lipschitz.closed_forms import norm_of
 from obsdesign.families.lipschitz.reasons import gate
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
@@ -49,13 +48,6 @@ class Study:
         return needed(self.request.lipschitz)
 
     @property
-    def weight(self) -> fmpq:
-        """Weight of pareto, where it is a number."""
-        weight = self.request.weight
-        assert isinstance(weight, fmpq)
-        return weight
-
-    @property
     def slack(self) -> float:
         """Relative slack of the objective."""
         return float(self.request.slack)
@@ -68,7 +60,7 @@ class Study:
     @property
     def restricted(self) -> bool:
         """Whether anything but gamma is bounded."""
-        return self.bounds.L1 is not None or self.bounds.floor is not None
+        return self.bounds.restricted
 
     @property
     def closed(self) -> bool:
@@ -86,31 +78,24 @@ class Study:
 
     def constant_of(self, xi: float) -> float:
         """Constant of a l = 1 / xi for f as a whole."""
-        return 1 / (norm_of(in_floats(self.unit)) * xi)
+        return 1 / (in_floats(self.unit).lipschitz * xi)
 
     def attenuation(self, constant: float, kind: type[Lipschitz] | None = None, L: Array | None = None) -> Lipschitz:
         """Inequalities of the relaxation with w and z for a constant, in doubles; for a gain in rationals, or any."""
-        family = replace(recast(self.unit, kind or KINDS[self.relaxation]), L1=None if L is None else -L)
-        return in_floats(family).stretched(constant)
+        return in_floats(recast(self.unit, kind or KINDS[self.relaxation], L)).stretched(constant)
 
     def stretch(self, L: Array | None = None) -> Stretch:
         """Search for the largest constant, without w and z, for a gain or over all."""
         kind = Lipschitz if self.relaxation == "s-procedure" else NormBound
-        return Stretch(
-            self.engine, in_floats(replace(recast(self.unit, kind), L1=None if L is None else -L).undisturbed())
-        )
+        return Stretch(self.engine, in_floats(recast(self.unit, kind, L).undisturbed()))
 
     def proved(
         self, L: Array, constant: fmpq, gamma: float | None = None, values: Values | None = None
     ) -> Claim | None:
         """Proof that a gain (in rationals) tolerates a constant, with a gamma; None if there is none.
 
-        Parameters
-        ----------
-        gamma
-            Level to prove; None for nearly the least that the gain has.
-        values
-            A solution of the relaxation for about this gain, constant and gamma: it may be the proof already.
+        `gamma`: level to prove; None for nearly the least that the gain has; `values`: a solution of the relaxation for
+        about this gain, constant and gamma: it may be the proof already.
         """
         family = replace(self.unit, L1=-L).stretched(constant)
         if not self.disturbed:
@@ -126,11 +111,9 @@ class Study:
         """Proof by the storage function of a solution and the scales that go with it."""
         witness = {"P": values["P"], **self.scales(family, values)}
         level = printed(gamma)
-        for digits in DIGITS:
-            certificate = certify(family, level, fmpq(1), square_below(level), rounded(witness, digits))
-            if certificate.holds:
-                return certificate
-        return None
+        square = square_below(level)
+        tried = (certify(family, level, fmpq(1), square, rounded(witness, digits)) for digits in DIGITS)
+        return next((certificate for certificate in tried if certificate.holds), None)
 
     def scales(self, family: Lipschitz, values: Values) -> dict[str, Array]:
         """Scales of the s-procedure; where f is known by one constant, those that make 2 e'P Bf df its bound."""
@@ -139,7 +122,7 @@ class Study:
             return {name: values[name] for name in names}
         fixed = in_floats(family)
         into = float(np.linalg.norm(fixed.plant.Bf, 2))
-        whole = norm_of(fixed)
+        whole = fixed.lipschitz
         scale = np.linalg.norm(values["P"], 2) * into**2 / whole if whole else 1.0
         return {name: np.array([[scale]]) for name in names}
 
@@ -164,6 +147,6 @@ def out_of_bounds(answer: Answer) -> bool:
     )
 
 
-def recast(family: Lipschitz, kind: type[K]) -> K:
-    """Same problem in another relaxation."""
-    return kind(family.plant, family.multiplier, family.H, family.alpha, family.L1, family.L2)
+def recast(unit: Lipschitz, kind: type[K], L: Array | None = None) -> K:
+    """Same problem in another relaxation, for a gain in rationals, or any."""
+    return kind(unit.plant, unit.multiplier, unit.H, unit.alpha, None if L is None else -L, unit.L2)

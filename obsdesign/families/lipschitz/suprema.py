@@ -1,6 +1,5 @@
 """Suprema of the Lipschitz constant over all gains, without the gain; a closed form wherever there is one."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 
@@ -10,9 +9,9 @@ from flint import fmpq_mat
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
-from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, norm_of, regular, unstructured
-from obsdesign.families.lipschitz.relaxations import Lipschitz, NormBound
-from obsdesign.lmi.formula import Array, Exact, Problem, in_floats
+from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, regular, unstructured
+from obsdesign.families.lipschitz.relaxations import Lipschitz
+from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
@@ -39,23 +38,13 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
     It is attained where the storage function of the optimum is regular and the rate is positive (at the rate 0 the
     inequality is strict). With several blocks that is not known, as it takes finite scales too, and never claimed.
 
-    Parameters
-    ----------
-    engine
-        Solves where there is no closed form.
-    unit
-        The family for the constant 1.
-    relaxation
-        "s-procedure"; or "norm-bound" or "abbaszadeh", which are the same here: Theorems 1 and 2.
-
-    Raises
-    ------
-    UndecidedError
-        The reduced problem was not solved.
+    `engine`: solves where there is no closed form; `unit`: the family for the constant 1; `relaxation`: "s-procedure";
+    or "norm-bound" or "abbaszadeh", which are the same here: Theorems 1 and 2. Raises `UndecidedError`: the reduced
+    problem was not solved.
     """
     if relaxation == "s-procedure":
         return by_scales(engine, in_floats(unit))
-    limit, whole = theorem2(engine, unit), norm_of(in_floats(unit))
+    limit, whole = theorem2(engine, unit), in_floats(unit).lipschitz
     if whole or not limit.value:
         return replace(limit, value=limit.value and limit.value / whole)
     return Supremum(inf, closed=EVERY)
@@ -99,12 +88,6 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     return Supremum(value, attainable and regular(answer.values["P"]))
 
 
-def with_scales(engine: Engine, core: Core, scales: Sequence[Array]) -> float:
-    """Largest constant for scales; 0 if it was not found."""
-    answer = engine.minimise(core.largest(scales / np.max(scales)))
-    return core.constant(answer.objective) if answer.status is Status.OPTIMAL else 0.0
-
-
 def widened(engine: Engine, core: Core, value: float) -> float:
     """Largest constant of several blocks over their scales, from that for equal scales.
 
@@ -113,9 +96,11 @@ def widened(engine: Engine, core: Core, value: float) -> float:
     """
     step = ACCURACY
     while value:
-        wider = engine.widest(core.admissible(value * (1 + step)))
-        scales = [wider.values[name] for name in core.scales] if wider.status is Status.OPTIMAL else []
-        better = with_scales(engine, core, scales) if scales else 0.0
+        better, answer = 0.0, engine.widest(core.admissible(value * (1 + step)))
+        if answer.status is Status.OPTIMAL:
+            scales = np.array([answer.values[name] for name in core.scales])
+            answer = engine.minimise(core.largest(scales / np.max(scales)))
+            better = core.constant(answer.objective) if answer.status is Status.OPTIMAL else 0.0
         if better > value * (1 + step / 2):
             value, step = better, min(8 * step, 1.0)
         elif step > ACCURACY:
@@ -126,13 +111,7 @@ def widened(engine: Engine, core: Core, value: float) -> float:
 
 
 def optimum(engine: Engine, problem: Problem) -> Answer:
-    """Optimum of a reduced problem.
-
-    Raises
-    ------
-    UndecidedError
-        It was not solved.
-    """
+    """Optimum of a reduced problem. Raises `UndecidedError`: it was not solved."""
     answer = engine.minimise(problem, precise=True)
     if answer.status is not Status.OPTIMAL:
         raise UndecidedError("the largest Lipschitz constant over all gains was not found: its problem was not solved")
@@ -148,7 +127,7 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
     """
     if relaxation != "abbaszadeh":
         return largest_constant(engine, unit, relaxation)
-    limit, whole, h = theorem2(engine, unit), norm_of(in_floats(unit)), seen(in_floats(unit))
+    limit, whole, h = theorem2(engine, unit), in_floats(unit).lipschitz, in_floats(unit).seen
     if h >= 1 or not limit.value:
         return Supremum(0.0, closed="sigma(H) >= 1" if h >= 1 else limit.closed)
     excess = 2 * (1 - h) * limit.value - 1
@@ -156,11 +135,6 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
         return Supremum(inf, closed=EVERY)
     value = excess / (h + sqrt(h * h + excess)) / whole if excess > 0 else 0.0
     return Supremum(value, closed=GAMMA + (limit.closed or "limit of Theorem 2"))
-
-
-def seen(unit: Lipschitz) -> float:
-    """Return h = sigma(H)^2, in doubles."""
-    return float(NormBound(unit.plant, unit.multiplier, unit.H, unit.alpha).seen)
 
 
 def ceiling(unit: Lipschitz) -> float | None:
@@ -172,7 +146,7 @@ def ceiling(unit: Lipschitz) -> float | None:
     fixed = in_floats(unit)
     if not unstructured(fixed) or not Unseen.of(fixed).order:
         return None
-    return least_undetecting(fixed) / norm_of(fixed)
+    return least_undetecting(fixed) / fixed.lipschitz
 
 
 def cancels(plant: Plant[Exact]) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.dissipation.certificate import Certificate, certify
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.formula import approximate, rational
 from obsdesign.lmi.proof import Proved
 

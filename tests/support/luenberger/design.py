@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import place_poles
 
 from obsdesign.dissipation.claim import best_claim
-from obsdesign.families.incremental.l2 import L2
+from obsdesign.families.incremental.theorems import L2
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import printed, rational
 from support.luenberger.claim import Claim
