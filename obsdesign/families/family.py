@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine
     from obsdesign.families.asked import Estimation, ObserverSection
     from obsdesign.families.finding import Finding
+    from obsdesign.families.frozen import Demand
     from obsdesign.families.observer import Observer
     from obsdesign.families.outcome import Claim, Outcome, Proof
     from obsdesign.files import ResultFile
@@ -25,7 +26,7 @@ class Family:
 
     What each method here asks for is a function of a module of the folder:
 
-    request.py    `SECTION`, `request`; `nonlinearities`, if f is unstructured
+    request.py    `SECTION`, `request`, `demand`; `nonlinearities`, if f is unstructured
     check.py      `check`
     design.py     `design`
     claim.py      `written`, `read`, `read_gains`
@@ -69,15 +70,23 @@ class Family:
         asked: Request = self.part("request").request(reader, section, problem)
         return asked
 
+    def demand(self, spec: "Spec") -> "Demand":
+        """The least that a spec asks of the error, whatever the observer."""
+        demand: Demand = self.part("request").demand(spec)
+        return demand
+
     def check(self, spec: "Spec", engine: "Engine") -> "list[Finding]":
         """What the structure of a spec allows, before any design."""
+        from obsdesign.families import frozen
+
         found: list[Finding] = self.part("check").check(spec, engine)
-        return found
+        return [*found, *frozen.findings(spec, self.demand(spec))]
 
     def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
-        outcome: Outcome = self.part("design").design(spec, engine)
-        return outcome
+        from obsdesign.families import frozen
+
+        return frozen.designed(spec, self.demand(spec), lambda: self.part("design").design(spec, engine))
 
     def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
         """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""
@@ -99,8 +108,12 @@ class Family:
 
         Raises `UsageError`: it holds none: its verdict is numerical or structural; or it is malformed.
         """
+        from obsdesign.families import frozen
+
         if "certificate" not in file.table("diagnosis"):
             raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
+        if file.table("diagnosis", "certificate").get("kind") == frozen.KIND:
+            return frozen.read(spec, self.demand(spec), file)
         if not self.refutes:
             raise file.wrong("diagnosis.certificate", f"there is none for type {spec.observer.type}")
         proof: Proof = self.part("absence").read(spec, file)

@@ -63,6 +63,18 @@ def described(mode: Mode) -> dict[str, Any]:
     }
 
 
+def smaller_class(found: Diagnosis) -> str:
+    """Suggestion of the class of a `nonlinearity` that would be `feasible`."""
+    known = {name: value for name, value in found["feasible"].items() if name in {"lipschitz", "slope", "share"}}
+    largest = ", ".join(f"{name} {shown(value)}" for name, value in known.items())
+    return f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}"
+
+
+def shown(value: Any) -> str:
+    """Number, or list of numbers, in few digits."""
+    return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"
+
+
 def hidden_mode(
     plant: Plant[Float],
     K: Array,

@@ -10,13 +10,25 @@ inequalities of the cone, never a type.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isqrt
 from string import ascii_lowercase
+from typing import Any
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, block_diagonal, zeros
+from obsdesign.lmi.formula import (
+    Array,
+    Inequality,
+    Unknown,
+    Values,
+    block_diagonal,
+    identity,
+    zeros,
+)
+from obsdesign.lmi.proof import holds
 
 Matrix = tuple[Array, Array, Array]  # M11 (nq, nq), M12 (nq, nf), M22 (nf, nf)
 
@@ -40,6 +52,27 @@ class Block(ABC):
     def nf(self) -> int:
         """Number of components of f."""
         return int(self.member.shape[0])
+
+    @property
+    @abstractmethod
+    def generators(self) -> "tuple[Scaled, ...]":
+        """The inequalities that say what is in the class; empty where it is known by `vertices` only."""
+
+    @property
+    @abstractmethod
+    def vertices(self) -> tuple[Array, ...]:
+        """Linear maps of the class, in rationals: those at its ends, as far as there are finitely many."""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether all its linear maps are bounded: M22 < 0 for some M."""
+        return any(holds(Inequality("M22 < 0", part.M22, strict=True)) for part in self.generators)
+
+    def contains(self, K: Array) -> bool:
+        """Whether a linear map is surely in the class, in rationals."""
+        if self.generators:
+            return all(holds(Inequality("", -replace(g, member=K).shifted().M11)) for g in self.generators)
+        return any((vertex == K).all() for vertex in self.vertices)
 
     @abstractmethod
     def unknowns(self, label: str) -> tuple[Unknown, ...]:
@@ -68,6 +101,21 @@ class Scaled(Block):
         K = zeros((len(M) - nq, nq), [M]) if member is None else member
         return cls(K, M[:nq, :nq], M[:nq, nq:], M[nq:, nq:])
 
+    @property
+    def generators(self) -> "tuple[Scaled, ...]":
+        """Itself."""
+        return (self,)
+
+    @property
+    def vertices(self) -> tuple[Array, ...]:
+        """Member, and the multiples of the identity at the ends."""
+        return ends(self)
+
+    def form(self, q: Array, f: Array) -> Array:
+        """Return [q; f]' M [q; f] for pairs in the columns of q (nq, r) and f (nf, r)."""
+        across = q.mT @ self.M12 @ f
+        return np.asarray(q.mT @ self.M11 @ q + across + across.mT + f.mT @ self.M22 @ f)
+
     def unknowns(self, label: str) -> tuple[Unknown, ...]:
         """The scale."""
         return (Unknown(f"lambda{label}", (1, 1)),)
@@ -95,6 +143,16 @@ class Sum(Block):
     """The cone {sum_j lambda_j M_j : lambda_j >= 0}: several inequalities hold for the same q and f."""
 
     parts: tuple[Scaled, ...]
+
+    @property
+    def generators(self) -> tuple[Scaled, ...]:
+        """The parts."""
+        return self.parts
+
+    @property
+    def vertices(self) -> tuple[Array, ...]:
+        """Member, and the multiples of the identity at the ends."""
+        return ends(self)
 
     def named(self, label: str) -> list[tuple[str, Scaled]]:
         """Parts with labels of their own: 3a, 3b, .."""
@@ -172,3 +230,24 @@ class Multiplier:
 def combine(parts: Iterable[Multiplier]) -> Multiplier:
     """Multiplier of f = (f_1, .., f_k), each with its own argument."""
     return Multiplier(tuple(block for part in parts for block in part.blocks))
+
+
+def ends(block: Block) -> tuple[Array, ...]:
+    """Member of a class, and the multiples k I at which one of its inequalities ends; k is rounded to the inside."""
+    found = [block.member]
+    if block.nf == block.nq:
+        sides = [k for g in block.generators for k in roots(g.M11[0, 0], g.M12[0, 0], g.M22[0, 0])]
+        found += [k * identity(block.nq, block.member) for k in sorted(set(sides))]
+    return tuple(K for i, K in enumerate(found) if block.contains(K) and not any((K == L).all() for L in found[:i]))
+
+
+def roots(a: Any, b: Any, c: Any) -> list[Any]:
+    """Rationals k with a + 2 b k + c k^2 >= 0, next to its zeros or at them; for c < 0 or a line."""
+    if c == 0:
+        return [-a / (2 * b)] if b else []
+    square = (b / c) ** 2 - a / c
+    if c > 0 or square < 0:
+        return []
+    scale = fmpq(10**24 * square.q)
+    radius = isqrt(int((square * scale * scale).p)) / scale
+    return [-b / c - radius, -b / c + radius]

@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.lmi.farkas import null_space
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, rational, symmetric, zeros
-from obsdesign.model.multiplier import Block, Matrix, Multiplier
+from obsdesign.model.multiplier import Block, Matrix, Multiplier, Scaled
 from obsdesign.nonlinearities.data import MatrixList
 from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.template import Template, require_matrices
@@ -36,6 +36,17 @@ class Cone(Block):
     """All M with M22 = 0, M11 >= 0 and He(M12 Th) >= 0 for each ray Th."""
 
     rays: tuple[Ray, ...]
+    directions: tuple[Array, ...]  # Th, (nf, nq)
+
+    @property
+    def generators(self) -> tuple[Scaled, ...]:
+        """None."""
+        return ()
+
+    @property
+    def vertices(self) -> tuple[Array, ...]:
+        """Zero, and a point of each ray."""
+        return (self.member, *self.directions)
 
     def unknowns(self, label: str) -> tuple[Unknown, ...]:
         """M11 and M12."""
@@ -69,7 +80,7 @@ def cone(directions: Sequence[Array], nq: int, nf: int) -> Multiplier:
     """
     require_matrices("cone", "the directions of the cone", directions, nf, nq)
     rays = tuple(ray(Th, both_ways=any((Th == -other).all() for other in directions)) for Th in directions)
-    return Multiplier((Cone(zeros((nf, nq), [rational([[0]])]), rays),))
+    return Multiplier((Cone(zeros((nf, nq), [rational([[0]])]), rays, tuple(directions)),))
 
 
 def ray(Th: Array, *, both_ways: bool) -> Ray:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he
-from obsdesign.model.multiplier import Block, Matrix, Multiplier
+from obsdesign.model.multiplier import Block, Matrix, Multiplier, Scaled
 from obsdesign.nonlinearities.data import MATRICES, MatrixList
 from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import Hull
+from obsdesign.nonlinearities.slope import component
 from obsdesign.nonlinearities.template import Template, require_matrices
 from obsdesign.sections.forms import Either, auto
 
@@ -22,7 +23,23 @@ class Polytope(Block):
     need not: M = diag(-1, 1) does at Th = -1 and Th = 1, and not at 0.
     """
 
-    vertices: tuple[Array, ...]  # (nf, nq) each
+    corners: tuple[Array, ...]  # (nf, nq) each
+
+    @property
+    def generators(self) -> tuple[Scaled, ...]:
+        """The bounds of a slope; there are none for matrices."""
+        slopes = [Th.item() for Th in self.corners if Th.size == 1]
+        return (component(min(slopes), max(slopes)),) if slopes else ()
+
+    @property
+    def vertices(self) -> tuple[Array, ...]:
+        """The given matrices, and their mean."""
+        return (self.member, *self.corners)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is, as a hull."""
+        return True
 
     def unknowns(self, label: str) -> tuple[Unknown, ...]:
         """All of M."""
@@ -43,7 +60,7 @@ class Polytope(Block):
             Inequality(f"M{label}_22 <= 0", M22),
             *(
                 Inequality(f"[I; Th{i}]' M{label} [I; Th{i}] >= 0", -(M11 + he(M12 @ Th) + Th.mT @ M22 @ Th))
-                for i, Th in enumerate(self.vertices, start=1)
+                for i, Th in enumerate(self.corners, start=1)
             ),
         )
 

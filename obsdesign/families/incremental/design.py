@@ -16,6 +16,7 @@ from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_g
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import Level, cancelled, falling, unbounded
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.families.finding import smaller_class
 from obsdesign.families.incremental.absence import why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim
@@ -295,19 +296,12 @@ class Designer:
         found = largest_class(self.spec, feasible)
         if not found:
             return diagnosis
-        largest = ", ".join(f"{name} {shown(value)}" for name, value in found["feasible"].items())
-        hint = f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}"
         return {
             **diagnosis,
             "nonlinearity": found["nonlinearity"],
             "feasible": {**diagnosis["feasible"], **found["feasible"]},
-            "suggestion": f"{diagnosis['suggestion']}; {hint}",
+            "suggestion": f"{diagnosis['suggestion']}; {smaller_class(found)}",
         }
-
-
-def shown(value: Any) -> str:
-    """Number, or list of numbers, in few digits."""
-    return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"
 
 
 def design(spec: Spec, engine: Engine) -> Outcome:

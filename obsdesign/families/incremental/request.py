@@ -8,6 +8,7 @@ from flint import fmpq, fmpq_mat
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
 from obsdesign.families import asked
+from obsdesign.families.frozen import Demand
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
@@ -154,6 +155,11 @@ def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
     gain, norm = asked.read_largest_gain(reader, section.L1, "L1")
     P, gamma = (asked.read_bound(reader, getattr(section, name), name) for name in ("P", "gamma"))
     return Bounds(gain, norm, P, gamma)
+
+
+def demand(spec: Spec) -> Demand:
+    """Decay at the least alpha that is asked for, for every f of its type."""
+    return Demand(printed(ends(request_of(spec).alpha)[0]), spec.multiplier, "alpha")
 
 
 def request_of(spec: Spec) -> Request:

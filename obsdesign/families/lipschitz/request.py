@@ -9,7 +9,8 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
 from obsdesign.families import asked
-from obsdesign.lmi.formula import Array, identity
+from obsdesign.families.frozen import Demand
+from obsdesign.lmi.formula import Array, identity, printed
 from obsdesign.model.disturbance import augment
 from obsdesign.nonlinearities import combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
@@ -205,6 +206,14 @@ def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: asked.
             f"observer.relaxation: f is treated as unstructured with the constant norm(Bf) lipschitz norm(Cq) "
             f"by {'norm-bound and abbaszadeh' if request.relaxation == 'compare' else request.relaxation}"
         )
+
+
+def demand(spec: Spec) -> Demand:
+    """Decay at the least rate that is asked for, for the declared constants; max-lipschitz is content with any."""
+    request, sizes = request_of(spec), [(block.nq, block.nf) for block in spec.multiplier.blocks]
+    part = 0 if request.objective == "max-lipschitz" else 1
+    assumed = combine(lipschitz(part * k, *size) for k, size in zip(request.lipschitz, sizes, strict=True))
+    return Demand(printed(ends(request.decay)[0]), assumed, "decay")
 
 
 def request_of(spec: Spec) -> LipschitzRequest:

@@ -8,7 +8,8 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Range, ends
 from obsdesign.families import asked
-from obsdesign.lmi.formula import Array
+from obsdesign.families.frozen import Demand
+from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
@@ -190,6 +191,11 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
     if bound and not section.gains and high < least * ABOVE and reader.clean(loc):
         reader.wrong(loc, f"{bound[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
     return delta if isinstance(delta, Range) else Range(low, high, points=1)
+
+
+def demand(spec: Spec) -> Demand:
+    """Decay at the least decay that is asked for, for every f of its type."""
+    return Demand(printed(ends(request_of(spec).decay)[0]), spec.multiplier, "decay")
 
 
 def request_of(spec: Spec) -> SporadicRequest:

@@ -6,6 +6,7 @@ from typing import ClassVar
 from flint import fmpq
 
 from obsdesign.families.asked import SEARCHED, ObserverSection, read_searched
+from obsdesign.families.frozen import Demand
 from obsdesign.sections.forms import ENTRY, key, required
 
 
@@ -35,6 +36,11 @@ def request(reader, section, problem):
     if poles > 0:
         reader.wrong(("observer", "poles"), f"must not be positive, for {problem.states.size} states")
     return LuenbergerRequest(section.type, poles)
+
+
+def demand(spec):
+    """Any decay."""
+    return Demand(fmpq(0), spec.multiplier, "poles")
 
 
 SECTION = LuenbergerSection

@@ -1,0 +1,118 @@
+"""Answers that a frozen member of the class, f = K q, hides a mode: a reason, a finding and a proof, in any family."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.errors import UndecidedError
+from obsdesign.families.finding import Finding, complex_pair, described, finding, smaller_class
+from obsdesign.families.outcome import Diagnosis, Outcome, Proof, Verdict
+from obsdesign.files import ResultFile, rows
+from obsdesign.lmi.formula import Array
+from obsdesign.lmi.proof import Check
+from obsdesign.model.frozen import Hidden, hidden, proved
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.spec import Spec, numbered
+
+KIND = "member"
+FREE = "free"  # a K that is whatever keeps y = 0
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What a request asks of the error of every observer: a decay, for every f of a class."""
+
+    rate: fmpq  # the least that is asked for, 1/s; if it is zero, any decay
+    multiplier: Multiplier
+    key: str  # of the rate in a spec
+
+
+def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
+    """Outcome of a design; where it has no proved gains, with the member of the class that rules every observer out."""
+    try:
+        outcome = design()
+    except UndecidedError:
+        if not (found := hidden(spec.augmented, demand.multiplier, demand.rate)):
+            raise
+        return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis(found, demand))
+    if outcome.status is Verdict.CERTIFIED:
+        return outcome
+    found = hidden(spec.augmented, demand.multiplier, demand.rate)
+    if not found:
+        return outcome
+    known, said = outcome.diagnosis, diagnosis(found, demand)
+    feasible = said["feasible"] | known.get("feasible", {})
+    if "nonlinearity" in known:
+        said["suggestion"] += f"; {smaller_class(known)}"
+    elif known.get("feasible") and known["condition"] != said["condition"]:
+        said["reason"] += f"; {known['reason']}"
+        said["suggestion"] = known["suggestion"]
+    said["feasible"] = feasible
+    return replace(outcome, status=Verdict.INFEASIBLE, claim=None, diagnosis={**known, **said})
+
+
+def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
+    """Answer that no observer makes the error decay as it must, with what proves it."""
+    must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
+    members = [FREE if K is None else rows(K) for K in found.slopes]
+    slower = f"ask for {demand.key} below {found.decay:g}"
+    return {
+        "condition": "detectability",
+        "reason": f"{sentence(found)}, so no observer makes its error decay {must}",
+        "mode": described(found.mode),
+        "slopes": slopes(found),
+        "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
+        "suggestion": slower if found.decay > 0 else "measure another state, or tighten the type of the nonlinearity",
+        "proof": "exact",
+        "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), members, strict=True))},
+    }
+
+
+def sentence(found: Hidden) -> str:
+    """Member and mode in words."""
+    named = " and ".join(slope(K, f"f{i}") for i, K in enumerate(found.member, start=1))
+    return f"at {named}, which the types allow, {found.mode.sentence}" if named else found.mode.sentence
+
+
+def slope(K: Array, name: str) -> str:
+    """Linear map in words."""
+    if K.size == 1:
+        return f"the slope {K.item() + 0.0:.6g} of {name}"
+    return f"a Jacobian of {name} of norm {np.linalg.norm(K, 2):.6g}"
+
+
+def slopes(found: Hidden) -> dict[str, Any]:
+    """Slopes, or Jacobians as rows, by f1, f2, .."""
+    return {f"f{i}": K.item() if K.size == 1 else K.tolist() for i, K in enumerate(found.member, start=1)}
+
+
+def findings(spec: Spec, demand: Demand) -> list[Finding]:
+    """Finding that a member hides a mode; none where no member is found to."""
+    found = hidden(spec.augmented, demand.multiplier, demand.rate)
+    if not found:
+        return []
+    numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
+    return [finding("members", False, sentence(found), decides=True, **numbers)]
+
+
+def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
+    """Prove anew that the member of a result file hides a mode from every observer.
+
+    Raises `UsageError`: it is malformed, or has not one member for each nonlinearity.
+    """
+    root, shapes = ("diagnosis", "certificate", "members"), [b.member.shape for b in demand.multiplier.blocks]
+    names, members = numbered("f", len(shapes)), file.table(*root)
+    if set(members) != set(names):
+        raise file.wrong(".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities")
+    chosen = tuple(
+        None if members[name] == FREE else file.matrix(shape, *root, name)
+        for name, shape in zip(names, shapes, strict=True)
+    )
+    found = proved(spec.augmented, demand.multiplier, chosen, demand.rate)
+    name = "a member of the class hides a mode that does not decay at the rate that is asked for"
+    check = Check(name, found is not None, 1.0 if found else -1.0)
+    said: dict[str, Any] = diagnosis(found, demand) if found else {"reason": name}
+    return Proof(f"no solution: {said['reason']}", (check,))

@@ -1,0 +1,303 @@
+"""Frozen members of a class of nonlinearities, f = K q, and exact proofs that one hides a mode from every observer.
+
+If an error e = v exp(lambda t) solves e' = A e + Bf df, 0 = C e + Df df with dq = Cq e + Dqf df and df = K dq, then two
+solutions of the plant with f = K q, which the class allows, have the same y for ever and differ by e. So no observer
+makes its error decay faster than -Re lambda, whatever its gains and however it is built.
+
+Some blocks are fixed at a K, the others are free: what they must do to keep dy = 0 is found by output nulling, in
+rationals, and that K is judged at the eigenvectors of what is left. An irrational lambda is enclosed in a ball.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, product, zip_longest
+
+import numpy as np
+from flint import arb, ctx, fmpq, fmpq_mat, fmpq_poly
+
+from obsdesign.lmi.farkas import null_space
+from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, in_floats, rational, zeros
+from obsdesign.model.multiplier import Block, Multiplier
+from obsdesign.model.pencil import System
+from obsdesign.model.plant import Plant
+from obsdesign.model.structure import Mode, mode
+
+MOST = 300  # combinations of vertices and free blocks that are looked at
+RATES = 24  # values of lambda that are tried where there is one for each
+NEARLY = 1 - fmpq(1, 10**9)  # part of a decay rate that a mode must not reach: at the rate itself (13) may hold
+DIGITS = 9  # of a direction that is searched in doubles
+BITS = 200  # of a ball
+
+Slopes = tuple[Array | None, ...]  # K of each block; None: what keeps y = 0, which must be in the class
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A mode that y does not show for a member f = K q of the class."""
+
+    slopes: Slopes  # exact: what proves it
+    member: tuple[Array, ...]  # K of each block along the mode, in doubles
+    mode: Mode
+
+    @property
+    def decay(self) -> float:
+        """Rate at which it decays, 1/s."""
+        return -self.mode.eigenvalue.real
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Errors that y does not show, e = V xi with xi' = S xi, dq = Q xi and df = F xi; in rationals."""
+
+    V: Array  # (n, r)
+    S: Array  # (r, r)
+    Q: Array  # (nq, r)
+    F: Array  # (nf, r)
+
+
+def hidden(plant: Plant[Exact], multiplier: Multiplier, rate: fmpq) -> Hidden | None:
+    """Slowest mode that a member of the class is found to hide and that does not decay faster than a rate (1/s).
+
+    The proof is that of `proved`; what is searched are the vertices, what the free blocks do to keep y = 0, and, where
+    that is not unique, the directions in which the inequalities of the class leave most room.
+    """
+    blocks, found = multiplier.blocks, list[Hidden]()
+    choices = [(*((None,) if block.generators else ()), *block.vertices) for block in blocks]
+    for slopes in islice(product(*choices), MOST):
+        system, through = closed(plant, blocks, slopes)
+        motion = unseen(plant, system, through) if system else None
+        tried = [slopes] if motion else candidates(plant, blocks, slopes, system, through, rate) if system else ()
+        found += [h for s in tried if (h := proved(plant, multiplier, s, rate))]
+    return min(found, key=lambda h: h.decay, default=None)
+
+
+def proved(plant: Plant[Exact], multiplier: Multiplier, slopes: Slopes, rate: fmpq) -> Hidden | None:
+    """Prove in rationals, and in balls where lambda is irrational, that a member of the class hides a slow mode.
+
+    A fixed K is in the class of its block, [I; K]' M [I; K] >= 0; a free one satisfies [dq; df]' M [dq; df] > 0 with
+    dq != 0 along the mode, whose lambda is real. None if it is not proved.
+    """
+    blocks = multiplier.blocks
+    if not all(allowed(*pair) for pair in zip(slopes, blocks, strict=True)):
+        return None
+    system, through = closed(plant, blocks, slopes)
+    motion = unseen(plant, system, through) if system else None
+    if motion is None or hurwitz(polynomial(motion.S + NEARLY * rate * identity(len(motion.S), motion.S))):
+        return None
+    free = [i for i, K in enumerate(slopes) if K is None]
+    if not free:
+        values = np.linalg.eigvals(in_floats(motion.S))
+        return described(plant, blocks, slopes, motion, complex(max(values, key=lambda s: s.real)))
+    for value in roots(polynomial(motion.S)):
+        if value + NEARLY * rate >= 0 and all(admitted(blocks, i, motion, value) for i in free):
+            return described(plant, blocks, slopes, motion, complex(float(value.mid())))
+    return None
+
+
+def allowed(K: Array | None, block: Block) -> bool:
+    """Whether a fixed K is in the class of its block; a free one is judged along the mode."""
+    return bool(block.generators) if K is None else block.contains(K)
+
+
+def closed(plant: Plant[Exact], blocks: Sequence[Block], slopes: Slopes) -> tuple[System | None, tuple[Array, Array]]:
+    """Plant with f = K q in the fixed blocks, the free ones as inputs u: f = through x + .. u; None: no unique q."""
+    nf = plant.Bf.shape[1]
+    K = block_diagonal([0 * b.member if k is None else k for k, b in zip(slopes, blocks, strict=True)])
+    free = [np.full(b.nf, k is None) for k, b in zip(slopes, blocks, strict=True)]
+    E = identity(nf, plant.A)[:, np.concatenate(free)] if blocks else zeros((0, 0), [plant.A])
+    if not nf:
+        return System(plant.A, plant.Bf, plant.C, plant.Df), (zeros((0, plant.n), [plant.A]), E)
+    loop = matrix(identity(nf, plant.A) - K @ plant.Dqf)
+    if loop.det() == 0:
+        return None, (K, E)
+    W = array(loop.inv())
+    x, u = W @ K @ plant.Cq, W @ E
+    return System(plant.A + plant.Bf @ x, plant.Bf @ u, plant.C + plant.Df @ x, plant.Df @ u), (x, u)
+
+
+def unseen(plant: Plant[Exact], system: System, through: tuple[Array, Array]) -> Motion | None:
+    """Largest subspace on which the one input that can do so keeps y = 0; None if several inputs can.
+
+    As `pencil.output_nulling`, in rationals.
+    """
+    A, B, C, D = system.A, system.B, system.C, system.D
+    V = identity(len(A), A)
+    while True:
+        rows = echelon(np.hstack([D, C]))
+        direct = (rows[:, : D.shape[1]] != 0).any(axis=1)
+        D, C, R = rows[direct, : D.shape[1]], rows[direct, D.shape[1] :], rows[~direct, D.shape[1] :]
+        if not len(R):
+            break
+        basis = null_space(R)
+        kept = [int(np.flatnonzero(row != 0)[-1]) for row in basis]  # where the basis is the identity
+        K = basis.T
+        C, D = np.vstack([C @ K, R @ A @ K]), np.vstack([D, R @ B])
+        A, B, V = (A @ K)[kept], B[kept], V @ K
+    if len(D) < D.shape[1]:
+        return None
+    U = -C  # D is the identity
+    F = through[0] @ V + through[1] @ U
+    return Motion(V, A + B @ U, plant.Cq @ V + plant.Dqf @ F, F)
+
+
+def candidates(
+    plant: Plant[Exact],
+    blocks: Sequence[Block],
+    slopes: Slopes,
+    system: System,
+    through: tuple[Array, Array],
+    rate: fmpq,
+) -> Iterator[Slopes]:
+    """Members K, in rationals, for which a direction of the free f keeps y = 0 with a lambda of a grid."""
+    n, free = plant.n, [i for i, K in enumerate(slopes) if K is None]
+    low, high = float(-rate) * (1 - 1e-6), float(np.linalg.norm(in_floats(plant.A)) + 1)
+    for value in (rational([[repr(x)]]).item() for x in np.linspace(low, max(high, low + 1), RATES).tolist()):
+        pencil = np.block([[system.A - value * identity(n, plant.A), system.B], [system.C, system.D]])
+        Z = null_space(pencil).T
+        F = through[0] @ Z[:n] + through[1] @ Z[n:]
+        Q = plant.Cq @ Z[:n] + plant.Dqf @ F
+        parts = [(blocks[i], *pair) for i, pair in zip(free, pairs(blocks, free, Q, F), strict=True)]
+        forms = [g.form(q, f) for block, q, f in parts for g in block.generators]
+        z = widest(forms, Z[:n]) if Z.size else None
+        if z is None or any((z @ form @ z) < 0 for form in forms):
+            continue
+        chosen = [through_pair(block, q @ z, f @ z) for block, q, f in parts]
+        if all(K is not None for K in chosen):
+            named = dict(zip(free, chosen, strict=True))
+            yield tuple(named.get(i, K) for i, K in enumerate(slopes))
+
+
+def widest(forms: Sequence[Array], X: Array) -> Array | None:
+    """Direction, in few digits, in which the forms are largest beside |X z|^2, each in a size of its own."""
+    weight = in_floats(X.T @ X)
+    if not weight.any():
+        return None
+    total = sum(form / (np.abs(form).max() or 1.0) for form in map(in_floats, forms))
+    scale = np.sqrt(np.maximum(np.diag(weight), np.abs(weight).max() * 1e-12))
+    _, vectors = np.linalg.eigh(np.asarray(total) / np.outer(scale, scale))
+    z = vectors[:, -1] / scale
+    if not np.isfinite(z).all() or not z.any():
+        return None
+    return rational([f"{x:.{DIGITS}g}" for x in z / np.abs(z).max()])
+
+
+def pairs(blocks: Sequence[Block], chosen: Sequence[int], Q: Array, F: Array) -> Iterator[tuple[Array, Array]]:
+    """Rows of some blocks in q and in f."""
+    q, f = (np.cumsum([0, *(getattr(b, size) for b in blocks)]) for size in ("nq", "nf"))
+    for i in chosen:
+        yield Q[q[i] : q[i + 1]], F[f[i] : f[i + 1]]
+
+
+def through_pair(block: Block, q: Array, f: Array) -> Array | None:
+    """Linear map of the class that takes q to f, in rationals; None if none is found.
+
+    Either k I and a rotation, or of rank one beside the center of an ellipsoid of matrices.
+    """
+    size = q @ q
+    if not size:
+        return None if f.any() else block.member
+    tried = []
+    if block.nq == block.nf:
+        k = (q @ f) / size
+        rest = f - k * q
+        tried.append(k * identity(len(q), q) + (np.outer(rest, q) - np.outer(q, rest)) / size)
+    for g in block.generators:
+        inner = matrix(-g.M22)
+        if inner.det():
+            center = array(inner.inv()) @ g.M12.mT
+            seen = q @ (g.M11 + g.M12 @ center)
+            tried.append(center + np.outer(f - center @ q, seen) / (seen @ q) if seen @ q else center)
+    return next((K for K in tried if (K @ q == f).all() and block.contains(K)), None)
+
+
+def admitted(blocks: Sequence[Block], i: int, motion: Motion, value: arb) -> bool:
+    """Whether a free block does, along the eigenvector of a real eigenvalue, what its class surely allows."""
+    with ctx.workprec(BITS):
+        xi = eigenvector(motion.S, value)
+        if xi is None:
+            return False
+        ((Q, F),) = pairs(blocks, [i], motion.Q, motion.F)
+        q, f = (balls(X) @ xi for X in (Q, F))
+        if not any(x != 0 for x in q):
+            return False
+        signs = (q @ balls(g.M11) @ q + 2 * (q @ balls(g.M12) @ f) + f @ balls(g.M22) @ f for g in blocks[i].generators)
+        return all(bool(sign > 0) for sign in signs)
+
+
+def eigenvector(S: Array, value: arb) -> Array | None:
+    """Column of the adjugate of lambda I - S, in balls, that is surely not zero; None if there is none.
+
+    adj(lambda I - S) = sum_k lambda^(r - 1 - k) M_k, M_0 = I, M_k = S M_(k-1) + c_k I (Faddeev and Le Verrier).
+    """
+    r, M = len(S), identity(len(S), S)
+    adjugate = balls(M)
+    for k in range(1, r):
+        M = S @ M
+        M = M - np.trace(M) / k * identity(r, S)
+        adjugate = value * adjugate + balls(M)
+    columns = [column for column in adjugate.T if any(x != 0 for x in column)]
+    return max(columns, key=lambda c: max(abs(float(x.mid())) for x in c)) if columns else None
+
+
+def described(plant: Plant[Exact], blocks: Sequence[Block], slopes: Slopes, motion: Motion, value: complex) -> Hidden:
+    """Mode in doubles, with K along it; of a free block of several components that of least norm."""
+    S, V, Q, F = (in_floats(X) for X in (motion.S, motion.V, motion.Q, motion.F))
+    values, vectors = np.linalg.eig(S)
+    nearest = int(np.argmin(np.abs(values - value)))
+    xi = vectors[:, nearest]
+    parts = pairs(blocks, range(len(blocks)), Q @ xi, F @ xi)
+    member = tuple(
+        in_floats(K) if K is not None else np.real(np.outer(f, q.conj()) / np.vdot(q, q))
+        for K, (q, f) in zip(slopes, parts, strict=True)
+    )
+    return Hidden(slopes, member, mode(complex(values[nearest].real, abs(values[nearest].imag)), V @ xi, plant.states))
+
+
+def hurwitz(p: fmpq_poly) -> bool:
+    """Whether all roots have negative real parts, by the table of Routh."""
+    falling = p.coeffs()[::-1]
+    upper, lower = falling[0::2], falling[1::2]
+    while lower:
+        if upper[0] * lower[0] <= 0:
+            return False
+        ratio = upper[0] / lower[0]
+        rest = [a - ratio * b for a, b in zip_longest(upper[1:], lower[1:], fillvalue=fmpq(0))]
+        upper, lower = lower, rest
+    return True
+
+
+def roots(p: fmpq_poly) -> list[arb]:
+    """Real roots in balls, the largest first."""
+    with ctx.workprec(BITS):
+        found = [root.real for root, _ in p.numer().complex_roots() if root.imag == 0]
+    return sorted(found, key=lambda x: -float(x.mid()))
+
+
+def polynomial(S: Array) -> fmpq_poly:
+    """Characteristic polynomial."""
+    p: fmpq_poly = matrix(S).charpoly()
+    return p
+
+
+def balls(X: Array) -> Array:
+    """Rationals as balls."""
+    return np.asarray(np.vectorize(arb, otypes=[object])(X))
+
+
+def matrix(X: Array) -> fmpq_mat:
+    """Rational matrix of flint."""
+    return fmpq_mat(*X.shape, X.ravel().tolist())
+
+
+def array(X: fmpq_mat) -> Array:
+    """Array of a rational matrix of flint."""
+    made: Array = np.array(X.entries(), dtype=object).reshape(X.nrows(), X.ncols())
+    return made
+
+
+def echelon(X: Array) -> Array:
+    """Reduced echelon form of the rows, without zeros."""
+    if not X.size:
+        return X[:0]
+    reduced, rank = matrix(X).rref()
+    return array(reduced)[:rank]
