@@ -19,6 +19,7 @@ import numpy as np
 from obsdesign import __version__
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES
+from obsdesign.families.analysis import numerical, useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
@@ -85,25 +86,35 @@ class Design(Outcome):
         """Result file as a dictionary: the one that `save` writes, or the one that was read, whatever it says."""
         return self.written() if self.recorded is None else self.recorded.plain()
 
+    @cached_property
+    def analysis(self) -> Mapping[str, Any]:
+        """What is computed of the gains in doubles, over frozen members of the class; nothing of it is proved."""
+        return FAMILIES[self.spec.observer.type].analysis(self.spec, self)
+
     def contents(self) -> dict[str, Any]:
         """What is known of the design itself, as a result file holds it; of a file that was read, what is proved."""
         spec = self.spec
         entries: dict[str, Any] = {}
         with np.errstate(all="ignore"):  # what is not finite is refused when it is written
             observer = FAMILIES[spec.observer.type].written(spec, self)
+            analysis = self.analysis if observer else {}
         if observer:
-            entries["observer"] = {"type": spec.observer.type, **observer}
+            entries |= {"observer": {"type": spec.observer.type, **observer}, "analysis": analysis}
         if self.claim:
             entries |= self.claim.written(spec, self.limits())
         elif self.limit:
             entries["guarantee"] = self.limits()
-        return {
-            "status": str(self.status),
-            **entries,
-            **({"diagnosis": self.diagnosis} if self.diagnosis else {}),
-            **({"search": self.search.written()} if self.search else {}),
-            **({"notes": list(self.notes)} if self.notes else {}),
-        }
+        entries |= {"diagnosis": self.diagnosis} if self.diagnosis else {}
+        entries |= {"search": self.search.written()} if self.search else {}
+        paths = numerical(entries, self.limits())
+        entries |= {"numerical": paths} if paths else {}
+        entries |= {"notes": notes} if (notes := self.remarks()) else {}
+        return {"status": str(self.status), **entries}
+
+    def remarks(self) -> list[str]:
+        """Notes, and one on a design that is no better than none."""
+        said = useless(self.guarantee.gamma, self.analysis) if self.guarantee and self.spec.disturbed else None
+        return [*self.notes, *([said] if said else [])]
 
     def written(self) -> dict[str, Any]:
         """Everything about the design, as a result file holds it; numbers are finite."""

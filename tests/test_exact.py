@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from obsdesign.dissipation.figures import figures
 from obsdesign.lmi.formula import Array, Exact, Inequality, rational
 from obsdesign.lmi.proof import holds, prove
 from obsdesign.model.plant import Plant
@@ -37,7 +36,6 @@ def test_a_matrix_without_rows_is_proved() -> None:
 def refused_by_mypy(exact: Plant[Exact], either: Plant[Array], K: Array) -> None:
     """Structure is judged in doubles; a formula takes either."""
     undetectable(exact, K)  # type: ignore[arg-type]
-    figures(exact, K, None)  # type: ignore[arg-type]
     undetectable(exact.doubles, K)
     undetectable(either, K)
     wrong: Plant[Exact] = exact.doubles  # type: ignore[assignment]

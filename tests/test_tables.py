@@ -36,7 +36,7 @@ def test_the_claim_its_limit_and_the_gain_have_a_line_each():
     assert texts(rows, "decay rate") == ["0.05 1/s"]
     assert texts(rows, "limit") == ["lipschitz 0.6, gamma 0.7"]
     assert texts(rows, "gain") == ["|L| = 5"]
-    assert texts(rows, "poles") == ["-1+2j, -1-2j"]
+    assert texts(rows, "poles") == ["-1+2j, -1-2j   of the linear part, without f"]
     assert not texts(rows, "ceiling")
     assert not texts(rows, "widened")
 

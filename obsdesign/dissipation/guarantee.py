@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from obsdesign.families.guarantee import Bound, Course, InputBound, Rates, bound, envelope, tightest
+from obsdesign.families.guarantee import Bound, Course, InputBound, Rates, bound, envelope, largest_output, tightest
 from obsdesign.lmi.formula import Array
 
 
@@ -32,6 +32,10 @@ class Quadratic(ABC):
     @abstractmethod
     def bounds(self, course: Course) -> list[Bound]:
         """Check what the inequality implies of a run."""
+
+    def peak(self, H: Array) -> float | None:
+        """Bound on sup|H e| for sup|v| = 1 from zero error; None where V need not decay."""
+        return largest_output(self.rates(), self.P, H)
 
     def storage(self, course: Course) -> Array:
         """V(e(t)) = e' P e, (M,)."""

@@ -31,7 +31,7 @@ class Family:
     design.py     `design`
     claim.py      `written`, `read`, `read_gains`
     absence.py    `read`, if it refutes
-    observer.py   `observer`
+    observer.py   `observer`, `errors`
     table.py      `proved`, `figures`
 
     A module is imported when it is first needed, so that a proof imports no solver.
@@ -126,6 +126,13 @@ class Family:
         """
         observer: Observer = self.part("observer").observer(spec, gains)
         return observer
+
+    def analysis(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
+        """Entry `analysis` of a result file, with the gains of an outcome: what is computed in doubles."""
+        from obsdesign.families.analysis import analysis
+
+        guarantee = outcome.claim.guarantee(spec) if outcome.claim and outcome.claim.holds else None
+        return analysis(spec, self.part("observer").errors(spec, outcome.gains), guarantee, sampled=self.sampled)
 
     def proved(self, observer: Mapping[str, Any], guarantee: Mapping[str, Any]) -> Rows:
         """Lines of a table on what is proved, from the entries of these names of a result file."""

@@ -103,6 +103,9 @@ class Guarantee(Protocol):
     def rates(self) -> Rates:
         """Rate at which V decays, and what |v|^2 adds to it."""
 
+    def peak(self, H: Array) -> float | None:
+        """Bound on sup|H e| for sup|v| = 1 from zero error; None where V need not decay."""
+
     def storage(self, course: Course) -> Array:
         """V along a run, (M,)."""
 
@@ -129,6 +132,13 @@ class SampledGuarantee(Guarantee, Protocol):
 
     def distance_bound(self, V_bound: Array) -> Array:
         """What a bound on V says of |x|_A, the length of (e, theta~)."""
+
+
+def largest_output(rates: Rates, P: Array, H: Array) -> float | None:
+    """Bound on |H e| that follows from e' P e <= V <= c / (2 alpha); None for alpha = 0."""
+    if not rates.alpha:
+        return None
+    return float(np.sqrt(rates.c / (2 * rates.alpha) * np.linalg.norm(H @ np.linalg.solve(P, H.T), 2)))
 
 
 def envelope(guarantee: Guarantee, course: Course, V: Array) -> Array:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from obsdesign.families import FAMILIES
-from obsdesign.tables.text import limit_text
+from obsdesign.tables.text import limit_text, pole_text
 
 QUANTITIES = ("lipschitz", "gamma")
 LONGEST = 60  # points that are listed one by one
@@ -21,11 +21,33 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     rows += family.proved(made, claimed) if family else []
     rows += [*limits(claimed), *background(claimed)]
     rows += family.figures(made) if family else []
+    rows += analysis(content.get("analysis", {}))
     rows += proof(content.get("certificate", {}))
     if "diagnosis" in content:
         rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
     rows += search_rows(content.get("search", {}))
     return rows + [("note", note) for note in content.get("notes", [])]
+
+
+def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What is computed over frozen members of the class: poles, steps, and gains with and without the observer."""
+    if not found:
+        return []
+    unbounded, rows = "not bounded: the slopes of f are not", []
+    if "worst_pole" in found:
+        worst = found["worst_pole"]
+        said = unbounded if worst is None else f"{pole_text(worst)} 1/s   the slowest of any f = K q of the types"
+        rows.append(("worst pole", said))
+    steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
+    known = {name: found["largest_step"][key] for name, key in steps.items()}
+    told = ", ".join(f"{step:.3g} s ({name})" for name, step in known.items() if step is not None)
+    rows.append(("largest step", told or unbounded))
+    low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
+    ends = [f"{word} {gain:.4g}" for word, gain in (("at least", low), ("at most", high)) if gain is not None]
+    rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []
+    gains = {"with 0 for z": found["no_observer"]["zero"], "without y": found["no_observer"]["open_loop"]}
+    without = ", ".join(f"{gain:.6g} {name}" for name, gain in gains.items() if gain is not None)
+    return [*rows, *([("no observer", f"gain {without}")] if without else [])]
 
 
 def background(claimed: Mapping[str, Any]) -> Rows:

@@ -12,6 +12,7 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruction import (
     SLOPE,
     Reconstructed,
@@ -156,5 +157,5 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     if not outcome.gains:
         return {}
     P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
-    L1, L2 = outcome.gains["L1"], outcome.gains["L2"]
-    return {"L1": L1.tolist(), "L2": L2.tolist(), **figures(spec.augmented.doubles, L1, P)}
+    gains = {name: outcome.gains[name].tolist() for name in ("L1", "L2")}
+    return {**gains, **figures(errors(spec, outcome.gains), P)}

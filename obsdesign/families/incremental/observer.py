@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from obsdesign.dissipation.analysis import Errors
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer, injected
 from obsdesign.lmi.formula import Array, printed
@@ -45,6 +46,11 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         algebraic={**copy.algebraic, **y},
         twins={name: twin for name, twin in copy.twins.items() if name not in w},
     )
+
+
+def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
+    """Error systems of the observer."""
+    return Errors.of(spec.augmented, spec.multiplier, spec.H, gains["L1"], gains["L2"])
 
 
 def reconstructed(spec: Spec, L1: Array, estimates: tuple[str, ...]) -> Named:

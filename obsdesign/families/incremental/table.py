@@ -25,8 +25,7 @@ def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def linear(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Figures of the linear error dynamics."""
-    rows = [("poles", ", ".join(pole_text(p) for p in made["poles"]))]
-    rows += [("largest step", f"{made['largest_step']:.3g} s (Runge-Kutta 4)")] if "largest_step" in made else []
+    rows = [("poles", f"{', '.join(pole_text(p) for p in made['poles'])}   of the linear part, without f")]
     noise = ", ".join(f"{name} {value:.3g}" for name, value in made["noise_gain"].items())
     rows += [("noise gain", noise)] if noise else []
     rows += [("cond(P)", f"{made['condition_P']:.3g}")] if "condition_P" in made else []

@@ -13,6 +13,7 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.decimals import below, square_below
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
+from obsdesign.families.lipschitz.observer import errors
 from obsdesign.families.lipschitz.relaxations import EQUATIONS, Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.outcome import Outcome
@@ -250,4 +251,4 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     L = outcome.gains["L"]
     P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
     relaxation = request_of(spec).relaxation
-    return {"relaxation": relaxation, "L": L.tolist(), **figures(spec.augmented.doubles, -L, P)}
+    return {"relaxation": relaxation, "L": L.tolist(), **figures(errors(spec, outcome.gains), P)}

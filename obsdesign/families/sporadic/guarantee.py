@@ -6,7 +6,17 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from obsdesign.families.guarantee import Bound, Course, InputBound, Measurements, Rates, bound, envelope, tightest
+from obsdesign.families.guarantee import (
+    Bound,
+    Course,
+    InputBound,
+    Measurements,
+    Rates,
+    bound,
+    envelope,
+    largest_output,
+    tightest,
+)
 from obsdesign.lmi.formula import Array
 
 
@@ -42,6 +52,10 @@ class SporadicGuarantee:
     def reconstruction(self) -> InputBound | None:
         """Nothing: w is not reconstructed."""
         return None
+
+    def peak(self, H: Array) -> float | None:
+        """Bound on sup|H eps| for sup|w| = 1 from zero error; None where V need not decay."""
+        return largest_output(self.rates(), self.P1, H)
 
     @cached_property
     def rho1(self) -> float:

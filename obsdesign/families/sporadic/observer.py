@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import ends
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
 from obsdesign.families.sporadic.request import request_of
-from obsdesign.lmi.formula import Array, identity, printed
+from obsdesign.lmi.formula import Array, identity, in_floats, printed
 from obsdesign.model.equations import free, linear
 from obsdesign.spec import Spec
 
@@ -51,6 +52,22 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         jump=dict(zip(theta, innovation, strict=True)),
         twins=copy.twins,
     )
+
+
+def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
+    """Error systems between two measurements: e' = A e + Bf df - L theta~, theta~' = H theta~."""
+    p, (L, H) = spec.augmented.doubles, (gains["L"], gains["H"])
+    n, ny = L.shape
+    below, beside = ((0, ny), (0, 0)), ((0, 0), (0, ny))
+    flow = replace(
+        p,
+        A=np.block([[p.A, -L], [np.zeros((ny, n)), H]]),
+        B=np.pad(p.B, below),
+        Bf=np.pad(p.Bf, below),
+        C=np.pad(p.C, beside),
+        Cq=np.pad(p.Cq, beside),
+    )
+    return Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))
 
 
 def require_simulable(spec: Spec) -> None:

@@ -2,9 +2,15 @@
 
 import numpy as np
 
+from obsdesign.dissipation.analysis import Errors
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer, injected
 from obsdesign.lmi.formula import printed
+
+
+def errors(spec, gains):
+    """Error systems of it."""
+    return Errors.of(spec.augmented, spec.multiplier, spec.H, gains["L1"])
 
 
 def observer(spec, gains):

@@ -1,0 +1,239 @@
+"""What is computed of a design in doubles, over frozen members f = K q of the class; nothing of it is proved.
+
+The error of an observer that is a copy of its plant with the injections L1 and L2, measurement noise n and K in place
+of f, follows
+
+    e' = (A + L1 C + G F (Cq + L2 C)) e - (B + L1 D + G F (Dq + L2 D)) v - (L1 + G F L2) n,
+    G = Bf + L1 Df,    F = (I - K (Dqf + L2 Df))^-1 K,
+
+algebraic loop included. The members are the vertices of the class and points between them; what is said to be the worst
+is so of these.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import prod
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array, Float, block_diagonal, identity, in_floats
+from obsdesign.model.multiplier import Block, Multiplier
+from obsdesign.model.plant import Plant
+
+MOST = 81  # members
+ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of the opposite ones
+STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where there is no upper bound
+FREQUENCIES = 120
+STEPS = 60
+FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
+INSIDE = 1e-9  # relative; a pole is stable if its real part is below that
+SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
+METHODS = ("euler", "rk4", "exact")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Error systems of given injections for members of a class."""
+
+    plant: Plant[Float]
+    multiplier: Multiplier  # in rationals
+    H: Array  # (nz, n)
+    L1: Array
+    L2: Array
+
+    @classmethod
+    def of(
+        cls, plant: Plant[Array], multiplier: Multiplier, H: Array, L1: Array | None = None, L2: Array | None = None
+    ) -> "Errors":
+        """Of a plant and z = H e; without a gain it is zero."""
+        p = plant.doubles
+        L1, L2 = (np.zeros(C.shape) if L is None else in_floats(L) for L, C in ((L1, p.C.T), (L2, p.Cq @ p.C.T)))
+        return cls(p, multiplier, in_floats(H), L1, L2)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether every block that acts has bounded slopes."""
+        q = f = 0
+        for block in self.multiplier.blocks:
+            acts = self.plant.Cq[q : q + block.nq].any() and np.vstack([self.plant.Bf, self.plant.Df])[:, f].any()
+            if acts and not block.bounded:
+                return False
+            q, f = q + block.nq, f + block.nf
+        return True
+
+    @cached_property
+    def through(self) -> list[Array]:
+        """F of each member for which the algebraic loop has one solution."""
+        D = self.plant.Dqf + self.L2 @ self.plant.Df
+        loops = ((K, np.eye(len(K)) - K @ D) for K in members(self.multiplier))
+        return [np.linalg.solve(loop, K) for K, loop in loops if not len(K) or np.linalg.cond(loop) < 1 / INSIDE]
+
+    @cached_property
+    def systems(self) -> list[tuple[Array, Array, Array]]:
+        """A, the input matrix of v and that of n, of each member."""
+        p, L1, L2 = self.plant, self.L1, self.L2
+        G = p.Bf + L1 @ p.Df
+        return [
+            (
+                p.A + L1 @ p.C + G @ F @ (p.Cq + L2 @ p.C),
+                -(p.B + L1 @ p.D + G @ F @ (p.Dq + L2 @ p.D)),
+                -(L1 + G @ F @ L2),
+            )
+            for F in self.through
+        ]
+
+    @cached_property
+    def poles(self) -> Array:
+        """Poles of each member, (m, n)."""
+        return np.linalg.eigvals(np.array([A for A, _, _ in self.systems]))
+
+    @property
+    def worst_pole(self) -> list[float] | None:
+        """The slowest pole [re, im] in 1/s; None where slopes are not bounded."""
+        if not self.bounded:
+            return None
+        worst = max(self.poles.ravel().tolist(), key=lambda s: (complex(s).real, abs(complex(s).imag)))
+        return [complex(worst).real, abs(complex(worst).imag)]
+
+    @property
+    def largest_step(self) -> dict[str, float | None]:
+        """Largest step in s with which Euler, Runge-Kutta 4, and the exact linear part with f held, are stable."""
+        if not self.bounded:
+            return dict.fromkeys(METHODS)
+        steps = explicit_steps(self.poles)
+        return {**steps, "exact": self.exact_step(steps["rk4"])}
+
+    def exact_step(self, unit: float | None) -> float | None:
+        """Largest step of the discretisation that holds f and is exact otherwise; None: any, as far as was tried."""
+        from scipy.linalg import expm
+
+        p, n = self.plant, self.plant.n
+        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.through]
+        if unit is None or not np.any(forced):
+            return None
+        generator = np.block([[p.A + self.L1 @ p.C, np.eye(n)], [np.zeros((n, 2 * n))]])
+
+        def unstable(h: float) -> bool:
+            E = expm(h * generator)
+            return bool(np.abs(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ np.array(forced))).max() > 1 + INSIDE)
+
+        low = unit / 10
+        for high in (unit / 10 * np.geomspace(1, 10 * FARTHEST, STEPS)).tolist():
+            if unstable(high):
+                break
+            low = high
+        else:
+            return None
+        for _ in range(20):
+            middle = (low + high) / 2
+            low, high = (low, middle) if unstable(middle) else (middle, high)
+        return low
+
+    def noise_gain(self) -> dict[str, float]:
+        """Largest gain over frequency from n to each estimate; empty where a pole is not stable."""
+        if not stable(self.poles):
+            return {}
+        gains = [np.linalg.norm(response(A, N, around(A)), axis=2).max(axis=0) for A, _, N in self.systems]
+        return dict(zip(self.plant.states, np.max(gains, axis=0).tolist(), strict=False))
+
+    def energy_gain(self) -> float | None:
+        """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""
+        if not self.bounded or not stable(self.poles):
+            return None
+
+        def gain(A: Array, B: Array, omega: Array) -> Array:
+            return np.asarray(np.linalg.norm(self.H @ response(A, B, omega), 2, axis=(1, 2)))
+
+        found = 0.0
+        for A, B, _ in self.systems:
+            omega = around(A)
+            sizes = gain(A, B, omega)
+            for _ in range(3):  # a grid about the largest
+                k = int(sizes.argmax())
+                omega = np.linspace(omega[max(k - 1, 0)], omega[min(k + 1, len(omega) - 1)], 41)
+                sizes = gain(A, B, omega)
+            found = max(found, float(sizes.max(initial=0.0)))
+        return found
+
+    def peak_gain(self) -> float | None:
+        """Integral of the norm of the impulse response from v to z; None as in `energy_gain`."""
+        if not self.bounded or not stable(self.poles):
+            return None
+        return max((float(area(A, B, self.H)) for A, B, _ in self.systems), default=0.0)
+
+
+def members(multiplier: Multiplier) -> list[Array]:
+    """Frozen members, (nf, nq) each, in doubles; the same in every run."""
+    choices = [samples(block) for block in multiplier.blocks]
+    if prod(map(len, choices)) <= MOST:
+        chosen: Iterator[Sequence[Array]] = product(*choices)
+    else:
+        random = np.random.default_rng(0)
+        chosen = ([c[random.integers(len(c))] for c in choices] for _ in range(MOST))
+    return [block_diagonal(list(part)) for part in chosen]
+
+
+def samples(block: Block) -> list[Array]:
+    """Members of one block."""
+    found = [in_floats(K) for K in block.vertices]
+    middle = [np.mean(found, axis=0)]
+    if not block.bounded:
+        return [*found, *(found[0] + k * np.eye(*found[0].shape) for k in STEEP if block.nf == block.nq)]
+    if block.nq == block.nf == 1:
+        return [*(np.array([[k]]) for k in sorted({K.item() for K in found})), *middle]
+    random = np.random.default_rng(0)
+    for g in block.generators[:1] if len(block.generators) == 1 else ():
+        M11, M12, R = in_floats(g.M11), in_floats(g.M12), -in_floats(g.M22)
+        center = np.linalg.solve(R, M12.T)
+        values, vectors = np.linalg.eigh(M11 + M12 @ center)
+        radius = np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
+        for _ in range(ROTATIONS):
+            U, _, V = np.linalg.svd(random.normal(size=(block.nf, block.nq)), full_matrices=False)
+            turned = np.linalg.solve(np.linalg.cholesky(R).T, U @ V @ radius)
+            found += [center + turned, center - turned]
+    return [*found, *middle]
+
+
+def stable(poles: Array) -> bool:
+    """Whether all poles of some matrices have negative real parts."""
+    return bool((poles.real < -INSIDE * np.abs(poles).max(initial=0.0)).all())
+
+
+def explicit_steps(poles: Array) -> dict[str, float | None]:
+    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; None without one."""
+    found = poles[poles.real < -INSIDE * np.abs(poles).max(initial=0.0)]
+    if not found.size:
+        return {"euler": None, "rk4": None}
+    euler = -2 * found.real / np.abs(found) ** 2
+    z = np.linspace(0, 4, 4001) * (found / np.abs(found)).reshape(-1, 1)
+    outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
+    rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1] / np.abs(found)
+    return {"euler": float(euler.min()), "rk4": float(rk4.min())}
+
+
+def around(A: Array) -> Array:
+    """Frequencies in rad/s around the poles of a matrix, and zero."""
+    poles = np.linalg.eigvals(A)
+    sizes = np.abs(poles[poles != 0]) if (poles != 0).any() else np.ones(1)
+    grid = np.geomspace(sizes.min() / 100, sizes.max() * 100, FREQUENCIES)
+    return np.unique(np.concatenate([[0.0], grid, sizes, np.abs(poles.imag)]))
+
+
+def response(A: Array, B: Array, omega: Array) -> Array:
+    """Responses (i omega I - A)^-1 B at some frequencies, (m, n, nu)."""
+    s = 1j * omega[:, None, None]
+    return np.asarray(np.linalg.solve(s * identity(len(A), A) - A, np.broadcast_to(B, (len(omega), *B.shape))))
+
+
+def area(A: Array, B: Array, H: Array) -> float:
+    """Integral over t of |H exp(A t) B|, by the trapezoidal rule on a grid for each pole."""
+    values, V = np.linalg.eig(A)
+    ends = 25 / np.abs(values.real)
+    counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
+    dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]
+    t = np.unique(np.concatenate([*dense, ends.max() * np.geomspace(1e-9, 1, SAMPLES)]))
+    left, right = H @ V, np.linalg.solve(V, B)
+    h = np.einsum("zk,kt,kv->tzv", left, np.exp(values[:, None] * t), right)
+    return float(np.trapezoid(np.linalg.norm(h, 2, axis=(1, 2)), t)) if h.size else 0.0

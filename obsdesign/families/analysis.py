@@ -1,0 +1,75 @@
+"""What is computed of a design in doubles, entry `analysis` of a result file, and what else in it is not proved."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from obsdesign.dissipation.analysis import Errors
+from obsdesign.families.guarantee import Guarantee
+from obsdesign.spec import Spec, arguments
+
+NUMERICAL = {  # entries of a result file that prove nothing, besides its limits
+    "observer": ("poles", "fastest", "largest_step", "noise_gain", "condition_P", "multipliers"),
+    "guarantee": ("rate", "overshoot", "initial", "disturbance", "noise", "jitter"),
+    "diagnosis": ("feasible",),
+}
+
+
+def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, *, sampled: bool) -> dict[str, Any]:
+    """Worst pole, largest steps, and gains with and without the observer.
+
+    `errors`: of the observer as it runs; `sampled`: only between measurements, so that its poles say nothing of the
+    error, and only its steps are told. `peak_gain` is that from sup|v| to sup|z|: at least that of the worst frozen
+    member, at most what the guarantee says.
+    """
+    steps: dict[str, Any] = {"largest_step": errors.largest_step}
+    if not sampled:
+        most = guarantee.peak(errors.H) if guarantee else None
+        steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.peak_gain(), "most": most}}
+    unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)
+    open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
+    found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
+    return {name: finite(value) for name, value in found.items()}
+
+
+def finite(value: Any) -> Any:
+    """Numbers that a file can hold; None stands for the others."""
+    if isinstance(value, dict):
+        return {name: finite(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [finite(part) for part in value]
+    return value if value is None or math.isfinite(value) else None
+
+
+def numerical(entries: Mapping[str, Any], limits: Iterable[str]) -> list[str]:
+    """Dotted paths of what is not proved in a result file with these entries; `limits`: what is so in its guarantee."""
+    named = {**NUMERICAL, "guarantee": (*limits, *NUMERICAL["guarantee"])}
+    paths = [f"{part}.{key}" for part, keys in named.items() for key in keys if key in entries.get(part, {})]
+    paths += ["certificate.checks.margin"] if "certificate" in entries else []
+    return paths + [name for name in ("analysis", "search") if name in entries]
+
+
+def rests(spec: Spec) -> bool:
+    """Whether the plant rests at x = 0 without w, so that zero is an estimate of z with a finite gain."""
+    terms = [*spec.gx, *spec.gq]
+    for block in spec.nonlinearities:
+        if block.f is None or any(part.names - set(arguments(block.nq)) for part in block.f):
+            return False
+        terms += block.f
+    names = {name for term in terms for name in term.names}
+    return names <= {name for block in spec.nonlinearities for name in arguments(block.nq)} and not any(
+        term.function(sorted(term.names))(*(0.0 for _ in term.names)) for term in terms
+    )
+
+
+def useless(gamma: float, found: Mapping[str, Any]) -> str | None:
+    """Note that a design is no better than no observer at all; None if it is."""
+    gains = {name: gain for name, gain in found["no_observer"].items() if gain is not None}
+    if not gains or gamma < min(gains.values()):
+        return None
+    name = min(gains, key=lambda name: gains[name])
+    how = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}[name]
+    return (
+        f"gamma = {gamma:g} is no better than no observer at all: with {how} the gain is {gains[name]:.6g}, "
+        "as far as frozen members of the class show it"
+    )

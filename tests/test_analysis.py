@@ -1,0 +1,193 @@
+"""Poles, steps and gains over the frozen members of a class, and what a file says of itself to be no proof."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from support.commands import run
+
+from obsdesign.files import to_json
+
+pytestmark = pytest.mark.usefixtures("here")
+
+MOTOR = """
+obsdesign: 1
+name: Motor with friction
+system:
+  A: [[0, 1, 0], [0, -1, 500], [0, -50, -1000]]
+  B: [[0, 0], [-10000, 0], [0, 0]]
+  C: [[1, 0, 0], [0, 0, 1]]
+  D: [[0, 1.0e-3], [0, 0.02]]
+nonlinearities:
+  - {type: tanh, f: tanh(q), Bf: [0, -200, 0], Cq: [0, 50, 0]}
+disturbance: [integrator, unknown]
+performance: [w1]
+observer: %s
+"""
+CELL = """
+obsdesign: 1
+name: Cell, its voltage a function of the charge
+system: {A: [[0, 0], [0, -0.0333]], B: [[1.4e-4, 0], [0, 0]], C: [0, -1], D: [0, 0.005]}
+nonlinearities:
+  - {type: {slope: [0.5, 2.5]}, Bf: [0, 0], Cq: [1, 0], Df: 1}
+observer: {type: l2, L2: 0, alpha: 0.001}
+"""
+LOOP = """
+obsdesign: 1
+name: f acts on its own argument, and on y
+system: {A: [[-1, 2], [-1, -2]], B: [[1, 0], [0, 1]], C: [1, 0], D: [0, 0.1]}
+nonlinearities:
+  - {type: {slope: [-0.5, 0.5]}, Bf: [1, 0.5], Cq: [0, 1], Dqf: 0.6, Df: 0.2}
+observer: {type: linf, L2: -0.3, alpha: 0.3}
+"""
+ANY = """
+obsdesign: 1
+name: one of every kind
+system: {A: [[0, 1], [-1, -1]], B: [0, 1], C: [1, 0]}
+nonlinearities:
+  - {type: %s, f: 0.2*sin(q), Bf: [0, 0.5], Cq: [1, 0]}
+observer: %s
+"""
+FAMILIES = {
+    "l2": "{type: l2, L2: 0, alpha: 0.1, bounds: {L1: 20}}",
+    "l2, given gains": "{type: l2, alpha: 0.1, gains: {L1: [-3, -2], L2: 0}}",
+    "linf": "{type: linf, L2: 0, alpha: 0.1, bounds: {L1: 20}}",
+    "lipschitz": "{type: lipschitz, objective: min-gamma, decay: 0.1, bounds: {L: 20}}",
+    "lipschitz, given gains": "{type: lipschitz, objective: min-gamma, gains: {L: [3, 2]}}",
+    "sporadic": "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, bounds: {L: 20}}",
+    "sporadic, given gains": "{type: sporadic, T1: 0.1, T2: 0.2, gains: {L: [2, 1], H: 0}}",
+}
+PROVED = {  # entries of a guarantee that may stand there and not be numerical
+    "gamma", "alpha", "decay", "mu1", "mu2", "mu", "statement", "lipschitz", "margin", "admissible", "T1", "T2",
+    "T2_max", "local", "assumed",
+}  # fmt: skip
+
+
+def solved(text):
+    Path("spec.yaml").write_text(text)
+    outcome = run("solve", "spec.yaml")
+    assert outcome.exit_code == 0, outcome.output
+    return json.loads(Path("spec.gains.json").read_text()), outcome.stdout
+
+
+def matrices(content, slope):
+    """A of the error with f = slope q, from the text of the equations; the parts that are held beside it."""
+    from obsdesign.reading import loads
+
+    p = loads(content["spec"]["text"]).augmented.doubles
+    L1, L2 = (np.array(content["observer"][name]) for name in ("L1", "L2"))
+    inner = slope / (1 - slope * (p.Dqf + L2 @ p.Df).item())
+    forced = (p.Bf + L1 @ p.Df) * inner @ (p.Cq + L2 @ p.C)
+    return p.A + L1 @ p.C, forced
+
+
+def radius(content, method, slopes, h):
+    """Largest modulus of an eigenvalue of one step, over slopes."""
+    found = []
+    for slope in slopes:
+        linear, forced = matrices(content, slope)
+        n, A = len(linear), linear + forced
+        M = np.eye(n)
+        if method == "exact":
+            E = expm(h * np.block([[linear, np.eye(n)], [np.zeros((n, 2 * n))]]))
+            M = E[:n, :n] + E[:n, n:] @ forced
+        else:
+            for k in range({"euler": 1, "rk4": 4}[method], 0, -1):
+                M = np.eye(n) + h * A / k @ M
+        found.append(np.abs(np.linalg.eigvals(M)).max())
+    return max(found)
+
+
+@pytest.mark.parametrize(
+    ("text", "slopes"),
+    [
+        (MOTOR % "{type: l2, L2: 0, alpha: 10}", (0, 1)),
+        (CELL, (0.5, 2.5)),
+        (CELL.replace("l2", "linf"), (0.5, 2.5)),
+        (LOOP, (-0.5, 0.5)),
+    ],
+)
+def test_the_worst_pole_and_the_steps_are_those_of_the_worst_slope(text, slopes):
+    content, table = solved(text)
+    found, grid = content["analysis"], np.linspace(*slopes, 5)
+    poles = np.concatenate([np.linalg.eigvals(sum(matrices(content, slope))) for slope in grid])
+    assert found["worst_pole"][0] == pytest.approx(poles.real.max(), rel=1e-6)
+    steps = found["largest_step"]
+    assert content["observer"]["largest_step"] == steps["rk4"]
+    for method, step in steps.items():
+        if step is None:
+            assert radius(content, method, grid, 100 * steps["rk4"]) <= 1
+            continue
+        assert radius(content, method, grid, 0.99 * step) <= 1 + 1e-9
+        assert radius(content, method, grid, 1.02 * step) > 1
+    assert "of the linear part, without f" in table
+    assert "the slowest of any f = K q of the types" in table
+    assert f"{steps['rk4']:.3g} s (Runge-Kutta 4)" in table
+
+
+def test_a_linear_plant_may_be_discretised_exactly_with_any_step():
+    content, _ = solved(CELL.replace("{slope: [0.5, 2.5]}, Bf: [0, 0]", "tanh, Bf: [0, 0]").replace("Df: 1", "Df: 0")
+                        .replace("[[0, 0], [0, -0.0333]]", "[[-1, 0], [0, -2]]"))  # fmt: skip
+    steps = content["analysis"]["largest_step"]
+    assert steps["exact"] is None
+    assert steps["euler"] == pytest.approx(2 / content["observer"]["fastest"])
+
+
+def test_slopes_without_a_bound_leave_no_step_and_the_table_says_so():
+    text = ANY % ("monotone", "{type: l2, L2: -2, alpha: 0.1}")
+    for old, new in (("0.2*sin(q)", "q**3"), ("[0, 0.5], Cq: [1, 0]", "[0, -0.5], Cq: [0, 1]")):
+        text = text.replace(old, new)
+    content, table = solved(text)
+    assert content["analysis"]["worst_pole"] is None
+    assert set(content["analysis"]["largest_step"].values()) == {None}
+    assert content["observer"]["largest_step"] is None
+    assert table.count("not bounded: the slopes of f are not") == 2
+
+
+@pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
+def test_every_design_has_its_analysis_and_says_what_of_its_file_is_not_proved(observer):
+    content, table = solved(ANY % ("{lipschitz: 0.2}", observer))
+    found = content["analysis"]
+    assert set(found["largest_step"]) == {"euler", "rk4", "exact"}
+    assert found["largest_step"]["rk4"] > 0
+    assert set(found["no_observer"]) == {"zero", "open_loop"}
+    assert ("worst_pole" in found) != ("sporadic" in observer)
+    assert "largest step" in table
+    for path in content["numerical"]:
+        value = content
+        for key in path.split("."):
+            value = value[0][key] if isinstance(value, list) else value[key]
+    assert {"analysis", "guarantee.limit"} <= set(content["numerical"])
+    assert {key for key in content["guarantee"] if f"guarantee.{key}" not in content["numerical"]} <= PROVED
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+    assert json.loads(to_json(content)) == content
+
+
+def test_the_gain_of_no_observer_is_that_of_the_plant_and_a_design_that_is_no_better_says_so():
+    text = (
+        "obsdesign: 1\nname: y says nothing of x1\n"
+        "system: {A: [[-2, 0], [0, -3]], B: [1, 0], C: [0, 1]%s}\nperformance: [x1]\n"
+        "observer: {type: l2, alpha: 0.1}\n"
+    )
+    content, table = solved(text % "")
+    assert content["analysis"]["no_observer"] == {"zero": pytest.approx(0.5), "open_loop": pytest.approx(0.5)}
+    assert "is no better than no observer at all: with z estimated by 0 the gain is 0.5" in content["notes"][-1]
+    assert "0.5 with 0 for z, 0.5 without y" in table
+    moved, _ = solved(text % ', gx: ["sin(t)", 0]')
+    assert moved["analysis"]["no_observer"] == {"zero": None, "open_loop": pytest.approx(0.5)}
+    shown = (text % "").replace("C: [0, 1]", "C: [1, 1]").replace("alpha: 0.1", "alpha: 0.1, bounds: {L1: 9}")
+    better, _ = solved(shown)
+    assert not any("no better" in note for note in better.get("notes", []))
+
+
+def test_the_peak_gain_is_told_from_both_sides():
+    content, table = solved(
+        "obsdesign: 1\nname: first order\nsystem: {A: -1, B: [[1, 0]], C: 1, D: [[0, 1]]}\n"
+        "observer: {type: linf, alpha: 0.5, gains: {L1: -1, L2: []}}\n"
+    )
+    peak = content["analysis"]["peak_gain"]  # e' = -2 e - [1, -1] v
+    assert peak["least"] == pytest.approx(np.sqrt(2) / 2, rel=1e-4)
+    assert peak["least"] <= peak["most"] <= content["guarantee"]["gamma"] * (1 + 1e-9)
+    assert f"at least {peak['least']:.4g}, at most {peak['most']:.4g}" in table
