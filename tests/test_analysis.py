@@ -191,3 +191,18 @@ def test_the_peak_gain_is_told_from_both_sides():
     assert peak["least"] == pytest.approx(np.sqrt(2) / 2, rel=1e-4)
     assert peak["least"] <= peak["most"] <= content["guarantee"]["gamma"] * (1 + 1e-9)
     assert f"at least {peak['least']:.4g}, at most {peak['most']:.4g}" in table
+
+
+def test_the_contraction_from_one_measurement_to_the_next_is_that_of_the_worst_slope():
+    content, table = solved(ANY % ("{slope: [-0.4, 0.2]}", FAMILIES["sporadic"]))
+    made = content["observer"]
+    L, H, C = np.array(made["L"]), np.array(made["H"]), np.array([[1, 0]])
+    for name in ("T1", "T2"):
+        sizes = []
+        for slope in (-0.4, -0.2, 0, 0.2):
+            A = np.array([[0, 1], [-1 + 0.5 * slope, -1]])
+            E = expm(made[name] * np.block([[A, -L], [np.zeros((1, 2)), H]]))
+            sizes.append(np.abs(np.linalg.eigvals(E[:2, :2] + E[:2, 2:] @ C)).max())
+        assert abs(complex(*made["multipliers"][name][0])) == pytest.approx(sizes[2])
+        assert made["contraction"][name] == pytest.approx(max(sizes))
+    assert "the slowest of any f = K q of the types" in table

@@ -153,3 +153,10 @@ def test_certified_designs_have_no_member_that_hides_a_mode():
             modes = undetectable(spec.augmented.doubles, in_floats(found.member[0]), 0.1)
             assert any(abs(m.eigenvalue - found.mode.eigenvalue) < 1e-6 for m in modes)
     assert certified
+
+
+def test_a_mode_that_no_slope_shows_is_reported_once():
+    Path("hidden.yaml").write_text((SEEN_BUT_FOR_ONE_SLOPE % FAMILIES["l2"]).replace("[[-1, 1]", "[[-1, 0]"))
+    checked = run("check", "hidden.yaml")
+    assert checked.exit_code == 3
+    assert checked.stdout.count("the mode lambda = 0.1") == 1

@@ -9,7 +9,7 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.spec import Spec, arguments
 
 NUMERICAL = {  # entries of a result file that prove nothing, besides its limits
-    "observer": ("poles", "fastest", "largest_step", "noise_gain", "condition_P", "multipliers"),
+    "observer": ("poles", "fastest", "largest_step", "noise_gain", "condition_P", "multipliers", "contraction"),
     "guarantee": ("rate", "overshoot", "initial", "disturbance", "noise", "jitter"),
     "diagnosis": ("feasible",),
 }

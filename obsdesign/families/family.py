@@ -80,7 +80,8 @@ class Family:
         from obsdesign.families import frozen
 
         found: list[Finding] = self.part("check").check(spec, engine)
-        return [*found, *frozen.findings(spec, self.demand(spec))]
+        seen = all(f.holds for f in found if f.name == "detectability")
+        return [*found, *(frozen.findings(spec, self.demand(spec)) if seen else [])]
 
     def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""

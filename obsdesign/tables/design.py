@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from obsdesign.families import FAMILIES
-from obsdesign.tables.text import limit_text, pole_text
+from obsdesign.tables.text import UNBOUNDED, limit_text, pole_text
 
 QUANTITIES = ("lipschitz", "gamma")
 LONGEST = 60  # points that are listed one by one
@@ -33,15 +33,15 @@ def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is computed over frozen members of the class: poles, steps, and gains with and without the observer."""
     if not found:
         return []
-    unbounded, rows = "not bounded: the slopes of f are not", []
+    rows = []
     if "worst_pole" in found:
         worst = found["worst_pole"]
-        said = unbounded if worst is None else f"{pole_text(worst)} 1/s   the slowest of any f = K q of the types"
+        said = UNBOUNDED if worst is None else f"{pole_text(worst)} 1/s   the slowest of any f = K q of the types"
         rows.append(("worst pole", said))
     steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
     known = {name: found["largest_step"][key] for name, key in steps.items()}
     told = ", ".join(f"{step:.3g} s ({name})" for name, step in known.items() if step is not None)
-    rows.append(("largest step", told or unbounded))
+    rows.append(("largest step", told or UNBOUNDED))
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [f"{word} {gain:.4g}" for word, gain in (("at least", low), ("at most", high)) if gain is not None]
     rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+UNBOUNDED = "not bounded: the slopes of f are not"
+
 
 def aligned(rows: list[tuple[str, str]]) -> str:
     """Two columns."""

@@ -12,6 +12,7 @@ from obsdesign.dissipation.bounds import ends
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import LARGEST_EXPONENT, MEANING, SporadicCertificate, certify_sporadic
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
+from obsdesign.families.sporadic.observer import errors
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed, rational_number
@@ -137,29 +138,32 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     if not isinstance(outcome.claim, Claim):
         return {}
     L, H, proof = outcome.gains["L"], outcome.gains["H"], outcome.claim.certificate
+    found, flow = errors(spec, outcome.gains), np.block([[spec.augmented.doubles.A, -L], [np.zeros(L.T.shape), H]])
+    intervals = {"T1": float(proof.T1), "T2": float(proof.T2)}
+    frozen = [A for A, _, _ in found.systems]
     return {
         "L": L.tolist(),
         "H": H.tolist(),
         "T1": approximate(proof.T1),
         "T2": approximate(proof.T2),
         "delta": approximate(proof.family.delta),
-        "multipliers": multipliers(spec, L, H, (float(proof.T1), float(proof.T2))),
+        "multipliers": {name: [[z.real, z.imag] for z in over(flow, spec, T)] for name, T in intervals.items()},
+        "contraction": {
+            name: max(abs(over(A, spec, T)[0]) for A in frozen) if found.bounded else None
+            for name, T in intervals.items()
+        },
     }
 
 
-def multipliers(spec: Spec, L: Array, H: Array, intervals: tuple[float, ...]) -> dict[str, list[list[float]]]:
-    """Eigenvalues [real, imaginary] of the error from one measurement to the next, without f, for both intervals.
+def over(flow: Array, spec: Spec, T: float) -> list[complex]:
+    """Eigenvalues of the error from one measurement to the next, T later, the largest first.
 
-    e' = A e - L d and d' = H d between measurements, d = C e at each: e+ = (E11 + E12 C) e, E = exp([A, -L; 0, H] T).
+    e' = A e - L d and d' = H d between measurements, d = C e at each: e+ = (E11 + E12 C) e, E = exp(flow T), where flow
+    = [A, -L; 0, H] has f = K q in A, or leaves f out.
     """
     from scipy.linalg import expm
 
-    plant = spec.augmented.doubles
-    n, ny = L.shape
-    flow = np.block([[plant.A, -L], [np.zeros((ny, n)), H]])
-    found = {}
-    for name, T in zip(("T1", "T2"), intervals, strict=True):
-        E = expm(flow * T)
-        values = sorted(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ plant.C), key=lambda z: (-abs(z), z.imag))
-        found[name] = [[float(z.real), float(z.imag)] for z in values]
-    return found
+    C = spec.augmented.doubles.C
+    E, n = expm(flow * T), C.shape[1]
+    values: list[complex] = np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ C).tolist()
+    return [complex(z) for z in sorted(values, key=lambda z: (-abs(z), complex(z).imag))]

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.sporadic.certificate import MEANING
-from obsdesign.tables.text import matrix_text, spectral_norm
+from obsdesign.tables.text import UNBOUNDED, matrix_text, spectral_norm
 
 
 def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -24,7 +24,6 @@ def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("L", matrix_text(made["L"])),
         ("H", matrix_text(made["H"])),
     ]
-    contraction = ", ".join(
-        f"{abs(complex(*values[0])):.3g} over {name}" for name, values in made["multipliers"].items()
-    )
-    return [*rows, ("delta", f"{made['delta']:g} 1/s"), ("contraction", f"{contraction} (linear part)")]
+    known = ", ".join(f"{k:.3g} over {name}" for name, k in made["contraction"].items() if k is not None)
+    said = f"{known}   the slowest of any f = K q of the types" if known else UNBOUNDED
+    return [*rows, ("delta", f"{made['delta']:g} 1/s"), ("contraction", said)]
