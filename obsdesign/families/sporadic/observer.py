@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.dissipation.bounds import ends
-from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
 from obsdesign.families.sporadic.request import request_of
@@ -29,10 +28,8 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     theta' = H theta
     theta+ = y - yhat     at a measurement,               yhat = C zhat + gy
 
-    Raises `UsageError` if a nonlinearity has no f, or the plant has what the observer cannot compute between two
-    measurements.
+    Raises `UsageError` if a nonlinearity has no f.
     """
-    require_simulable(spec)
     L, H = (printed(gains[name]) for name in ("L", "H"))
     plant = spec.equations(spec.augmented)
     copy, taken = Copy.of(plant), set(plant.signals)
@@ -51,16 +48,3 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         jump=dict(zip(theta, innovation, strict=True)),
         twins=copy.twins,
     )
-
-
-def require_simulable(spec: Spec) -> None:
-    """Refuse what the observer cannot compute between two measurements."""
-    p = spec.plant
-    for matrix, name in ((p.D, "D"), (p.Df, "Df"), (p.Dq, "Dq"), (p.Dqf, "Dqf")):
-        if (matrix != 0).any():
-            raise UsageError(f"{name} is not zero: y = C z and q = Cq z are all that a sporadic observer can use")
-    if spec.model_states:
-        raise UsageError("a sporadic observer has no disturbance model: leave out `disturbance`")
-    for term in (*spec.gx, *spec.gq, *spec.gy, *(f for block in spec.nonlinearities for f in block.f or ())):
-        if measured := sorted(term.names & set(p.outputs)):
-            raise UsageError(f"{term} needs {measured[0]}, which the observer does not know between two measurements")
