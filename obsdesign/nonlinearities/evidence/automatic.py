@@ -1,7 +1,7 @@
 """The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from itertools import chain, compress, product
 from math import inf
@@ -11,14 +11,12 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
-from obsdesign.expressions import Expression
 from obsdesign.expressions.tree import Number
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.enclosure import (
     Enclosure,
     enclosure,
     negative,
-    require_continuous,
     shown,
     supremum_of,
 )
@@ -27,8 +25,6 @@ from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 DIGITS = 12  # of a bound, rounded outward
 MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices
-MAX_SIZE = 16  # of q and f together, for a proof that nobody asked for
-MAX_OPERATIONS = 400  # of f, likewise
 TIGHT = 1e-4  # relative: a looser bound is worth a word
 
 
@@ -184,48 +180,3 @@ def listed(values: Sequence[fmpq | None]) -> str:
 def looseness(gap: float) -> str:
     """What to say of a bound that is not tight."""
     return f"; the bound may be loose by {gap:.1g} of it" if gap > TIGHT else ""
-
-
-def slopes_proved(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:
-    """Whether each f_i surely is a function of q_i only with its slopes in the given bounds; False says nothing."""
-    return surely(f, lambda: f.decoupled and slopes_within(f, allowed))
-
-
-def lipschitz_proved(f: Restriction, k: fmpq) -> bool:
-    """Whether |df| <= k |dq| surely holds; False says nothing."""
-    return surely(f, lambda: lipschitz_within(f, k))
-
-
-def surely(f: Restriction, question: Callable[[], bool]) -> bool:
-    """Answer about f; False where f is too large for a proof that nobody asked for, or may jump."""
-    if sum(len(g.order) for g in f.f) > MAX_OPERATIONS:
-        return False
-    try:
-        require_continuous(f)
-        return question()
-    except UsageError:  # f may jump, or its derivative is too large
-        return False
-
-
-def lipschitz_within(f: Restriction, k: fmpq) -> bool:
-    """Whether the norm of the Jacobian is at most k."""
-    if k > 0:  # f / k has round numbers where f has those of the declaration
-        f, k = replace(f, f=tuple(Expression.combination([1 / k], [g]) for g in f.f)), fmpq(1)
-    if f.decoupled:
-        return slopes_within(f, [(-k, k)] * f.nq)
-    return f.nq + len(f.f) <= MAX_SIZE and at_most(norm_bound(f, float(k)).bound, k)
-
-
-def slopes_within(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:
-    """Whether each f_i surely has its slopes in the given bounds."""
-    slopes = [g.derivative(q) for g, q in zip(f.f, f.arguments, strict=True)]
-    return bool(allowed) and all(
-        at_most(supremum_of(negative(slope), f, 0.5, float(-low)).bound, -low)
-        and (high is None or at_most(supremum_of(slope, f, 0.5, float(high)).bound, high))
-        for slope, (low, high) in zip(slopes, allowed, strict=True)
-    )
-
-
-def at_most(bound: float, limit: fmpq) -> bool:
-    """Compare exactly."""
-    return bound < inf and rational_number(bound) <= limit
