@@ -154,7 +154,7 @@ def extremes(f: Restriction) -> Array:
     found = [anywhere(f)]
     for g in entries:
         found += [{**found[0], **supremum_of(h, f, 1 / (2 * len(entries))).point} for h in (g, negative(g))]
-    return np.clip(np.array([list(point.values()) for point in found]).T, -FARTHEST, FARTHEST)
+    return np.asarray(np.clip([[*point.values()] for point in found], -FARTHEST, FARTHEST)).T
 
 
 def anywhere(f: Restriction) -> dict[str, float]:
