@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
-from obsdesign.nonlinearities.evidence.automatic import lipschitz_proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
+from obsdesign.nonlinearities.evidence.proof import lipschitz_proved
 from obsdesign.nonlinearities.evidence.restriction import SINCE_ZERO, Restriction
 from obsdesign.spec import Nonlinearity, Spec
 

@@ -26,7 +26,7 @@ from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, digest, to_json, write_whole
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
-from obsdesign.spec import Spec
+from obsdesign.spec import PROVED, Spec
 
 if TYPE_CHECKING:
     from obsdesign.simulate import Run
@@ -108,6 +108,7 @@ class Design(Outcome):
         entries |= {"search": self.search.written()} if self.search else {}
         paths = numerical(entries, self.limits())
         entries |= {"numerical": paths} if paths else {}
+        entries |= {"assumed": spec.assumed} if spec.assumed else {}
         entries |= {"notes": notes} if (notes := self.remarks()) else {}
         return {"status": str(self.status), **entries}
 
@@ -203,10 +204,21 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     text = file.spec_text()
     if spec is None:
         spec, name = loads(text, f"{file.path} (spec.text)"), file.content.get("name")
-        return replace(spec, name=name) if isinstance(name, str) else spec
+        spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    require_types(file, spec)
     return spec
+
+
+def require_types(file: ResultFile, spec: Spec) -> None:
+    """Refuse a file that says that a type is proved from f, or leaves out what is assumed, where it is not so anew."""
+    notes = file.content.get("notes", [])
+    for i, note in enumerate(notes if isinstance(notes, list) else []):
+        if isinstance(note, str) and PROVED in note and note not in spec.notes:
+            raise file.wrong(f"notes[{i}]", "says that a type is proved from f, which is not proved anew")
+    if file.content.get("assumed", []) != spec.assumed:
+        raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec")
 
 
 def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
@@ -218,7 +230,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     if status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
     claim = family.claim(spec, file)
-    return Proof(claim.headline(spec), claim.checks)
+    return Proof("; ".join([claim.headline(spec), *spec.provisos]), claim.checks)
 
 
 def doubles(file: ResultFile, name: str, gain: Array) -> Array:

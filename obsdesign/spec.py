@@ -19,6 +19,7 @@ from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
 
 Vector = npt.NDArray[np.float64]
+PROVED = "is proved from f"  # of a type, in a note
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
@@ -44,6 +45,7 @@ class Nonlinearity:
     lipschitz: tuple[
         fmpq, ...
     ] = ()  # constant of f_i, or one for each component that has its own; none is known: empty
+    assumed: str = ""  # what is known of a type that is not proved of f_i; empty: it is proved, or f_i is named by it
 
 
 def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Range]]:
@@ -197,6 +199,19 @@ class Spec(metaclass=Called):
         """Where the types hold, and with them every guarantee: a clause for a sentence; None: everywhere."""
         clauses = [clause for i in range(len(self.nonlinearities)) for clause in self.limits(i)]
         return f"as long as {' and '.join(clauses)}" if clauses else None
+
+    @property
+    def assumed(self) -> list[str]:
+        """Types that are not proved, in words, with what was searched."""
+        names = ["f"] if len(self.nonlinearities) == 1 else numbered("f", len(self.nonlinearities))
+        blocks = zip(names, self.nonlinearities, strict=True)
+        return [f"{block.type} of {name} ({block.assumed})" for name, block in blocks if block.assumed]
+
+    @property
+    def provisos(self) -> list[str]:
+        """Where a guarantee of the observer holds, and what it assumes: clauses for the end of a sentence."""
+        assumed = [f"assumed: {' and '.join(self.assumed)}"] if self.assumed else []
+        return [*([f"local: {self.validity}"] if self.validity else []), *assumed]
 
     def limits(self, i: int) -> list[str]:
         """What must hold for the type of one nonlinearity."""

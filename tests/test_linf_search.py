@@ -47,7 +47,7 @@ def test_the_curve_is_in_the_answer_with_the_points_of_the_search():
     assert {0.1, 0.55, 1.0, 1.45, 1.9} < set(alphas)
     for point in made.search.points:
         assert point["gamma"] == pytest.approx(1 / math.sqrt(4 * point["alpha"] * (2 - point["alpha"])), rel=1e-4)
-    assert f"alpha = {float(made.claim.certificate.alpha):g}" in made.notes[0]
+    assert f"alpha = {float(made.claim.certificate.alpha):g}" in made.notes[1]
 
 
 JUMP = """

@@ -16,9 +16,9 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.lipschitz.coordinates import scaling
-from obsdesign.nonlinearities.evidence.automatic import lipschitz_proved
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.norm import enclosed, largest_norm, radius_norm, uncoupled
+from obsdesign.nonlinearities.evidence.proof import lipschitz_proved
 from obsdesign.reading import loads
 
 pytestmark = pytest.mark.usefixtures("here")

@@ -84,11 +84,11 @@ def test_the_three_readings_of_a_set_agree(seed):
 def test_a_free_l2_is_refused_where_a_block_has_more_than_one_scale(position):
     kinds = [
         (made("one-sided-lipschitz", exactly(1, 1, 0)), "lambda2a, lambda2b"),
-        (made("jacobian", matrices([[-1]], [[1]])), "M2_11, M2_12, M2_22"),
-        (made("cone", matrices([[1]])), "M2_11, M2_12"),
+        (made("jacobian", matrices([[-1, 0]], [[1, 1]]), 2, 1), "M2_11, M2_12, M2_22"),
+        (made("cone", matrices([[1, 0]], [[0, 1]]), 2, 1), "M2_11, M2_12"),
     ]
     kind, unknowns = kinds[position]
-    with pytest.raises(UsageError, match=f"the type of f2 has {unknowns}; give L2 as a matrix"):
+    with pytest.raises(UsageError, match=f"the type of f2 has {unknowns}; a ball around it"):
         combine([made("sin", None), kind]).scaled_blocks()
     with pytest.raises(UsageError, match="one scale"):
         combine([made("sin", None), kind]).shifted()

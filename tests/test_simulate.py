@@ -215,7 +215,7 @@ simulation: {horizon: 2, x0: [1]}
 def test_a_plant_that_leaves_the_domain_of_its_model_stalls(read):
     spec = read("""
 system: {A: [[0]], C: [[1]]}
-nonlinearities: [{f: -1/sqrt(q), type: monotone, Bf: [1], Cq: [1]}]
+nonlinearities: [{f: -1/sqrt(q), type: monotone, region: {q: [0.01, 9]}, Bf: [1], Cq: [1]}]
 simulation: {horizon: 2, x0: [1], xhat0: [1]}
 """)
     run = simulate(spec, gains(-1, L2=[0]), None)  # x = (1 - 3 t / 2)^(2/3)

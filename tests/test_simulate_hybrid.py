@@ -282,9 +282,7 @@ def test_a_sampling_that_makes_no_sense_is_refused(wrong, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("C: [[1, 0]]", "C: [[1, 0]], D: [[1]]", "D is not zero"),
         ("C: [[1, 0]]", "C: [[1, 0]], gx: [y1, 0]", "y1 needs y1"),
-        ("simulation:", "disturbance: integrator\nsimulation:", "no disturbance model"),
         ("simulation:", "nonlinearities: [{type: {lipschitz: 1}, Bf: [0, 1], Cq: [1, 0]}]\nsimulation:", "has no `f`"),
         ('w: ["', 'w: ["1/t + ', "no value"),
     ],

@@ -1,10 +1,13 @@
 """Specs with sporadic measurements: what the reader takes, and what it answers to wrong ones."""
 
+import json
 import re
+from pathlib import Path
 
 import pytest
 from flint import fmpq
-from support.commands import run
+from support.commands import result_of, run
+from support.forging import with_text
 from support.wrong_specs import problem_of, wrong_in
 
 from obsdesign.dissipation.bounds import Range
@@ -158,6 +161,13 @@ GAINS = [
     )
 ]
 
+UNKNOWN = "needs y1, which the observer does not know between two measurements; write it in states"
+NOT_BUILT = [
+    wrong("f: sin(q), ", "f: sin(q)*cos(y1), ", "nonlinearities[0].f", UNKNOWN, place=(8, 9)),
+    wrong("f: sin(q), ", "f: [sin(q)*cos(y1)], ", "nonlinearities[0].f[0]", UNKNOWN),
+    wrong("f: sin(q), ", "f: sin(q), gq: y1**2, ", "nonlinearities[0].gq", UNKNOWN),
+    wrong(C, C + "\n  gx: [0, y1**2]", "system.gx[1]", UNKNOWN, place=(7, 11)),
+]
 PLANTS = [
     wrong(C, C + "\n  D: 1", "system.D", "must be zero for type sporadic", "simulation.noise", place=(7, 6)),
     wrong(DATA, "Cq: [1, 0], Df: 0.1}", "nonlinearities", "Df must be zero for type sporadic"),
@@ -234,6 +244,21 @@ def request_of(**lines):
 def test_the_specs_that_the_wrong_ones_are_made_from_are_right():
     assert float(request_of().T2) == 0.2
     assert loads(CONTINUOUS).observer.type == "l2"
+
+
+@pytest.mark.parametrize("case", NOT_BUILT)
+def test_an_observer_that_cannot_be_built_is_refused_by_every_command(case, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    forged = with_text(json.loads(result_of(tmp_path, BASE)), case.text)
+    Path("spec.gains.json").write_text(json.dumps(forged))
+    Path("spec.yaml").write_text(case.text)
+    for command, file in (("solve", "yaml"), ("check", "yaml"), ("verify", "gains.json"), ("simulate", "gains.json")):
+        outcome = run(command, f"spec.{file}")
+        assert outcome.exit_code == 2, outcome.output
+        (line,) = outcome.stderr.splitlines()
+        assert f": {case.key}: " in line
+        assert UNKNOWN in line
+    assert case.is_answered_by(problem_of(case.text))
 
 
 @pytest.mark.parametrize("case", CASES)

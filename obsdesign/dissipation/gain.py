@@ -18,6 +18,7 @@ from obsdesign.dissipation.scan import edge, strides
 from obsdesign.dissipation.shift import unshifted
 from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
+from obsdesign.model.multiplier import Multiplier
 
 DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
 KAPPAS = 12  # bounds that are tried for the smallest gain
@@ -34,7 +35,7 @@ Solve = Callable[[Bounds, Values | None], Answer]  # least objective within boun
 
 def searchable(family: Incremental) -> Incremental:
     """Same problem in doubles; where L2 is found, for f - K q."""
-    return in_floats(family) if family.L2 is not None else in_floats(family).shifted()
+    return in_floats(family) if family.L2 is not None else family.shifted()
 
 
 def least(engine: Engine, family: Incremental) -> Solve:
@@ -101,7 +102,8 @@ def with_L2(family: Incremental, solve: Callable[[Incremental], Values | None]) 
         return
     blocks = family.multiplier.scaled_blocks()
     plant, K = in_floats(family.plant), in_floats(family.multiplier.member)
-    scales = np.repeat([values[u.name].item() for u in family.multiplier.unknowns()], [len(b.M11) for b in blocks])
+    unknowns = Multiplier(blocks).unknowns()
+    scales = np.repeat([values[u.name].item() for u in unknowns], [len(b.M11) for b in blocks])
     L2 = unshifted(values["R"] / scales[:, None], plant, K)
     for digits in DIGITS:
         yield replace(family, L2=printed(significant(L2, digits)))

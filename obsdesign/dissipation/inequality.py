@@ -34,6 +34,7 @@ from obsdesign.lmi.formula import (
     block_diagonal,
     he,
     identity,
+    in_floats,
     symmetric,
 )
 from obsdesign.model.multiplier import Multiplier
@@ -289,9 +290,9 @@ class Incremental(ABC):
         return Injection("Y", np.eye(right.shape[1], p.n), right)
 
     def shifted(self) -> Self:
-        """Same problem for f - K q, K the member of the class: then M11 >= 0.
+        """Same problem in doubles for f - K q, K the member of the class: then M11 >= 0, exactly zero where it is.
 
         With W = (I - K Dqf)^-1, f = (I - K Dqf)^-1 (K Cq x + f~ + K Dq w).
         """
-        p, K = self.plant, self.multiplier.member
-        return replace(self, plant=shifted_plant(p, K), multiplier=self.multiplier.shifted())
+        p, K = in_floats(self.plant), in_floats(self.multiplier.member)
+        return replace(in_floats(replace(self, multiplier=self.multiplier.shifted())), plant=shifted_plant(p, K))

@@ -86,6 +86,10 @@ class Block(ABC):
     def inequalities(self, v: Values, label: str) -> tuple[Inequality, ...]:
         """Inequalities that say that M is in the cone."""
 
+    def one_scale(self) -> "Scaled | None":
+        """A ray with the same member whose M say as much as those of the cone; None if no single one is known to."""
+        return None
+
 
 @dataclass(frozen=True)
 class Scaled(Block):
@@ -129,6 +133,10 @@ class Scaled(Block):
         """The scale is not negative."""
         name = f"lambda{label}"
         return (Inequality(f"{name} >= 0", -v[name]),)
+
+    def one_scale(self) -> "Scaled":
+        """The ray itself."""
+        return self
 
     def shifted(self) -> "Scaled":
         """Ray of f - K q: [I 0; K I]' M [I 0; K I]."""
@@ -211,13 +219,16 @@ class Multiplier:
 
         Raises `UsageError`: a block has more unknowns than one scale.
         """
-        scaled = tuple(block for block in self.blocks if isinstance(block, Scaled))
-        if len(scaled) < len(self.blocks):
-            label, block = next((i, b) for i, b in self.labelled() if not isinstance(b, Scaled))
-            found = ", ".join(u.name for u in block.unknowns(label))
-            needed = "observer.L2: a free L2 needs one scale for each nonlinearity"
-            raise UsageError(f"{needed}, and the type of f{label} has {found}; give L2 as a matrix")
-        return scaled
+        scaled = []
+        for label, block in self.labelled():
+            ray = block.one_scale()
+            if ray is None:
+                found = ", ".join(u.name for u in block.unknowns(label))
+                needed = "observer.L2: a free L2 needs one scale for each nonlinearity"
+                instead = "a ball around it, {ball: {K: .., W: ..}}, or a slope has one; or give L2 as a matrix"
+                raise UsageError(f"{needed}, and the type of f{label} has {found}; {instead}")
+            scaled.append(ray)
+        return tuple(scaled)
 
     def shifted(self) -> "Multiplier":
         """Multiplier of f - K q, K the member: then M11 >= 0.

@@ -1,15 +1,17 @@
 """Nonlinearities whose Jacobian stays in a cone of matrices."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.lmi.farkas import null_space
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, he, rational, symmetric, zeros
 from obsdesign.model.multiplier import Block, Matrix, Multiplier, Scaled
 from obsdesign.nonlinearities.data import MatrixList
 from obsdesign.nonlinearities.evidence.claims import Hull
+from obsdesign.nonlinearities.slope import component
 from obsdesign.nonlinearities.template import Template, require_matrices
 
 
@@ -47,6 +49,14 @@ class Cone(Block):
     def vertices(self) -> tuple[Array, ...]:
         """Zero, and a point of each ray."""
         return (self.member, *self.directions)
+
+    def one_scale(self) -> Scaled | None:
+        """Of one number of one sign, a slope without a bound on one side."""
+        numbers = {Th.item() > 0 for Th in (ray.image for ray in self.rays) if Th.size == 1 and Th.any()}
+        if self.member.size > 1 or len(numbers) != 1:
+            return None
+        up = component(fmpq(0), None)
+        return up if True in numbers else replace(up, M12=-up.M12)
 
     def unknowns(self, label: str) -> tuple[Unknown, ...]:
         """M11 and M12."""

@@ -1,7 +1,7 @@
 """Nonlinearities whose Jacobian stays in a polytope of matrices."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,13 @@ class Polytope(Block):
     def bounded(self) -> bool:
         """Whether it is, as a hull."""
         return True
+
+    def one_scale(self) -> Scaled | None:
+        """Of one number, the slope between the least and the largest: then the S-procedure is lossless."""
+        if self.member.size > 1:
+            return None
+        numbers = [Th.item() for Th in self.vertices]
+        return replace(component(min(numbers), max(numbers)), member=self.member)
 
     def unknowns(self, label: str) -> tuple[Unknown, ...]:
         """All of M."""

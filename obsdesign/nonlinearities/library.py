@@ -5,14 +5,19 @@ from dataclasses import replace
 from flint import fmpq
 
 from obsdesign.nonlinearities.monotone import MONOTONE
-from obsdesign.nonlinearities.slope import slope
+from obsdesign.nonlinearities.slope import slope, slope_bounds
 from obsdesign.nonlinearities.template import Template
 
 
 def within(low: int, high: int, f: str) -> Template:
     """Type of the function f(q), applied to each component of q, whose slopes are in [low, high], ends included."""
     ends = fmpq(low), fmpq(high)
-    return Template(lambda _, nq, nf: slope([ends] * nq, nq, nf), f=f, slopes=lambda _, nq: [ends] * nq)
+    return Template(
+        lambda _, nq, nf: slope([ends] * nq, nq, nf),
+        f=f,
+        slopes=lambda _, nq: [ends] * nq,
+        conditions=lambda _, multiplier: slope_bounds([ends] * len(multiplier.blocks), multiplier),
+    )
 
 
 FUNCTIONS = {

@@ -25,5 +25,4 @@ LIPSCHITZ = Template(
     slopes=lambda k, nq: [(-k, k)] * nq,
     lipschitz=True,
     conditions=lambda k, multiplier: (Gain(M, k) for M in generators(multiplier)),
-    proof=automatic.lipschitz_proved,
 )

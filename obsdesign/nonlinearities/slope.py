@@ -1,6 +1,6 @@
 """Componentwise slope bounds: f_i(q) depends on q_i only."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from flint import fmpq
@@ -83,10 +83,15 @@ def read_bounds(reader: Reader, written: str | Sequence[str], loc: Loc, *, infin
     return [None if infinite and text in INFINITE else reader.number(text, (*loc, i)) for i, text in enumerate(written)]
 
 
+def slope_bounds(bounds: Sequence[tuple[fmpq, fmpq | None]], multiplier: Multiplier) -> Iterator[SlopeBounds]:
+    """Condition on each component."""
+    return (SlopeBounds(M, i, *bounds[i]) for i, M in enumerate(generators(multiplier)))
+
+
 SLOPE = Template(
     slope,
     Bounds(),
     derive=automatic.slopes,
     slopes=lambda bounds, _: list(bounds),
-    conditions=lambda bounds, M: (SlopeBounds(part, i, *bounds[i]) for i, part in enumerate(generators(M))),
+    conditions=slope_bounds,
 )

@@ -10,8 +10,9 @@ from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.nonlinearities.data import Data
-from obsdesign.nonlinearities.evidence.automatic import Choice, slopes_proved
+from obsdesign.nonlinearities.evidence.automatic import Choice
 from obsdesign.nonlinearities.evidence.claims import Claim, Quadratic, Worded, generators
+from obsdesign.nonlinearities.evidence.proof import surely
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 Slopes = list[tuple[fmpq, fmpq | None]]
@@ -30,7 +31,6 @@ class Template:
     slopes: Callable[[Any, int], Slopes] = lambda *_: []  # of (data, nq): of each f_i that depends on q_i only
     lipschitz: bool = False  # whether the data are a Lipschitz constant of f
     conditions: Callable[[Any, Multiplier], Iterable[Claim]] | None = None  # on a pair of arguments; None: of M
-    proof: Callable[[Restriction, Any], bool] | None = None  # whether f surely is of the type; None: by its slopes
 
     def __call__(self, data: Any, nq: int, nf: int) -> Multiplier:
         """Multiplier of f with nf components of an argument with nq; raises `UsageError` if there is none."""
@@ -58,7 +58,8 @@ class Template:
 
     def proved(self, f: Restriction, data: Any) -> bool:
         """Whether f surely is of this type on its region; False says nothing."""
-        return self.proof(f, data) if self.proof else slopes_proved(f, self.slopes(data, f.nq))
+        claims = self.claims(data, self(data, f.nq, len(f.f)))
+        return surely(f, lambda: all(claim.proved(f) for claim in claims))
 
 
 def require_shape(what: str, matrix: Array, rows: int, columns: int) -> None:

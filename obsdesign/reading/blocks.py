@@ -11,18 +11,18 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.nonlinearities import TEMPLATES, Multiplier, Template
 from obsdesign.nonlinearities.evidence.automatic import choose
-from obsdesign.nonlinearities.evidence.refutation import counterexample
+from obsdesign.nonlinearities.evidence.refutation import counterexample, searched, spread, undefined
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
 from obsdesign.nonlinearities.slope import INFINITE
 from obsdesign.reading.schema import AUTO, Auto, Function, TypeData
 from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, Size
-from obsdesign.spec import Nonlinearity, arguments
+from obsdesign.spec import PROVED, Nonlinearity, arguments
 
 MINUS_INFINITE = ("-.inf", "-.Inf", "-.INF")
 ARGUMENT = re.compile(r"\bq\b")
-POINTS = np.concatenate([np.linspace(-10, 10, 201), np.geomspace(1e-3, 100, 50), -np.geomspace(1e-3, 100, 50)])
+POINTS = 1000  # at which a function is compared with the one that its type names
 TOLERANCE = 1e-9  # relative, of two ways to write the same function
 
 
@@ -110,14 +110,15 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
     if known is None or not reader.clean((*block.loc, "f")):
         return None
     region = read_region(reader, block.section, block.loc, block.nq, f, known)
-    if not all(reader.clean((*block.loc, key)) for key in ("type", "region")):
+    if f is not None and reader.clean((*block.loc, "region")):
+        require_defined(reader, block, restricted(f, block.nq, region))
+    if not all(reader.clean((*block.loc, key)) for key in ("type", "region", "f")):
         return None
+    assumed = ""
     if declared is None:
         declared = derive(reader, block, f, region)
-    elif f is not None and declared.template.f is not None:
-        compare(reader, block, declared.template.f, f, known)
-    elif f is not None:
-        examine(reader, block, declared, f, region)
+    elif f is None or block.section.f is not None:
+        assumed = examine(reader, block, declared, f, region)
     if declared is None:
         return None
     own = {f"q{i + 1}": EVERYWHERE for i in range(block.nq)}
@@ -125,7 +126,7 @@ def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None)
     others = {name: limits for name, limits in region.items() if name not in own}
     local = None if set(limits) == {EVERYWHERE} else limits
     constants = declared.template.constants(declared.data, block.nq)
-    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, constants)
+    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, constants, assumed)
 
 
 def read_declared(reader: Reader, block: Block) -> Assumption | None:
@@ -162,21 +163,42 @@ def derive(
     except UsageError as error:
         reader.wrong(place, error.problems[0].message)
         return None
-    reader.notes.append(f"{dotted(place)}: {choice.text} is proved from f: {choice.reason}")
+    reader.notes.append(f"{dotted(place)}: {choice.text} {PROVED}: {choice.reason}")
     return derived
 
 
+def require_defined(reader: Reader, block: Block, f: Restriction) -> None:
+    """Refuse an f that surely has no value somewhere on its region."""
+    written, found = block.section.f, undefined(f)
+    if found is not None:
+        i, where = found
+        place, text = ((i,), written[i]) if isinstance(written, list) else ((), written)
+        instead = "give a region without that, or an f that is defined there (abs, max, where)"
+        reader.wrong((*block.loc, "f", *place), f"{text} has no value {where}; {instead}")
+
+
 def examine(
-    reader: Reader, block: Block, declared: Assumption, f: Sequence[Expression], region: Mapping[str, Ends]
-) -> None:
-    """Prove a declared type, or refute it; what is neither is the assumption of the user."""
-    where, place = restricted(f, block.nq, region), (*block.loc, "type")
-    if declared.template.proved(where, declared.data):
-        reader.notes.append(f"{dotted(place)}: {declared.text} is proved from f")
-        return
-    found = counterexample(where, declared.template.claims(declared.data, declared.multiplier))
+    reader: Reader, block: Block, declared: Assumption, f: Sequence[Expression] | None, region: Mapping[str, Ends]
+) -> str:
+    """Prove a declared type, or refute it; of what is neither, return what is known of the assumption of the user."""
+    place, template = (*block.loc, "type"), declared.template
+    if f is None:
+        reader.notes.append(f"{dotted(place)}: {declared.text} is assumed: no f is given")
+        return "no f is given"
+    where = restricted(f, block.nq, region)
+    if template.f is not None and not same(reader, block, template.f, where):
+        return ""
+    if template.proved(where, declared.data):
+        reader.notes.append(f"{dotted(place)}: {declared.text} {PROVED}")
+        return ""
+    found = counterexample(where, template.claims(declared.data, declared.multiplier))
     if found is not None:
         reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}")
+        return ""
+    sought = f"on {searched(where)}"
+    said = f"{declared.text} is assumed {sought}, where no pair of arguments that was tried contradicts it"
+    reader.notes.append(f"{dotted(place)}: {said}; it is not proved")
+    return f"searched {sought}, not proved"
 
 
 def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> tuple[Expression, ...] | None:
@@ -192,23 +214,21 @@ def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> 
     return tuple(parse(ARGUMENT.sub(q, library), (q,)) for q in components)
 
 
-def compare(reader: Reader, block: Block, text: str, f: Sequence[Expression], known: Sequence[str]) -> None:
-    """Compare a function that is given with the one that its type names, by value."""
+def same(reader: Reader, block: Block, text: str, f: Restriction) -> bool:
+    """Compare a function that is given with the one that its type names, by value at points of the region."""
+    points = spread(f.box, np.random.default_rng(0), POINTS)
+    values = dict(zip(f.box, points, strict=True))
     expected = parse(text, ("q",)).function(("q",))
-    names = (*arguments(block.nq), *known)
-    for i, component in enumerate(f):
-        q = np.roll(POINTS, 7 * i)
-        values = {name: np.roll(POINTS, 31 * (k + 1)) for k, name in enumerate(names)} | {f"q{i + 1}": q}
-        if block.nq == 1:
-            values["q"] = q
-        found, right = component.function(names)(*(values[name] for name in names)), expected(q)
-        wrong = ~(abs(found - right) <= TOLERANCE * (1 + abs(right)))
+    for component, name in zip(f.f, f.arguments, strict=True):
+        q = values[name]
+        found, right = component.function(tuple(f.box))(*points), expected(q)
+        wrong = np.isfinite(found) & (abs(found - right) > TOLERANCE * (1 + abs(right)))  # not where it overflows
         if wrong.any():
-            k = int(np.argmax(wrong))
-            value = f"{found[k]:.6g}" if np.isfinite(found[k]) else "not defined"
-            place = f"{text} is {right[k]:.6g} at q = {q[k]:.6g}, where f is {value}"
+            k = int(np.argmin(np.where(wrong, abs(q), np.inf)))
+            place = f"{text} is {right[k]:.6g} at q = {q[k]:.6g}, where f is {found[k]:.6g}"
             reader.wrong((*block.loc, "f"), f"differs from its type {block.kind.name}: {place}")
-            return
+            return False
+    return True
 
 
 def read_region(

@@ -1,7 +1,7 @@
 """The plant of a spec: sizes from its matrices, then every matrix checked against them; names of its signals."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,11 +66,17 @@ class Reading:
 
 
 def read_plant(
-    reader: Reader, system: System | None, sections: Sequence[Section] | None, *, identity: bool = False
+    reader: Reader,
+    system: System | None,
+    sections: Sequence[Section] | None,
+    *,
+    identity: bool = False,
+    sampled: bool = False,
 ) -> Reading:
     """Plant, known terms and nonlinearities; a section is None if its structure is wrong.
 
-    `identity`: whether a Bf or Cq that is missing is the identity, instead of zero.
+    `identity`: whether a Bf or Cq that is missing is the identity, instead of zero; `sampled`: whether y is known at
+    instants only.
     """
     if system is None:
         return Reading(Layout())
@@ -83,9 +89,26 @@ def read_plant(
     known = layout.known("outputs", "inputs")
     gx = reader.expressions(system.gx, ("system", "gx"), layout.states, known)
     gy = reader.expressions(system.gy, ("system", "gy"), layout.outputs, layout.known("inputs"))
-    gq = [e for part in parts for e in reader.expressions(part.gq, (*part.block.loc, "gq"), part.q, known)]
+    gq = [reader.expressions(part.gq, (*part.block.loc, "gq"), part.q, known) for part in parts]
     blocks = tuple(read_nonlinearity(reader, part.block, known) for part in parts)
-    return Reading(layout, plant, gx, gy, tuple(gq), blocks)
+    if sampled and layout.names:
+        outputs = layout.names.outputs
+        refuse_outputs(reader, ("system", "gx"), system.gx, gx, outputs)
+        for part, q, block in zip(parts, gq, blocks, strict=True):
+            refuse_outputs(reader, (*part.block.loc, "gq"), part.gq, q, outputs)
+            refuse_outputs(reader, (*part.block.loc, "f"), part.block.section.f, (block and block.f) or (), outputs)
+    return Reading(layout, plant, gx, gy, tuple(e for q in gq for e in q), blocks)
+
+
+def refuse_outputs(
+    reader: Reader, loc: Loc, written: object, sides: Sequence[Expression], outputs: Collection[str]
+) -> None:
+    """Refuse what an observer that knows y at instants only cannot compute between them."""
+    for i, side in enumerate(sides):
+        if measured := sorted(side.names.intersection(outputs)):
+            place = (*loc, i) if isinstance(written, list) else loc
+            why = f"needs {measured[0]}, which the observer does not know between two measurements"
+            reader.wrong(place, f"{side} {why}; write it in states (as an argument q) and inputs")
 
 
 def order(reader: Reader, A: Entries, otherwise: Size) -> Size:

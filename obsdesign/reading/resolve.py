@@ -46,15 +46,16 @@ def resolve(document: Document) -> Spec:
             f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}",
         )
     read_parameters(reader, file.parameters)
-    plant = read_plant(reader, file.system, file.nonlinearities, identity=family is not None and family.unstructured)
+    sampled = family is not None and family.sampled
+    identity = family is not None and family.unstructured
+    plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
-    observer, sampled = None, False
+    observer = None
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
-        sampled = family.sampled
     simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v, sampled=sampled)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:

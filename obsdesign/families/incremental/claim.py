@@ -62,7 +62,7 @@ class Claim(Proved):
             rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""
             constants = f"{bound.w!r} sup|w| + {bound.w_rate!r} sup|w'|{rest}"
             said += f"; limsup |what - w| <= {constants}, what = pinv(B) L1 (yhat - y)"
-        return f"{said}; local: {spec.validity}" if spec.validity else said
+        return "; ".join([said, *spec.provisos])
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved and the limit it is near to, and the witness."""

@@ -5,11 +5,16 @@ import numpy as np
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import described
 from obsdesign.families.outcome import Diagnosis
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.multiplier import Scaled
 from obsdesign.model.pencil import text
+from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, stiff_modes
 from obsdesign.spec import Spec
+from obsdesign.tables.text import matrix_text
+
+ROUNDING = 1e-12  # relative
+QUIET = "bound the slope of f, or leave noise out of y (D = 0)"
 
 
 def stiff_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
@@ -39,24 +44,34 @@ def may_rest(family: Incremental) -> bool:
 
 
 def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
-    """Blocks with M22 = M11 = 0 force P Bf + lambda M12' (Cq + L2 C) .. = 0, and with it two necessary conditions.
+    """Blocks with M22 = M11 = 0 force P Bf + lambda M12' (Cq + L2 C) .. = 0, and with it three necessary conditions.
 
     With G = Cq + L2 C, P Bf + lambda G' M12 = 0 and P > 0:
+
+    - the row of f has a zero on the diagonal, so M12' (Dq + L2 D) = 0, which noise in every output makes the only L2;
 
     - Bf' P Bf > 0 needs M12' G Bf < 0 (in its symmetric part, as below), and so lambda > 0;
     - where C Bf = 0, the error e = Bf d is not corrected by any L1, and e' P (A + alpha I) e <= 0 there needs
       M12' G (A + alpha I) Bf >= 0.
 
-    Bf must have full column rank; nothing is said otherwise, nor where L2 is free.
+    Bf must have full column rank, and M12 an inverse; nothing is said otherwise, nor where L2 is free and not forced.
     """
     p, alpha = family.plant, float(family.alpha)
-    if family.L2 is None:
-        return None
     for i, block, rows, columns in stiff_blocks(family):
-        Bf, G = p.Bf[:, columns], p.Cq[rows] + family.L2[rows] @ p.C
-        if np.linalg.matrix_rank(Bf) < Bf.shape[1]:
+        Bf = p.Bf[:, columns]
+        if np.linalg.matrix_rank(Bf) < Bf.shape[1] or np.linalg.matrix_rank(block.M12) < len(block.M12):
             continue
-        must = f"{block_name(spec, i)} has no upper slope bound, so P Bf + lambda (Cq + L2 C)' = 0 must hold"
+        steep = f"{block_name(spec, i)} has no upper slope bound"
+        quiet, forced = silent_injection(p, rows)
+        if quiet is None:
+            return noisy(f"{steep}, so Dq + L2 D = 0 must hold, and no L2 makes it so: v reaches its argument at once")
+        given = quiet if forced or family.L2 is None else family.L2[rows]
+        if family.L2 is None and not forced:
+            continue
+        must = f"{steep}, so P Bf + lambda (Cq + L2 C)' = 0 must hold"
+        if forced:
+            must += f", and Dq + L2 D = 0, which noise in y makes L2 = {matrix_text(given.tolist())}"
+        G = p.Cq[rows] + given @ p.C
         largest = extreme(block.M12.T @ G @ Bf)
         if largest >= 0:
             return {
@@ -65,12 +80,36 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
                 + shown(largest, Bf),
                 "value": largest,
                 "feasible": {},
-                "suggestion": "choose L2 with (Cq + L2 C) Bf < 0, or `L2: free`",
+                "suggestion": QUIET if forced else "choose L2 with (Cq + L2 C) Bf < 0, or `L2: free`",
             }
         smallest = -extreme(-block.M12.T @ G @ (p.A @ Bf + alpha * Bf))
         if may_rest(family) and not (p.C @ Bf).any() and smallest < 0:
-            return slow_injection(must, family, block, rows, columns, smallest)
+            found = slow_injection(must, family, block, rows, columns, smallest)
+            return {**found, "feasible": {}, "suggestion": QUIET} if forced else found
+        if family.L2 is not None and not vanishes(p.Dq[rows], family.L2[rows] @ p.D):
+            found = noisy(f"{steep}, so Dq + L2 D = 0 must hold, which noise in y breaks for this L2")
+            return {
+                **found,
+                "suggestion": f"choose L2 = {matrix_text(quiet.tolist())}" if forced else "`L2: free` finds one",
+            }
     return None
+
+
+def silent_injection(plant: Plant[Float], rows: slice) -> tuple[Array | None, bool]:
+    """L2 of some components of q with Dq + L2 D = 0, None if there is none, and whether it is the only one."""
+    D, Dq = plant.D, plant.Dq[rows]
+    L2 = -np.linalg.lstsq(D.T, Dq.T, rcond=None)[0].T + 0.0
+    return (L2 if vanishes(Dq, L2 @ D) else None), bool(np.linalg.matrix_rank(D) == len(D))
+
+
+def vanishes(a: Array, b: Array) -> bool:
+    """Whether a + b is zero up to rounding."""
+    return bool((abs(a + b) <= ROUNDING * np.maximum(abs(a), abs(b)).max(initial=0)).all())
+
+
+def noisy(reason: str) -> Diagnosis:
+    """Answer that what v does at once to the argument of a steep f, or to y, is in the way."""
+    return {"condition": "noise", "reason": reason, "feasible": {}, "suggestion": QUIET}
 
 
 def slow_injection(

@@ -79,7 +79,7 @@ class Claim(Proved):
         said = f"{level}{decays} where {drive} = 0" if drive else decays
         every = f"for every f with {bounds('f', shared(self.lipschitz, spec))}"
         parts = [f"{said}; for {EQUATIONS}", every, *self.beyond(spec)]
-        return "; ".join([*parts, f"local: {spec.validity}"] if spec.validity else parts)
+        return "; ".join([*parts, *spec.provisos])
 
     def beyond(self, spec: Spec) -> list[str]:
         """Clause on what is left for an uncertainty, or on what is missing."""

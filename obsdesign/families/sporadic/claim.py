@@ -42,9 +42,9 @@ class Claim(Proved):
         g = self.certificate.guarantee
         return f"gamma {g.gamma:g}, {MEANING}; decay rate {g.decay:g} 1/s, intervals from {g.T1:g} to {g.T2:g} s"
 
-    def statement(self, spec: Spec) -> str:  # noqa: ARG002
-        """Guarantee in words, with the observer written out."""
-        return self.certificate.statement()
+    def statement(self, spec: Spec) -> str:
+        """Guarantee in words, with the observer written out, and where it holds."""
+        return "; ".join([self.certificate.statement(), *spec.provisos])
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, the limit it is near to, and the witnesses."""

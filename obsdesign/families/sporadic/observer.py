@@ -7,7 +7,6 @@ import numpy as np
 
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import ends
-from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
 from obsdesign.families.sporadic.request import request_of
@@ -30,10 +29,8 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     theta' = H theta
     theta+ = y - yhat     at a measurement,               yhat = C zhat + gy
 
-    Raises `UsageError` if a nonlinearity has no f, or the plant has what the observer cannot compute between two
-    measurements.
+    Raises `UsageError` if a nonlinearity has no f.
     """
-    require_simulable(spec)
     L, H = (printed(gains[name]) for name in ("L", "H"))
     plant = spec.equations(spec.augmented)
     copy, taken = Copy.of(plant), set(plant.signals)
@@ -68,16 +65,3 @@ def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
         Cq=np.pad(p.Cq, beside),
     )
     return Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))
-
-
-def require_simulable(spec: Spec) -> None:
-    """Refuse what the observer cannot compute between two measurements."""
-    p = spec.plant
-    for matrix, name in ((p.D, "D"), (p.Df, "Df"), (p.Dq, "Dq"), (p.Dqf, "Dqf")):
-        if (matrix != 0).any():
-            raise UsageError(f"{name} is not zero: y = C z and q = Cq z are all that a sporadic observer can use")
-    if spec.model_states:
-        raise UsageError("a sporadic observer has no disturbance model: leave out `disturbance`")
-    for term in (*spec.gx, *spec.gq, *spec.gy, *(f for block in spec.nonlinearities for f in block.f or ())):
-        if measured := sorted(term.names & set(p.outputs)):
-            raise UsageError(f"{term} needs {measured[0]}, which the observer does not know between two measurements")

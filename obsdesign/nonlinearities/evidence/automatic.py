@@ -1,9 +1,8 @@
 """The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from itertools import chain, compress, product
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
 from math import inf
 from typing import Any
 
@@ -11,24 +10,22 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
-from obsdesign.expressions import Expression
 from obsdesign.expressions.tree import Number
-from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.enclosure import (
+    DIGITS,
     Enclosure,
     enclosure,
     negative,
-    require_continuous,
+    outward,
     shown,
     supremum_of,
 )
 from obsdesign.nonlinearities.evidence.norm import norm_bound
-from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.nonlinearities.evidence.polytope import MAX_TOGETHER, together
+from obsdesign.nonlinearities.evidence.restriction import Restriction, order_free
 
-DIGITS = 12  # of a bound, rounded outward
 MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices
-MAX_SIZE = 16  # of q and f together, for a proof that nobody asked for
-MAX_OPERATIONS = 400  # of f, likewise
 TIGHT = 1e-4  # relative: a looser bound is worth a word
 
 
@@ -74,9 +71,9 @@ def slopes(f: Restriction) -> Choice:
 
 
 def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
-    """Polytope of Jacobians: the vertices of the box of the entries that vary.
+    """Polytope of Jacobians: in the box of the entries that vary, what values that they take together leave of it.
 
-    Entries that are the same expression vary together.
+    Entries that are the same expression are one.
 
     Raises `UsageError`: more entries vary than a polytope should have, or one cannot be bounded.
     """
@@ -85,12 +82,18 @@ def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
     if len(free) > MAX_VARYING:
         raise UsageError(f"jacobian: {len(free)} entries vary, at most {MAX_VARYING} may; use lipschitz")
     low, high = exact(f, found)
+    ranges = [(low[same[0]], high[same[0]]) for same in free]
+    corners, share = list(product(*ranges)), 1.0
+    if 1 < len(free) <= MAX_TOGETHER:
+        corners, share = together(f, [f.jacobian[i][j] for (i, j), *_ in free], ranges)
     vertices = []
-    for chosen in product((False, True), repeat=len(free)):
+    for corner in corners:
         vertices.append(low.copy())
-        for place in chain(*compress(free, chosen)):
-            vertices[-1][place] = high[place]
-    reason = f"entries of the Jacobian that vary: {len(free)}{looseness(found.gap)}"
+        for x, same in zip(corner, free, strict=True):
+            for place in same:
+                vertices[-1][place] = x
+    gained = f"; together they take {share:.2g} of the box of their ranges at most" if share < 1 else ""
+    reason = f"entries of the Jacobian that vary: {len(free)}{gained}{looseness(found.gap)}"
     return Choice("jacobian", vertices, f"jacobian of {len(vertices)} vertices", reason)
 
 
@@ -148,7 +151,7 @@ def varying(f: Restriction, found: Enclosure) -> list[list[tuple[int, int]]]:
     """Places of the entries that vary, those of the same expression together."""
     places: dict[Any, list[tuple[int, int]]] = {}
     for i, j in np.argwhere(np.not_equal(*exact(f, found))).tolist():
-        places.setdefault(f.jacobian[i][j], []).append((i, j))
+        places.setdefault(order_free(f.jacobian[i][j]), []).append((i, j))
     return list(places.values())
 
 
@@ -162,12 +165,6 @@ def exact(f: Restriction, found: Enclosure) -> Array:
         else:
             ends[:, i, j] = outward(low, up=False), None if high == inf else outward(high, up=True)
     return ends
-
-
-def outward(value: float, *, up: bool) -> fmpq:
-    """Shortest decimal of at most DIGITS digits that is not below (up) or not above the value."""
-    context = Context(prec=DIGITS, rounding=ROUND_CEILING if up else ROUND_FLOOR)
-    return rational_number(str(context.create_decimal(Decimal(float(value)))))
 
 
 def decimal(value: fmpq | None) -> str:
@@ -184,48 +181,3 @@ def listed(values: Sequence[fmpq | None]) -> str:
 def looseness(gap: float) -> str:
     """What to say of a bound that is not tight."""
     return f"; the bound may be loose by {gap:.1g} of it" if gap > TIGHT else ""
-
-
-def slopes_proved(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:
-    """Whether each f_i surely is a function of q_i only with its slopes in the given bounds; False says nothing."""
-    return surely(f, lambda: f.decoupled and slopes_within(f, allowed))
-
-
-def lipschitz_proved(f: Restriction, k: fmpq) -> bool:
-    """Whether |df| <= k |dq| surely holds; False says nothing."""
-    return surely(f, lambda: lipschitz_within(f, k))
-
-
-def surely(f: Restriction, question: Callable[[], bool]) -> bool:
-    """Answer about f; False where f is too large for a proof that nobody asked for, or may jump."""
-    if sum(len(g.order) for g in f.f) > MAX_OPERATIONS:
-        return False
-    try:
-        require_continuous(f)
-        return question()
-    except UsageError:  # f may jump, or its derivative is too large
-        return False
-
-
-def lipschitz_within(f: Restriction, k: fmpq) -> bool:
-    """Whether the norm of the Jacobian is at most k."""
-    if k > 0:  # f / k has round numbers where f has those of the declaration
-        f, k = replace(f, f=tuple(Expression.combination([1 / k], [g]) for g in f.f)), fmpq(1)
-    if f.decoupled:
-        return slopes_within(f, [(-k, k)] * f.nq)
-    return f.nq + len(f.f) <= MAX_SIZE and at_most(norm_bound(f, float(k)).bound, k)
-
-
-def slopes_within(f: Restriction, allowed: Sequence[tuple[fmpq, fmpq | None]]) -> bool:
-    """Whether each f_i surely has its slopes in the given bounds."""
-    slopes = [g.derivative(q) for g, q in zip(f.f, f.arguments, strict=True)]
-    return bool(allowed) and all(
-        at_most(supremum_of(negative(slope), f, 0.5, float(-low)).bound, -low)
-        and (high is None or at_most(supremum_of(slope, f, 0.5, float(high)).bound, high))
-        for slope, (low, high) in zip(slopes, allowed, strict=True)
-    )
-
-
-def at_most(bound: float, limit: fmpq) -> bool:
-    """Compare exactly."""
-    return bound < inf and rational_number(bound) <= limit

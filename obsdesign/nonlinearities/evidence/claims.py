@@ -14,6 +14,7 @@ from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, rational_number, zeros
 from obsdesign.model.multiplier import Multiplier, Scaled, Sum
 from obsdesign.nonlinearities.evidence.norm import norm_bound
+from obsdesign.nonlinearities.evidence.proof import form_holds, in_hull, lipschitz_within, slope_within
 from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 NEGLIGIBLE = 1e-6  # part of the typical change of f in which rounding errors matter
@@ -36,6 +37,10 @@ class Claim(ABC):
     @abstractmethod
     def refuted(self, dq: Array, df: Sequence[arb]) -> str | None:
         """Return why an exact dq with an enclosure of df surely violates it; None if it may not."""
+
+    @abstractmethod
+    def proved(self, f: Restriction) -> bool:
+        """Whether every pair of a continuous f surely satisfies it; False says nothing."""
 
     def instead(self, f: Restriction) -> str:  # noqa: ARG002
         """What holds instead for an f that violates it, as an addition to the reason."""
@@ -80,6 +85,10 @@ class Quadratic(Claim):
         value = sum((arb(self.M[i, j]) * s[i] * s[j] for i, j in np.argwhere(self.M != 0)), arb(0))
         return self.words(dq, df, value) if value < 0 else None
 
+    def proved(self, f: Restriction) -> bool:
+        """Prove it from the slopes of f, or from its Jacobian."""
+        return form_holds(f, self.M)
+
     def words(self, dq: Array, df: Sequence[arb], value: arb) -> str:  # noqa: ARG002
         """Say what is negative."""
         return f"[dq; df]' M [dq; df] = {float(value):.6g} is negative"
@@ -102,6 +111,10 @@ class Gain(Quadratic):
     """The inequality |df| <= k |dq|."""
 
     k: fmpq
+
+    def proved(self, f: Restriction) -> bool:
+        """Bound the norm of the Jacobian."""
+        return lipschitz_within(f, self.k)
 
     def words(self, dq: Array, df: Sequence[arb], value: arb) -> str:  # noqa: ARG002
         """Compare the norms."""
@@ -127,6 +140,10 @@ class SlopeBounds(Quadratic):
     low: fmpq
     high: fmpq | None
 
+    def proved(self, f: Restriction) -> bool:
+        """Bound the slope."""
+        return slope_within(f, self.i, (self.low, self.high))
+
     def words(self, dq: Array, df: Sequence[arb], value: arb) -> str:  # noqa: ARG002
         """Say which bound is passed; without a change of q_i, that f_i depends on more."""
         name = "df/dq" if len(dq) == 1 else f"df{self.i + 1}/dq{self.i + 1}"
@@ -150,6 +167,10 @@ class Hull(Claim):
     def approximate(self) -> Array:
         """Matrices in doubles."""
         return self.exact.astype(float)
+
+    def proved(self, f: Restriction) -> bool:
+        """Bound the entries of the Jacobian, where the hull is a box."""
+        return in_hull(f, self.exact, conic=self.conic)
 
     def generators(self, dq: Array) -> Array:
         """Columns Th_i dq; for a hull with a last row of ones, so that it is a cone as well."""

@@ -57,7 +57,7 @@ def decided(relation: str) -> Callable[[Interval, Interval], Truth]:
     return rule
 
 
-RULES: dict[str, Callable[..., Truth]] = {
+DOMAINS: dict[str, Callable[..., Truth]] = {  # where an operation surely has a value
     "/": lambda _, b: nonzero(b),
     "**": power_is_sound,
     "log": lambda x: x.low > 0,
@@ -65,6 +65,8 @@ RULES: dict[str, Callable[..., Truth]] = {
     "asin": within_unit,
     "acos": within_unit,
     "tan": lambda x: np.isfinite(OPERATIONS["tan"].interval(x).low),
+}
+JUMPS: dict[str, Callable[..., Truth]] = {  # where one that has a value everywhere surely does not jump
     "sign": nonzero,
     "atan2": lambda y, x: (x.low > 0) | nonzero(y),
     **{relation: decided(relation) for relation in COMPARISONS},
@@ -98,6 +100,7 @@ def soundness(operation: str, operands: list[Part]) -> Truth:
         choice: Truth = condition.sound & ((taken & a.sound) | (passed & b.sound) | either)
         return choice
     sound = reduce(and_, (part.sound for part in operands), YES)
-    if any(part.varies for part in operands) and operation in RULES:
-        sound = sound & RULES[operation](*(part.value for part in operands))
+    rules = DOMAINS | (JUMPS if any(part.varies for part in operands) else {})
+    if operation in rules:
+        sound = sound & rules[operation](*(part.value for part in operands))
     return sound

@@ -8,18 +8,21 @@ what is left of it makes a bound loose, never wrong.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from itertools import product
 from math import inf
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, Interval
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.continuity import continuous
 from obsdesign.nonlinearities.evidence.restriction import Range, Restriction
 
 Boxes = Mapping[str, Interval]
+DIGITS = 12  # of a bound, rounded outward
 TOLERANCE = 1e-5  # relative, at which a bound is tight enough
 WORK = 600_000  # boxes times operations: about 0.1 s
 BATCH = 256  # most boxes looked at in one go: a few take as long as that
@@ -270,6 +273,12 @@ def doubt(f: Restriction) -> Doubt | None:
         if found.bound > 0:
             return Doubt("f" if len(f.f) == 1 else f"f{i}", found.place)
     return None
+
+
+def outward(value: float, *, up: bool) -> fmpq:
+    """Shortest decimal of at most DIGITS digits that is not below (up) or not above the value."""
+    context = Context(prec=DIGITS, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return rational_number(str(context.create_decimal(Decimal(float(value)))))
 
 
 def shown(f: Restriction, place: Mapping[str, Range]) -> str:

@@ -12,11 +12,12 @@ from math import floor, log10
 import numpy as np
 from flint import ctx, fmpq
 
-from obsdesign.expressions import ExpressionError
+from obsdesign.expressions import Expression, ExpressionError, Interval
 from obsdesign.expressions.constant import ball
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.claims import Claim, Quadratic
-from obsdesign.nonlinearities.evidence.restriction import Ends, Range, Restriction
+from obsdesign.nonlinearities.evidence.enclosure import middle, negative, supremum_of
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, Restriction
 
 BITS = 256  # of the balls
 VISIBLE = 1e-9  # relative violation, below which sampling sees rounding errors only
@@ -30,6 +31,8 @@ TRIALS = 24  # around each of these points in a round
 HALVINGS = 24  # of pairs
 STEPS = 10.0 ** -np.arange(6)  # distances of pairs, in relation to the scale
 NEAR = 10.0  # what an engineer tries first of an unbounded variable
+FAR = NEAR**4  # .. and last
+FARTHEST = 1e12  # where an enclosure may point to
 MAX_OPERATIONS = 5000  # in a Jacobian that is worth the time
 MAX_SIZE = 32  # of q and f together, likewise
 
@@ -127,11 +130,63 @@ def pairs(f: Restriction, claim: Claim) -> Pairs:
     """Pairs to try, rated."""
     rng = np.random.default_rng(0)
     quick = isinstance(claim, Quadratic)
-    points = spread(f.box, rng, COUNT if quick else COUNT // SLOWER)
+    points = np.hstack([spread(f.box, rng, COUNT if quick else COUNT // SLOWER), extremes(f)])
     found = [apart(f, points, rng), astray(f, points, rng)]
     found += steepest(f, claim, points, TRIALS if quick else TRIALS // SLOWER, rng)
     found += halved(f, claim, joined(found), HALVINGS if quick else HALVINGS // SLOWER)
     return rated(f, claim, *joined(found))
+
+
+def moderate(f: Restriction) -> list[Expression]:
+    """Entries of the Jacobian, row by row; empty where they are not worth the time."""
+    if f.nq + len(f.f) > MAX_SIZE:
+        return []
+    try:
+        entries = [g for row in f.jacobian for g in row]
+    except ExpressionError:
+        return []
+    return entries if sum(len(g.order) for g in entries) <= MAX_OPERATIONS else []
+
+
+def extremes(f: Restriction) -> Array:
+    """Points (k, N) where an entry of the Jacobian is largest or smallest, however far out, as far as it is found."""
+    entries = [g for g in dict.fromkeys(moderate(f)) if g.names]
+    found = [anywhere(f)]
+    for g in entries:
+        found += [{**found[0], **supremum_of(h, f, 1 / (2 * len(entries))).point} for h in (g, negative(g))]
+    return np.asarray(np.clip([[*point.values()] for point in found], -FARTHEST, FARTHEST)).T
+
+
+def anywhere(f: Restriction) -> dict[str, float]:
+    """Point of the region."""
+    return {name: float(middle(np.array([[limits]]))[0, 0]) for name, limits in f.box.items()}
+
+
+def searched(f: Restriction) -> str:
+    """Where pairs are looked for, in words."""
+    parts = []
+    for name, (low, high) in f.region.items():
+        limits = (-FAR if low is None else float(low)), (FAR if high is None else float(high))
+        if any(name in g.names for g in f.f):
+            inside = "{} in [{:g}, {:g}]".format(f.shown(name), *limits)
+            parts.append(f"|{f.shown(name)}| <= {FAR:g}" if (low, high) == EVERYWHERE else inside)
+    return " and ".join(parts)
+
+
+def undefined(f: Restriction) -> tuple[int, str] | None:
+    """Component of f, from 0, that surely has no value somewhere on the region, and where; None if none is seen."""
+    ends = clipped(f, np.outer(np.ones(len(f.box)), (-FAR, FAR)))
+    points = np.hstack([spread(f.box, np.random.default_rng(0), COUNT), ends])
+    boxes = {name: Interval(x, x) for name, x in zip(f.box, points, strict=True)}
+    for i, g in enumerate(f.f):
+        empty = np.broadcast_to(g.enclose(boxes).empty, points.shape[1])
+        if empty.all():
+            return i, "anywhere"
+        if empty.any():
+            at = points[:, np.argmin(np.where(empty, abs(points).max(axis=0), np.inf))].tolist()
+            names = zip(f.box, at, strict=True)
+            return i, "at " + ", ".join(f"{f.shown(name)} = {x:.6g}" for name, x in names if name in g.names)
+    return None
 
 
 def joined(found: Sequence[Members]) -> Members:
@@ -226,13 +281,8 @@ def astray(f: Restriction, points: Array, rng: np.random.Generator) -> Members:
 
 def steepest(f: Restriction, claim: Claim, points: Array, trials: int, rng: np.random.Generator) -> list[Members]:
     """Close pairs around the points where the Jacobian violates the claim most, in its worst direction."""
-    if f.nq + len(f.f) > MAX_SIZE:
-        return []
-    try:
-        entries = [g for row in f.jacobian for g in row]
-    except ExpressionError:
-        return []
-    if sum(len(g.order) for g in entries) > MAX_OPERATIONS:
+    entries = moderate(f)
+    if not entries:
         return []
     names, shape = tuple(f.box), (len(f.f), f.nq)
     functions = [g.function(names) for g in entries]

@@ -81,6 +81,15 @@ class Restriction:
         return "q" if self.nq == 1 and name == "q1" else name
 
 
+def order_free(expression: Expression) -> str:
+    """Key of an expression that is the same for another order of its terms and factors."""
+
+    def call(node: Call, operands: list[str]) -> str:
+        return f"{node.operation}({', '.join(sorted(operands) if node.operation in '+*' else operands)})"
+
+    return fold(expression.order, str, str, call)
+
+
 def with_name(expression: Expression, old: str, new: str) -> Expression:
     """Same expression with another name of a variable."""
     if old not in expression.names:
