@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
+from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError, ViolatedError
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
@@ -59,6 +60,8 @@ Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after w
 def main() -> None:
     """Entry point. Matrices are small: one thread makes runs repeatable, and halves the start-up time."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # what a library would say of its own
     try:
         app()
     except KeyboardInterrupt:
@@ -105,6 +108,7 @@ def solve(
             summary = simulated(design, files, quiet)
             if not quiet and target != "-" and not as_json:
                 typer.echo(f"\n{run_text(design, summary, files)}")
+            require_kept(summary, files[0])
     raise typer.Exit(EXIT[design.status])
 
 
@@ -131,12 +135,11 @@ def simulate(
         require_writable(*(file for file in files if file != "-"))
         design = tried(source, gains, solver, quiet)
         summary = simulated(design, files, quiet)
-    if files[0] == "-":
-        return
-    if as_json:
+    if files[0] != "-" and as_json:
         typer.echo(json.dumps(summary, indent=2, allow_nan=False))
-    elif not quiet:
+    elif files[0] != "-" and not quiet:
         typer.echo(run_text(design, summary, files))
+    require_kept(summary, files[0])
 
 
 @app.command()
@@ -309,6 +312,21 @@ def simulated(design: "Design", files: tuple[str, str], quiet: bool) -> Mapping[
     if run.status != "done" and not quiet:
         typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
     return run.summary
+
+
+def require_kept(summary: Mapping[str, Any], samples: str) -> None:
+    """Hold a run to the bounds that are proved of it.
+
+    Raises `ViolatedError` if it breaks one.
+    """
+    broken = [bound for bound in summary["bounds"] if not bound["holds"]]
+    if broken:
+        first = broken[0]
+        raise ViolatedError(
+            f"{samples}: the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
+            f"below {first['bound']:.6g} in {first['name']}; this is a defect of obsdesign: please report it with the "
+            "spec and the gains file"
+        )
 
 
 def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:

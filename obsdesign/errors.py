@@ -1,6 +1,7 @@
 """The tree of errors and the exit codes they carry.
 
 ObsdesignError            anything a person can act on; never a traceback
+    ViolatedError   1     a run breaks a bound that is proved of it: a defect of this tool
     UsageError      2     a wrong command, file, or spec: one line for each problem
     InfeasibleError 3     gains are needed, and the design has none
     UndecidedError  4     numerical failure, a certificate that could not be established
@@ -38,6 +39,10 @@ class ObsdesignError(Exception):
     def __init__(self, *problems: str | Problem) -> None:
         self.problems = tuple(Problem(p) if isinstance(p, str) else p for p in problems)
         super().__init__("\n".join(map(str, self.problems)))
+
+
+class ViolatedError(ObsdesignError):
+    """A run breaks a bound that is proved of it, which is a defect of this tool (exit code 1)."""
 
 
 class UsageError(ObsdesignError):

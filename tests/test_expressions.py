@@ -3,8 +3,11 @@
 import math
 import time
 
+import numpy as np
 import pytest
 from flint import fmpq
+from hypothesis import given
+from hypothesis import strategies as st
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
@@ -254,19 +257,46 @@ def test_a_combination_is_the_sum_of_products():
 
 
 @pytest.mark.parametrize(
-    ("text", "switches"),
+    ("text", "switches", "decided"),
     [
-        ("sin(t)", []),
-        ("sign(t - 1)", ["t - 1"]),
-        ("abs(2*t - 1)", ["2*t - 1"]),
-        ("sat(t)", ["t - 1", "t + 1"]),
-        ("min(t, 2, t**2)", ["t - 2", "t - t**2", "2 - t**2"]),
-        ("where(t < 1, x, 2)", ["t - 1"]),
-        ("where((t > 1)*(t <= 2), x, 2)", ["t - 1", "t - 2"]),
-        ("where(sin(t), 1, 2)", ["sin(t)"]),
-        ("abs(x - t) + sign(x)", []),
-        ("abs(t) + sign(t)", ["t"]),
+        ("sin(t)", [], "sin(t)"),
+        ("sign(t - 1)", ["t - 1"], "s1"),
+        ("abs(2*t - x)", ["2*t - x"], "s1*(2*t - x)"),
+        ("sat(t)", ["t - 1", "t + 1"], "where(s1 > 0, 1, where(s2 < 0, -1, t))"),
+        (
+            "min(t, 2, x)",
+            ["t - 2", "t - x", "2 - x"],
+            "where((s1 <= 0)*(s2 <= 0), t, where(s3 <= 0, 2, x))",
+        ),
+        ("max(t, x)", ["t - x"], "where(s1 >= 0, t, x)"),
+        ("where(t < 1, x, 2)", ["t - 1"], "where(s1 < 0, x, 2)"),
+        ("where((t > 1)*(t <= 2), x, 2)", ["t - 1", "t - 2"], "where((s1 > 0)*(s2 <= 0), x, 2)"),
+        ("where(sin(t), 1, 2)", ["sin(t)"], "where(s1, 1, 2)"),
+        ("abs(t) + sign(t)", ["t", "t"], "s1*t + s2"),
+        ("abs(abs(t) - 1)", ["t", "abs(t) - 1"], "s2*(s1*t - 1)"),
     ],
 )
-def test_switches_are_the_functions_of_t_alone_whose_zeros_are_kinks_or_jumps(text, switches):
-    assert [str(g) for g in parse(text, NAMES).switches("t")] == switches
+def test_jumps_and_kinks_are_decided_by_the_signs_of_functions(text, switches, decided):
+    found = []
+
+    def sign(g, _):
+        found.append(str(g))
+        return Expression.variable(f"s{len(found)}")
+
+    assert str(parse(text, NAMES).decided(sign)) == decided
+    assert found == switches
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_a_decided_expression_has_the_value_of_the_expression_where_its_signs_are_right(t, x):
+    e = parse(
+        "sat(t) + min(t, 2*x, 1) - max(x, t**2)*abs(t - x) + where(sign(x)*(t > 0), t, sat(x)) + sign(t - 1)", "tx"
+    )
+    signs = {}
+
+    def sign(_, g):
+        signs[f"s{len(signs)}"] = float(np.sign(g.scalar(["t", "x", *signs])(t, x, *signs.values())))
+        return Expression.variable(f"s{len(signs) - 1}")
+
+    decided = e.decided(sign)
+    assert decided.scalar(["t", "x", *signs])(t, x, *signs.values()) == e.scalar("tx")(t, x)

@@ -202,8 +202,17 @@ def test_an_initial_transient_does_not_hide_the_signal():
     assert r"10^{7}" in note
     _, top, note = limits([Curve("w", np.sin(t), estimate / 1e7 * 1.2)])
     assert (top > 1.2, note) == (True, "")
-    assert "reaches -5" in limits([Curve("w", np.sin(t), np.where(t < 0.01, -5.0, np.sin(t) + 0.01))])[2]
+    assert "reaches -9" in limits([Curve("w", np.sin(t), np.where(t < 0.01, -9.0, np.sin(t) + 0.01))])[2]
     assert limits([Curve("w", np.ones(3), None)])[:2] == pytest.approx((0.9, 1.1))
+
+
+def test_an_initial_transient_beside_which_the_signal_is_seen_is_drawn_whole():
+    t = np.linspace(0, 1, 1001)
+    truth = 5 + np.sin(t)
+    low, high, note = limits([Curve("x1", truth, truth * (1 - np.exp(-100 * t)))])
+    assert (low < 0, high > 5.8, note) == (True, True, "")
+    low, high, note = limits([Curve("x1", np.full_like(t, 5.0), np.where(t < 0.01, -40.0, 5.0))])
+    assert (low < -40, note) == (True, "")
 
 
 def test_a_symmetric_log_axis_reads_a_peak_of_1e7_and_an_error_of_1e_minus_6():

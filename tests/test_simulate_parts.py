@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee
+from obsdesign.errors import UsageError
 from obsdesign.expressions import parse
 from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import rational_number
@@ -16,7 +17,7 @@ from obsdesign.reading import loads
 from obsdesign.simulate.integrate import Flow, Segment, Tolerance, integrate
 from obsdesign.simulate.program import Program
 from obsdesign.simulate.scenario import scenario
-from obsdesign.simulate.signals import switch_times
+from obsdesign.simulate.switches import Switches
 from obsdesign.simulate.system import System
 
 HEAD = "obsdesign: 1\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
@@ -109,27 +110,56 @@ def test_a_loop_without_a_solution_is_an_arithmetic_error():
         solve([1.0, 0, 0])
 
 
+def breaks(text, horizon):
+    """Instants at which a signal of time jumps or bends."""
+    switches = Switches()
+    switches.decided(parse(text, ["t"]))
+    return switches.breaks(horizon)
+
+
 def test_switching_instants_are_neighboring_doubles():
-    into, out_of = switch_times([parse("where(t < 0.3, 1, 2)", ["t"])], 1.0)  # t - 0.3 is zero in between
+    into, out_of = breaks("where(t < 0.3, 1, 2)", 1.0)  # t - 0.3 is zero in between
     assert into == (np.nextafter(0.3, 0), 0.3)
     assert out_of == (0.3, np.nextafter(0.3, 1))
-    (pair,) = switch_times([parse("abs(t**2 - 0.5)", ["t"])], 1.0)
+    (pair,) = breaks("abs(t**2 - 0.5)", 1.0)
     assert pair[0] ** 2 < 0.5 < pair[1] ** 2
     assert pair[1] == np.nextafter(pair[0], 1)
-    assert switch_times([parse("sin(t)*exp(-t)", ["t"])], 10.0) == []
+    assert breaks("sin(t)*exp(-t)", 10.0) == []
 
 
 def test_a_switching_function_that_vanishes_for_a_while_has_two_instants():
-    found = switch_times([parse("abs(max(t - 1, 0) - max(t - 2, 0) - 1)", ["t"])], 3.0)
-    instants = sorted({round(after, 9) for _, after in found})
+    instants = sorted({round(after, 9) for _, after in breaks("abs(max(t - 1, 0) - max(t - 2, 0) - 1)", 3.0)})
     assert instants == [1.0, 2.0]
 
 
 @given(st.floats(0.01, 0.99), st.floats(1.01, 1.99))
 def test_every_crossing_inside_the_horizon_is_found(a, b):
-    found = switch_times([parse(f"sign((t - {a})*({b} - t))", ["t"])], 2.0)
+    found = breaks(f"sign((t - {a})*({b} - t))", 2.0)
     for crossing in (a, b):
         assert min(abs(after - crossing) for _, after in found) < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("text", "horizon", "instants"),
+    [
+        ("sin(2*pi*5000*t) > 0", 5, np.arange(50_000) / 1e4),
+        ("sin(t/200) > 0", 5, [0]),
+        ("where(abs(t - 33.3333) < 1e-9, 1, 0)", 100, [33.3333 - 1e-9, 33.3333, 33.3333 + 1e-9]),
+        ("sign(cos(1/(t + 0.01)))", 1, 1 / (np.pi * (np.arange(20) + 0.5)) - 0.01),
+        ("where(sin(t) > 0, sin(3*t) > 0.5, t > 4)", 5, [np.pi / 18, 5 * np.pi / 18, np.pi, 4]),
+        ("tan(t) > 1", 5, [np.pi / 4, np.pi / 2]),
+    ],
+)
+def test_no_change_of_a_sign_is_stepped_over_however_fast_or_brief(text, horizon, instants):
+    found = np.array([after for _, after in breaks(text, horizon)])
+    for instant in instants:
+        assert np.abs(found - instant).min() < 1e-12
+
+
+@pytest.mark.parametrize("text", ["sin(1e6*t) > 0", "sign(sin(t)**2 + cos(t)**2 - 1)"])
+def test_a_signal_that_changes_too_often_is_refused(text):
+    with pytest.raises(UsageError, match=r"the sign of .* in t cannot be followed: .* shorten it, or write"):
+        breaks(text, 5.0)
 
 
 def test_jumps_are_applied_where_segments_begin_and_samples_take_the_value_after():

@@ -161,15 +161,24 @@ class Expression:
         with np.errstate(all="ignore"):
             return fold(self.order, point, box.__getitem__, of_call)
 
-    def switches(self, name: str) -> tuple["Expression", ...]:
-        """Functions g of this variable alone such that there may be a jump or a kink where g crosses zero."""
-        candidates = [
-            Expression(g)
-            for node in self.order
-            if isinstance(node, Call)
-            for g in OPERATIONS[node.operation].switches(*node.arguments)
-        ]
-        return tuple(dict.fromkeys(g for g in candidates if g.names == {name}))
+    def decided(self, sign: Callable[["Expression", "Expression"], "Expression"]) -> "Expression":
+        """Same expression without jumps and kinks: each is decided by the sign of a function that vanishes there.
+
+        Parameters
+        ----------
+        sign
+            Called with this function, and with the same without jumps and kinks of its own: the sign, a variable say.
+        """
+
+        def of_call(node: Call, arguments: list[Node]) -> Node:
+            rule = OPERATIONS[node.operation]
+            before, after = rule.switches(*node.arguments), rule.switches(*arguments)
+            if not before:
+                return operation(node, arguments)
+            signs = [sign(Expression(g), Expression(h)).root for g, h in zip(before, after, strict=True)]
+            return rule.decided(node.operation, arguments, signs)
+
+        return Expression(fold(self.order, number, Variable, of_call))
 
 
 def parse(text: str, names: Collection[str], parameters: Mapping[str, fmpq] = MappingProxyType({})) -> Expression:

@@ -31,6 +31,7 @@ class Operation:
     scalar: Callable[..., float] | None = None  # math; None: numeric.py has closures for it
     rational: Callable[..., fmpq | None] | None = None  # None where irrational; None: folded in tree.py
     switches: Callable[..., Nodes] = lambda *_: ()  # g whose zeros are kinks or jumps; none of a smooth one
+    decided: Callable[[str, Nodes, Nodes], Node] = lambda name, arguments, _: apply(name, *arguments)  # by signs of g
 
 
 def apply(name: str, *arguments: Node) -> Node:
@@ -65,7 +66,7 @@ def operation(node: Call, arguments: list[Node]) -> Node:
             return apply(name, *arguments)
 
 
-HALF, ONE, TWO = number(fmpq(1, 2)), number(1), number(2)
+ZERO, HALF, ONE, TWO = number(0), number(fmpq(1, 2)), number(1), number(2)
 
 
 def product_rule(factors: Nodes, rates: Nodes) -> Node:
@@ -114,6 +115,15 @@ def arc_slope(x: Node) -> Node:
 def differences(*arguments: Node) -> Nodes:
     """Return a - b for every pair."""
     return [a - b for i, a in enumerate(arguments) for b in arguments[i + 1 :]]
+
+
+def decided_extreme(name: str, arguments: Nodes, signs: Nodes) -> Node:
+    """Argument that the signs of `differences` make the smallest or largest."""
+    if len(arguments) == 1:
+        return arguments[0]
+    rest = len(arguments) - 1
+    first = product([apply("<=" if name == "min" else ">=", sign, ZERO) for sign in signs[:rest]])
+    return apply("where", first, arguments[0], decided_extreme(name, arguments[1:], signs[rest:]))
 
 
 def logical(node: Node) -> bool:
@@ -177,6 +187,7 @@ def comparison(relation: Callable[[Any, Any], Any], opposite: Callable[[Any, Any
         scalar=lambda a, b: 1.0 if relation(a, b) else 0.0,
         rational=lambda a, b: fmpq(int(relation(a, b))),
         switches=differences,
+        decided=lambda name, _, signs: apply(name, signs[0], ZERO),
     )
 
 
@@ -197,12 +208,14 @@ def function(
     rule: Callable[[Interval], Interval],
     ball: Callable[[arb], arb],
     rational: Callable[[fmpq], fmpq | None],
-    switches: Callable[..., Nodes] = lambda *_: (),
+    **switching: Any,
 ) -> Operation:
-    """Entry of a function of one argument from its slope, by the chain rule."""
-    return Operation(
-        (1, 1), lambda x, rates: product((slope(*x), *rates)), array, rule, ball, scalar, rational, switches
-    )
+    """Entry of a function of one argument from its slope, by the chain rule, with `switches` and `decided` if any."""
+
+    def chain(x: Nodes, rates: Nodes) -> Node:
+        return product((slope(*x), *rates))
+
+    return Operation((1, 1), chain, array, rule, ball, scalar, rational, **switching)
 
 
 def extreme(name: str, scalar: Callable[[float, float], float], array: Any, ball: Any, rational: Any) -> Operation:
@@ -216,6 +229,7 @@ def extreme(name: str, scalar: Callable[[float, float], float], array: Any, ball
         scalar=scalar,
         rational=rational,
         switches=differences,
+        decided=decided_extreme,
     )
 
 
@@ -227,8 +241,8 @@ OPERATORS = {
     "**": Operation((2, 2), power_rule, np.power, interval.power, operator.pow),
 }
 
-sin, cos, tan, tanh, sinh, cosh, exp, sqrt, sgn = (
-    partial(apply, name) for name in ("sin", "cos", "tan", "tanh", "sinh", "cosh", "exp", "sqrt", "sign")
+sin, cos, tan, tanh, sinh, cosh, exp, sqrt, sgn, where = (
+    partial(apply, name) for name in ("sin", "cos", "tan", "tanh", "sinh", "cosh", "exp", "sqrt", "sign", "where")
 )
 clip = partial(np.clip, a_min=-1.0, a_max=1.0)
 UNIT, POSITIVE, CREST = (-1.0, 1.0), (0.0, math.inf), math.pi / 2
@@ -251,8 +265,19 @@ FUNCTIONS = {
     "sqrt": function(
         math.sqrt, np.sqrt, lambda x: HALF / sqrt(x), interval.sqrt, arb.sqrt, partial(rational_root, root=2)
     ),
-    "abs": function(abs, np.abs, sgn, abs, abs, abs, lambda x: (x,)),
-    "sign": function(signum, np.sign, lambda _: number(0), unwidened(np.sign), arb.sgn, sign, lambda x: (x,)),
+    "abs": function(
+        abs, np.abs, sgn, abs, abs, abs, switches=lambda x: (x,), decided=lambda _, x, signs: signs[0] * x[0]
+    ),
+    "sign": function(
+        signum,
+        np.sign,
+        lambda _: ZERO,
+        unwidened(np.sign),
+        arb.sgn,
+        sign,
+        switches=lambda x: (x,),
+        decided=lambda _, __, signs: signs[0],
+    ),
     "sat": function(
         clipped,
         clip,
@@ -260,7 +285,10 @@ FUNCTIONS = {
         unwidened(clip),
         lambda x: x.min(arb(1)).max(arb(-1)),
         lambda x: max(fmpq(-1), min(fmpq(1), x)),
-        lambda x: (x - ONE, x + ONE),
+        switches=lambda x: (x - ONE, x + ONE),
+        decided=lambda _, x, signs: where(
+            apply(">", signs[0], ZERO), ONE, where(apply("<", signs[1], ZERO), -ONE, x[0])
+        ),
     ),
     "min": extreme("min", smaller, np.minimum, arb.min, min),
     "max": extreme("max", larger, np.maximum, arb.max, max),
@@ -280,6 +308,7 @@ FUNCTIONS = {
         interval=interval.where,
         ball=choice_ball,
         switches=lambda c, *_: () if logical(c) else (c,),  # comparisons have switches of their own
+        decided=lambda name, arguments, signs: apply(name, *(signs or arguments[:1]), *arguments[1:]),
     ),
 }
 

@@ -19,6 +19,7 @@ class Bound(TypedDict):
     value: float
     bound: float
     holds: bool
+    accuracy: float  # by how much the value may exceed the bound and keep it: what the integration resolves
     time: NotRequired[float]  # s, of a bound for all t: where it is tightest
 
 
@@ -148,11 +149,13 @@ def envelope(guarantee: Guarantee, course: Course, V: Array) -> Array:
 
 def bound(name: str, value: float, limit: float, resolved: float = 0.0) -> Bound:
     """One bound; a value that exceeds it by no more than the integration resolves keeps it."""
+    accuracy = limit * ROUNDING + resolved
     return {
         "name": name,
         "value": float(value),
         "bound": float(limit),
-        "holds": bool(value <= limit * (1 + ROUNDING) + resolved),
+        "holds": bool(value <= limit + accuracy),
+        "accuracy": float(accuracy),
     }
 
 

@@ -10,7 +10,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import time_axis
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
-from obsdesign.plot.run import ended, titled, verdict
+from obsdesign.plot.run import ended, region_panels, titled, verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +36,7 @@ def hybrid_sheet(run: "Run") -> "Figure":
     observed = comparisons(run, states, "states (dashed: estimates)")
     sections: tuple[list[Panel], ...] = (
         [partial(draw_sampled, panel=panel, schedule=schedule) for panel in observed],
-        [*(panel.draw for panel in comparisons(run, inputs, "unknown inputs")), *injections(run)],
+        [*(panel.draw for panel in comparisons(run, inputs, "unknown inputs")), *injections(run), *region_panels(run)],
         [partial(draw_distance, run=run), partial(draw_intervals, schedule=schedule)],
     )
     figure = compose(heading(run), sections)
@@ -78,8 +78,8 @@ def draw_distance(axes: "Axes", run: "Run") -> None:
     steps = run.steps
     floor = lowest(steps.distance)
     distance = np.maximum(steps.distance, floor)
-    if steps.distance_bound is not None:
-        known = steps.t < run.until
+    known = steps.t < run.until
+    if steps.distance_bound is not None and known.any():
         limit = np.maximum(steps.distance_bound[known], floor)
         axes.plot(steps.t[known], limit, color=BOUND, linestyle=DASHED, label="proved bound")
     axes.plot(steps.t, distance, color=TRUE)
@@ -139,5 +139,4 @@ def heading(run: "Run") -> str:
         proved = rf"$\gamma$ = {guarantee.gamma:.4g}, {guarantee.symbol} = {guarantee.rates().alpha:.4g}"
         until = f" until t = {run.until:.4g}" if run.until < run.time else ""
         facts += [f"proved: {proved}", verdict(run, until)]
-    omitted = guarantee is not None and summary["bounds_omitted"]
-    return titled(run, facts, [omitted] if omitted else [])
+    return titled(run, facts)

@@ -23,6 +23,7 @@ REGION = COLORS[3]
 CURVES = 7  # in one panel: as many as there are colors
 SINGLE = 8  # so many signals get a panel each; more share panels
 FAST = 0.1  # of the run: an error that settles sooner is drawn over the logarithm of time
+PEAK = 10  # widths of the truth: a transient that takes more of a panel is cut off
 GROWTH = 10  # of a signal that escapes, against its beginning
 
 
@@ -129,7 +130,7 @@ def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
     """Limits of y, and a note of what they cut off.
 
     They hold the truth, the second half of each estimate, what `usual` tells of the first, and the region as far as it
-    is no further from the truth than the truth is wide; so that an initial transient hides nothing.
+    is no further from the truth than the truth is wide; so that a high initial transient does not hide the truth.
     """
     true = np.concatenate([c.true for c in curves])
     estimates = [c.estimate for c in curves if c.estimate is not None]
@@ -147,9 +148,9 @@ def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
 
 
 def usual(estimate: Array, low: float, high: float, width: float) -> Array:
-    """Range of an estimate that stays near the truth, else of 90 % of its samples, within a width of the truth."""
+    """Range of an estimate beside which the truth is seen, else of 90 % of its samples, within a width of the truth."""
     ends = np.array([estimate.min(), estimate.max()])
-    if low - width / 2 <= ends[0] and ends[1] <= high + width / 2:
+    if max(high, ends[1]) - min(low, ends[0]) <= PEAK * width:
         return ends
     most: Array = np.clip(np.quantile(estimate, [0.05, 0.95]), low - width, high + width)
     return most

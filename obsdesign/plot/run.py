@@ -97,7 +97,7 @@ def heading(run: "Run") -> str:
         facts.append("no guarantee")
     else:
         facts += [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
-    return titled(run, facts, run.summary["validity"]["note"].split("; ") if run.left else [])
+    return titled(run, facts)
 
 
 def ended(run: "Run", time: str) -> list[str]:
@@ -106,8 +106,11 @@ def ended(run: "Run", time: str) -> list[str]:
     return [f"{how} at t = {time} s"] if how else []
 
 
-def titled(run: "Run", facts: Sequence[str], remarks: Sequence[str]) -> str:
-    """Name of the spec, facts in one line, and remarks."""
+def titled(run: "Run", facts: Sequence[str]) -> str:
+    """Name of the spec, facts in one line, the region of a local guarantee, and why a bound is left out."""
+    note = run.summary.get("validity", {}).get("note", "")
+    omitted = "" if run.guarantee is None or run.left else run.summary["bounds_omitted"] or ""
+    remarks = [part for text in (note, omitted) for part in text.split("; ")]
     name, *rest = (wrap(plain(text), LINE) for text in (run.spec.name, *remarks))
     return "\n".join([*name, ",  ".join(facts), *chain(*rest)])
 

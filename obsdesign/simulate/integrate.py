@@ -1,7 +1,7 @@
 """Integration of a flow through its jumps: LSODA, and Radau where LSODA gives up.
 
-A stretch between two measurements is short, and LSODA, which begins each at order 1, makes about twice as many calls as
-a method of order 8; so that is tried first there, until the flow is found to be stiff.
+A stretch between two measurements or samples of noise is short, and LSODA begins each at order 1 and takes most of its
+time to begin; so a one-step method is tried first there, until the flow is found to be stiff.
 """
 
 import warnings
@@ -12,8 +12,13 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 import numpy.typing as npt
 
+from obsdesign.simulate.switches import RESOLUTION, Watch
+
 if TYPE_CHECKING:
-    from scipy.integrate import DOP853, LSODA, Radau
+    from scipy.integrate import DOP853, LSODA, RK45, Radau
+
+    RungeKutta = DOP853 | RK45
+    Method = RungeKutta | LSODA | Radau
 
 Vector = npt.NDArray[np.float64]
 Status = Literal["done", "escape", "stall"]
@@ -21,15 +26,18 @@ Status = Literal["done", "escape", "stall"]
 FIRST, GROWN = 100, 10  # growth of the state that sets the tolerance anew: at first, and from then on
 RESOLVED = 1e-14  # of the state: the least tolerance then, since f(xihat) - f(xi) has no more digits
 HUGE = 1e8  # of the state against its start: an escape
+SMALL = "the steps have become too small"
+RESTART = 100  # calls of the right-hand side that are as much work as an event
 WINDOW = 20_000  # calls of the right-hand side in which
 PACE = 1e-3  # of the rest of a segment must be crossed: else a stall
 PATH = 20_000  # accepted steps that are kept
+COARSE = 1e-6  # relative tolerance from which on order 5 takes fewer calls than order 8
 EFFORT = 600  # calls of the right-hand side in one stretch: it is stiff, or long, and LSODA does better
 
 
 @dataclass(frozen=True)
 class Segment:
-    """An interval in which the flow is smooth, the state that it begins with, and its held inputs."""
+    """An interval in which the flow is smooth but for what it watches, how it begins, and its held inputs."""
 
     start: float
     stop: float
@@ -47,6 +55,7 @@ class Flow:
     rhs: Callable[[float, Vector, Vector], Vector]
     jacobian: Callable[[float, Vector, Vector], Vector]
     watched: int  # the leading components of s that must stay bounded; the rest are integrals
+    watch: Watch | None = None  # its jumps and kinks, but those between segments
 
 
 @dataclass(frozen=True)
@@ -97,15 +106,15 @@ class Recorder:
             self.s.append(s)
         self.keep(t, s)
 
-    def step(self, solver: "DOP853 | LSODA | Radau") -> None:
-        """Take the samples inside the step that the solver has just made."""
+    def step(self, solver: "Method", t: float, s: Vector) -> None:
+        """Take the samples inside the step that the solver has just made, as far as it counts: up to s at t."""
         first = len(self.t)
-        last = int(np.searchsorted(self.samples, solver.t, side="right"))
+        last = int(np.searchsorted(self.samples, t, side="right"))
         if last > first:
             inside = self.samples[first:last]
             self.t += inside.tolist()
             self.s += list(solver.dense_output()(inside).T)
-        self.keep(solver.t, solver.y)
+        self.keep(t, s)
 
     def keep(self, t: float, s: Vector) -> None:
         """Keep a step; when there are too many, every second one."""
@@ -144,8 +153,8 @@ def integrate(
     """Follow the flow from `start`, the state (ns,) before the jump of the first segment, through the segments.
 
     LSODA takes each segment, in which the flow is smooth, restarted at its start; Radau takes over where LSODA fails or
-    works too hard. Where segments are short, `explicit`, DOP853 goes before LSODA until the flow is stiff. The state is
-    kept at the samples, increasing times (N,), and `progress` is called with the time reached.
+    works too hard. Where segments are short, `explicit`, a one-step method goes before LSODA until the flow is stiff.
+    The state is kept at the samples, increasing times (N,), and `progress` is called with the time reached.
 
     Returns
     -------
@@ -166,7 +175,7 @@ def integrate(
     return recorder.trajectory(end)
 
 
-Attempt = Callable[[Segment, float, Vector], "DOP853 | LSODA | Radau"]  # at the segment, from t and s
+Attempt = Callable[[Segment, float, Vector], "Method"]  # at the segment, from t and s
 
 
 @dataclass
@@ -180,56 +189,69 @@ class Crossing:
     progress: Callable[[float], None] | None
     explicit: bool = False
     calls: int = 0
+    former: "RungeKutta | None" = None  # the explicit method before
     outgrown: float = np.inf  # size of the state that sets the tolerance anew
 
     def cross(self, segment: Segment, s: Vector) -> tuple[Vector, End]:
         """State at the end of the segment, or where it was left and why."""
-        t, end, troubles = segment.start, End("done", segment.stop), []
+        t, end, troubles = segment.start, End("done", segment.stop), list[str]()
+        nothing = RESOLUTION * float(self.recorder.samples[-1])
         self.recorder.enter(t, s)
-        if self.explicit:
-            t, s, end = self.follow(self.dop853, segment, t, s)
+        if self.explicit and segment.stop - t > nothing:
+            t, s, end = self.follow(self.one_step, segment, t, s)
             if end.status != "stall":
                 return s, end
             self.explicit = False
-        attempts: dict[str, Attempt] = {"LSODA": self.lsoda, "Radau": self.radau}
-        for method, attempt in attempts.items():
-            if t >= segment.stop:
+        for attempt in (self.lsoda, self.radau):
+            if segment.stop - t <= nothing:
                 break
             t, s, end = self.follow(attempt, segment, t, s)
             if end.status != "stall":
                 break
-            troubles.append(f"{method}: {end.reason}")
+            troubles.append(end.reason)
         if end.status == "stall":
-            escape = self.exploding(t, s, segment.held)
-            reason = "the state grows without bound" if escape else "; ".join(troubles)
+            escape = self.exploding(t, s, segment)
+            reason = "the state grows without bound" if escape else "; ".join(dict.fromkeys(troubles))
             end = End("escape" if escape else "stall", t, f"at t = {t:.6g}: {reason}")
         return s, end
 
     def follow(self, attempt: Attempt, segment: Segment, t: float, s: Vector) -> tuple[float, Vector, End]:
         """Step until the segment is crossed, the state escapes, or the method gives up."""
-        calls, begin = self.calls, t
+        calls, begin, trouble = self.calls, t, SMALL
         try:
+            segment = self.entered(segment, t, s)
             solver = attempt(segment, t, s)
             while solver.status == "running":
-                if trouble := solver.step():
+                if solver.step():
                     return t, s, End("stall", t, trouble)
-                t, s = float(solver.t), solver.y
+                event = self.flow.watch and self.flow.watch.event(solver, segment.held)
+                t, s = (event.t, event.s) if event else (float(solver.t), solver.y)
                 size = float(np.linalg.norm(s[: self.flow.watched]))
                 if not size < self.limit:
                     return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.3g}")
-                self.recorder.step(solver)
+                self.recorder.step(solver, t, s)
                 if self.progress is not None and self.recorder.steps % 100 == 0:
                     self.progress(t)
-                if size > self.outgrown and t < segment.stop:
+                if event:
+                    segment, trouble = replace(segment, held=event.held), event.endless
+                    self.calls += RESTART
+                grown = size > self.outgrown
+                if grown:
                     self.renew(size)
+                if (grown or event) and t < segment.stop:
                     solver = attempt(segment, t, s)
                 if self.calls > calls + WINDOW:
                     if t - begin < PACE * (segment.stop - begin):
-                        return t, s, End("stall", t, "the steps have become too small")
-                    calls, begin = self.calls, t
+                        return t, s, End("stall", t, trouble)
+                    calls, begin, trouble = self.calls, t, SMALL
         except ArithmeticError as error:
             return t, s, End("stall", t, str(error))
         return t, s, End("done", t)
+
+    def entered(self, segment: Segment, t: float, s: Vector) -> Segment:
+        """Return a segment with the signs of an instant."""
+        watch = self.flow.watch
+        return replace(segment, held=watch.entered(t, s, segment.held)) if watch else segment
 
     def renew(self, size: float) -> None:
         """Set the tolerance for a state that has grown to this size."""
@@ -237,9 +259,9 @@ class Crossing:
         absolute[: self.flow.watched] = np.maximum(absolute[: self.flow.watched], RESOLVED * size)
         self.tolerance, self.outgrown = replace(self.tolerance, absolute=absolute), GROWN * size
 
-    def dop853(self, segment: Segment, t: float, s: Vector) -> "DOP853":
-        """DOP853 gives up after so many calls that the flow must be stiff."""
-        from scipy.integrate import DOP853
+    def one_step(self, segment: Segment, t: float, s: Vector) -> "RungeKutta":
+        """Begin with the step of the segment before; give up after so many calls that the flow must be stiff."""
+        from scipy.integrate import DOP853, RK45
 
         effort = 0
 
@@ -251,7 +273,10 @@ class Crossing:
             return finite(self.flow.rhs(t, s, segment.held))
 
         rtol, atol = self.tolerance.relative, cast(float, self.tolerance.absolute)
-        return DOP853(cast("Any", rhs), t, s, segment.stop, rtol=rtol, atol=atol)
+        method = DOP853 if rtol < COARSE else RK45
+        first = min(self.former.h_abs, segment.stop - t) if self.former else None
+        self.former = method(cast("Any", rhs), t, s, segment.stop, first_step=first, rtol=rtol, atol=atol)
+        return self.former
 
     def lsoda(self, segment: Segment, t: float, s: Vector) -> "LSODA":
         """LSODA cannot step back from a value that is not finite: the attempt ends there."""
@@ -283,9 +308,10 @@ class Crossing:
         """Jacobian of the flow in this segment."""
         return lambda t, s: finite(self.flow.jacobian(t, s, segment.held))
 
-    def exploding(self, t: float, s: Vector, held: Vector) -> bool:
+    def exploding(self, t: float, s: Vector, segment: Segment) -> bool:
         """Whether the state grows by a factor e within 1e-9 of the time that has passed."""
         try:
+            held = self.entered(segment, t, s).held
             growth = finite(self.flow.rhs(t, s, held))[: self.flow.watched]
         except ArithmeticError:
             return False

@@ -1,6 +1,6 @@
 """Signals of time alone: their values, their largest value, rate and energy."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,7 +8,6 @@ from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import ROUNDING
 from obsdesign.lmi.formula import Array
 
-SWITCH_GRID = 20_000  # cells in which the sign of a switching function is watched
 GRID = 20_001  # instants at which a signal of time is looked at
 JUMP = 1e-9  # of w against its size: smaller is rounding
 
@@ -72,45 +71,3 @@ def norm_to_infinity(v: Sequence[Expression], horizon: float, so_far: float) -> 
         return None
     converged = len(trouble) == 1 and np.isfinite(tail) and error <= ROUNDING * (so_far + tail) + 1e-300
     return float(np.sqrt(so_far + tail)) if converged else None
-
-
-def switch_times(expressions: Sequence[Expression], horizon: float) -> list[tuple[float, float]]:
-    """Instants in (0, horizon) at which a switching function of t alone changes its sign.
-
-    Returns
-    -------
-    list of (before, after)
-        Neighboring doubles, increasing. A zero of the function itself lies between two such pairs.
-    """
-    switches = [s for e in expressions for s in e.switches("t") if s.names == {"t"}]
-    found = {pair for s in switches for pair in sign_changes(s, horizon)}
-    return sorted(found)
-
-
-def sign_changes(switch: Expression, horizon: float) -> Iterator[tuple[float, float]]:
-    """Neighboring doubles between which a function of t changes its sign: seen on a grid, then bisected."""
-    scalar = switch.scalar(["t"])
-
-    def sign(t: float) -> float:
-        return float(np.sign(scalar(t)))
-
-    grid = np.linspace(0, horizon, SWITCH_GRID + 1)
-    signs = np.sign(switch.function(["t"])(grid))
-    for i in np.flatnonzero(signs[1:] != signs[:-1]):
-        low, high = float(grid[i]), float(grid[i + 1])
-        end = sign(high)
-        while sign(low) != end:
-            low, after = bisect(sign, low, high)
-            yield low, after
-            low = after
-
-
-def bisect(sign: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
-    """Neighboring doubles in [low, high]: the sign of `low` at the first and another at the second."""
-    start = sign(low)
-    while low < (middle := 0.5 * (low + high)) < high:
-        if sign(middle) == start:
-            low = middle
-        else:
-            high = middle
-    return low, high

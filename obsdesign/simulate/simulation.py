@@ -20,6 +20,7 @@ from obsdesign.spec import Simulation, Spec
 
 RTOL = 1e-8
 RTOL_NOISE = 1e-6  # every noise sample is a restart, and more digits would be digits of the noise
+MANY = 100  # stretches in a run: they are short
 ATOL = 1e-12  # of the size of a state at the start
 
 
@@ -78,21 +79,22 @@ def follow(
 ) -> Trajectory:
     """Follow the flow and its jumps from the start to the horizon.
 
-    A linear plant whose inputs are constant between jumps is solved by matrix exponentials where measurements arrive at
-    instants, any other flow by LSODA.
+    A linear plant whose inputs are constant in each of many stretches, between measurements, jumps or samples of noise,
+    is solved by matrix exponentials, any other flow by LSODA.
     """
     samples = np.linspace(0, simulation.horizon, simulation.points)
-    sampled = bool(system.observer.jump)
-    affine = system.constant() if sampled else None
+    stretches = list(system.scenario.stretches(breaks))
+    many = bool(system.observer.jump) or len(stretches) > MANY
+    affine = system.constant() if many else None
     if affine is not None:
-        return exact.follow(system, affine, start, list(system.scenario.stretches(breaks)), samples)
+        return exact.follow(system, affine, start, stretches, samples)
     told = progress and (lambda t: progress(t / simulation.horizon))
-    flow = Flow(system.rhs, system.jacobian, watched=system.end)
+    flow = Flow(system.rhs, system.jacobian, system.end, system.watch)
     segments = (
-        Segment(stretch.start, stretch.stop, partial(system.enter, stretch), stretch.held[: len(system.silent)])
-        for stretch in system.scenario.stretches(breaks)
+        Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))
+        for stretch in stretches
     )
-    return integrate(flow, start, segments, samples, tolerance(start, system), told, explicit=sampled)
+    return integrate(flow, start, segments, samples, tolerance(start, system), told, explicit=many)
 
 
 def sampled(simulation: Simulation, observer: Observer, guarantee: Guarantee | None) -> Sampling:
@@ -110,7 +112,7 @@ def initial(system: System, simulation: Simulation, sampling: Sampling | None) -
     try:
         with np.errstate(all="ignore"):
             start = finite(system.start(simulation.x0, simulation.xhat0, theta0))
-            finite(system.rhs(0.0, start, system.scenario.held(0.0)[: len(system.silent)]))
+            finite(system.program.run(0.0, start[: system.width], system.scenario.held(0.0)[: len(system.silent)]))
     except ArithmeticError as error:
         raise UsageError(
             f"simulation: at t = 0 a signal, the v that w needs, or a nonlinearity has no value: {error}"

@@ -77,13 +77,19 @@ def checks(record: Record) -> dict[str, Any]:
     found: dict[str, Any] = {"bounds": [], "bounds_omitted": omitted(record)}
     if record.guarantee and not record.uncovered:
         covered = record.course.before(record.until)
-        if len(covered.t) > 1:
-            found["bounds"] = record.guarantee.bounds(covered)
+        stated = record.guarantee.bounds(covered) if len(covered.t) > 1 else []
+        found["bounds"] = [entry for entry in stated if np.isfinite(entry["bound"])]
+        endless = [
+            f"left out, for it has no finite limit: {entry['name']}"
+            for entry in stated
+            if not np.isfinite(entry["bound"])
+        ]
+        found["bounds_omitted"] = "; ".join(filter(None, (found["bounds_omitted"], *endless))) or None
     if record.spec.observer.reconstruct:
         found["reconstruction"], bounds = reconstruction(record)
         found["bounds"] += bounds
     if is_local(record.spec.nonlinearities):
-        found["validity"] = validity(record.left, record.guarantee is not None)
+        found["validity"] = validity(record.spec.nonlinearities, record.left, record.guarantee is not None)
     return found
 
 

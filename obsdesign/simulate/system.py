@@ -17,7 +17,7 @@ from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector
 from obsdesign.simulate.program import UNIT, Definition, Program, needs
 from obsdesign.simulate.scenario import Scenario, Stretch
-from obsdesign.simulate.signals import switch_times
+from obsdesign.simulate.switches import Break, Switches, Watch
 
 INTEGRALS = ("integral of |z|^2", "integral of |v|^2", "bound on V")
 Z2, V2 = "|z|^2", "|v|^2"
@@ -29,6 +29,11 @@ class Affine:
 
     F: Float
     held: tuple[str, ...]
+
+
+def zero(sign: str) -> str:
+    """Name of the function whose sign is held."""
+    return f"function of the {sign}"
 
 
 class System:
@@ -77,8 +82,14 @@ class System:
         states = (*self.flowing, *INTEGRALS)
         inputs = ("t", *states, *(noise(name) for name in observer.outputs if noisy))
         outputs = [*map(rate, states), *self.recorded(made)]
-        self.program = Program(inputs, made.made, outputs)
-        self.rates = self.program.places(map(rate, states))
+        self.switches = Switches()
+        smooth = {name: self.switches.decided(side) for name, side in made.made.items()}
+        signs, deciding = (*self.switches.timed, *self.switches.others), tuple(map(zero, self.switches.others))
+        smooth |= {zero(name): side for name, side in self.switches.smooth.items()}
+        made.made |= {zero(name): side for name, side in self.switches.others.items()}
+        self.program = Program(inputs, made.made, [*outputs, *deciding])
+        self.smooth = Program((*inputs, *signs), smooth, [*map(rate, states), *deciding])
+        self.rates, self.deciding = self.smooth.places(map(rate, states)), deciding
         jumps = (*map(after, observer.jump), *self.seen) if observer.jump else ()
         self.jumps = Program(inputs, made.made, jumps)
         self.landing = self.jumps.places(jumps)
@@ -103,17 +114,39 @@ class System:
         ]  # fmt: skip
         return [name for name in dict.fromkeys(wanted) if name in made.made]
 
-    def rhs(self, t: float, s: Vector, noise: Vector) -> Vector:
-        """Rate of s."""
-        return np.concatenate((self.program.run(t, s[: self.width], noise)[self.rates], self.still))
+    def rhs(self, t: float, s: Vector, held: Vector) -> Vector:
+        """Rate of s, with jumps and kinks as the signs have it that are held."""
+        return np.concatenate((self.smooth.run(t, s[: self.width], held)[self.rates], self.still))
 
-    def jacobian(self, t: float, s: Vector, noise: Vector) -> Float:
+    def jacobian(self, t: float, s: Vector, held: Vector) -> Float:
         """Jacobian of `rhs` with respect to s."""
-        X = self.program.run(t, s[: self.width], noise)
+        X = self.smooth.run(t, s[: self.width], held)
         J = np.zeros((len(s), len(s)))
-        names = self.program.inputs[2 : 2 + self.width]
-        J[: self.width, : self.width] = self.program.derivatives(X, names)[self.rates]
+        names = self.smooth.inputs[2 : 2 + self.width]
+        J[: self.width, : self.width] = self.smooth.derivatives(X, names)[self.rates]
         return J
+
+    def held(self, stretch: Stretch) -> Vector:
+        """Inputs held in a stretch: the noise, the signs of time alone, and those of the states, not known as yet."""
+        return np.concatenate((
+            stretch.held[: len(self.silent)],
+            self.switches.at(0.5 * (stretch.start + stretch.stop)),
+            np.zeros(len(self.deciding)),
+        ))  # fmt: skip
+
+    @property
+    def watch(self) -> Watch | None:
+        """The jumps and kinks that depend on the states; None without any."""
+        now, anew = self.smooth.places(self.deciding), self.program.places(self.deciding)
+
+        def values(t: float, s: Vector, held: Vector) -> Vector:
+            return self.smooth.run(t, s[: self.width], held)[now]
+
+        def true_values(t: float, s: Vector, held: Vector) -> Vector:
+            return self.program.run(t, s[: self.width], held[: len(self.silent)])[anew]
+
+        names = tuple(g.text for g in self.switches.others.values())
+        return Watch(names, values, true_values) if names else None
 
     def start(self, x0: Vector, xhat0: Vector, further: Vector) -> Vector:
         """Return the initial s for x0, (n,) or (n + nm,), for xhat0, (n + nm,), and for further states of the observer.
@@ -166,7 +199,9 @@ class System:
         linear = [row for row in rows if isinstance(row, Mapping)]
         held = tuple(dict.fromkeys(name for row in linear for name in row if name not in self.flowing))
         exactly = self.copied == tuple(map(error, self.scenario.plant.states))
-        if len(linear) < len(rows) or not exactly or not all(is_constant(name, definitions) for name in held):
+        steady = set(map(noise, self.observer.outputs)) if len(self.silent) else set()
+        varying = [name for name in held if name not in steady and not is_constant(name, definitions)]
+        if len(linear) < len(rows) or not exactly or varying:
             return None
         columns = (*self.flowing, *held)
         F = np.array([[float(row.get(name, 0)) for name in columns] for row in linear])
@@ -183,10 +218,9 @@ class System:
         weights = [pair for linear in made if isinstance(linear, Mapping) for pair in linear.items()]
         return max([1.0, *(abs(float(c)) for name, c in weights if name in self.copied)])
 
-    def breaks(self) -> list[tuple[float, float]]:
+    def breaks(self) -> list[Break]:
         """Instants at which a signal or a term jumps or bends: the last double before, the first after."""
-        terms = [made for made in self.program.definitions.values() if isinstance(made, Expression)]
-        return switch_times(terms, self.scenario.horizon)
+        return self.switches.breaks(self.scenario.horizon)
 
 
 def is_constant(name: str, definitions: Mapping[str, Definition]) -> bool:

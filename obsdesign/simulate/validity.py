@@ -26,9 +26,8 @@ class Leaving:
 
     def __str__(self) -> str:
         whose = {"plant": "of the plant", "estimate": "of the observer"}[self.of]
-        low, high = (sign + "inf" if end is None else f"{end:g}" for sign, end in zip("-+", self.region, strict=True))
         where = f"{self.argument} of nonlinearity {self.nonlinearity} {whose}"
-        return f"{where} is {self.value:.4g}, outside [{low}, {high}], at t = {self.time:.4g}"
+        return f"{where} is {self.value:.4g}, outside {interval(self.region)}, at t = {self.time:.4g}"
 
 
 def is_local(blocks: Sequence[Nonlinearity]) -> bool:
@@ -68,16 +67,33 @@ def leavings(
     return tuple(sorted(found, key=lambda leaving: leaving.time))
 
 
+def region(blocks: Sequence[Nonlinearity]) -> str:
+    """Where the arguments of f must stay, in words."""
+    ends = [(f"q{k + 1}", i, limits) for i, k, _, limits in limited(blocks)]
+    ends += [
+        (name, i, outward(limits)) for i, block in enumerate(blocks, start=1) for name, limits in block.others.items()
+    ]
+    return ", ".join(f"{name} of nonlinearity {i} in {interval(limits)}" for name, i, limits in ends)
+
+
+def interval(limits: Sequence[float | None]) -> str:
+    """Limits as an interval."""
+    low, high = (
+        f"{sign}inf" if end is None or np.isinf(end) else f"{end:g}" for sign, end in zip("-+", limits, strict=True)
+    )
+    return f"[{low}, {high}]"
+
+
 def finite(limit: float) -> float | None:
     """Return the limit, or None where there is none."""
     return limit if np.isfinite(limit) else None
 
 
-def validity(left: Sequence[Leaving], guaranteed: bool) -> dict[str, Any]:
-    """Where the run left the regions, and what that means."""
-    if not left:
-        return {"holds": True, "left": [], "note": "the run stays in the region of the declared types"}
-    note = f"the run leaves the region of the declared types: {left[0]}"
-    if guaranteed:
+def validity(blocks: Sequence[Nonlinearity], left: Sequence[Leaving], guaranteed: bool) -> dict[str, Any]:
+    """Regions of the types, where the run left them, and what that means."""
+    note = f"the run {'leaves' if left else 'stays in'} the region of the declared types, {region(blocks)}"
+    if left:
+        note += f": {left[0]}"
+    if left and guaranteed:
         note += "; the guarantee is local and says nothing of the run from then on"
-    return {"holds": False, "left": [asdict(leaving) for leaving in left], "note": note}
+    return {"holds": not left, "region": region(blocks), "left": [asdict(leaving) for leaving in left], "note": note}

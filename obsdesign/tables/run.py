@@ -30,6 +30,7 @@ def entries(values: Mapping[str, Any]) -> str:
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:
-    """One bound of a guarantee against the run."""
+    """One bound of a guarantee against the run; where it is met by the accuracy of the run alone, with that."""
     verdict = "holds" if bound["holds"] else "VIOLATED"
-    return f"{verdict}: {bound['value']:.6g} <= {bound['bound']:.6g}   {bound['name']}"
+    within = f" + {bound['accuracy']:.2g}, the accuracy of the run" if bound["value"] > bound["bound"] else ""
+    return f"{verdict}: {bound['value']:.6g} <= {bound['bound']:.6g}{within}   {bound['name']}"

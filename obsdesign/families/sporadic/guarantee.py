@@ -135,14 +135,15 @@ class SporadicGuarantee:
         `size`: |x|_A, (M,); `early`: instants to which the bound applies, (M,).
         """
         t, w_sup, eta_sup = (column[early] for column in (course.t, course.v_sup, measurements(course).eta_sup))
+        decay = self.decay or np.nan  # without it nothing bounds what w and eta add
         limit = np.sqrt(self.rho2 / self.rho1) * np.exp(-self.decay * t) * size[0]
         name = "|x(t)|_A <= sqrt(rho2/rho1) exp(-decay t) |x(0)|_A"
         if w_sup[-1]:
             name += " + gamma/sqrt(2 decay rho1) sup|w|"
-            limit = limit + self.gamma / np.sqrt(2 * self.decay * self.rho1) * w_sup
+            limit = limit + self.gamma / np.sqrt(2 * decay * self.rho1) * w_sup
         if eta_sup[-1]:
             name += " + sqrt(omega2/rho1/(1 - exp(-2 decay T1))) sup|eta|"
-            forgotten = -np.expm1(-2 * self.decay * self.T1)
+            forgotten = -np.expm1(-2 * decay * self.T1) or np.nan
             limit = limit + np.sqrt(self.omega2 / self.rho1 / forgotten) * eta_sup
         return [tightest(name, t, size[early], limit)]
 
