@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import (
     Array,
     Inequality,
@@ -215,8 +215,9 @@ class Multiplier:
         if len(scaled) < len(self.blocks):
             label, block = next((i, b) for i, b in self.labelled() if not isinstance(b, Scaled))
             found = ", ".join(u.name for u in block.unknowns(label))
-            needed = "observer.L2: a free L2 needs one scale for each nonlinearity"
-            raise UsageError(f"{needed}, and the type of f{label} has {found}; give L2 as a matrix")
+            needed = "a free L2 needs one scale for each nonlinearity"
+            said = f"{needed}, and the type of f{label} has {found}; give L2 as a matrix"
+            raise UsageError(Problem(said, key="observer.L2"))
         return scaled
 
     def shifted(self) -> "Multiplier":
