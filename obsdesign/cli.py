@@ -2,27 +2,25 @@
 
 import json
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError, ViolatedError
+from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError, ViolatedError
+from obsdesign.watch import INTERRUPTED, limited
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
+    from obsdesign.simulate import Run
     from obsdesign.spec import Spec
 
 EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
-INTERRUPTED = 130
-AGAIN = 1.0  # s, from one alarm to the next
 
 
 class Commands(TyperGroup):
@@ -39,6 +37,8 @@ class Commands(TyperGroup):
         except KeyboardInterrupt:
             typer.echo("interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
+        except BrokenPipeError as error:
+            raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
 
 
 app = typer.Typer(
@@ -50,10 +50,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-SpecPath = Annotated[str, typer.Argument(metavar="SPEC", help="Spec file (YAML).")]
+SpecPath = Annotated[str, typer.Argument(metavar="SPEC", help="Spec file (YAML); - is standard input.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
-Solver = Annotated[str, typer.Option(help="clarabel, or any solver that cvxpy has installed.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only, and with --json the result.")]
+Solver = Annotated[str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.")]
 Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
 
 
@@ -63,9 +63,23 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # what a library would say of its own
     try:
+        if sys.stdout is None or sys.stderr is None:
+            raise OSError("it is closed")
         app()
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
+    except OSError as error:
+        if error.filename is not None:  # not of a stream
+            raise
+        silence()
+        typer.echo(f"standard output or standard error cannot be written: {error.strerror or error}", err=True)
+        sys.exit(1)
+
+
+def silence() -> None:
+    """Drop what could not be printed, or it would fail once more at the exit."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @app.command()
@@ -80,7 +94,7 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.files import require_writable, write_whole
+    from obsdesign.files import is_regular, require_writable, write_all
     from obsdesign.tables.text import aligned
     from obsdesign.work import load
 
@@ -88,27 +102,38 @@ def solve(
         problem = load(spec)
         name = stem(spec)
         target = output or f"{name}.gains.json"
-        if target != "-":
+        printed = target == "-"
+        if not printed:
             require_writable(target)
+        beside = Path(target).parent if not printed and is_regular(target) else Path()
+        paths = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
         design = solved(problem, solver, quiet)
-        text = design.text()
-        if target == "-":
+        text, run = design.text(), None
+        files = {} if printed else {target: text}
+        try:
+            if simulate and design.gains:
+                run = ran(design, quiet)
+                files |= dict(zip(paths, drawn(run), strict=True))
+        except UsageError:
+            files.clear()
+            raise
+        finally:
+            write_all(files)
+        if printed or as_json:
             typer.echo(text, nl=False)
-        else:
-            write_whole(target, text)
-            if not quiet:
-                typer.echo(text if as_json else f"{aligned([*design.table(), ('file', target)])}\n", nl=False)
-        if design.status == "uncertified":
-            typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
-        beside = Path(target).parent if target != "-" else Path()
+        elif not quiet:
+            typer.echo(aligned([*design.table(), ("file", target)]))
+            if run:
+                typer.echo(f"\n{run_text(design, run.summary, paths)}")
         if plot:
             plot_search(design.result, str(beside / f"{name}.curve.png"), quiet)
-        if simulate and design.gains:
-            files = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
-            summary = simulated(design, files, quiet)
-            if not quiet and target != "-" and not as_json:
-                typer.echo(f"\n{run_text(design, summary, files)}")
-            require_kept(summary, files[0])
+        if design.status == "uncertified":
+            typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
+        for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
+            said = f"expected {failed['expected']}, found {'nothing' if failed['found'] is None else failed['found']}"
+            typer.echo(f"{spec}: expect.{failed['key']}: {said}", err=True)
+        if run:
+            require_kept(run.summary, paths[0])
     raise typer.Exit(EXIT[design.status])
 
 
@@ -126,7 +151,7 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.files import require_writable
+    from obsdesign.files import require_writable, write_all
 
     with limited(timeout):
         source = source or newest(quiet)
@@ -134,12 +159,18 @@ def simulate(
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
         require_writable(*(file for file in files if file != "-"))
         design = tried(source, gains, solver, quiet)
-        summary = simulated(design, files, quiet)
-    if files[0] != "-" and as_json:
-        typer.echo(json.dumps(summary, indent=2, allow_nan=False))
-    elif files[0] != "-" and not quiet:
-        typer.echo(run_text(design, summary, files))
-    require_kept(summary, files[0])
+        run = ran(design, quiet)
+        samples, figure = drawn(run)
+        if files[0] == "-":
+            typer.echo(samples.decode(), nl=False)
+        write_all({path: content for path, content in zip(files, (samples, figure), strict=True) if path != "-"})
+    if files[0] == "-":
+        return
+    if as_json:
+        typer.echo(json.dumps(run.summary, indent=2, allow_nan=False))
+    elif not quiet:
+        typer.echo(run_text(design, run.summary, files))
+    require_kept(run.summary, files[0])
 
 
 @app.command()
@@ -188,7 +219,7 @@ def lipschitz(
 
 @app.command()
 def verify(
-    gains: Annotated[str, typer.Argument(metavar="GAINS.json", help="Result file of `solve`.")],
+    gains: Annotated[str, typer.Argument(metavar="GAINS.json", help="Result file of `solve`; - is standard input.")],
     spec: Annotated[str, typer.Argument(metavar="[SPEC]", help="The spec it must belong to.")] = "",
     timeout: Timeout = 600,
     as_json: AsJson = False,
@@ -236,28 +267,6 @@ def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str
 
 
 @contextmanager
-def limited(seconds: float) -> Iterator[None]:
-    """Give up after so many seconds; every second again, for an error raised within a destructor is lost.
-
-    Raises `TimeLimitError`: the time is over.
-    """
-
-    def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        raise TimeLimitError(f"not finished after {seconds:g} s; --timeout allows more")
-
-    if not hasattr(signal, "SIGALRM"):
-        yield
-        return
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
-
-
-@contextmanager
 def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
     """Bar on standard error, on a terminal only."""
     if quiet or not sys.stderr.isatty():
@@ -297,21 +306,22 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
     return design
 
 
-def simulated(design: "Design", files: tuple[str, str], quiet: bool) -> Mapping[str, Any]:
-    """Run, write samples and figure, return the summary."""
-    from obsdesign.files import csv, write_all
-
+def ran(design: "Design", quiet: bool) -> "Run":
+    """Run of a design, with what is to be known of it before and after."""
+    for warning in () if quiet else design.spec.starts_outside():
+        typer.echo(str(warning), err=True)
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
-    samples, figure = csv(*run.table()), run.plot()
-    if files[0] == "-":
-        typer.echo(samples.decode(), nl=False)
-        write_all({files[1]: figure})
-    else:
-        write_all({files[0]: samples, files[1]: figure})
     if run.status != "done" and not quiet:
         typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
-    return run.summary
+    return run
+
+
+def drawn(run: "Run") -> tuple[bytes, bytes]:
+    """Samples and figure of a run."""
+    from obsdesign.files import csv
+
+    return csv(*run.table()), run.plot()
 
 
 def require_kept(summary: Mapping[str, Any], samples: str) -> None:
@@ -343,7 +353,7 @@ def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:
 
 def stem(path: str) -> str:
     """Name of a spec or of its gains file, without folder and endings."""
-    name = Path(path).name
+    name = "stdin" if path == "-" else Path(path).name
     return name.removesuffix(".gains.json") if name.endswith(".gains.json") else Path(name).stem
 
 

@@ -21,7 +21,7 @@ def constants(spec: Spec) -> dict[str, Any]:
     Raises `UsageError`: no block has an f.
     """
     if all(block.f is None for block in spec.nonlinearities):
-        raise UsageError(f"{spec.path}: no nonlinearity has an f, of which there could be a constant; give f")
+        raise UsageError("no nonlinearity has an f, of which there could be a constant; give f")
     return {
         "name": spec.name,
         "blocks": [entry(name, block) for name, block in zip(names(spec), spec.nonlinearities, strict=True)],

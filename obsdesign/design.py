@@ -7,6 +7,7 @@ import datetime
 import html
 import os
 import platform
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign import __version__
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.analysis import numerical, useless
 from obsdesign.families.guarantee import Guarantee
@@ -78,8 +79,10 @@ class Design(Outcome):
         Raises `UsageError`: there are no gains, or a nonlinearity has no f.
         """
         if not self.gains:
-            raise UsageError(f"{self.spec.path}: no gains to simulate: {self.diagnosis.get('reason', self.status)}")
-        return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains)
+            said = f"no gains to simulate: {self.diagnosis.get('reason', self.status)}"
+            raise UsageError(Problem(said, self.spec.path))
+        with self.spec.placed():
+            return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains)
 
     @cached_property
     def result(self) -> Mapping[str, Any]:
@@ -145,15 +148,14 @@ class Design(Outcome):
         try:
             return to_json(self.result).encode()
         except ValueError:
-            raise UndecidedError(f"the numbers of {self.spec.path} are beyond what doubles can hold") from None
+            raise UndecidedError(Problem("the numbers are beyond what doubles can hold", self.spec.path)) from None
 
     def verify(self) -> Proof:
         """Prove the claim anew from what `save` writes, in rationals and with no solver.
 
         Raises `UsageError`: the design claims nothing that could be proved.
         """
-        name = f"{self.spec.name or 'design'}.gains.json"
-        return proof_of(ResultFile(name, self.text()), self.spec)
+        return proof_of(ResultFile("this design", self.text()), self.spec)
 
     def simulate(self, progress: Callable[[float], None] | None = None, /, **changes: Any) -> "Run":
         """Run plant and observer, and hold the run against every bound of the guarantee.
@@ -165,7 +167,22 @@ class Design(Outcome):
         from obsdesign.simulate import simulate
 
         spec = with_simulation(self.spec, changes) if changes else self.spec
-        return simulate(replace(self, spec=spec), progress)
+        with spec.placed():
+            return simulate(replace(self, spec=spec), progress)
+
+    def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
+        """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""
+        content = {**self.result, **({"simulation": summary} if summary else {})}
+        told = {key: value for key, value in self.spec.expect.items() if summary or not key.startswith("simulation.")}
+        return [
+            {
+                "key": key,
+                "expected": value.get("verified") if isinstance(value, Mapping) else value,
+                "found": (found := at(content, key)),
+                "holds": meets(found, value),
+            }
+            for key, value in told.items()
+        ]
 
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""
@@ -185,6 +202,27 @@ class Design(Outcome):
         """Table of the design for a notebook."""
         rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>" for name, text in self.table())
         return f"<table>{''.join(rows)}</table>"
+
+
+def at(content: Mapping[str, Any], path: str) -> Any:
+    """Value at a dotted path into a result, or into its guarantee; None if there is none."""
+    value: Any = content if path.partition(".")[0].partition("[")[0] in content else content.get("guarantee", {})
+    for name in re.findall(r"[^.\[\]]+", path):
+        try:
+            value = value[int(name) if isinstance(value, list) else name]
+        except (KeyError, IndexError, TypeError, ValueError):
+            return None
+    return value
+
+
+def meets(found: Any, expected: Any) -> bool:
+    """Whether a value is the one that is expected; a record says within which tolerances."""
+    if not isinstance(expected, Mapping):
+        return bool(found == expected)
+    verified = expected.get("verified")
+    if not isinstance(found, int | float) or not isinstance(verified, int | float):
+        return bool(found == verified)
+    return bool(abs(found - verified) <= max(expected.get("atol", 0.0), expected.get("rtol", 1e-3) * abs(verified)))
 
 
 def design_of(file: ResultFile, spec: Spec | None = None) -> Design:

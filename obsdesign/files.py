@@ -3,10 +3,13 @@
 A number in a result file is a decimal that is read as written, or a text "p/q" of any length.
 """
 
+import errno
 import hashlib
 import json
 import os
 import re
+import stat
+import sys
 import tempfile
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
@@ -17,7 +20,7 @@ from typing import Any, Self
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
@@ -42,19 +45,20 @@ class ResultFile:
     @classmethod
     def open(cls, path: str) -> Self:
         """Read a file."""
-        try:
-            raw = Path(path).read_bytes()
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-        return cls(path, raw)
+        return cls(path, content_of(path, LARGEST))
 
     def parsed(self, raw: bytes) -> dict[str, Any]:
         """JSON with every number kept as the text that was written."""
         if len(raw) > LARGEST:
             raise UsageError(f"{self.path}: larger than {LARGEST} bytes")
         try:
-            content = json.loads(raw, parse_float=str, parse_int=str, parse_constant=self.no_number)
+            content = json.loads(
+                raw, parse_float=str, parse_int=str, parse_constant=self.no_number, object_pairs_hook=self.unique
+            )
         except (ValueError, RecursionError) as error:
+            if re.search(rb"^obsdesign\s*:", raw, re.MULTILINE):
+                said = "is a spec; `obsdesign solve` makes of it the result file that is expected here"
+                raise UsageError(f"{self.path}: {said}") from None
             raise UsageError(f"{self.path}: not JSON: {error}") from None
         if not isinstance(content, dict):
             raise UsageError(f"{self.path}: not a result file: an object is expected")
@@ -67,6 +71,14 @@ class ResultFile:
         except ValueError as error:  # an integer of more digits than are converted
             raise UsageError(f"{self.path}: {error}") from None
         return content
+
+    def unique(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """Object of its entries; one that is given twice would mean one thing to one reader, another to the next."""
+        made = dict(pairs)
+        if len(made) < len(pairs):
+            twice = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
+            raise self.wrong(twice[:40], "is given twice in the same object; a result holds every key once")
+        return made
 
     def no_number(self, text: str) -> None:
         """Refuse NaN and infinities."""
@@ -157,6 +169,18 @@ class ResultFile:
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
 
 
+def content_of(path: str, most: int) -> bytes:
+    """Bytes of a file, or of standard input for `-`; not more than one beyond so many. Raises `UsageError`."""
+    try:
+        if path == "-":
+            return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
+        with Path(path).open("rb") as file:
+            return file.read(most + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
+
+
 def rows(matrix: Array) -> list[list[str]]:
     """Exact entries."""
     return [[str(entry) for entry in row] for row in matrix]
@@ -226,20 +250,24 @@ def write_whole(path: str | Path, content: bytes) -> None:
 def write_all(files: Mapping[str, bytes]) -> None:
     """Write files under temporary names beside them, and rename these when all are complete.
 
+    A link is followed; what is no regular file, such as a device or a pipe, is written through, after the others.
     Raises `UsageError` if a folder does not exist or may not be written; then none of the files is.
     """
     staged: dict[str, Path] = {}
     path = ""
     try:
         for path, content in files.items():
-            if Path(path).is_dir():
-                raise IsADirectoryError(0, "it is a folder")
-            with tempfile.NamedTemporaryFile(dir=Path(path).parent, prefix=".obsdesign.", delete=False) as file:
-                staged[path] = Path(file.name)
-                file.write(content)
-            staged[path].chmod(0o666 & ~umask())
+            if is_regular(path):
+                with tempfile.NamedTemporaryFile(
+                    dir=Path(path).resolve().parent, prefix=".obsdesign.", delete=False
+                ) as file:
+                    staged[path] = Path(file.name)
+                    file.write(content)
+                staged[path].chmod(0o666 & ~umask())
         for path, temporary in staged.items():
-            temporary.replace(path)
+            temporary.replace(Path(path).resolve())
+        for path in files.keys() - staged:
+            Path(path).write_bytes(files[path])
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
     finally:
@@ -253,13 +281,30 @@ def require_writable(*paths: str) -> None:
     Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
     """
     for path in paths:
-        folder = Path(path).parent
-        if Path(path).is_dir():
-            raise UsageError(f"{path}: cannot be written: it is a folder")
+        try:
+            if not is_regular(path):
+                if not os.access(path, os.W_OK):
+                    raise UsageError(f"{path}: cannot be written: {os.strerror(errno.EACCES)}")
+                continue
+            folder = Path(path).resolve().parent
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+        shown = Path(path).parent
         if not folder.is_dir():
-            raise UsageError(f"{path}: cannot be written: there is no folder {folder}")
+            raise UsageError(f"{path}: cannot be written: there is no folder {shown}")
         if not os.access(folder, os.W_OK):
-            raise UsageError(f"{path}: cannot be written: the folder {folder} may not be written")
+            raise UsageError(f"{path}: cannot be written: the folder {shown} may not be written")
+
+
+def is_regular(path: str) -> bool:
+    """Whether a path is that of a regular file, be it through a link or not there yet. Raises `OSError`."""
+    try:
+        mode = Path(path).stat().st_mode
+    except FileNotFoundError:
+        return True
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(0, "it is a folder")
+    return stat.S_ISREG(mode)
 
 
 def umask() -> int:

@@ -1,7 +1,9 @@
 """A spec, read: everything about one estimation problem in the types of the design and of the simulation."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -9,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpq
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
@@ -17,6 +19,7 @@ from obsdesign.model.equations import Equations, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
+from obsdesign.sections.document import compose
 
 Vector = npt.NDArray[np.float64]
 PROVED = "is proved from f"  # of a type, in a note
@@ -151,6 +154,23 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
 
+    @contextmanager
+    def placed(self) -> Iterator[None]:
+        """Give errors that are raised within the file of the spec, and the line and column of their key."""
+        try:
+            yield
+        except ObsdesignError as error:
+            raise type(error)(*(self.located(one) for one in error.problems)) from None
+
+    def located(self, problem: Problem) -> Problem:
+        """Return the same problem with its place; a spec of Python values has no lines."""
+        if problem.file or problem.message.startswith((" ", "--")):  # a row of a table, or of an option
+            return problem
+        if not problem.key or self.path.startswith("<"):
+            return replace(problem, file=self.path)
+        loc = [int(name) if name.isdigit() else name for name in re.findall(r"[^.\[\]]+", problem.key)]
+        return compose(self.text, self.path).problem(tuple(loc), problem.message)
+
     def __repr__(self) -> str:
         return f"<spec {self.name!r}: {self.observer.type}, {self.plant.n} states>"
 
@@ -177,11 +197,12 @@ class Spec(metaclass=Called):
         """
         width = len(plant.Cq)
         blocks: list[tuple[tuple[Expression, ...], int]] = []
-        for i, block in enumerate(self.nonlinearities, start=1):
+        for i, block in enumerate(self.nonlinearities):
             if sum(nq for _, nq in blocks) == width:
                 break
             if block.f is None:
-                raise UsageError(f"nonlinearities[{i}] has no `f`, which a simulation needs (a design does not)")
+                said = "has no `f`, which a simulation needs (a design does not)"
+                raise UsageError(Problem(said, key=f"nonlinearities[{i}]"))
             blocks.append((block.f, block.nq))
         known = [
             (*g, *[Expression.number(0)] * (rows - len(g)))
@@ -212,6 +233,21 @@ class Spec(metaclass=Called):
         """Where a guarantee of the observer holds, and what it assumes: clauses for the end of a sentence."""
         assumed = [f"assumed: {' and '.join(self.assumed)}"] if self.assumed else []
         return [*([f"local: {self.validity}"] if self.validity else []), *assumed]
+
+    def starts_outside(self) -> Iterator[Problem]:
+        """Arguments of f that the first estimate has outside the region of its type, with what to write."""
+        if self.simulation is None:
+            return
+        q = self.augmented.Cq.astype(float) @ self.simulation.xhat0
+        for i, k, column, (low, high) in limited(self.nonlinearities):
+            known = self.gq[column] if column < len(self.gq) else Expression.number(0)
+            if known.names - {"t"} or self.augmented.Dqf[column].any():
+                continue
+            value = q[column] + known.scalar(["t"])(0.0)
+            if not low <= value <= high:
+                where = f"q{k + 1} of nonlinearities[{i - 1}] to {value:.4g}, outside its region [{low:g}, {high:g}]"
+                said = f"it sets {where}, where nothing is proved; give an xhat0 within it"
+                yield self.located(Problem(said, key="simulation.xhat0"))
 
     def limits(self, i: int) -> list[str]:
         """What must hold for the type of one nonlinearity."""

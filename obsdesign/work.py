@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.advice import advised
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding
-from obsdesign.families.outcome import Proof
+from obsdesign.families.outcome import Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load
 from obsdesign.spec import Spec
@@ -30,8 +31,8 @@ def require_spec(spec: object) -> None:
 def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
     """Design, or analyse, the observer that a spec asks for, and prove what its gains achieve.
 
-    `solver`: clarabel, or any solver that cvxpy has installed; `report`: called with the fraction that is done, and
-    with what is being done. Infeasible is an answer, with a `diagnosis`, and no exception.
+    `solver`: clarabel, or another that cvxpy has for semidefinite programs; `report`: called with the fraction that is
+    done, and with what is being done. Infeasible is an answer, with a `diagnosis`, and no exception.
 
     Raises `UsageError`: what is asked makes no sense for the family, or nothing bounds a gain that would grow without
     end; `UndecidedError`: the solver found neither a solution nor that there is none.
@@ -39,17 +40,21 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
     require_spec(spec)
     started = time.perf_counter()
     engine = Engine(solver, report)
-    try:
-        outcome = FAMILIES[spec.observer.type].design(spec, engine)
-    except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
-        raise UndecidedError(f"the numbers of {spec.path} are beyond what doubles can compute: {error}") from None
+    with spec.placed():
+        try:
+            outcome = FAMILIES[spec.observer.type].design(spec, engine)
+            if outcome.status is Verdict.INFEASIBLE:
+                outcome = advised(spec, outcome, engine)
+        except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
+            raise UndecidedError(f"the numbers are beyond what doubles can compute: {error}") from None
     return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started))
 
 
 def check(spec: Spec) -> list[Finding]:
     """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
     require_spec(spec)
-    return FAMILIES[spec.observer.type].check(spec, Engine())
+    with spec.placed():
+        return FAMILIES[spec.observer.type].check(spec, Engine())
 
 
 def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | None = None) -> Mapping[str, Any]:
@@ -60,10 +65,11 @@ def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | N
     constant has an upper bound. Raises `UsageError`: no nonlinearity has an f, or T does not fit.
     """
     require_spec(spec)
-    report = constants(spec)
-    if (scaling or T) and not any("reason" in block for block in report["blocks"]):
-        report["scaling"] = rescaled(spec, Engine(), None if T is None else [str(entry) for entry in T])
-    return report
+    with spec.placed():
+        report = constants(spec)
+        if (scaling or T) and not any("reason" in block for block in report["blocks"]):
+            report["scaling"] = rescaled(spec, Engine(), None if T is None else [str(entry) for entry in T])
+        return report
 
 
 def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:

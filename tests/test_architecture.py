@@ -18,7 +18,7 @@ LAYERS = (
     ("__main__",),
     ("cli",),
     ("work",),
-    ("design",),
+    ("design", "advice"),
     ("tables", "simulate"),
     ("plot",),
     ("reading",),
@@ -29,7 +29,7 @@ LAYERS = (
     ("families.guarantee", "families.observer"),
     ("model",),
     ("sections",),
-    ("lmi", "expressions", "files", "tables.text"),
+    ("lmi", "expressions", "files", "tables.text", "watch"),
     ("errors",),
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}
@@ -44,6 +44,7 @@ NO_FAMILY = {  # a word that names a family and something else too, and where it
     "lipschitz": {
         "nonlinearities/": "the type, the constant",
         "constants.py": "the constant",
+        "advice.py": "the constant",
         "spec.py": "the constant",
         "cli.py": "the command",
         "work.py": "the command",
@@ -63,6 +64,7 @@ WALLS = {  # vendor: the only files that may import it
     "typer": {"cli.py"},
 }
 LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel"}  # imported only inside the functions that use them
+SPEAKERS = {"cli.py", "__main__.py"}
 SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}
 FORBIDDEN = {"eval", "exec", "compile", "__import__", "sympify"}
 
@@ -120,10 +122,10 @@ def problems(source, path):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             if node.func.id in FORBIDDEN:
                 yield f"{path}:{node.lineno}: {node.func.id}()"
-            if path != "cli.py" and node.func.id in {"print", "exit", "quit", "input"}:
-                yield f"{path}:{node.lineno}: only cli.py calls {node.func.id}()"
-        if isinstance(node, ast.Attribute) and path != "cli.py" and ast.unparse(node) in SPEECH:
-            yield f"{path}:{node.lineno}: only cli.py uses {ast.unparse(node)}"
+            if path not in SPEAKERS and node.func.id in {"print", "exit", "quit", "input"}:
+                yield f"{path}:{node.lineno}: only the command line calls {node.func.id}()"
+        if isinstance(node, ast.Attribute) and path not in SPEAKERS and ast.unparse(node) in SPEECH:
+            yield f"{path}:{node.lineno}: only the command line uses {ast.unparse(node)}"
         if isinstance(node, ast.Name) and node.id == "SystemExit" and path != "cli.py":
             yield f"{path}:{node.lineno}: only cli.py exits"
         if isinstance(node, ast.ExceptHandler):

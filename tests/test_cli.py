@@ -10,8 +10,11 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.commands import PNG, assert_answered, endless, files, interrupted, run
+
+from obsdesign.lmi.solvers import Ending
 
 UNDETECTABLE = """
 obsdesign: 1
@@ -74,6 +77,8 @@ def test_solve_writes_its_gains_into_the_current_folder_and_says_so_on_standard_
     assert outcome.stdout.splitlines()[-1].split() == ["file", "cart.gains.json"]
     assert "certified" in outcome.stdout
     assert "NOT PROVED" not in outcome.stdout
+    table = dict(line.split(maxsplit=1) for line in outcome.stdout.splitlines())
+    assert json.loads(table["L1"]) == json.loads(Path("cart.gains.json").read_text())["observer"]["L1"]
     assert json.loads(Path("cart.gains.json").read_text())["spec"]["path"] == CART
 
 
@@ -127,6 +132,15 @@ def test_a_solver_that_is_not_installed_is_a_mistake_of_one_line():
     assert_refused(outcome, "nonesuch")
     assert len(outcome.stderr.splitlines()) == 1
     assert files() == []
+
+
+def test_only_solvers_that_can_solve_it_are_offered():
+    outcome = run("solve", CART, "--solver", "HIGHS")
+    assert_refused(outcome, "HIGHS: knows no semidefinite matrices; available: clarabel, ")
+    offered = set(outcome.stderr.strip().partition("available: ")[2].split(", "))
+    assert offered >= {"clarabel", "cvxopt"}
+    assert not offered & {"highs", "osqp", "scipy", "glpk"}
+    assert run("solve", CART, "--solver", "CVXOPT", "-q").exit_code == 0
 
 
 def test_a_timeout_leaves_the_question_open_and_the_folder_empty(monkeypatch):
@@ -480,6 +494,30 @@ def test_every_mistake_of_a_spec_has_its_line():
     assert len(lines) == 2
     assert all(line.startswith("wrong.yaml:1") for line in lines)
     assert files() == ["wrong.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("observer", "place"),
+    [
+        ("type: l2\n  alpha: 0.1\n  objective: min-gamma", "5:14: observer.objective: no disturbance acts"),
+        ("type: linf\n  alpha: 0.1", "2:1: observer.objective: no disturbance acts"),
+        ("type: sporadic\n  T1: 0.1\n  T2: 0.2", "2:1: observer.objective: no disturbance acts"),
+    ],
+)
+def test_what_a_design_refuses_has_its_place_as_well(observer, place):
+    Path("quiet.yaml").write_text(
+        f"system: {{A: [[-1, 1], [0, -2]], C: [1, 0]}}\nobserver:\n  {observer}\nobsdesign: 1\n"
+    )
+    outcome = run("solve", "quiet.yaml")
+    assert_refused(outcome, f"quiet.yaml:{place}")
+    assert len(outcome.stderr.splitlines()) == 1
+
+
+def test_what_is_undecided_names_its_file(monkeypatch):
+    monkeypatch.setattr(
+        "obsdesign.lmi.solve.call", lambda _: lambda program: (Ending.FAILED, np.zeros(len(program.cost)))
+    )
+    assert_refused(run("solve", CART), f"{CART}: the least gamma within the bounds was not found: ", code=4)
 
 
 # Interrupts

@@ -453,7 +453,7 @@ def test_progress_rises_to_at_most_one():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no `simulation`"),
+        ("", "simulation: is missing"),
         ("disturbance: integrator\nsimulation: {horizon: 1, x0: [1], w: [sqrt(t)]}", "t = 0"),
         ("nonlinearities: [{type: monotone, Bf: [1], Cq: [1]}]\nsimulation: {horizon: 1, x0: [1]}", "no `f`"),
     ],

@@ -293,5 +293,5 @@ def test_a_spec_that_the_observer_has_no_place_for_is_refused(old, new, message)
 
 
 def test_a_spec_without_a_simulation_is_refused():
-    with pytest.raises(UsageError, match="no `simulation` section"):
+    with pytest.raises(UsageError, match="simulation: is missing"):
         simulate_sporadic(replace(read(OSCILLATOR), simulation=None), DESIGN, Sampling(0.205, 0.41), None)

@@ -312,6 +312,58 @@ VALUES = [
     wrong(STATUS, "  limit.gamma: .nan", "expect.limit.gamma", "not a finite number"),
 ]
 
+OTHER_TONGUES = [  # what is written so elsewhere is told in what is written here
+    wrong(A, "  A: [0 1; -1 0]", "system.A", "write [[0, 1], [-1, 0]]", place=(4, 6)),
+    wrong(A, "  A: [0, 1; -1, 0]", "system.A", "write [[0, 1], [-1, 0]]"),
+    wrong(A, "  A: [0 1; -1 -b/2]", "system.A", "write [[0, 1], [-1, -b/2]]"),
+    wrong(B, "  B: [0; 1]", "system.B", "write [[0], [1]]"),
+    wrong(C, "  C: [1 0]", "system.C", "write [[1, 0]]"),
+    wrong(F, "    f: tanh(50*x2)", "nonlinearities[0].f", "unknown name 'x2'", "f is a function of q", "q = x2"),
+    wrong("  type: l2", "  type: hinf", "observer.type", "is called l2 here"),
+    wrong("  type: l2", "  type: H_infinity", "observer.type", "is called l2 here"),
+    wrong("  type: l2", "  type: Kalman", "observer.type", "is not designed here; l2"),
+    wrong("  type: l2", "  type: Luenberger", "observer.type", "is l2 here"),
+    wrong("  type: l2", "  type: high gain", "observer.type", "not available in this version"),
+    wrong(
+        DISTURBANCE, "disturbance: integrater", "disturbance", "integrator?", "{sinusoid: {omega: ..}}", "{model: ..}"
+    ),
+    wrong(DISTURBANCE, "disturbance: constant", "disturbance", "is called integrator here"),
+    wrong(DISTURBANCE, "disturbance: sine", "disturbance", "{sinusoid: {omega: ..}}"),
+    wrong(DISTURBANCE, "disturbance: [{type: integrator}]", "disturbance[0].type", "write [integrator, unknown, ..]"),
+    wrong(
+        TYPE, "  - type: foo", "nonlinearities[0].type", "allowed: monotone, q|q|", "auto, {lipschitz: ..}, {slope: ..}"
+    ),
+    wrong(ALPHA, ALPHA + "\n  objective: foo", "observer.objective", "feasibility, pareto, {gamma: ..}"),
+    wrong(
+        HORIZON, "  horizon: 500 ms", "simulation.horizon", "a number has no unit, found 500ms; write 0.5 for so many s"
+    ),
+    wrong(HORIZON, "  horizon: 10 V", "simulation.horizon", "write 10"),
+    wrong(W, "  w: [step(t)]", "simulation.w[0]", "a step at t = 1 is written (t >= 1)"),
+    wrong(W, "  w: [heaviside(t - 1)]", "simulation.w[0]", "(t >= 1)"),
+    wrong(W, "  w: data/w1.csv", "simulation.w", "files are not read here, such as data/w1.csv"),
+    wrong(W, "  w: {file: w1.csv, column: w}", "simulation.w", "files are not read here", "found a mapping"),
+    wrong(A, "  Ts: 0.1\n" + A, "system.Ts", "discrete time, which is not available in this version"),
+    wrong(TYPE, "  - type: {slope: [0, 1]}", "nonlinearities[0].type", "is refuted by", "region: {q: [lo, hi]}"),
+    wrong(
+        TYPE + "\n" + F,
+        "  - type: {slope: [0, 3]}\n    f: q*y1",
+        "nonlinearities[0].type",
+        "if q or y1 cannot have that value, declare where it stays: region: {y1: [lo, hi]}",
+    ),
+    wrong(
+        TYPE + "\n" + F,
+        "  - type: {lipschitz: auto}\n    f: sqrt(q)\n    region: {q: [0, 2]}",
+        "nonlinearities[0].type",
+        "df/dq cannot be bounded above at q in [0, ",
+    ),
+    wrong(
+        TYPE + "\n" + F,
+        "  - type: {lipschitz: auto}\n    f: -sqrt(q)\n    region: {q: [0, 2]}",
+        "nonlinearities[0].type",
+        "df/dq cannot be bounded below at q in [0, ",
+    ),
+]
+
 YAML = [
     wrong(C, "  C: [[1, 0]", "", "not valid YAML"),
     wrong(C, "\tC: [[1, 0]]", "", "a tab cannot indent YAML"),
@@ -334,14 +386,14 @@ def test_the_spec_that_the_wrong_ones_are_made_from_is_right():
     assert loads(BASE).plant.n == 2
 
 
-@pytest.mark.parametrize("case", [*SHAPES, *FORMS, *VALUES, *YAML])
+@pytest.mark.parametrize("case", [*SHAPES, *FORMS, *VALUES, *OTHER_TONGUES, *YAML])
 def test_a_wrong_spec_is_answered_at_its_place_with_what_is_allowed(case):
     problems = problems_of(case.text)
     (problem, *_) = [p for p in problems if p.key == case.key] or pytest.fail("\n".join(map(str, problems)))
     assert case.is_answered_by(problem)
 
 
-@pytest.mark.parametrize("case", [*SHAPES, *FORMS, *VALUES, *YAML])
+@pytest.mark.parametrize("case", [*SHAPES, *FORMS, *VALUES, *OTHER_TONGUES, *YAML])
 def test_one_mistake_gives_one_line(case):
     problems = [p for p in problems_of(case.text) if p.message != "is required" or p.key == case.key]
     assert len(problems) == 1, "\n".join(map(str, problems))
@@ -386,6 +438,13 @@ def test_a_message_is_one_line_with_file_line_column_key_what_is_wrong_and_what_
         "spec.yaml:17:3: observer.aplha: unknown key aplha; did you mean alpha? "
         "allowed: type, L2, alpha, objective, slack, bounds, gains, reconstruct"
     )
+
+
+def test_of_disturbance_and_noise_together_what_has_a_state_is_advised():
+    text = BASE.replace(B, "  B: [[0, 0], [1, 0]]").replace(D, "  D: [[0, b]]").replace(W, "  w: [sin(t), 0]")
+    text = text.replace(DISTURBANCE, "disturbance: [integrator, unknown]").replace(PERFORMANCE, "performance: w")
+    (problem,) = problems_of(text)
+    assert problem.message == "w2 is no function of the augmented state; name the rest: [w1]"
 
 
 def test_very_many_errors_end_in_a_last_line():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import Array, block_diagonal
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -29,7 +29,7 @@ def square_root(M: Array) -> Array:
     values, vectors = np.linalg.eigh(M)
     scale = np.abs(values).max(initial=0)
     if (values < -1e-12 * scale).any():
-        raise UsageError("observer.L2: a free L2 needs a multiplier with M11 >= 0; give L2 as a matrix")
+        raise UsageError(Problem("a free L2 needs a multiplier with M11 >= 0; give L2 as a matrix", key="observer.L2"))
     keep = values > 1e-12 * scale
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
 

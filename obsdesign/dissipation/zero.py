@@ -12,7 +12,7 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.solve import Answer, Status
 
@@ -87,7 +87,7 @@ def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:
 def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
     """Refusal of min-gamma where the infimum is zero."""
     first = (
-        f"observer.objective: the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
+        f"the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
         "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
     )
     return tabulated(first, "L1", "gamma", rows)
@@ -95,4 +95,7 @@ def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
 
 def tabulated(first: str, gain: str, quantity: str, rows: Sequence[tuple[float, float]]) -> UsageError:
     """Refusal with a table of a quantity against the norm of a gain."""
-    return UsageError(first, *(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows))
+    return UsageError(
+        Problem(first, key="observer.objective"),
+        *(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows),
+    )

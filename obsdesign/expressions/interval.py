@@ -72,7 +72,18 @@ class Interval:
         error = np.where(q == 0, np.sign(x), residual) * np.sign(y)
         pole = (other.low <= 0) & (other.high >= 0)
         quotient = rounded(q, error)
-        return Interval(np.where(pole, -inf, quotient.low), np.where(pole, inf, quotient.high))
+        whole = Interval(np.where(pole, -inf, quotient.low), np.where(pole, inf, quotient.high))
+        return self.over_end(other, whole) if np.any(pole) else whole
+
+    def over_end(self, other: "Interval", whole: "Interval") -> "Interval":
+        """Quotient where the divisor has zero at one end only: then what has one sign stays on one side of a bound."""
+        far = np.where(other.low == 0, other.high, other.low)
+        ended = ((other.low == 0) | (other.high == 0)) & (far != 0) & ~self.empty & ~other.empty
+        upward, downward = (self.low >= 0) & ended, (self.high <= 0) & ended
+        least = np.where(upward, self.low, self.high) / far
+        above, below = np.where(far > 0, upward, downward), np.where(far > 0, downward, upward)
+        low = np.where(above, np.maximum(np.nextafter(least, -inf), 0.0), whole.low)
+        return Interval(low, np.where(below, np.minimum(np.nextafter(least, inf), 0.0), whole.high))
 
     def __neg__(self) -> "Interval":
         return Interval(-self.high, -self.low)

@@ -60,6 +60,10 @@ WORDS = {
     "e": "write exp(1)",
     "ln": "the natural logarithm is log",
     "pow": "a power is written **",
+    **dict.fromkeys(("step", "heaviside", "Heaviside", "unitstep"), "a step at t = 1 is written (t >= 1)"),
+    **dict.fromkeys(("pulse", "rect"), "a pulse is written (t >= 1)*(t < 2)"),
+    "square": "a square wave is written sign(sin(..))",
+    **dict.fromkeys(("mod", "fmod", "rem"), "the remainder is not available"),
 }
 
 

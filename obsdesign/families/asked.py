@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from flint import fmpq
 
@@ -19,7 +19,18 @@ from obsdesign.spec import Nonlinearity
 LATER_FAMILIES = ("kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain")
 LATER_KEYS = ("coordinates", "left_inverse", "estimator", "degree", "lambdas")
 MAX_POINTS = 10_000
-FAMILY = OneOf("observer", lambda: tuple(FAMILIES), lambda: unavailable(LATER_FAMILIES, tuple(FAMILIES)))
+CALLED = {  # in other words
+    **dict.fromkeys(("hinf", "h-inf", "h-infinity", "hinfinity"), "is called l2 here: it bounds the gain in energy"),
+    **dict.fromkeys(
+        ("l1", "peak-to-peak", "l-inf", "linfinity"), "is called linf here: it bounds the peak-to-peak gain"
+    ),
+    **dict.fromkeys(
+        ("kalman", "ekf", "ukf", "lqe"), "is not designed here; l2 bounds the gain in energy from disturbance and noise"
+    ),
+    **dict.fromkeys(("luenberger", "linear"), "is l2 here: without nonlinearities it is the observer of Luenberger"),
+    **dict.fromkeys(("sampled", "sampled-data", "continuous-discrete"), "is called sporadic here"),
+}
+FAMILY = OneOf("observer", lambda: tuple(FAMILIES), lambda: {**unavailable(LATER_FAMILIES, tuple(FAMILIES)), **CALLED})
 
 
 @dataclass(frozen=True)
@@ -37,6 +48,8 @@ class Estimation:
 
 class ObserverSection(Section):
     """Keys of `observer:` in one family."""
+
+    residual: ClassVar[str] = "y - yhat"  # what gains multiply
 
     type: str = required(FAMILY)
 

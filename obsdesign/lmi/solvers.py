@@ -113,13 +113,22 @@ CVXPY = {
 def through_cvxpy(name: str) -> Solver:
     """Any other solver, given the same probed matrices through cvxpy.
 
-    Raises `UsageError` if cvxpy does not know the solver or it is not installed.
+    Raises `UsageError` if it is not installed, or knows no semidefinite matrices.
     """
     import cvxpy as cp
 
+    def able(known: str) -> bool:
+        try:
+            cp.Problem(cp.Minimize(0), [cp.Variable((2, 2), symmetric=True) >> 0]).get_problem_data(known)
+        except cp.SolverError:
+            return False
+        return True
+
     installed = cp.installed_solvers()
-    if name.upper() not in installed:
-        raise UsageError(f"--solver {name}: not installed; available: clarabel, {', '.join(sorted(installed))}")
+    if name.upper() not in installed or not able(name.upper()):
+        why = "knows no semidefinite matrices" if name.upper() in installed else "not installed"
+        others = (known.lower() for known in installed if known != "CLARABEL" and able(known))
+        raise UsageError(f"--solver {name}: {why}; available: {', '.join(['clarabel', *others])}")
 
     def solve(program: Program) -> tuple[Ending, Array]:
         z = cp.Variable(len(program.cost))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.formula import (
     Array,
     Inequality,
@@ -224,9 +224,10 @@ class Multiplier:
             ray = block.one_scale()
             if ray is None:
                 found = ", ".join(u.name for u in block.unknowns(label))
-                needed = "observer.L2: a free L2 needs one scale for each nonlinearity"
+                needed = "a free L2 needs one scale for each nonlinearity"
                 instead = "a ball around it, {ball: {K: .., W: ..}}, or a slope has one; or give L2 as a matrix"
-                raise UsageError(f"{needed}, and the type of f{label} has {found}; {instead}")
+                said = f"{needed}, and the type of f{label} has {found}; {instead}"
+                raise UsageError(Problem(said, key="observer.L2"))
             scaled.append(ray)
         return tuple(scaled)
 

@@ -96,17 +96,19 @@ class Assumption:
         return cls(TEMPLATES[name], text, data, TEMPLATES[name](data, block.nq, block.nf))
 
 
-def read_nonlinearity(reader: Reader, block: Block, known: Sequence[str] | None) -> Nonlinearity | None:
+def read_nonlinearity(
+    reader: Reader, block: Block, known: Sequence[str] | None, about: str = "f is a function of q"
+) -> Nonlinearity | None:
     """Read the function and the multiplier of a block; None after an error.
 
-    `known`: what f may depend on besides its argument; None if an earlier error leaves it open.
+    `known`: what f may depend on besides its argument; None if an earlier error leaves it open; `about`: which it is.
     """
     if not reader.clean((*block.loc, "type")):
         return None
     declared = None if block.kind.automatic else read_declared(reader, block)
     if not reader.clean((*block.loc, "type")):
         return None
-    f = read_function(reader, block, known)
+    f = read_function(reader, block, known, about)
     if known is None or not reader.clean((*block.loc, "f")):
         return None
     region = read_region(reader, block.section, block.loc, block.nq, f, known)
@@ -193,7 +195,11 @@ def examine(
         return ""
     found = counterexample(where, template.claims(declared.data, declared.multiplier))
     if found is not None:
-        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}")
+        free = [where.shown(name) for name, ends in where.region.items() if ends == EVERYWHERE]
+        said = (
+            f"; if {' or '.join(free)} cannot have that value, declare where it stays: region: {{{free[-1]}: [lo, hi]}}"
+        )
+        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}{said if free else ''}")
         return ""
     sought = f"on {searched(where)}"
     said = f"{declared.text} is assumed {sought}, where no pair of arguments that was tried contradicts it"
@@ -201,13 +207,15 @@ def examine(
     return f"searched {sought}, not proved"
 
 
-def read_function(reader: Reader, block: Block, known: Sequence[str] | None) -> tuple[Expression, ...] | None:
+def read_function(
+    reader: Reader, block: Block, known: Sequence[str] | None, about: str
+) -> tuple[Expression, ...] | None:
     """Read the function of a block: as given, or that of its type."""
     library = TEMPLATES[block.kind.name].f if block.kind.name != AUTO else None
     if block.section.f is not None:
         names = None if known is None else (*arguments(block.nq), *known)
         axis = Axis(block.nf, "component of f")
-        return reader.expressions(block.section.f, (*block.loc, "f"), axis, names)
+        return reader.expressions(block.section.f, (*block.loc, "f"), axis, names, about)
     if library is None:
         return None
     components = ["q"] if block.nq == 1 else arguments(block.nq)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -90,7 +91,11 @@ def read_plant(
     gx = reader.expressions(system.gx, ("system", "gx"), layout.states, known)
     gy = reader.expressions(system.gy, ("system", "gy"), layout.outputs, layout.known("inputs"))
     gq = [reader.expressions(part.gq, (*part.block.loc, "gq"), part.q, known) for part in parts]
-    blocks = tuple(read_nonlinearity(reader, part.block, known) for part in parts)
+    firsts = accumulate((part.block.nq for part in parts), initial=0)
+    blocks = tuple(
+        read_nonlinearity(reader, part.block, known, arguments_of(plant, first, part.block.nq))
+        for part, first in zip(parts, firsts, strict=False)
+    )
     if sampled and layout.names:
         outputs = layout.names.outputs
         refuse_outputs(reader, ("system", "gx"), system.gx, gx, outputs)
@@ -109,6 +114,17 @@ def refuse_outputs(
             place = (*loc, i) if isinstance(written, list) else loc
             why = f"needs {measured[0]}, which the observer does not know between two measurements"
             reader.wrong(place, f"{side} {why}; write it in states (as an argument q) and inputs")
+
+
+def arguments_of(plant: Plant[Exact], first: int, nq: int) -> str:
+    """What f is a function of, in words, with the part of q that is linear in the states."""
+    names = ["q"] if nq == 1 else [f"q{k + 1}" for k in range(nq)]
+    rows = plant.Cq[first : first + nq] if len(plant.states) == plant.Cq.shape[1] else ()
+    sums = (
+        " + ".join(f"{c}*{x}" if c != 1 else x for c, x in zip(row, plant.states, strict=True) if c) for row in rows
+    )
+    here = ", ".join(f"{q} = {text or '0'}" for q, text in zip(names, sums, strict=False))
+    return f"f is a function of {', '.join(names)}" + (f", and here Cq x is {here}" if here else "")
 
 
 def order(reader: Reader, A: Entries, otherwise: Size) -> Size:

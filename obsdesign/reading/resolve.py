@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
@@ -22,8 +23,9 @@ from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"
-STATUSES = ("certified", "infeasible")
+STATUSES = ("certified", "infeasible", "refuted", "uncertified")
 PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+|\[[0-9]+\])*")
+RESULT = {"spec", "status"}  # keys that tell a result from a spec
 TOLERANCES = ("rtol", "atol")
 GROUPS = ("x", "w", "all")
 FEEDTHROUGH = "is no function of the augmented state; give it a disturbance model, such as integrator"
@@ -36,6 +38,9 @@ def resolve(document: Document) -> Spec:
     Raises `UsageError` with everything that is wrong, in the order of the file.
     """
     reader = Reader(document, list(document.problems))
+    if isinstance(document.root.value, dict) and document.root.value.keys() >= RESULT:
+        said = "is a result of `solve`, not a spec; `simulate` and `verify` take it, and spec.text in it is its spec"
+        raise UsageError(Problem(said, document.path))
     file, named = read_file(reader), document.find(("observer", "type"))[1].value
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
@@ -62,7 +67,7 @@ def resolve(document: Document) -> Spec:
         reader.stop()
     assert layout.names is not None
     return Spec(
-        name=file.name or Path(document.path).stem,
+        name=file.name or Path(document.path).stem.strip("<>"),
         source=file.source or "",
         description=(file.description or "").strip(),
         text=document.text,
@@ -155,6 +160,10 @@ def read_performance(
     table = rows(layout.names, exogenous.states, exogenous.generator)
     groups = {"x": x, "w": w, "all": (*x, *exogenous.states)}
     chosen = groups.get(section, x) if isinstance(section, str) else section
+    if section == "w" and (modelled := [name for name in w if table[name] is not None]) and len(modelled) < len(w):
+        others = ", ".join(name for name in w if name not in modelled)
+        reader.wrong(loc, f"{others} {FEEDTHROUGH.partition(';')[0]}; name the rest: [{', '.join(modelled)}]")
+        chosen = modelled
     for i, name in enumerate(chosen):
         place = loc if isinstance(section, str) else (*loc, i)
         if name not in table:

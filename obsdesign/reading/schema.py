@@ -50,7 +50,13 @@ SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 class System(Section):
     """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
 
-    hints = unavailable(("dynamics", "domain"), ("A", "C"))
+    hints: ClassVar[Mapping[str, str]] = {
+        **unavailable(("dynamics", "domain"), ("A", "C")),
+        **dict.fromkeys(
+            ("Ts", "ts", "dt", "period", "time", "sample-time", "discretise"),
+            "belongs to discrete time, which is not available in this version: the plant is x' = A x + ..",
+        ),
+    }
 
     states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
     outputs: list[str] | None = key(ListOf(TEXT), "names, default y1, y2, ..")
@@ -113,6 +119,7 @@ TYPE = Either(
         "type",
         lambda: (*(name for name, template in TEMPLATES.items() if template.data is None), AUTO),
         lambda: {name: f"needs data: {{{name}: ..}}" for name, t in TEMPLATES.items() if t.data is not None},
+        lambda: tuple(f"{{{name}: ..}}" for name, template in TEMPLATES.items() if template.data is not None),
     ),
     mapping=TypeData,
 )
@@ -162,14 +169,29 @@ class ChannelData(Section):
     """A disturbance model that has data."""
 
     beside = ()
-    hints: ClassVar[Mapping[str, str]] = {name: f"takes no data; write {name}" for name in CHANNELS}
+    hints: ClassVar[Mapping[str, str]] = {
+        **{name: f"takes no data; write {name}" for name in CHANNELS},
+        "type": "is left out in a list: write [integrator, unknown, ..]",
+    }
 
     sinusoid: Frequency | None = key(Frequency)
     bias_sinusoid: Frequency | None = key(Frequency, name="bias+sinusoid")
     model: DisturbanceModel | None = key(DisturbanceModel)
 
 
-CHANNEL_NAME = OneOf("disturbance", CHANNELS, lambda: {name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS})
+CHANNEL_HINTS = {
+    **{name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS},
+    **dict.fromkeys(("constant", "bias", "drift", "random-walk", "step"), "is called integrator here: w' = v"),
+    "ramp": "is called double-integrator here: w'' = v",
+    **dict.fromkeys(("sine", "sin", "harmonic", "periodic"), "is written {sinusoid: {omega: ..}}"),
+    **dict.fromkeys(("none", "noise", "white-noise", "bounded"), "has no model: write unknown, w = v"),
+}
+CHANNEL_NAME = OneOf(
+    "disturbance",
+    CHANNELS,
+    lambda: CHANNEL_HINTS,
+    lambda: ("{sinusoid: {omega: ..}}", "{bias+sinusoid: {omega: ..}}", "{model: ..}"),
+)
 CHANNEL = Either("the name of a disturbance model, or a mapping with its data", CHANNEL_NAME, mapping=ChannelData)
 CHANNELWISE = "a disturbance model, or a list with one for each channel of w"
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, NoReturn
 import yaml
 
 from obsdesign.errors import Problem, UsageError
+from obsdesign.files import content_of
 
 MAX_BYTES = 4 * 2**20
 TOO_LARGE = "is larger than 4 MiB; a spec may not be"
@@ -112,14 +113,9 @@ def read(path: str) -> str:
 
     Raises `UsageError`: it cannot be read, is larger than 4 MiB, or is not UTF-8 text.
     """
-    try:
-        if Path(path).is_dir():
-            raise UsageError(Problem("is a folder; give a spec file", path))
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
+    if Path(path).is_dir():
+        raise UsageError(Problem("is a folder; give a spec file", path))
+    data = content_of(path, MAX_BYTES)
     if len(data) > MAX_BYTES:
         raise UsageError(Problem(TOO_LARGE, path))
     try:

@@ -15,6 +15,7 @@ Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the m
 is read, since families and types of nonlinearities are registered, which no static model says.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -68,6 +69,7 @@ class OneOf:
     kind: str
     words: Callable[[], tuple[str, ...]] | tuple[str, ...]  # called where a registry may grow
     hints: Callable[[], Mapping[str, str]] = dict  # what to say of other words that have a meaning
+    beside: Callable[[], tuple[str, ...]] = tuple  # what else is allowed at the place, for messages
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -79,7 +81,7 @@ class OneOf:
         if isinstance(value, str) and value in self.known:
             return str(value)
         if value is not None:
-            reader.wrong(loc, unknown(self.kind, value, self.known, self.hints()))
+            reader.wrong(loc, unknown(self.kind, value, self.known, self.hints(), self.beside()))
         return None
 
     def schema(self, definitions: Schema) -> Schema:  # noqa: ARG002
@@ -153,7 +155,7 @@ class Either:
     def schema(self, definitions: Schema) -> Schema:
         """One of the forms."""
         forms = (self.scalar, self.items, None if self.rows is self.items else self.rows, self.mapping)
-        return {"oneOf": [form.schema(definitions) for form in forms if form is not None]}
+        return {"anyOf": [form.schema(definitions) for form in forms if form is not None]}
 
 
 @dataclass(frozen=True)
@@ -180,13 +182,13 @@ def auto(expected: str) -> Single:
 
 
 ENTRY = Single(lambda value: isinstance(value, str), "a number or arithmetic", {"type": ["number", "string"]})
-TEXT = Single(lambda value: isinstance(value, str), "text", {"type": "string"})
+TEXT = Single(lambda value: isinstance(value, str), "text", {"type": ["string", "number"]})
 FLAG = Single(lambda value: isinstance(value, bool), "true or false", {"type": "boolean"})
 ANYTHING = Single(lambda value: True, "anything", {})  # noqa: ARG005
 NUMBERS = ListOf(ENTRY)
 MATRIX = Named("Matrix", Either("a number, a vector or a list of rows", ENTRY, NUMBERS, ListOf(NUMBERS)))
 VECTOR = Named("Vector", Either("a number or a list of numbers", ENTRY, NUMBERS))
-SIGNALS = Named("Signals", Either("an expression or a list of expressions", ENTRY, NUMBERS))
+SIGNALS = Named("Signals", Either("an expression or a list of expressions (files are not read here)", ENTRY, NUMBERS))
 
 
 @dataclass(frozen=True)
@@ -288,6 +290,7 @@ class Section:
         """Return an object with these keys and no others."""
         keys = cls.forms()
         needed = [name for name, one in keys.items() if one.required]
+        choices = [] if cls.beside is None else [name for name in keys if name not in cls.beside]
         return {
             "title": cls.__name__,
             "description": cls.__doc__,
@@ -295,6 +298,7 @@ class Section:
             "properties": {name: one.schema(definitions) for name, one in keys.items()},
             "additionalProperties": False,
             **({"required": needed} if needed else {}),
+            **({"oneOf": [{"required": [name]} for name in choices]} if choices else {}),
         }
 
 
@@ -311,16 +315,17 @@ def nearest(word: str, words: Sequence[str]) -> str | None:
     return folded[close[0]] if close else None
 
 
-def unknown(kind: str, word: object, words: Sequence[str], hints: Mapping[str, str]) -> str:
+def unknown(kind: str, word: object, words: Sequence[str], hints: Mapping[str, str], beside: Sequence[str] = ()) -> str:
     """Say what is wrong with a word and which are allowed.
 
-    `kind`: what the word should name, such as "key"; `words`: those that are allowed; `hints`: what to say of words
-    that have a meaning, but not here.
+    `kind`: what the word should name, such as "key"; `words`: those that are allowed, and what else is, `beside` them;
+    `hints`: what to say of words that have a meaning, but not here.
     """
     if not isinstance(word, str):
-        return f"expected one of {', '.join(words)}, found {described(word)}"
-    if word in hints:
-        return f"{word} {hints[word]}"
+        return f"expected one of {', '.join((*words, *beside))}, found {described(word)}"
+    plain = re.sub(r"[ _]", "-", word.lower())
+    if hint := hints.get(word, hints.get(plain)):
+        return f"{described(word)} {hint}"
     meant = nearest(word, (*words, *hints))
     question = f"; did you mean {meant}?" if meant else ";"
-    return f"unknown {kind} {described(word)}{question} allowed: {', '.join(words)}"
+    return f"unknown {kind} {described(word)}{question} allowed: {', '.join((*words, *beside))}"

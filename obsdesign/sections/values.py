@@ -4,6 +4,7 @@ A `Reader` collects what is wrong and goes on with a stand-in (1 for a number, 0
 errors of a file are found at once. A size that an earlier error leaves open is None, and then anything fits.
 """
 
+import re
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -15,10 +16,15 @@ from flint import fmpq
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.lmi.formula import Array
-from obsdesign.sections.document import DATE, MAX_PROBLEMS, NOT_FINITE, Document, Loc, described, dotted
+from obsdesign.sections.document import DATE, MAX_PROBLEMS, MAX_QUOTED, NOT_FINITE, Document, Loc, described, dotted
 
 ZERO, ONE = fmpq(0), fmpq(1)
 MAX_SIZE = 400  # of a signal, such as the augmented state
+
+SPACED = re.compile(r"[-+]?[\w.]+(\s+[\w.]+)+")  # entries of a row without commas
+QUANTITY = re.compile(r"([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([a-zA-Zµ%°]+)")
+SECONDS = {"s": 1, "ms": fmpq(1, 1000), "us": fmpq(1, 10**6), "µs": fmpq(1, 10**6), "min": 60, "h": 3600}
+RECORDED = re.compile(r"[\w./\\ -]+\.(csv|txt|dat|mat|xlsx?|json|npy|npz|parquet|h5)", re.IGNORECASE)  # a file
 
 Size = int | None
 Sign = Literal["any", ">= 0", "> 0"]
@@ -99,9 +105,24 @@ class Entries:
         return "x".join(map(str, self.values.shape))
 
 
+def without_unit(number: str, unit: str) -> str:
+    """Say that a number has no unit, and what to write."""
+    written = f"{float(number) * float(SECONDS[unit]):.12g} for so many s" if unit in SECONDS else number
+    return f"a number has no unit, found {number}{unit}; write {written}"
+
+
 def counted(count: int | None, unit: str) -> str:
     """Count with its unit in the singular or plural."""
     return f"{count} {unit}" if count == 1 else f"{count} {unit}s"
+
+
+def spaced(value: Sequence[Any]) -> list[list[str]] | None:
+    """Rows of a matrix that is written with spaces and semicolons, such as [0 1; 0 -0.5]; None if it is not."""
+    if not all(isinstance(entry, str) for entry in value):
+        return None
+    rows = [re.split(r"[\s,]+", row.strip()) for row in ",".join(value).split(";")]
+    others = len(rows) > 1 or any(SPACED.fullmatch(entry) for entry in value)
+    return [[entry for entry in row if entry] for row in rows] if others else None
 
 
 class Reader:
@@ -161,6 +182,8 @@ class Reader:
                 raise ExpressionError(f"{text} is not a finite number")
             if DATE.fullmatch(text):
                 raise ExpressionError(f"expected a number, found {described(text)}, which reads as a date or a time")
+            if quantity := QUANTITY.fullmatch(text[:MAX_QUOTED]):
+                raise ExpressionError(without_unit(*quantity.groups()))
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
                 double = float(self.exact[text])
@@ -184,6 +207,12 @@ class Reader:
             return Entries(loc, np.array(ZERO))
         if isinstance(value, str):
             return Entries(loc, np.array(self.number(value, loc)))
+        if rows := spaced(value):
+            self.wrong(
+                loc,
+                f"rows are lists, and entries are separated by commas: write [[{'], ['.join(map(', '.join, rows))}]]",
+            )
+            value = rows
         self.limit(len(value), "rows or entries", loc)
         if not any(isinstance(row, list) for row in value):
             items = [self.number(entry, (*loc, i)) for i, entry in enumerate(value)]
@@ -220,11 +249,11 @@ class Reader:
         return np.full(axis.size or 0, ZERO, dtype=object)
 
     def expressions(
-        self, value: str | Sequence[str] | None, loc: Loc, axis: Axis, names: Collection[str] | None
+        self, value: str | Sequence[str] | None, loc: Loc, axis: Axis, names: Collection[str] | None, about: str = ""
     ) -> tuple[Expression, ...]:
         """As many expressions; none at all, or the number 0, is zero.
 
-        `names`: those that may occur; None if an earlier error leaves them open.
+        `names`: those that may occur; None if an earlier error leaves them open; `about`: what to say of another name.
         """
         if value is None or value == "0":
             return (Expression.number(0),) * (axis.size or 0)
@@ -235,14 +264,17 @@ class Reader:
         if names is None:
             return ()
         places = [loc] if isinstance(value, str) else [(*loc, i) for i in range(len(texts))]
-        return tuple(self.expression(text, place, names) for text, place in zip(texts, places, strict=True))
+        return tuple(self.expression(text, place, names, about) for text, place in zip(texts, places, strict=True))
 
-    def expression(self, text: str, loc: Loc, names: Collection[str]) -> Expression:
-        """Expression of the given names."""
+    def expression(self, text: str, loc: Loc, names: Collection[str], about: str = "") -> Expression:
+        """Expression of the given names; `about`: what to say of another one."""
         try:
             if NOT_FINITE.fullmatch(text) or DATE.fullmatch(text):
                 raise ExpressionError(f"expected an expression, found {described(text)}")
+            if RECORDED.fullmatch(text):
+                raise ExpressionError(f"files are not read here, such as {described(text)}; write an expression")
             return parse(text, names, self.parameters)
         except ExpressionError as error:
-            self.wrong(loc, error.message, column=error.column)
+            said = f"; {about}" if about and error.message.startswith("unknown name") else ""
+            self.wrong(loc, error.message + said, column=error.column)
             return Expression.number(0)

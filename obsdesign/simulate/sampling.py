@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Float
 
@@ -37,15 +37,19 @@ class Sampling:
         if not 0 < self.T1 <= self.T2 < np.inf:
             raise UsageError(f"the intervals need 0 < T1 <= T2, not T1 = {self.T1:g}, T2 = {self.T2:g}")
         if self.period is not None and not 0 < self.period < np.inf:
-            raise UsageError(f"simulation.period: {self.period:g}; it must be positive")
+            raise UsageError(Problem(f"{self.period:g}; it must be positive", key="simulation.period"))
         if not 0 <= self.dropout < 1:
-            raise UsageError(f"simulation.dropout: {self.dropout:g}; a share in [0, 1) of the measurements can be lost")
-        if isinstance(self.law, str) and self.law not in {"periodic", "random"}:
             raise UsageError(
-                f"simulation.sampling: {self.law!r}; give periodic, random, or a law as an expression of t"
+                Problem(
+                    f"{self.dropout:g}; a share in [0, 1) of the measurements can be lost", key="simulation.dropout"
+                )
             )
+        if isinstance(self.law, str) and self.law not in {"periodic", "random"}:
+            said = f"{self.law!r}; give periodic, random, or a law as an expression of t"
+            raise UsageError(Problem(said, key="simulation.sampling"))
         if isinstance(self.law, Expression) and (others := sorted(self.law.names - {"t"})):
-            raise UsageError(f"simulation.sampling: the law contains {', '.join(others)}; it may depend on t only")
+            said = f"the law contains {', '.join(others)}; it may depend on t only"
+            raise UsageError(Problem(said, key="simulation.sampling"))
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ def schedule(sampling: Sampling, horizon: float, intervals: np.random.Generator,
         if t >= horizon:
             break
         if len(sent) == MOST:
-            raise UsageError(f"simulation.sampling: more than {MOST:,} measurements in the horizon")
+            raise UsageError(Problem(f"more than {MOST:,} measurements in the horizon", key="simulation.sampling"))
         sent.append(t)
     times = np.array(sent)
     lost = loss.uniform(size=len(times)) < sampling.dropout
@@ -152,8 +156,6 @@ def following(law: Expression, t: float) -> Iterator[float]:
         yield t
         wait = interval(t)
         if not 0 < wait < np.inf:
-            raise UsageError(
-                f"simulation.sampling: the law gives {wait:g} at t = {t:.6g}; the time to the next measurement must be "
-                "positive"
-            )
+            said = f"the law gives {wait:g} at t = {t:.6g}; the time to the next measurement must be positive"
+            raise UsageError(Problem(said, key="simulation.sampling"))
         t += wait

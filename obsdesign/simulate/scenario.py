@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import Guarantee, SampledGuarantee
 from obsdesign.lmi.formula import Array, Float, identity, zeros
@@ -165,9 +165,8 @@ def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
         return np.zeros((1, ny)), simulation.horizon
     count = int(np.ceil(simulation.horizon / noise.period))
     if count > NOISE_SAMPLES:
-        raise UsageError(
-            f"simulation.noise.period: {count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
-        )
+        said = f"{count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
+        raise UsageError(Problem(said, key="simulation.noise.period"))
     return draw(noise, np.random.default_rng(simulation.seed), (count, ny)), noise.period
 
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.simulate import exact
@@ -42,7 +42,7 @@ def run(
     """
     simulation = spec.simulation
     if simulation is None:
-        raise UsageError("the spec has no `simulation` section: give at least horizon, x0, and w or v")
+        raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation"))
     acting = scenario(spec, simulation, bool(observer.jump))
     if observer.jump:
         acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
@@ -114,9 +114,8 @@ def initial(system: System, simulation: Simulation, sampling: Sampling | None) -
             start = finite(system.start(simulation.x0, simulation.xhat0, theta0))
             finite(system.program.run(0.0, start[: system.width], system.scenario.held(0.0)[: len(system.silent)]))
     except ArithmeticError as error:
-        raise UsageError(
-            f"simulation: at t = 0 a signal, the v that w needs, or a nonlinearity has no value: {error}"
-        ) from error
+        said = f"at t = 0 a signal, the v that w needs, or a nonlinearity has no value: {error}"
+        raise UsageError(Problem(said, key="simulation")) from error
     return start
 
 

@@ -15,7 +15,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import Level, cancelled, falling, unbounded
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import smaller_class
 from obsdesign.families.incremental.absence import why_not
 from obsdesign.families.incremental.accuracy import accurate
@@ -55,7 +55,9 @@ class Designer:
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
         if self.family.plant.B.shape[1] == 0 and self.request.objective in {"min-gamma", "pareto", "gamma"}:
-            raise UsageError("observer.objective: no disturbance acts on this plant; choose feasibility or max-alpha")
+            raise UsageError(
+                Problem("no disturbance acts on this plant; choose feasibility or max-alpha", key="observer.objective")
+            )
         hidden = undetectable(
             in_floats(self.family.plant), in_floats(self.family.multiplier.member), float(self.lowest)
         )

@@ -44,10 +44,16 @@ class Gains(Section):
 class Observer(asked.ObserverSection):
     """What is asked of the design of an observer with the gains L1 and L2."""
 
+    residual = "yhat - y"
+
     L2: Entries | None = key(MATRIX, "nq x ny, rows follow q, the plant's blocks first; or `free`")
     alpha: str | asked.Interval | None = key(asked.SEARCHED, "decay rate")
     objective: Objective | Level = key(
-        Either("an objective, or {gamma: a number}", OneOf("objective", get_args(Objective)), mapping=Level),
+        Either(
+            "an objective, or {gamma: a number}",
+            OneOf("objective", get_args(Objective), beside=lambda: ("{gamma: ..}",)),
+            mapping=Level,
+        ),
         default="min-gamma",
     )
     slack: str | None = key(ENTRY, "relative, default 0.05")

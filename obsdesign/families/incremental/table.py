@@ -20,7 +20,8 @@ def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tupl
 
 def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What an engineer asks first of the gains L1 and L2."""
-    return [("gain", f"|L1| = {spectral_norm(made['L1']):.4g}"), ("L2", matrix_text(made["L2"])), *linear(made)]
+    gains = [(name, matrix_text(made[name])) for name in ("L1", "L2")]
+    return [("gain", f"|L1| = {spectral_norm(made['L1']):.4g}"), *gains, *linear(made)]
 
 
 def linear(made: Mapping[str, Any]) -> list[tuple[str, str]]:

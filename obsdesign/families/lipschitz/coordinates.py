@@ -118,9 +118,9 @@ class StateFunction:
         """View of a spec."""
         plant, n = spec.augmented, spec.augmented.n
         if (plant.Dqf != 0).any() or (plant.Df != 0).any() or not plant.Bf.size:
-            raise UsageError(f"{spec.path}: --scaling needs f of the states alone, and not in y: no Dqf, no Df")
+            raise UsageError("f is not of the states alone, or is in y (Dqf, Df), which --scaling cannot take")
         if any(block.f is None for block in spec.nonlinearities):
-            raise UsageError(f"{spec.path}: --scaling needs the f of every nonlinearity")
+            raise UsageError("a nonlinearity has no f, which --scaling needs of each")
         J, box = whole(spec)
         request = spec.observer
         decay, relaxation = fmpq(0), "s-procedure"

@@ -14,7 +14,7 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.engine import Engine
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import hidden_mode
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.sporadic.claim import Claim
@@ -70,16 +70,15 @@ class Designer:
         """Refuse what makes no sense."""
         plant, request = self.setting.plant, self.request
         if any([*plant.D.flat, *plant.Df.flat]):
-            raise UsageError("system.D: measurements that arrive sporadically need D = 0 and Df = 0")
+            raise UsageError(Problem("measurements that arrive sporadically need D = 0 and Df = 0", key="system.D"))
         if not 0 < request.T1 <= self.T2.high:
             T1, T2 = float(request.T1), float(self.T2.high)
-            raise UsageError(f"observer.T1: {T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2")
+            raise UsageError(Problem(f"{T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2", key="observer.T1"))
         if self.decay.low < 0:
-            raise UsageError(f"observer.decay: {float(self.decay.low):g} is negative")
+            raise UsageError(Problem(f"{float(self.decay.low):g} is negative", key="observer.decay"))
         if request.objective in {"min-gamma", "pareto"} and not plant.B.shape[1]:
-            raise UsageError(
-                "observer.objective: no disturbance acts on this plant; choose feasibility, max-T2 or max-decay"
-            )
+            said = "no disturbance acts on this plant; choose feasibility, max-T2 or max-decay"
+            raise UsageError(Problem(said, key="observer.objective"))
         for scheme in self.schemes:
             self.require_delta(scheme)
         if request.gains:
@@ -90,10 +89,9 @@ class Designer:
         bound = scheme.limit(self.setting.family(float(self.decay.low))).delta_above_decay and not self.request.gains
         least = 2 * LEAST_DELTA * float(self.decay.low)
         if bound and float(self.request.delta.high) < least:
-            raise UsageError(
-                f"observer.delta: {scheme.relaxation} needs delta > 2 decay = {2 * float(self.decay.low):g}, "
-                f"and the range ends at {float(self.request.delta.high):g}"
-            )
+            asked = f"needs delta > 2 decay = {2 * float(self.decay.low):g}"
+            ends = f"the range ends at {float(self.request.delta.high):g}"
+            raise UsageError(Problem(f"{scheme.relaxation} {asked}, and {ends}", key="observer.delta"))
         if bound and float(self.request.delta.low) < least:
             self.notes.append(f"{scheme.relaxation} needs delta > 2 decay: its range of delta begins at {least:g}")
 
@@ -102,9 +100,8 @@ class Designer:
         ny, n = self.setting.plant.C.shape
         for name, matrix, shape in (("L", L, (n, ny)), ("H", H, (ny, ny))):
             if np.shape(matrix) != shape:
-                raise UsageError(
-                    f"observer.gains.{name}: expected a {shape[0]}x{shape[1]} matrix, one column an output"
-                )
+                expected = f"expected a {shape[0]}x{shape[1]} matrix, one column an output"
+                raise UsageError(Problem(expected, key=f"observer.gains.{name}"))
 
     # One T2 and one decay
 
@@ -203,7 +200,8 @@ class Designer:
     def pareto(self) -> Outcome:
         """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
         if not isinstance(self.request.T2, Range) and not isinstance(self.request.decay, Range):
-            raise UsageError("observer.objective: pareto needs a range of T2 or of decay; give {min: .., max: ..}")
+            said = "pareto needs a range of T2 or of decay; give {min: .., max: ..}"
+            raise UsageError(Problem(said, key="observer.objective"))
         found = [(study, study.curve()) for study in self.studies]
         curves = [[point for point, _ in points] for _, points in found]
         named = ({**study.scheme.names, "points": points} for study, points in zip(self.studies, curves, strict=True))

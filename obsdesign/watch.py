@@ -1,0 +1,113 @@
+"""A command in a child of its own, which is ended from outside where it does not end by itself.
+
+While compiled code runs, such as a solve or a product of huge rationals, Python hears no signal. So a limit of time and
+an interrupt are told to the child, which leaves nothing half-written, and kept here if it does not hear them in time.
+"""
+
+import mmap
+import os
+import signal
+import struct
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from obsdesign.errors import TimeLimitError
+
+LATE = 1.0  # s until which a command ends by itself
+UNDECIDED, INTERRUPTED, KILLED = 4, 130, 128  # exit codes, the last with the number of a signal
+HEARD = (signal.SIGCHLD, signal.SIGINT, signal.SIGTERM)
+DIES_WITH_PARENT = 1  # PR_SET_PDEATHSIG
+
+OVER = "not finished after {:g} s; --timeout allows more"
+LIMIT = struct.Struct("dd")  # s that are allowed, and the end of them on the monotonic clock; zero: no limit
+shared = mmap.mmap(-1, LIMIT.size)  # by parent and child
+interrupted: list[int] = []  # signals that the child heard
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Give up after so many seconds; every second again, for an error raised within a destructor is lost.
+
+    Raises `TimeLimitError`: the time is over.
+    """
+
+    def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        raise TimeLimitError(OVER.format(seconds))
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds, LATE)
+    LIMIT.pack_into(shared, 0, seconds, time.monotonic() + seconds)
+    try:
+        yield
+    finally:
+        LIMIT.pack_into(shared, 0, 0, 0)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def watched(command: Callable[[], None]) -> int:
+    """Run a command in a child, and return its exit code: 4 if it was late, 130 if it was interrupted."""
+    if not hasattr(signal, "sigtimedwait"):  # elsewhere than on Linux
+        command()
+        return 0
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, HEARD)
+    if child := os.fork():
+        return awaited(child)
+    try:
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as a shell has it for what runs in the background
+            signal.signal(signal.SIGINT, interrupt)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with_parent()
+        command()
+    except BaseException:
+        if not interrupted:
+            raise
+        return INTERRUPTED  # whatever the interrupt became on its way, such as an ImportError
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
+    return 0
+
+
+def interrupt(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    """Raise for the first interrupt; a second one would break what cleans up."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    interrupted.append(signum)
+    raise KeyboardInterrupt
+
+
+def with_parent() -> None:
+    """Let this child end where its parent was killed (Linux only)."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+
+
+def awaited(child: int) -> int:
+    """Exit code of the child."""
+    since = 0.0
+    while True:
+        heard = signal.sigtimedwait(HEARD, LATE / 4)
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            code = os.waitstatus_to_exitcode(status)
+            return INTERRUPTED if since else code if code >= 0 else KILLED - code
+        if heard and heard.si_signo != signal.SIGCHLD:
+            os.kill(child, heard.si_signo)
+            since = since or (time.monotonic() if heard.si_signo == signal.SIGINT else 0.0)
+        seconds, end = LIMIT.unpack_from(shared)
+        if since and time.monotonic() > since + LATE:
+            return killed(child, "interrupted", INTERRUPTED)
+        if end and time.monotonic() > end + LATE:
+            return killed(child, OVER.format(seconds), UNDECIDED)
+
+
+def killed(child: int, why: str, code: int) -> int:
+    """End a child that does not hear, and say why."""
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    os.write(2, f"{why}\n".encode())
+    return code

@@ -1,0 +1,67 @@
+"""What a user may have meant where a spec is infeasible: told where it is certified, and only there."""
+
+import json
+from pathlib import Path
+
+import pytest
+from support.commands import run
+
+PLANT = """\
+obsdesign: 1
+name: spring
+system: {A: [[0, 1], [-1, -1]], B: [0, 1], C: [1, 0]}
+nonlinearities:
+  - {f: sin(q), type: {lipschitz: 1}, Bf: [0, 0.2], Cq: [1, 0]}
+"""
+GIVEN = {
+    "l2": ("{type: l2, alpha: 0.1, gains: {L1: [%s2, %s2], L2: 0}}", "-L1", "yhat - y"),
+    "linf": ("{type: linf, alpha: 0.1, gains: {L1: [%s2, %s2], L2: 0}}", "-L1", "yhat - y"),
+    "lipschitz": ("{type: lipschitz, objective: min-gamma, gains: {L: [%s2, %s2]}}", "-L", "y - yhat"),
+    "sporadic": ("{type: sporadic, T1: 0.05, T2: 0.1, gains: {L: [%s2, %s2], H: 0}}", "-L", "y - yhat"),
+}
+
+
+def suggestion(text):
+    """What is suggested for a spec that is infeasible."""
+    Path("spec.yaml").write_text(text)
+    outcome = run("solve", "spec.yaml")
+    assert outcome.exit_code == 3, outcome.output
+    said = json.loads(Path("spec.gains.json").read_text())["diagnosis"].get("suggestion", "")
+    assert said in outcome.stdout
+    return said
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", GIVEN)
+def test_gains_of_the_other_sign_are_recognised(family):
+    asked, names, residual = GIVEN[family]
+    wrong = "" if residual == "yhat - y" else "-"
+    text = PLANT + f"observer: {asked % (wrong, wrong)}\n"
+    assert suggestion(text).startswith(
+        f"give {names}: with the opposite sign they are certified, since gains multiply {residual} here"
+    )
+    assert "opposite sign" not in suggestion(text.replace("[[0, 1], [-1, -1]]", "[[0, 1], [9, 9]]"))
+
+
+LATERAL = """\
+obsdesign: 1
+name: tyres that saturate
+system: {A: [[0, -25], [0, 0]], B: [[1, 0], [0, 0]], C: [[0, 1]], D: [[0, 0.01]]}
+nonlinearities:
+  - {f: 8000*atan(10*q), type: auto, Bf: [-6.7e-4, -4.8e-4], Cq: [0.04, 0.048]}
+  - {f: 8500*atan(12*q), type: auto, Bf: [-6.7e-4, 5.6e-4], Cq: [0.04, -0.056]}
+observer: {type: %s}
+"""
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("observer", ["l2, alpha: 0.5", "linf, alpha: 0.5"])
+def test_a_region_that_makes_auto_infeasible_is_named(observer):
+    text = LATERAL % observer
+    said = suggestion(text)
+    assert said.startswith("f is too steep on the region of its type: there is a solution with region: {q: [-")
+    region = said.partition("region: {q: ")[2].partition("}")[0]
+    narrower = text.replace("type: auto", f"type: auto, region: {{q: {region}}}")
+    Path("narrower.yaml").write_text(narrower)
+    assert run("solve", "narrower.yaml", "-q").exit_code == 0
+    assert "too steep" not in suggestion(text.replace("type: auto", "type: {slope: [0, .inf]}"))

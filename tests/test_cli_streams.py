@@ -1,0 +1,296 @@
+"""Streams, signals and odd outputs: what a shell, a pipe and an impatient user do to a command."""
+
+import json
+import os
+import random
+import signal
+import stat
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from support.commands import files, interrupted, run
+
+import obsdesign.__main__ as entry
+
+COMMAND = [sys.executable, "-m", "obsdesign"]
+SAFE = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(entry.__file__).parent.parent)}
+
+
+def started(*arguments, **options):
+    """A command in a process of its own, which is under way."""
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
+    return subprocess.Popen([*COMMAND, *map(str, arguments)], env=os.environ | SAFE, **streams)
+
+
+def ended(*arguments, **options):
+    """Exit code and what a command said."""
+    process = started(*arguments, **options)
+    out, err = process.communicate(timeout=60)
+    assert "Traceback" not in (err or "")
+    return process.returncode, out, err
+
+
+@pytest.fixture
+def spec(here, made):
+    """The spec of the cart in the working folder."""
+    (here / "cart.yaml").write_bytes((made / "cart.yaml").read_bytes())
+    return "cart.yaml"
+
+
+@pytest.fixture
+def gains(here, made):
+    """Its gains."""
+    (here / "cart.gains.json").write_bytes((made / "cart.gains.json").read_bytes())
+    return "cart.gains.json"
+
+
+# Outputs that are no regular files
+
+
+def test_a_link_is_followed(spec):
+    Path("real.json").write_text("before")
+    Path("link.json").symlink_to("real.json")
+    Path("new.json").symlink_to("absent.json")
+    for name in ("link.json", "new.json"):
+        assert run("solve", spec, "-o", name, "-q").exit_code == 0
+        assert Path(name).is_symlink()
+        assert json.loads(Path(name).read_text())["status"] == "certified"
+    assert files() == ["absent.json", "cart.yaml", "link.json", "new.json", "real.json"]
+
+
+def test_a_pipe_is_written_through(spec):
+    os.mkfifo("pipe")
+    read = []
+    reader = threading.Thread(target=lambda: read.append(Path("pipe").read_text()))
+    reader.start()
+    assert run("solve", spec, "-o", "pipe", "-q").exit_code == 0
+    reader.join(10)
+    assert json.loads(read[0])["status"] == "certified"
+    assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
+
+
+@pytest.mark.usefixtures("sketched")
+def test_a_device_is_written_through_and_stays_one(gains):
+    for arguments in (["-o", "/dev/null"], ["--plot", "/dev/null"]):
+        assert run("simulate", gains, *arguments, "-q").exit_code == 0
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
+
+
+def test_what_is_drawn_beside_a_device_is_drawn_here(spec):
+    text = Path(spec).read_text().replace("alpha: 0.1", "alpha: {min: 0.05, max: 0.2, points: 3}")
+    Path("range.yaml").write_text(text)
+    assert run("solve", "range.yaml", "-o", "/dev/null", "--plot", "-q").exit_code == 0
+    assert "range.curve.png" in files()
+
+
+def test_a_link_to_itself_cannot_be_written(spec):
+    Path("loop").symlink_to("loop")
+    outcome = run("solve", spec, "-o", "loop")
+    assert (outcome.exit_code, outcome.stderr) == (2, "loop: cannot be written: Too many levels of symbolic links\n")
+
+
+# Standard streams
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["verify", "cart.gains.json"], ["nonesuch"]])
+@pytest.mark.usefixtures("gains")
+def test_output_that_cannot_be_written_is_one_line_and_a_failure(arguments):
+    stream = "stderr" if arguments == ["nonesuch"] else "stdout"
+    with Path("/dev/full").open("w") as full:
+        code, _, err = ended(*arguments, **{stream: full})
+    assert code == 1
+    assert stream == "stderr" or err == "standard output or standard error cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_closed_stream_is_no_success(gains, number):
+    code, out, err = ended("verify", gains, preexec_fn=lambda: os.close(number))
+    assert code == 1
+    assert (out, err) == (
+        "",
+        "standard output or standard error cannot be written: it is closed\n" if number == 1 else "",
+    )
+
+
+def test_a_reader_that_left_is_one_line_and_a_failure():
+    process = started("schema")
+    process.stdout.close()
+    assert process.wait(60) == 1
+    with process.stderr as said:
+        assert said.read() == "standard output or standard error cannot be written: Broken pipe\n"
+
+
+def test_standard_input_is_read_for_a_dash(spec, gains):
+    with Path(spec).open() as text:
+        code, out, _ = ended("solve", "-", "-o", "-", stdin=text)
+    assert code == 0
+    assert json.loads(out)["spec"]["path"] == "-"
+    with Path(gains).open() as text:
+        code, out, _ = ended("verify", "-", stdin=text)
+    assert (code, out.splitlines()[-1][:7]) == (0, "proved:")
+    with Path(spec).open() as text:
+        assert ended("solve", "-", "-q", stdin=text)[0] == 0
+    assert "stdin.gains.json" in files()
+    code, _, err = ended("solve", "-", stdin=subprocess.DEVNULL)
+    assert (code, err) == (2, "-: is empty; a spec begins with `obsdesign: 1`\n")
+
+
+# Interrupts and limits of time
+
+
+@pytest.mark.parametrize("moment", [0.0, 0.03, 0.08, 0.15, 0.25, 0.4, 0.6])
+def test_an_interrupt_at_any_moment_is_130_and_leaves_nothing_half_written(spec, moment):
+    process = started("solve", spec, "--simulate", "-q")
+    while not begun(process.pid):
+        assert process.poll() is None
+    time.sleep(moment)
+    over = process.poll() is not None
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == (0 if over else 130)
+    assert "Traceback" not in err
+    assert not [name for name in files() if name.startswith(".")]
+
+
+def begun(pid):
+    """Whether a process has its child, and so hears an interrupt itself; before, Python is still starting."""
+    return bool(Path(f"/proc/{pid}/task/{pid}/children").read_text())
+
+
+def huge(gains, digits):
+    """The same claim with a P whose entries are quotients of very long numbers."""
+    content, draw = json.loads(Path(gains).read_text()), random.Random(1)
+    P = content["certificate"]["P"]
+    for i, row in enumerate(P):
+        for j in range(i, len(row)):
+            number = f"{draw.randrange(10**8)}{'7' * digits}/{draw.randrange(10**8)}{'9' * digits}"
+            P[i][j] = P[j][i] = number
+    return json.dumps(content)
+
+
+def test_a_limit_of_time_is_kept_while_compiled_code_computes(gains):
+    Path("huge.json").write_text(huge(gains, 49_900))
+    began = time.monotonic()
+    code, out, err = ended("verify", "huge.json", "--timeout", "0.5")
+    assert (code, out) == (4, "")
+    assert err.endswith("not finished after 0.5 s; --timeout allows more\n")
+    assert time.monotonic() - began < 0.5 + 2 + 2  # and the time to start a process on a busy machine
+
+
+def test_a_child_that_hears_nothing_is_ended():
+    deaf = (
+        "import signal,time; from obsdesign import watch\n"
+        "def command():\n signal.signal(signal.SIGINT, signal.SIG_IGN); print('on', flush=True); time.sleep(60)\n"
+        "raise SystemExit(watch.watched(command))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", deaf], env=os.environ | SAFE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout.readline() == "on\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (130, "interrupted\n")
+
+
+# Exit codes and what stays behind
+
+
+def test_json_is_printed_however_quiet(spec, gains):
+    for arguments in (["solve", spec], ["verify", gains], ["check", spec], ["simulate", gains]):
+        outcome = run(*arguments, "--json", "-q")
+        assert outcome.exit_code == 0
+        assert isinstance(json.loads(outcome.stdout), dict)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("simulation: {", "description: {", "simulation"),
+        ("type: sin,", "type: {lipschitz: 1},", "has no `f`"),
+        ("w: [1 - exp(-t)]", "w: [log(t)]", "no value"),
+    ],
+)
+def test_a_run_that_is_refused_leaves_no_gains(spec, old, new, said):
+    text = Path(spec).read_text()
+    assert text.count(old) == 1
+    changed = text.replace(old, new)
+    if new.startswith("description"):
+        changed = changed[: changed.index("description")]
+    Path(spec).write_text(changed)
+    outcome = run("solve", spec, "--simulate")
+    assert outcome.exit_code == 2
+    assert len(outcome.stderr.splitlines()) == 1
+    assert outcome.stderr.startswith(f"{spec}:")
+    assert said in outcome.stderr
+    assert outcome.stdout == ""
+    assert files() == [spec]
+
+
+def test_a_run_that_is_interrupted_leaves_the_gains(spec, monkeypatch):
+    monkeypatch.setattr("obsdesign.simulate.run", interrupted)
+    assert run("solve", spec, "--simulate").exit_code == 130
+    assert files() == ["cart.gains.json", "cart.yaml"]
+
+
+# What a spec expects of its result
+
+
+def test_solve_holds_a_spec_against_what_it_expects(spec):
+    right = "expect: {status: certified, limit.gamma: {verified: 0.6, rtol: 10}, simulation.z_norm2: 1e9}\n"
+    wrong = right.replace("rtol: 10", "rtol: 1e-9").replace("certified, ", "infeasible, nothing.here: 3, ")
+    text = Path(spec).read_text()
+    Path(spec).write_text(text + right)
+    assert run("solve", spec, "-q").stderr == ""
+    Path(spec).write_text(text + wrong)
+    outcome = run("solve", spec, "--simulate")
+    assert outcome.exit_code == 0
+    lines = outcome.stderr.splitlines()
+    assert [line.split(": ")[1] for line in lines] == [
+        *("expect.status", "expect.nothing.here", "expect.limit.gamma", "expect.simulation.z_norm2"),
+    ]
+    assert lines[0] == f"{spec}: expect.status: expected infeasible, found certified"
+    assert lines[1].endswith("expected 3.0, found nothing")
+
+
+# A file in the place of another
+
+
+def test_a_result_is_no_spec_and_a_spec_is_no_result(spec, gains):
+    for command in ("solve", "check", "lipschitz"):
+        outcome = run(command, gains)
+        assert (outcome.exit_code, len(outcome.stderr.splitlines())) == (2, 1)
+        assert "is a result of `solve`, not a spec" in outcome.stderr
+    outcome = run("verify", spec)
+    assert (outcome.exit_code, len(outcome.stderr.splitlines())) == (2, 1)
+    assert "is a spec; `obsdesign solve` makes of it" in outcome.stderr
+
+
+@pytest.mark.parametrize("key", ["gamma", "obsdesign", "holds"])
+def test_a_key_that_is_given_twice_is_refused(gains, key):
+    text = Path(gains).read_text()
+    first = text.index(f'"{key}":')
+    Path("twice.json").write_text(text[:first] + f'"{key}": 1e-9, ' + text[first:])
+    outcome = run("verify", "twice.json")
+    assert (outcome.exit_code, len(outcome.stderr.splitlines())) == (2, 1)
+    assert f"{key}: is given twice" in outcome.stderr
+
+
+# Where a run begins
+
+
+def test_an_estimate_that_begins_outside_the_region_is_told_before_the_run(spec):
+    text = Path(spec).read_text().replace("type: sin,", "type: sin, region: {q: [0.5, 3]},")
+    Path(spec).write_text(text)
+    outcome = run("simulate", spec)
+    assert outcome.exit_code == 0
+    first = outcome.stderr.splitlines()[0]
+    assert first == (
+        f"{spec}:13:1: simulation.xhat0: it sets q1 of nonlinearities[0] to 0, outside its region [0.5, 3], "
+        "where nothing is proved; give an xhat0 within it"
+    )
+    Path(spec).write_text(text.replace("x0: [1, 0],", "x0: [1, 0], xhat0: [0.6, 0],"))
+    assert "xhat0" not in run("simulate", spec).stderr
