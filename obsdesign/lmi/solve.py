@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Problem, Values
-from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
+from obsdesign.lmi.probe import Block, Program, coordinates, matrices
 from obsdesign.lmi.reduce import Reduced, balance, dense, diagonal, reduce
 from obsdesign.lmi.solvers import Ending, Solver, call
 
@@ -52,9 +52,9 @@ class Answer:
 Scaling = Callable[[Program, Array], tuple[Program, Array]]  # about a point; z = T scaled z
 
 
-def reduction(problem: Problem) -> Reduced:
-    """Probe and reduce a problem."""
-    return reduce(probe(problem), problem.unknowns, problem.injection)
+def reduction(problem: Problem, like: Reduced | None = None) -> Reduced:
+    """Probe and reduce a problem, in the scales of another."""
+    return reduce(problem, scaling=like.scales if like else None)
 
 
 def minimise(
@@ -77,7 +77,7 @@ def minimise(
     if reduced.contradiction:
         return Answer(Status.INFEASIBLE, contradiction=reduced.contradiction)
     search = Search(call(solver))
-    z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
+    z = None if start is None else reduced.near(coordinates(problem.unknowns, start))
     status, z = search.optimum(reduced.program, z)
     if precise and status is Status.OPTIMAL:
         polished, closer = search.sweep(reduced.program, z, dense)
@@ -95,7 +95,7 @@ def widest(problem: Problem, solver: str = "clarabel", start: Values | None = No
     if reduced.contradiction:
         return Answer(Status.INFEASIBLE, contradiction=reduced.contradiction)
     search = Search(call(solver))
-    z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
+    z = None if start is None else reduced.near(coordinates(problem.unknowns, start))
     t, z = search.margin(reduced.program, z)
     return replace(answer(problem, reduced, verdict(t), z, search), objective=t)
 
