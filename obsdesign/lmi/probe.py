@@ -8,7 +8,7 @@ import numpy as np
 from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, Problem, Unknown, Values
 
-FAR = 2.0**200  # coordinates at which a formula is evaluated: its constant part is nothing beside its terms there
+FAR = 2.0**20  # coordinates at which a formula is evaluated: its constant part is nothing beside its terms there
 
 
 @dataclass(frozen=True)
