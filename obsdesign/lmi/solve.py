@@ -124,9 +124,10 @@ class Search:
 
     def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:
         """Optimum in diagonal scalings or else in dense ones; infeasible only if phase I finds no margin in either."""
-        status, z = self.sweep(program, start, diagonal)
-        if status is Status.OPTIMAL:
-            return status, z
+        for scale in (diagonal,) if start is None else (diagonal, dense):
+            status, z = self.sweep(program, start, scale)
+            if status is Status.OPTIMAL:
+                return status, z
         t, point = self.margin(program)
         if verdict(t) is Status.INFEASIBLE:
             return Status.INFEASIBLE, z
@@ -150,7 +151,7 @@ class Search:
                 believed = len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE)
                 if believed or (start is not None and self.solves == 1):
                     return Status.OPTIMAL, z
-            elif not found and ending is not Ending.SOLVED and self.solves == 1 and start is None:
+            elif not found and ending is not Ending.SOLVED and self.solves == 1:
                 break
             if not np.isfinite(z).all() or not z.any():
                 break
