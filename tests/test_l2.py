@@ -129,9 +129,9 @@ def test_the_bearing_needs_injection_of_the_right_sign(injection):
 
 
 def test_without_the_equalities_the_solver_calls_an_infeasible_problem_solved():
-    program = probe(searchable(family_of(bearing(L2="[[0, 0]]"))).least_gamma())
-    assert with_clarabel(balance(program)[0])[0] is Ending.SOLVED
-    assert "P > 0 cannot hold" in reduce(program).contradiction
+    problem = searchable(family_of(bearing(L2="[[0, 0]]"))).least_gamma()
+    assert with_clarabel(balance(probe(problem))[0])[0] is Ending.SOLVED
+    assert "P > 0 cannot hold" in reduce(problem).contradiction
 
 
 def test_too_fast_a_decay_is_infeasible_and_half_of_the_injection_gain_is_the_fastest():
@@ -229,8 +229,8 @@ def test_the_limit_is_approached_by_ever_larger_gains():
 @pytest.mark.parametrize("bound", ["1e5", "1e7"])
 def test_a_bound_of_a_huge_gain_is_no_structural_zero(bound):
     problem = searchable(family_of(bearing())).least_gamma(Bounds(L1=rational_number(bound)))
-    without = reduce(probe(searchable(family_of(bearing())).least_gamma(Bounds(P=fmpq(10**9)))))
-    assert reduce(probe(problem)).rows == without.rows
+    without = reduce(searchable(family_of(bearing())).least_gamma(Bounds(P=fmpq(10**9))))
+    assert reduce(problem).rows == without.rows
     assert minimise(problem).status is Status.OPTIMAL
 
 

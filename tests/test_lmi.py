@@ -151,7 +151,7 @@ def passive(output, strict=True):
 
 
 def test_a_zero_on_the_diagonal_becomes_equalities():
-    reduced = reduce(probe(passive([0.5, 1])))
+    reduced = reduce(passive([0.5, 1]))
     assert reduced.rows == (("passive", 2),)
     assert len(reduced.pivots) == 2
     assert [b.order for b in reduced.program.blocks] == [2, 2]
@@ -162,23 +162,21 @@ def test_a_zero_on_the_diagonal_becomes_equalities():
 def test_equalities_that_contradict_each_other_are_a_contradiction():
     b = np.array([[0.0], [1.0]])
     reduced = reduce(
-        probe(
-            Problem(
-                (Unknown("x", (1, 1)),),
-                lambda v: [
-                    Inequality(
-                        "tied",
-                        symmetric([[-np.eye(2), (v["x"] - 1) * b, (v["x"] - 2) * b], [0 * v["x"], 0], [0 * v["x"]]]),
-                    )
-                ],
-            )
+        Problem(
+            (Unknown("x", (1, 1)),),
+            lambda v: [
+                Inequality(
+                    "tied",
+                    symmetric([[-np.eye(2), (v["x"] - 1) * b, (v["x"] - 2) * b], [0 * v["x"], 0], [0 * v["x"]]]),
+                )
+            ],
         )
     )
     assert "contradict" in reduced.contradiction
 
 
 def test_a_strict_inequality_with_a_zero_on_the_diagonal_is_a_contradiction():
-    assert "P > 0" in reduce(probe(passive([1, 0]))).contradiction
+    assert "P > 0" in reduce(passive([1, 0])).contradiction
     assert minimise(passive([1, 0])).status is Status.INFEASIBLE
 
 
@@ -415,7 +413,7 @@ def test_completing_a_rounded_witness_makes_the_structural_rows_vanish_exactly()
         ]
 
     unknowns = (Unknown("P", (2, 2), symmetric=True),)
-    reduced = reduce(probe(passive([1 / 3, 1 / 7])))
+    reduced = reduce(passive([1 / 3, 1 / 7]))
     start = rounded({"P": np.array([[1.0, 1 / 3 + 1e-7], [1 / 3 + 1e-7, 1 / 7]])}, 6)
     assert exact(start)[0].matrix[2].any()
     done = complete(exact, unknowns, start, reduced.rows, reduced.pivots)

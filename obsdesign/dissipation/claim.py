@@ -9,7 +9,6 @@ from obsdesign.dissipation.decimals import round_up, square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.lmi.formula import Values, in_floats, printed, rational
-from obsdesign.lmi.probe import probe
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
 from obsdesign.lmi.solve import MARGIN, Status
@@ -34,7 +33,7 @@ def claim(
     level = printed(gamma)
     mu = square_below(level)
     solved = {name: rational(value) for name, value in family.weights(rational([[mu]])).items()}
-    reduced = reduce(probe(problem))
+    reduced = reduce(problem)
     certificate = None
     for digits in DIGITS:
         values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)

@@ -154,8 +154,10 @@ def sized(bounds: Bounds, size: float) -> Bounds:
 
 
 def gain(values: Values) -> Array:
-    """L1 = P^-1 Y."""
-    return np.linalg.solve(values["P"], values["Y"])
+    """L1 = P^-1 Y, in the scales of the diagonal of P."""
+    P = values["P"]
+    d = 1 / np.sqrt(np.abs(np.diag(P)))[:, None]
+    return np.asarray(d * np.linalg.solve(d * P * d.T, d * values["Y"]))
 
 
 def norm(values: Values, bounds: Bounds) -> float:

@@ -14,7 +14,7 @@ and a family says what W, m and P have to be.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -24,6 +24,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.shift import free_factor, shifted_plant, square_root
+from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import (
     Array,
     Inequality,
@@ -48,7 +49,7 @@ EQUATIONS = (
 )
 SMALL = "P <= p I"
 LARGE = "P >= t I"
-LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to the mean eigenvalue of P
+LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to P, in the scales of the data
 LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
 
 
@@ -83,6 +84,7 @@ class Incremental(ABC):
     alpha: Any  # 1/s
     L1: Array | None = None  # (n, ny)
     L2: Array | None = None  # (nq, ny)
+    still: bool = False  # whether 2 alpha V is left out of (13): what is left sets the units of the unknowns
 
     @abstractmethod
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
@@ -125,7 +127,7 @@ class Incremental(ABC):
         return symmetric(
             [
                 [
-                    he(P @ p.A + Y @ p.C) + 2 * self.alpha * P + Q + Ge.mT @ M11 @ Ge,
+                    he(P @ p.A + Y @ p.C) + self.decay * P + Q + Ge.mT @ M11 @ Ge,
                     P @ p.Bf + Y @ p.Df + Ge.mT @ (M11 @ Gf + M12),
                     -(P @ p.B + Y @ p.D) + Ge.mT @ M11 @ Gv,
                 ],
@@ -147,7 +149,7 @@ class Incremental(ABC):
         return symmetric(
             [
                 [
-                    he(P @ p.A + Y @ p.C) + 2 * self.alpha * P + Q,
+                    he(P @ p.A + Y @ p.C) + self.decay * P + Q,
                     P @ p.Bf + Y @ p.Df + Ge.mT @ M12,
                     -(P @ p.B + Y @ p.D),
                     Ge.mT @ U,
@@ -157,6 +159,11 @@ class Incremental(ABC):
                 [-tau],
             ]
         )
+
+    @property
+    def decay(self) -> Any:
+        """Coefficient of V in (13)."""
+        return 0 if self.still else 2 * self.alpha
 
     def argument(self, v: Values, direct: Array, output: Array) -> Array:
         """How a signal reaches q: direct + L2 output; where L2 is free, lambda times that."""
@@ -225,28 +232,38 @@ class Incremental(ABC):
         p = self.plant
         gains = [] if self.L1 is not None else [Unknown("Y", p.C.mT.shape)]
         gains += [] if self.L2 is not None else [Unknown("R", (p.Cq.shape[0], p.C.shape[0]))]
-        return Problem(
+        still = replace(self, still=True)
+        problem = Problem(
             (Unknown("P", p.A.shape, symmetric=True), *gains, *self.auxiliary, *unknowns),
-            lambda v: (*self.theorem(complete(v)), *self.usable_scales(v), *bounded(v)),
+            lambda v: (*self.theorem(complete(v)), *bounded(v)),
             (lambda v: v[minimise]) if minimise else None,
             injection,
+            lambda v: (*still.theorem(complete(v)), *bounded(v)),
         )
+        return self.with_usable_scales(problem)
 
     @property
     def auxiliary(self) -> tuple[Unknown, ...]:
         """Unknowns besides P and the gains: what determines the multiplier."""
         return self.multiplier.unknowns()
 
-    def usable_scales(self, v: Values) -> list[Inequality]:
-        """Where L2 = R / lambda is free, LEAST_SCALE <= lambda / (tr P / n) <= LARGEST_SCALE."""
+    def with_usable_scales(self, problem: Problem) -> Problem:
+        """With LEAST_SCALE <= lambda / (mean of the diagonal of P) <= LARGEST_SCALE, all in the scales of the data.
+
+        For a free L2 = R / lambda; the same problem for a given one.
+        """
         if self.L2 is not None:
-            return []
-        mean = np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
-        rows = []
-        for name in (u.name for u in self.multiplier.unknowns()):
-            rows.append(Inequality(f"{name} > 0", LEAST_SCALE * mean - v[name]))
-            rows.append(Inequality(f"{name} bounded", v[name] - LARGEST_SCALE * mean))
-        return rows
+            return problem
+        unit = units(problem)
+
+        def usable(v: Values) -> Iterator[Inequality]:
+            mean = np.trace(v["P"] / unit["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
+            for name in (unknown.name for unknown in self.multiplier.unknowns()):
+                scale = v[name] / unit[name]
+                yield Inequality(f"{name} > 0", LEAST_SCALE * mean - scale)
+                yield Inequality(f"{name} bounded", scale - LARGEST_SCALE * mean)
+
+        return replace(problem, inequalities=lambda v: (*problem.inequalities(v), *usable(v)))
 
     def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
         """P >= floor I; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.

@@ -13,22 +13,43 @@ from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.errors import Problem, UsageError
+from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.solve import Answer, Status
 
-TABLE = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # gains of the table that a limit of zero is answered with
-SUSPECT = 1e-3  # a gamma below this may be a limit of zero: the table decides
+TABLE = (
+    1e1,
+    1e2,
+    1e3,
+    1e4,
+    1e5,
+    1e6,
+)  # gains of the table that a limit of zero is answered with, in sizes of the plant
+SUSPECT = 1e-3  # a gamma below this, likewise, may be a limit of zero: the table decides
 ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
 SHARE = 1e-3  # .. and that is certified in its place
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 
 
+def sizes(family: Incremental) -> tuple[float, float]:
+    """Sizes of |L1| and gamma by the data of the plant, to the nearest power of 1000: 1 in the usual units."""
+    unit = units(family.least_gamma())
+    gain = np.linalg.norm(unit["Y"] / np.diag(unit["P"])[:, None])
+    return nearest_thousand(float(gain)), nearest_thousand(math.sqrt(unit["mu"].item()))
+
+
+def nearest_thousand(size: float) -> float:
+    """Nearest power of 1000."""
+    return 1000.0 ** round(math.log(size, 1000)) if size > 0 else 1.0
+
+
 def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[float, float], ...]:
     """Table (largest |L1|, gamma) if gamma falls towards zero as the gain grows; else nothing."""
-    if limit.status is Status.OPTIMAL and limit.objective > SUSPECT**2:
+    largest, least = sizes(family)
+    if limit.status is Status.OPTIMAL and limit.objective > (SUSPECT * least) ** 2:
         return ()
     rows = []
-    for size in TABLE:
+    for size in (largest * step for step in TABLE):
         answer = engine.minimise(family.least_gamma(Bounds(L1=rational_number(str(size)))))
         if answer.status is Status.OPTIMAL:
             rows.append((size, math.sqrt(max(answer.objective, 0.0))))
@@ -43,7 +64,7 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
     Then gamma can be as small as one likes, and the level is a small share of that of the solution of widest margin.
     """
     least = max(limit.objective, 0.0)
-    if least > SUSPECT**2:
+    if least > (SUSPECT * sizes(family)[1]) ** 2:
         return None
     wide = engine.widest(family.witness(None))
     if wide.status is not Status.OPTIMAL:

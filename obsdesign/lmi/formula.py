@@ -78,14 +78,22 @@ class Injection:
     right: Array
 
 
+Formula = Callable[[Values], Sequence[Inequality]]  # of the unknowns
+
+
 @dataclass(frozen=True)
 class Problem:
-    """Minimise a linear function of the unknowns subject to `inequalities`, both affine in the unknowns."""
+    """Minimise a linear function of the unknowns subject to `inequalities`, both affine in the unknowns.
+
+    The units in which it is solved are those that fit the inequalities `data`; where it is None, those in which it is
+    written, as long as these are not far from what fits it.
+    """
 
     unknowns: tuple[Unknown, ...]
-    inequalities: Callable[[Values], Sequence[Inequality]]
+    inequalities: Formula
     minimise: Callable[[Values], Array] | None = None
     injection: Injection | None = None
+    data: Formula | None = None
 
 
 def he(X: Array) -> Array:

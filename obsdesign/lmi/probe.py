@@ -5,7 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, Problem, Unknown, Values
+
+FAR = 2.0**20  # coordinates at which a formula is evaluated: its constant part is nothing beside its terms there
 
 
 @dataclass(frozen=True)
@@ -65,18 +68,22 @@ def matrices(unknowns: Sequence[Unknown], x: Array) -> dict[str, Array]:
 
 
 def probe(problem: Problem) -> Program:
-    """Evaluate a formula at zero and at every basis element at once, and check that it is affine.
+    """Evaluate a formula at zero and far out along every basis element at once, and check that it is affine.
 
     Raises `ArithmeticError` if superposition fails at a random point: the formula is not affine in its unknowns (a
-    defect).
+    defect); `UndecidedError` if its data are beyond about 1e240.
     """
     size = sum(u.size for u in problem.unknowns)
     witness = np.random.default_rng(0).standard_normal(size)
-    points = matrices(problem.unknowns, np.vstack([np.zeros(size), np.eye(size), witness]))
+    points = matrices(problem.unknowns, np.vstack([np.zeros(size), FAR * np.eye(size), witness]))
     blocks = []
-    for inequality in problem.inequalities(points):
+    with np.errstate(over="ignore", invalid="ignore"):
+        inequalities = problem.inequalities(points)
+    for inequality in inequalities:
+        if not np.isfinite(inequality.matrix).all():
+            raise UndecidedError(f"the numbers in {inequality.name!r} are too large for doubles: choose other units")
         value = np.broadcast_to(inequality.matrix, (size + 2, *inequality.matrix.shape[-2:]))
-        terms = value[:-1] - value[0]
+        terms = (value[:-1] - value[0]) / FAR
         terms[0] = value[0]
         block = Block(inequality.name, terms, inequality.strict)
         expected, found = block.at(witness), value[-1]
@@ -87,5 +94,5 @@ def probe(problem: Problem) -> Program:
     cost, constant = np.zeros(size), 0.0
     if problem.minimise:
         objective = np.broadcast_to(problem.minimise(points), (size + 2, 1, 1))[:, 0, 0]
-        cost, constant = objective[1:-1] - objective[0], float(objective[0])
+        cost, constant = (objective[1:-1] - objective[0]) / FAR, float(objective[0])
     return Program(cost, constant, tuple(blocks))

@@ -1,11 +1,12 @@
 """From a probed program to the smaller, better conditioned one that the solver gets, and the way back.
 
-1. A diagonal entry that is zero for every value of the unknowns makes its whole row zero: the row becomes
+1. Rows and coordinates are scaled by powers of two, so that units do not matter (`equilibrate`).
+2. A diagonal entry that is zero for every value of the unknowns makes its whole row zero: the row becomes
    linear equalities, which are eliminated, and is deleted; repeated until none is left. (Left inside the
    semidefinite constraint, such rows make solvers call infeasible problems optimal.)
-2. An unknown that enters as He(left Y right) only is projected out: F <= 0 for some Y iff F <= 0 on ker(right)
+3. An unknown that enters as He(left Y right) only is projected out: F <= 0 for some Y iff F <= 0 on ker(right)
    and on ker(left').
-3. Rows and coordinates are scaled by powers of two.
+4. Before each solve, rows and coordinates are scaled by powers of two.
 """
 
 from collections.abc import Sequence
@@ -13,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array, Injection, Unknown
-from obsdesign.lmi.probe import Block, Program
+from obsdesign.lmi.equilibrate import Scales, scaled_coordinates, scales
+from obsdesign.lmi.formula import Array, Injection, Problem, Unknown
+from obsdesign.lmi.probe import Block, Program, probe
 
 SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
 ZERO = 1e-13  # relative size below which an entry is a rounded zero
@@ -25,14 +27,16 @@ TINY = 1e-100  # slack that a block without any is given
 class Reduced:
     """A program over z, where x = offset + basis @ z are the coordinates of the unknowns.
 
-    z is a selection of x: z = x[free]. `pivots` are the coordinates that the equalities determine from these, and
-    `rows` the (block, row) pairs that must vanish. `contradiction` says why the equalities have no solution at all.
+    z is a selection of x in scales of its own: x[free] = s[free] z. `pivots` are the coordinates that the equalities
+    determine from these, and `rows` the (block, row) pairs that must vanish. `contradiction` says why the equalities
+    have no solution at all.
     """
 
     program: Program
     free: Array  # (M,)
     offset: Array  # (N,)
     basis: Array  # (N, M)
+    scales: Scales
     pivots: tuple[int, ...] = ()
     rows: tuple[tuple[str, int], ...] = ()
     contradiction: str = ""
@@ -42,11 +46,19 @@ class Reduced:
         x: Array = self.offset + self.basis @ z
         return x
 
+    def near(self, x: Array) -> Array:
+        """Return z of a point x."""
+        return np.asarray(x[self.free] / self.scales.s[self.free])
 
-def reduce(program: Program, unknowns: Sequence[Unknown] = (), injection: Injection | None = None) -> Reduced:
-    """Apply steps 1 and 2; an injection that an equality ties is left in."""
-    size = len(program.cost)
-    reduced = eliminate(Reduced(program, np.arange(size), np.zeros(size), np.eye(size)))
+
+def reduce(problem: Problem, program: Program | None = None, scaling: Scales | None = None) -> Reduced:
+    """Apply steps 1 to 3; an injection that an equality ties is left in.
+
+    What is known already, the probed program or the scales, is not made again.
+    """
+    program, scaling = program or probe(problem), scaling or scales(problem)
+    size, unknowns, injection = len(program.cost), problem.unknowns, problem.injection
+    reduced = eliminate(Reduced(scaling.of(program), np.arange(size), np.zeros(size), np.diag(scaling.s), scaling))
     if injection and not reduced.contradiction:
         reduced = eliminate(project(reduced, unknowns, injection))
     return reduced
@@ -54,7 +66,7 @@ def reduce(program: Program, unknowns: Sequence[Unknown] = (), injection: Inject
 
 def between(a: Reduced, b: Reduced, weight: float) -> Reduced | None:
     """Reduction (1 - weight) a + weight b of a formula affine in a parameter; None if they differ in structure."""
-    same = a.rows == b.rows and a.pivots == b.pivots and np.array_equal(a.free, b.free)
+    same = a.scales is b.scales and a.rows == b.rows and a.pivots == b.pivots and np.array_equal(a.free, b.free)
     if not same or a.contradiction or b.contradiction or (a.basis != b.basis).any() or (a.offset != b.offset).any():
         return None
 
@@ -146,6 +158,7 @@ def over(program: Program, S: Array) -> Program:
 def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection) -> Reduced:
     """Drop the injection: its inequality F <= 0 becomes F <= 0 on ker(right) and on ker(left')."""
     edges = np.cumsum([0, *(u.size for u in unknowns)])
+    d = reduced.scales.rows[0]
     place = [u.name for u in unknowns].index(injection.unknown)
     inside = (reduced.free >= edges[place]) & (reduced.free < edges[place + 1])
     first, *others = reduced.program.blocks
@@ -157,7 +170,10 @@ def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection)
         return reduced
     parts = (
         replace(first.congruent(null_space(factor)), name=f"{first.name} {where}")
-        for factor, where in ((injection.right[:, keep], "without injection"), (injection.left[keep].T, "beyond it"))
+        for factor, where in (
+            ((injection.right * d)[:, keep], "without injection"),
+            ((injection.left.T * d)[:, keep], "beyond it"),
+        )
     )
     blocks = [replace(b, terms=b.terms[~terms]) for b in (*parts, *others) if b.order]
     return replace(
@@ -169,8 +185,9 @@ def project(reduced: Reduced, unknowns: Sequence[Unknown], injection: Injection)
 
 
 def null_space(matrix: Array) -> Array:
-    """Orthonormal basis of the null space, as columns."""
-    _, singular, Vt = np.linalg.svd(matrix)
+    """Orthonormal basis of the null space, as columns; the units of rows do not matter."""
+    size = np.abs(matrix).max(axis=1, initial=0.0, keepdims=True)
+    _, singular, Vt = np.linalg.svd(matrix / np.where(size > 0, size, 1.0))
     rank = int((singular > ZERO * max(matrix.shape) * singular.max(initial=0) * 100).sum())
     return np.asarray(Vt[rank:].T)
 
@@ -232,10 +249,3 @@ def whitening(block: Block, z: Array) -> Array:
 def power_of_two(x: Array) -> Array:
     """Nearest power of two; 1 for zero."""
     return np.asarray(np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0)))))
-
-
-def scaled_coordinates(program: Program, factors: Array) -> Program:
-    """Write z = factors * scaled z."""
-    weights = np.append(1.0, factors)[:, None, None]
-    blocks = tuple(replace(b, terms=b.terms * weights) for b in program.blocks)
-    return replace(program, cost=program.cost * factors, blocks=blocks)

@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Problem, Values
-from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
+from obsdesign.lmi.probe import Block, Program, coordinates, matrices
 from obsdesign.lmi.reduce import Reduced, balance, dense, diagonal, reduce
 from obsdesign.lmi.solvers import Ending, Solver, call
 
@@ -52,9 +52,9 @@ class Answer:
 Scaling = Callable[[Program, Array], tuple[Program, Array]]  # about a point; z = T scaled z
 
 
-def reduction(problem: Problem) -> Reduced:
-    """Probe and reduce a problem."""
-    return reduce(probe(problem), problem.unknowns, problem.injection)
+def reduction(problem: Problem, like: Reduced | None = None) -> Reduced:
+    """Probe and reduce a problem, in the scales of another."""
+    return reduce(problem, scaling=like.scales if like else None)
 
 
 def minimise(
@@ -77,7 +77,7 @@ def minimise(
     if reduced.contradiction:
         return Answer(Status.INFEASIBLE, contradiction=reduced.contradiction)
     search = Search(call(solver))
-    z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
+    z = None if start is None else reduced.near(coordinates(problem.unknowns, start))
     status, z = search.optimum(reduced.program, z)
     if precise and status is Status.OPTIMAL:
         polished, closer = search.sweep(reduced.program, z, dense)
@@ -95,7 +95,7 @@ def widest(problem: Problem, solver: str = "clarabel", start: Values | None = No
     if reduced.contradiction:
         return Answer(Status.INFEASIBLE, contradiction=reduced.contradiction)
     search = Search(call(solver))
-    z = None if start is None else coordinates(problem.unknowns, start)[reduced.free]
+    z = None if start is None else reduced.near(coordinates(problem.unknowns, start))
     t, z = search.margin(reduced.program, z)
     return replace(answer(problem, reduced, verdict(t), z, search), objective=t)
 
@@ -124,9 +124,10 @@ class Search:
 
     def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:
         """Optimum in diagonal scalings or else in dense ones; infeasible only if phase I finds no margin in either."""
-        status, z = self.sweep(program, start, diagonal)
-        if status is Status.OPTIMAL:
-            return status, z
+        for scale in (diagonal,) if start is None else (diagonal, dense):
+            status, z = self.sweep(program, start, scale)
+            if status is Status.OPTIMAL:
+                return status, z
         t, point = self.margin(program)
         if verdict(t) is Status.INFEASIBLE:
             return Status.INFEASIBLE, z
@@ -150,7 +151,7 @@ class Search:
                 believed = len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE)
                 if believed or (start is not None and self.solves == 1):
                     return Status.OPTIMAL, z
-            elif not found and ending is not Ending.SOLVED and self.solves == 1 and start is None:
+            elif not found and ending is not Ending.SOLVED and self.solves == 1:
                 break
             if not np.isfinite(z).all() or not z.any():
                 break

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from obsdesign.lmi.equilibrate import factors
 from obsdesign.lmi.formula import Array
 
 TOLERANCE = 1e-12
@@ -42,15 +43,25 @@ class Scaling:
 
 def scaled(system: System) -> Scaling:
     """Balance the states and normalise time, outputs and inputs; ranks and zeros are invariant to that."""
-    from scipy.linalg import matrix_balance
-
-    balanced, (states, _) = matrix_balance(system.A, permute=False, separate=True)
+    states = units(system)
+    balanced = system.A * (states / states[:, None])
     rate = float(np.linalg.norm(balanced)) or 1.0
     B, C = system.B / states[:, None] / rate, system.C * states
     outputs = nonzero(np.linalg.norm(np.hstack([C, system.D]), axis=1))[:, None]
     C, D = C / outputs, system.D / outputs
     inputs = nonzero(np.linalg.norm(np.vstack([B, D]), axis=0))
     return Scaling(System(balanced / rate, B / inputs, C, D / inputs), states, rate)
+
+
+def units(system: System) -> Array:
+    """Sizes (n,) of the states by the data, with those of inputs, outputs and time: A_ij x_j / x_i near the rate, .."""
+    n, m, p = len(system.A), system.B.shape[1], len(system.C)
+    rows, columns = np.nonzero(matrix := np.block([[system.A, system.B], [system.C, system.D]]))
+    below, across = np.where(rows < n, rows, rows + m), columns  # x, u, y, rate
+    sizes = np.abs(matrix[rows, columns])
+    return factors(
+        sizes, [(across, 1.0), (below, -1.0), (np.full(len(rows), n + m + p), -1.0 * (rows < n))], n + m + p + 1
+    )[:n]
 
 
 def nonzero(norms: Array) -> Array:

@@ -103,7 +103,6 @@ def conditions(family: Incremental, rate: float) -> Problem:
     def inequalities(v: Values) -> list[Inequality]:
         return [
             *undisturbed.conditions(v, none, none),
-            *undisturbed.usable_scales(v),
             Inequality("P >= I", np.eye(p.n) - v["P"]),
             equation("P B + Y D = C'F'", v["P"] @ p.B + v["Y"] @ p.D - p.C.mT @ v["F"].mT),
             equation("F [D Df] = 0", v["F"] @ np.hstack([p.D, p.Df])),
@@ -112,11 +111,12 @@ def conditions(family: Incremental, rate: float) -> Problem:
 
     free = [] if family.L2 is not None else [Unknown("R", (len(p.Cq), len(p.C)))]
     unknowns = [Unknown("P", (p.n, p.n), symmetric=True), Unknown("Y", (p.n, len(p.C))), *free]
-    return Problem(
+    problem = Problem(
         (*unknowns, *family.multiplier.unknowns(), Unknown("F", (nv, len(p.C)))),
         inequalities,
         lambda v: np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None],
     )
+    return undisturbed.with_usable_scales(problem)
 
 
 def equation(name: str, X: Array) -> Inequality:

@@ -37,7 +37,8 @@ class Decay:
         nothing, but in the scaling of its neighbor.
         """
         search, low, high = searchable(self.family), float(grid[0]), float(grid[-1])
-        first, last = (reduction(replace(search, alpha=a).least_gamma(self.bounds)) for a in (low, high))
+        first = reduction(replace(search, alpha=low).least_gamma(self.bounds))
+        last = reduction(replace(search, alpha=high).least_gamma(self.bounds), first)
         neighbor: Answer | None = None
         lost = False
         for i, alpha in enumerate(map(float, grid)):

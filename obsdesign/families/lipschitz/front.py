@@ -128,7 +128,8 @@ class Direct(Front):
     @cached_property
     def ends(self) -> tuple[Reduced, Reduced]:
         """Reductions at the weights 0 and 1: the objective is affine in the weight."""
-        return reduction(self.problem(0.0, self.bounds)), reduction(self.problem(1.0, self.bounds))
+        first = reduction(self.problem(0.0, self.bounds))
+        return first, reduction(self.problem(1.0, self.bounds), first)
 
     def problem(self, weight: float, bounds: Bounds) -> Problem:
         """Minimise weight / lipschitz + (1 - weight) mu."""

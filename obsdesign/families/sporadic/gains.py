@@ -18,7 +18,6 @@ from obsdesign.families.sporadic.landscape import LARGEST, Landscape, Optimum, r
 from obsdesign.families.sporadic.relaxations import Given, WithGains
 from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Exact, Values, in_floats, printed, rational, rational_number
-from obsdesign.lmi.probe import probe
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
 from obsdesign.model.multiplier import Multiplier
@@ -208,7 +207,7 @@ def claim(
     wide = setting.engine.widest(problem)
     if wide.objective <= 0:
         return None
-    mu, reduced = square_below(gamma), reduce(probe(problem))
+    mu, reduced = square_below(gamma), reduce(problem)
     exact = Sporadic(setting.plant, setting.multiplier, setting.Cp, decay, delta, rational_number(math.exp(delta * T2)))
     fixed = {"mu": rational([[mu]]), "weight": rational([[1]])}
     certificate = None

@@ -45,7 +45,7 @@ class Optimum:
 
 def solve_once(engine: Engine, relaxation: Relaxation, problem: Problem, program: Program | None = None) -> Optimum:
     """One solve, in the scaling of its data; nothing found is no proof that there is nothing."""
-    reduced = reduce(program or probe(problem))
+    reduced = reduce(problem, program)
     if reduced.contradiction:
         return Optimum()
     scaled, T = relaxation.scaled(problem, reduced.program)

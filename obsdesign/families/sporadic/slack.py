@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from obsdesign.families.sporadic.relaxations import Gains, Relaxation, WithGains
+from obsdesign.lmi.equilibrate import scaled_coordinates
 from obsdesign.lmi.formula import Array, Problem, Unknown, Values, block_diagonal, he, symmetric
 from obsdesign.lmi.probe import Program
-from obsdesign.lmi.reduce import balance, scaled_coordinates
+from obsdesign.lmi.reduce import balance
 
 
 @dataclass(frozen=True)
