@@ -51,7 +51,8 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
         said["reason"] += f"; {known['reason']}"
         said["suggestion"] = known["suggestion"]
     said["feasible"] = feasible
-    return replace(outcome, status=Verdict.INFEASIBLE, claim=None, diagnosis={**known, **said})
+    gains = outcome.gains if outcome.status is Verdict.INFEASIBLE else {}
+    return replace(outcome, status=Verdict.INFEASIBLE, gains=gains, claim=None, diagnosis={**known, **said})
 
 
 def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
