@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError, ViolatedError
+from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError
 from obsdesign.watch import INTERRUPTED, limited
 
 if TYPE_CHECKING:
@@ -95,6 +95,7 @@ def solve(
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
     from obsdesign.files import is_regular, require_writable, write_all
+    from obsdesign.simulate.validity import require_kept
     from obsdesign.tables.text import aligned
     from obsdesign.work import load
 
@@ -152,6 +153,7 @@ def simulate(
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.files import require_writable, write_all
+    from obsdesign.simulate.validity import require_kept
 
     with limited(timeout):
         source = source or newest(quiet)
@@ -322,21 +324,6 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     from obsdesign.files import csv
 
     return csv(*run.table()), run.plot()
-
-
-def require_kept(summary: Mapping[str, Any], samples: str) -> None:
-    """Hold a run to the bounds that are proved of it.
-
-    Raises `ViolatedError` if it breaks one.
-    """
-    broken = [bound for bound in summary["bounds"] if not bound["holds"]]
-    if broken:
-        first = broken[0]
-        raise ViolatedError(
-            f"{samples}: the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
-            f"below {first['bound']:.6g} in {first['name']}; this is a defect of obsdesign: please report it with the "
-            "spec and the gains file"
-        )
 
 
 def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:

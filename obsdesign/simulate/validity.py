@@ -1,4 +1,4 @@
-"""Whether a run stays where the guarantee was proved."""
+"""Whether a run stays where the guarantee was proved, and keeps its bounds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from obsdesign.errors import ViolatedError
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.restriction import outward
 from obsdesign.spec import Nonlinearity, limited
@@ -97,3 +98,18 @@ def validity(blocks: Sequence[Nonlinearity], left: Sequence[Leaving], guaranteed
     if left and guaranteed:
         note += "; the guarantee is local and says nothing of the run from then on"
     return {"holds": not left, "region": region(blocks), "left": [asdict(leaving) for leaving in left], "note": note}
+
+
+def require_kept(summary: Mapping[str, Any], samples: str) -> None:
+    """Hold a run to the bounds that are proved of it.
+
+    Raises `ViolatedError` if it breaks one.
+    """
+    broken = [bound for bound in summary["bounds"] if not bound["holds"]]
+    if broken:
+        first = broken[0]
+        raise ViolatedError(
+            f"{samples}: the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
+            f"below {first['bound']:.6g} in {first['name']}; this is a defect of obsdesign: please report it with the "
+            "spec and the gains file"
+        )
