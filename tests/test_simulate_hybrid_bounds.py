@@ -11,6 +11,7 @@ from support.sporadic import DESIGN, LINK, LINK_V, OSCILLATOR, OSCILLATOR_V, PRE
 from support.sweep import seeds
 
 from obsdesign.expressions import parse
+from obsdesign.lmi.formula import printed
 from obsdesign.simulate import Sampling, Schedule
 from obsdesign.spec import Noise
 
@@ -229,3 +230,36 @@ def test_a_run_that_leaves_the_region_of_a_nonlinearity_leaves_its_guarantee():
 def test_what_an_exact_run_says_is_plain_json():
     run = simulate_sporadic(read(OSCILLATOR), DESIGN, paper(0.205, 0.41), OSCILLATOR_V)
     assert json.loads(json.dumps(run.summary, allow_nan=False)) == run.summary
+
+
+@pytest.mark.parametrize(
+    "powers", [(28, 28, 28, 28), (-20, -20, -20, -20), (0, 0, 0, 28), (20, 0, -20, 0), (28, 0, 0, 0)]
+)
+@pytest.mark.parametrize(
+    ("text", "found", "V"), [(OSCILLATOR, DESIGN, OSCILLATOR_V), (LINK, PREDICTOR, LINK_V)], ids=["linear", "nonlinear"]
+)
+@pytest.mark.parametrize("w", [True, False])
+def test_a_run_is_the_same_in_every_unit_of_the_states(text, found, V, powers, w):
+    plain = read(text, horizon=10.0, **({} if w else {"w": None, "x0": np.eye(len(V.P1))[0]}))
+    plant = plain.plant
+    unit = 2.0 ** np.array(powers[: plant.n])
+    A, B, C, Bf, Cq = (np.array(M, float) for M in (plant.A, plant.B, plant.C, plant.Bf, plant.Cq))
+    scaled = replace(
+        plain,
+        plant=replace(
+            plant,
+            A=printed(A * unit[:, None] / unit),
+            B=printed(B * unit[:, None]),
+            C=printed(C / unit),
+            Bf=printed(Bf * unit[:, None]),
+            Cq=printed(Cq / unit),
+        ),
+        H=printed(plain.H.astype(float) / unit),
+        simulation=replace(plain.simulation, x0=plain.simulation.x0 * unit, xhat0=plain.simulation.xhat0 * unit),
+    )
+    gains = found | {"L": found["L"] * unit[:, None]}
+    law = paper(V.T1, V.T2)
+    one = simulate_sporadic(plain, found, law, V)
+    other = simulate_sporadic(scaled, gains, law, replace(V, P1=V.P1 / unit / unit[:, None]))
+    assert (other.status, holds(other)) == ("done", holds(one))
+    assert other.e / unit == pytest.approx(one.e, abs=1e-7 * np.abs(one.e).max())

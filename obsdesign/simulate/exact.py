@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.simulate.integrate import HUGE, Trajectory, Vector
+from obsdesign.simulate.integrate import GROWS, HUGE, Trajectory, Vector
 from obsdesign.simulate.scenario import Stretch
+from obsdesign.simulate.sizes import balanced, sizes
 from obsdesign.simulate.system import V2, Affine, System
 
 TERMS = 20  # of the series of exp(M), |M| <= 1
@@ -49,6 +50,12 @@ class Exact:
         self.Q = np.zeros_like(self.F)
         error = slice(len(system.integrated), len(system.integrated) + len(system.copied))
         self.Q[error, error] = system.H.T @ system.H
+        self.unit = balanced(self.F)  # of each state and held signal
+        self.F *= self.unit / self.unit[:, None]
+        self.Q *= self.unit * self.unit[:, None]
+        sizes = np.abs(self.Q).max(initial=0.0), np.abs(self.F).max(initial=0.0)
+        self.weight = 2.0 ** round(float(np.log2(sizes[1] / sizes[0]))) if all(sizes) else 1.0
+        self.Q *= self.weight
         self.alpha, self.supply = system.guarantee.rates() if system.guarantee else (0.0, 0.0)
 
     def held(self, t: Vector) -> Array:
@@ -65,11 +72,11 @@ class Exact:
     def moved(self, s: Array, held: Array, h: Vector, Phi: Array, W: Array) -> Array:
         """Return what follows s, given the matrices of `transitions`."""
         end, v2, rate = self.system.end, held[:, -1], 2 * self.alpha
-        X = np.concatenate((s[:, :end], held[:, :-1]), axis=1)[:, :, None]
+        X = (np.concatenate((s[:, :end], held[:, :-1]), axis=1) / self.unit)[:, :, None]
         share = -np.expm1(-rate * h) / rate if rate else h
         after = s.copy()
-        after[:, :end] = (Phi @ X)[:, :end, 0]
-        after[:, end] += (X.mT @ W @ X)[:, 0, 0]
+        after[:, :end] = (Phi @ X)[:, :end, 0] * self.unit[:end]
+        after[:, end] += (X.mT @ W @ X)[:, 0, 0] / self.weight
         after[:, end + 1] += v2 * h
         after[:, end + 2] = np.exp(-rate * h) * s[:, end + 2] + self.supply * v2 * share
         return after
@@ -88,7 +95,7 @@ def follow(system: System, affine: Affine, start: Vector, stretches: list[Stretc
     -------
     Trajectory
         States at the samples and on a grid in each stretch; with status "escape" where the state grows beyond 1e8
-        times its start.
+        times its size.
     """
     exact = Exact(system, affine)
     begins = np.array([stretch.start for stretch in stretches])
@@ -103,14 +110,13 @@ def follow(system: System, affine: Affine, start: Vector, stretches: list[Stretc
         path_s = exact.advance(states[index], held[index], part * lengths[index])
         sampled = np.minimum(np.searchsorted(begins, samples, side="right") - 1, len(states) - 1)
         s = exact.advance(states[sampled], held[sampled], samples - begins[sampled])
-        limit = HUGE * max(1.0, float(np.linalg.norm(start[: system.end])))
-        beyond = ~(np.linalg.norm(path_s[:, : system.end], axis=1) < limit)
+        beyond = ~(np.linalg.norm(path_s[:, : system.end] / sizes(system, start), axis=1) < HUGE)
     if not beyond.any():
         return Trajectory(samples, s, path_t, path_s, "done", stretches[-1].stop, "")
     first = int(np.argmax(beyond))
     time = float(path_t[first])
     kept = samples < time
-    reason = f"at t = {time:.6g}: the state grows beyond {limit:.0e}"
+    reason = f"at t = {time:.6g}: {GROWS}"
     return Trajectory(samples[kept], s[kept], path_t[:first], path_s[:first], "escape", time, reason)
 
 

@@ -25,7 +25,8 @@ Status = Literal["done", "escape", "stall"]
 
 FIRST, GROWN = 100, 10  # growth of the state that sets the tolerance anew: at first, and from then on
 RESOLVED = 1e-14  # of the state: the least tolerance then, since f(xihat) - f(xi) has no more digits
-HUGE = 1e8  # of the state against its start: an escape
+HUGE = 1e8  # of the state against its size: an escape
+GROWS = f"the state grows beyond {HUGE:.0e} times its size"
 SMALL = "the steps have become too small"
 RESTART = 100  # calls of the right-hand side that are as much work as an event
 WINDOW = 20_000  # calls of the right-hand side in which
@@ -55,6 +56,7 @@ class Flow:
     rhs: Callable[[float, Vector, Vector], Vector]
     jacobian: Callable[[float, Vector, Vector], Vector]
     watched: int  # the leading components of s that must stay bounded; the rest are integrals
+    sizes: Vector | float = 1.0  # of these
     watch: Watch | None = None  # its jumps and kinks, but those between segments
 
 
@@ -159,13 +161,12 @@ def integrate(
     Returns
     -------
     Trajectory
-        With status "escape" where the watched state grows beyond 1e8 times its start, or fast enough to be
+        With status "escape" where the watched state grows beyond 1e8 times its size, or fast enough to be
         infinite within the resolution of time, and "stall" where neither method gets on.
     """
     s, end = start, End("done", float(samples[0]))
     recorder = Recorder(samples)
-    limit = HUGE * max(1.0, float(np.linalg.norm(start[: flow.watched])))
-    crossing = Crossing(flow, tolerance, recorder, limit, progress, explicit, outgrown=limit / HUGE * FIRST)
+    crossing = Crossing(flow, tolerance, recorder, progress, explicit)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.filterwarnings("ignore", category=UserWarning, message="lsoda")
         for segment in segments:
@@ -185,12 +186,11 @@ class Crossing:
     flow: Flow
     tolerance: Tolerance
     recorder: Recorder
-    limit: float
     progress: Callable[[float], None] | None
     explicit: bool = False
     calls: int = 0
     former: "RungeKutta | None" = None  # the explicit method before
-    outgrown: float = np.inf  # size of the state that sets the tolerance anew
+    outgrown: float = FIRST  # size of the state that sets the tolerance anew
 
     def cross(self, segment: Segment, s: Vector) -> tuple[Vector, End]:
         """State at the end of the segment, or where it was left and why."""
@@ -226,9 +226,9 @@ class Crossing:
                     return t, s, End("stall", t, trouble)
                 event = self.flow.watch and self.flow.watch.event(solver, segment.held)
                 t, s = (event.t, event.s) if event else (float(solver.t), solver.y)
-                size = float(np.linalg.norm(s[: self.flow.watched]))
-                if not size < self.limit:
-                    return t, s, End("escape", t, f"at t = {t:.6g}: the state grows beyond {self.limit:.3g}")
+                size = float(np.linalg.norm(s[: self.flow.watched] / self.flow.sizes))
+                if not size < HUGE:
+                    return t, s, End("escape", t, f"at t = {t:.6g}: {GROWS}")
                 self.recorder.step(solver, t, s)
                 if self.progress is not None and self.recorder.steps % 100 == 0:
                     self.progress(t)
@@ -256,7 +256,7 @@ class Crossing:
     def renew(self, size: float) -> None:
         """Set the tolerance for a state that has grown to this size."""
         absolute = self.tolerance.absolute.copy()
-        absolute[: self.flow.watched] = np.maximum(absolute[: self.flow.watched], RESOLVED * size)
+        absolute[: self.flow.watched] = np.maximum(absolute[: self.flow.watched], RESOLVED * size * self.flow.sizes)
         self.tolerance, self.outgrown = replace(self.tolerance, absolute=absolute), GROWN * size
 
     def one_step(self, segment: Segment, t: float, s: Vector) -> "RungeKutta":

@@ -14,6 +14,7 @@ from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
 from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.scenario import received, scenario
+from obsdesign.simulate.sizes import sizes
 from obsdesign.simulate.summary import summarise
 from obsdesign.simulate.system import System
 from obsdesign.spec import Simulation, Spec
@@ -89,7 +90,7 @@ def follow(
     if affine is not None:
         return exact.follow(system, affine, start, stretches, samples)
     told = progress and (lambda t: progress(t / simulation.horizon))
-    flow = Flow(system.rhs, system.jacobian, system.end, system.watch)
+    flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch)
     segments = (
         Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))
         for stretch in stretches
