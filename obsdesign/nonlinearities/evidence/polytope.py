@@ -48,6 +48,8 @@ def together(f: Restriction, g: Sequence[Expression], ranges: Sequence[tuple[fmp
         if not normals or comb(box + len(normals), len(g)) > MAX_WORK:
             continue
         bounds = [supremum_of(Expression.combination(c, u), f, SHARE).bound for c in normals]
+        if not np.isfinite(bounds).all():
+            continue
         more = [*cuts, *zip(normals, (outward(bound, up=True) for bound in bounds), strict=True)]
         fewer, part = vertices_of(more), share(more)
         if len(fewer) <= MAX_VERTICES:
