@@ -152,11 +152,14 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.files import require_writable, write_all
+    from obsdesign.files import newest, require_writable, write_all
     from obsdesign.simulate.validity import require_kept
 
     with limited(timeout):
-        source = source or newest(quiet)
+        if not source:
+            source = newest()
+            if not quiet:
+                typer.echo(f"simulating {source}", err=True)
         name = stem(source)
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
         require_writable(*(file for file in files if file != "-"))
@@ -342,17 +345,3 @@ def stem(path: str) -> str:
     """Name of a spec or of its gains file, without folder and endings."""
     name = "stdin" if path == "-" else Path(path).name
     return name.removesuffix(".gains.json") if name.endswith(".gains.json") else Path(name).stem
-
-
-def newest(quiet: bool) -> str:
-    """Newest certified gains file in the current folder."""
-    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
-        try:
-            certified = json.loads(path.read_bytes()).get("status") == "certified"
-        except (OSError, ValueError, AttributeError):
-            continue
-        if certified:
-            if not quiet:
-                typer.echo(f"simulating {path}", err=True)
-            return str(path)
-    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 from obsdesign.errors import TimeLimitError
 
@@ -60,6 +61,7 @@ def watched(command: Callable[[], None]) -> int:
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as a shell has it for what runs in the background
             signal.signal(signal.SIGINT, interrupt)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        sys.unraisablehook = lost
         with_parent()
         command()
     except BaseException:
@@ -76,6 +78,12 @@ def interrupt(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     interrupted.append(signum)
     raise KeyboardInterrupt
+
+
+def lost(raised: Any) -> None:
+    """Say nothing of an interrupt or a limit of time that is lost within a destructor: it is kept from outside."""
+    if not issubclass(raised.exc_type, KeyboardInterrupt | TimeLimitError):
+        sys.__unraisablehook__(raised)
 
 
 def with_parent() -> None:

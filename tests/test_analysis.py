@@ -17,12 +17,12 @@ obsdesign: 1
 name: Motor with friction
 system:
   A: [[0, 1, 0], [0, -1, 500], [0, -50, -1000]]
-  B: [[0, 0], [-10000, 0], [0, 0]]
+  B: [[0, 0, 0], [-10000, 0, 0], [0, 0, 0]]
   C: [[1, 0, 0], [0, 0, 1]]
-  D: [[0, 1.0e-3], [0, 0.02]]
+  D: [[0, 1.0e-3, 0], [0, 0, 0.02]]
 nonlinearities:
   - {type: tanh, f: tanh(q), Bf: [0, -200, 0], Cq: [0, 50, 0]}
-disturbance: [integrator, unknown]
+disturbance: [integrator, unknown, unknown]
 performance: [w1]
 observer: %s
 """
