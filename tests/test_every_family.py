@@ -531,7 +531,7 @@ def test_units_do_not_decide(case, seed, request):
     """Powers of ten from 1e-9 to 1e9 in every state, y, w, z and 1 / time: same verdict, and gamma in its unit."""
     if FAMILIES[case.observer["type"]].sampled and seed == 2:
         why = "the search for small gains ends beside the limit, where nothing is proved of them"
-        request.applymarker(pytest.mark.xfail(reason=why, raises=od.UndecidedError))
+        request.applymarker(pytest.mark.xfail(reason=why, raises=od.UndecidedError, strict=False))
     powers = 10.0 ** np.random.default_rng(seed).integers(-9, 10, 6)
     sections = case.sections(observer={"bounds": None})
     in_states(sections, np.diag(powers[:2]), np.diag(1 / powers[:2]))

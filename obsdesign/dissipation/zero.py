@@ -64,7 +64,7 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
     Then gamma can be as small as one likes, and the level is a small share of that of the solution of widest margin.
     """
     least = max(limit.objective, 0.0)
-    if least > (SUSPECT * sizes(family)[1]) ** 2:
+    if limit.status is Status.INFEASIBLE or least > (SUSPECT * sizes(family)[1]) ** 2:
         return None
     wide = engine.widest(family.witness(None))
     if wide.status is not Status.OPTIMAL:
@@ -98,9 +98,25 @@ class Level:
         return max(round_down(self.gamma * (1 + slack), 6), round_up(self.gamma, 6))
 
 
+def vanishing(
+    engine: Engine, family: Incremental, limit: Answer
+) -> tuple[tuple[tuple[float, float], ...], float | None]:
+    """Table of `falling`, and level of `cancelled`; only one of them says something.
+
+    Where B + L1 D = 0 has a solution, a finite gain is tried first: gamma falls towards it as well.
+    """
+    p = family.plant
+    rows = np.vstack([p.D, p.B])
+    rows = rows / np.where(rows.any(axis=1), np.abs(rows).max(axis=1, initial=0), 1.0)[:, None]
+    solvable = np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[: len(p.D)]) if rows.size else False
+    instead = cancelled(engine, family, limit) if solvable else None
+    table = () if instead else falling(engine, family, limit)
+    return table, instead if solvable or table else cancelled(engine, family, limit)
+
+
 def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:
     """Same answer, with the objective 0 where a finite gain cancels the disturbance and the rest is rounding."""
-    if answer.status is Status.INFEASIBLE or cancelled(engine, family, answer) is None:
+    if cancelled(engine, family, answer) is None:
         return answer
     return replace(answer, status=Status.OPTIMAL, objective=0.0)
 

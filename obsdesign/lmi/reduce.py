@@ -225,7 +225,7 @@ def dense(program: Program, z: Array) -> tuple[Program, Array]:
     """
     blocks = tuple(block.congruent(whitening(block, z)) for block in program.blocks)
     triangle = np.linalg.qr(np.concatenate([b.terms[1:].reshape(len(z), -1) for b in blocks], axis=1).T, mode="r")
-    if np.abs(np.diag(triangle)).min(initial=1) <= ZERO * np.abs(triangle).max(initial=0):
+    if len(triangle) < len(z) or np.abs(np.diag(triangle)).min(initial=1) <= ZERO * np.abs(triangle).max(initial=0):
         return diagonal(program, z)  # coordinates that have no effect cannot be made orthonormal
     S = np.zeros((len(z) + 1, len(z) + 1))
     S[0, 0], S[1:, 1:] = 1, np.linalg.inv(triangle) * max(float(np.linalg.norm(triangle @ z)), np.finfo(float).tiny)

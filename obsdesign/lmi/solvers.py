@@ -79,7 +79,8 @@ def with_clarabel(program: Program) -> tuple[Ending, Array]:
 
 def clarabel_once(program: Program, *, chordal: bool) -> tuple[Ending, Array]:
     """One call."""
-    import clarabel
+    import scipy.linalg  # noqa: F401  # which clarabel does else within Rust, where an interrupt would be a panic
+    import clarabel  # isort: skip
 
     blocks = sorted(program.blocks, key=lambda b: b.order > 1)
     scalars = sum(b.order == 1 for b in blocks)

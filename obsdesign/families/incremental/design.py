@@ -14,7 +14,7 @@ from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.dissipation.zero import Level, cancelled, falling, unbounded
+from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import smaller_class
 from obsdesign.families.incremental.absence import why_not
@@ -116,11 +116,11 @@ class Designer:
         answer = self.engine.minimise(search.least_gamma())
         if answer.status is Status.INFEASIBLE:
             return {}, None
-        table, free = falling(self.engine, search, answer), self.request.objective in {"feasibility", "max-alpha"}
-        instead = None if table else cancelled(self.engine, search, answer)
+        free = self.request.objective in {"feasibility", "max-alpha"}
+        table, instead = vanishing(self.engine, search, answer)
         if answer.status is Status.OPTIMAL or table or instead:
             level = Level(0.0) if table else Level.of(answer, instead)
-            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": False}}
+            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained}}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
             if not free:
@@ -131,7 +131,7 @@ class Designer:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
             return limits, level
-        bounded = within(self.engine, search, self.request.bounds)
+        bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds))
         if bounded.status is Status.INFEASIBLE:
             return {"bounds": "no gain within the bounds satisfies the inequality", **limits}, None
         if bounded.status is not Status.OPTIMAL:
@@ -149,7 +149,8 @@ class Designer:
         if self.request.objective in {"feasibility", "max-alpha"}:
             if bounds.gamma is not None:
                 return float(bounds.gamma)
-            least = max(least, Level(self.moderate(search)), key=lambda level: level.gamma)
+            easy = max(self.moderate(search), least.instead or 0.0)
+            least = max(least, Level(easy), key=lambda level: level.gamma)
         if least.instead:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
@@ -162,7 +163,7 @@ class Designer:
         size = 2 * norm(wide.values, self.request.bounds)
         answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
         level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
-        return math.sqrt(max(level, 0.0))
+        return math.sqrt(max(level, 0.0)) if search.plant.B.shape[1] else 1.0  # without a disturbance any gamma holds
 
     def gains(self, family: Incremental, gamma: float) -> Outcome:
         """Gains of small norm that reach gamma, rounded and proved."""

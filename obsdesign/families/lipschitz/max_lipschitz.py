@@ -77,7 +77,7 @@ def unlimited(study: Study) -> UsageError:
         if answer.status is Status.OPTIMAL and stretch.constant(answer) < math.inf:
             rows.append((size, stretch.constant(answer)))
     return tabulated(
-        "observer.objective: there is no largest Lipschitz constant: it grows without bound with the gain; choose "
+        "there is no largest Lipschitz constant: it grows without bound with the gain; choose "
         "`bounds: {L: ..}` from this table, or objective min-gamma",
         "L",
         "lipschitz",

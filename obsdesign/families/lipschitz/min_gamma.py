@@ -7,7 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.gain import rounded_gains, smallest, within
-from obsdesign.dissipation.zero import Level, cancelled, falling, settled, tabulated
+from obsdesign.dissipation.zero import Level, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
@@ -56,18 +56,16 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
     was not found.
     """
     answer = study.engine.minimise(family.least_gamma())
-    rows = falling(study.engine, family, answer)
+    rows, instead = vanishing(study.engine, family, answer)
     if rows and not study.restricted:
         raise tabulated(
-            "observer.objective: the least gamma is 0, with a gain that grows without bound; choose "
-            "`bounds: {L: ..}` from this table",
+            "the least gamma is 0, with a gain that grows without bound; choose `bounds: {L: ..}` from this table",
             "L",
             "gamma",
             rows,
         )
     if rows:
         return Level(0.0)
-    instead = cancelled(study.engine, family, answer) if answer.status is not Status.INFEASIBLE else None
     if answer.status is not Status.OPTIMAL and not instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}")
     return Level.of(answer, instead)

@@ -1,0 +1,60 @@
+"""Sizes at the edge of what there is, and zeros where numbers stand as a rule: every family answers them."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import obsdesign as od
+
+REQUESTS = [
+    {"type": "l2", "alpha": 0.1, "L2": 0, "objective": "feasibility"},
+    {"type": "linf", "alpha": {"min": 0.05, "max": 0.4, "points": 5}, "L2": 0, "objective": "feasibility"},
+    {"type": "linf", "alpha": {"min": 0.05, "max": 0.4, "points": 5}, "L2": 0, "objective": "max-alpha"},
+    {"type": "lipschitz", "objective": "max-lipschitz", "decay": 0.05, "bounds": {"L": 20}},
+    {"type": "sporadic", "T1": 0.05, "T2": 0.1, "decay": 0.05, "delta": 3, "objective": "feasibility"},
+]
+FULL = {"A": np.array([[0, 1], [-1, -0.5]]), "B": np.array([[0.5], [1]]), "Bf": np.array([[0.5], [1]])}
+
+
+def plants():
+    """One or two states, one or all of them measured, with and without w, D and f, and with f that does nothing."""
+    for n, all_measured, disturbance, block in product((1, 2), (False, True), ("none", "w", "w and D"), range(4)):
+        C = np.eye(n) if all_measured else np.eye(1, n)
+        system = {"A": FULL["A"][-n:, -n:], "C": C}
+        if disturbance != "none":
+            system["B"] = FULL["B"][:n]
+        if disturbance == "w and D":
+            system["D"] = np.full((len(C), 1), 0.1)
+        sides = {"Bf": (block != 1) * FULL["Bf"][:n], "Cq": (block != 2) * np.eye(1, n)}
+        blocks = [{"type": {"lipschitz": 0.2}, "f": "0.2*sin(q)", **sides}] if block else []
+        yield system, blocks
+
+
+@pytest.mark.parametrize("observer", REQUESTS, ids=lambda request: f"{request['type']} {request['objective']}")
+def test_every_size_is_certified(observer):
+    for system, blocks in plants():
+        if observer["type"] == "sporadic" and "D" in system:
+            continue  # noise acts at the samples there
+        if observer["type"] == "lipschitz" and (not blocks or not all(blocks[0][side].any() for side in ("Bf", "Cq"))):
+            continue  # no constant is the largest
+        design = od.solve(od.Spec(system=system, nonlinearities=blocks, observer=observer))
+        assert design.status == "certified", (system, blocks)
+        assert design.verify().holds
+
+
+@pytest.mark.parametrize("family", ["l2", "linf"])
+def test_a_strong_coupling_is_not_called_infeasible(family):
+    system = {"A": [[-1, 1e8], [0, -2]], "B": [[0], [1]], "C": [[0, 1]], "D": [[1]]}
+    observer = {"type": family, "alpha": 0.1, "objective": "feasibility"}
+    assert od.solve(od.Spec(system=system, observer=observer)).status == "certified"
+
+
+@pytest.mark.parametrize("power", [0, 9, 12, 15, 18])
+def test_a_gain_that_cancels_the_disturbance_attains_the_limit_of_zero(power):
+    """L1 D = -B, in every unit of w."""
+    system = {"A": [[-1]], "B": [[10.0**power]], "C": [[1]], "D": [[0.1]]}
+    design = od.solve(od.Spec(system=system, observer={"type": "l2", "alpha": 0.1, "L2": 0}))
+    assert design.status == "certified"
+    assert design.limit == {"gamma": 0.0, "attained": True}
+    assert design.guarantee.gamma <= 1e-2 * 10.0**power
