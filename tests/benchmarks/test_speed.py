@@ -33,7 +33,8 @@ def bearing():
 
 def curve(family):
     """Least gamma^2 on a grid of alpha, as `solve` computes it."""
-    low, high = (reduction(replace(family, alpha=a).least_gamma()) for a in ALPHAS[[0, -1]])
+    low = reduction(replace(family, alpha=ALPHAS[0]).least_gamma())
+    high = reduction(replace(family, alpha=ALPHAS[-1]).least_gamma(), low)
     start, found = None, []
     for alpha in ALPHAS:
         weight = (alpha - ALPHAS[0]) / (ALPHAS[-1] - ALPHAS[0])
