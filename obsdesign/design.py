@@ -188,7 +188,8 @@ class Design(Outcome):
         """What an engineer wants to know of it, as rows of a name and a text."""
         from obsdesign.tables.design import design_rows
 
-        return design_rows({"name": self.spec.name, **self.contents()})
+        local = {"local": self.spec.validity} if self.claim and self.spec.validity else {}
+        return design_rows({"name": self.spec.name, **self.contents(), **local})
 
     def __repr__(self) -> str:
         return f"<design of {self.spec.name!r}: {self.status}>"

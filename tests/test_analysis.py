@@ -17,12 +17,12 @@ obsdesign: 1
 name: Motor with friction
 system:
   A: [[0, 1, 0], [0, -1, 500], [0, -50, -1000]]
-  B: [[0, 0, 0], [-10000, 0, 0], [0, 0, 0]]
+  B: [[0, 0], [-10000, 0], [0, 0]]
   C: [[1, 0, 0], [0, 0, 1]]
-  D: [[0, 1.0e-3, 0], [0, 0, 0.02]]
+  D: [[0, 1.0e-3], [0, 0.02]]
 nonlinearities:
   - {type: tanh, f: tanh(q), Bf: [0, -200, 0], Cq: [0, 50, 0]}
-disturbance: [integrator, unknown, unknown]
+disturbance: [integrator, unknown]
 performance: [w1]
 observer: %s
 """
@@ -103,7 +103,7 @@ def radius(content, method, slopes, h):
 @pytest.mark.parametrize(
     ("text", "slopes"),
     [
-        (MOTOR % "{type: l2, L2: 0, alpha: 10}", (0, 1)),
+        (MOTOR % "{type: l2, L2: 0, alpha: 10, bounds: {L1: 1.0e+5}}", (0, 1)),
         (CELL, (0.5, 2.5)),
         (CELL.replace("l2", "linf"), (0.5, 2.5)),
         (LOOP, (-0.5, 0.5)),

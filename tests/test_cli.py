@@ -499,18 +499,33 @@ def test_every_mistake_of_a_spec_has_its_line():
 @pytest.mark.parametrize(
     ("observer", "place"),
     [
-        ("type: l2\n  alpha: 0.1\n  objective: min-gamma", "5:14: observer.objective: no disturbance acts"),
-        ("type: linf\n  alpha: 0.1", "2:1: observer.objective: no disturbance acts"),
-        ("type: sporadic\n  T1: 0.1\n  T2: 0.2", "2:1: observer.objective: no disturbance acts"),
+        (
+            "type: l2\n  alpha: 0.1\n  objective: min-gamma",
+            "5:14: observer.objective: the least gamma at alpha = 0.1 is 0",
+        ),
+        ("type: linf\n  alpha: 0.1", "2:1: observer.objective: the least gamma at alpha = 0.1 is 0"),
     ],
 )
 def test_what_a_design_refuses_has_its_place_as_well(observer, place):
     Path("quiet.yaml").write_text(
-        f"system: {{A: [[-1, 1], [0, -2]], C: [1, 0]}}\nobserver:\n  {observer}\nobsdesign: 1\n"
+        f"system: {{A: [[-1, 1], [0, -2]], B: [1, 1], C: [1, 0]}}\nobserver:\n  {observer}\nobsdesign: 1\n"
     )
     outcome = run("solve", "quiet.yaml")
     assert_refused(outcome, f"quiet.yaml:{place}")
-    assert len(outcome.stderr.splitlines()) == 1
+    assert not any("observer.objective" in line for line in outcome.stderr.splitlines()[1:])
+
+
+@pytest.mark.parametrize(
+    "observer", ["type: l2\n  alpha: 0.1", "type: linf\n  alpha: 0.1", "type: sporadic\n  T1: 0.1\n  T2: 0.2"]
+)
+def test_without_a_disturbance_a_design_is_for_feasibility(observer):
+    Path("quiet.yaml").write_text(
+        f"obsdesign: 1\nsystem: {{A: [[-1, 1], [0, -2]], C: [1, 0]}}\nobserver:\n  {observer}\n"
+    )
+    outcome = run("solve", "quiet.yaml")
+    assert outcome.exit_code == 0
+    assert "no disturbance acts on this plant" in Path("quiet.gains.json").read_text()
+    assert run("verify", "quiet.gains.json").exit_code == 0
 
 
 def test_what_is_undecided_names_its_file(monkeypatch):

@@ -44,6 +44,16 @@ def write(tmp_path, text):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
+def test_a_local_guarantee_says_so_in_the_table_the_statement_and_the_proof(tmp_path, family):
+    write(tmp_path, LOCAL % (PLANT, FAMILIES[family], 0.2))
+    region = "as long as q and its estimate stay in [-0.3, 0.3]"
+    (row,) = [line for line in run("solve", "case.yaml").stdout.splitlines() if line.startswith("local ")]
+    assert region in row
+    assert region in json.loads((tmp_path / "case.gains.json").read_text())["guarantee"]["statement"]
+    assert region in run("verify", "case.gains.json").stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
 def test_a_run_in_the_region_of_a_local_guarantee_names_it(tmp_path, family):
     write(tmp_path, LOCAL % (PLANT, FAMILIES[family], 0.2))
     outcome = run("simulate", "case.yaml")

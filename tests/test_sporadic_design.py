@@ -384,10 +384,13 @@ def test_a_direct_term_is_refused():
         designed(replace(OSCILLATOR, D=rational([[1]])), LINEAR, np.eye(2), request("0.1", "0.05"))
 
 
-def test_gamma_without_a_disturbance_is_refused():
+def test_gamma_without_a_disturbance_is_feasibility_and_a_curve_of_it_is_refused():
     quiet = replace(OSCILLATOR, B=OSCILLATOR.B[:, :0], D=OSCILLATOR.D[:, :0], Dq=OSCILLATOR.Dq[:, :0])
+    made = designed(quiet, LINEAR, np.eye(2), request("0.3", "0.05"))
+    assert made.status == "certified"
+    assert any("no disturbance" in note for note in made.notes)
     with pytest.raises(UsageError, match="no disturbance"):
-        designed(quiet, LINEAR, np.eye(2), request("0.3", "0.05"))
+        designed(quiet, LINEAR, np.eye(2), request("0.3", "0.05", objective="pareto"))
 
 
 def test_a_range_of_delta_that_is_cut_is_mentioned():

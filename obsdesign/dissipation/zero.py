@@ -28,6 +28,7 @@ TABLE = (
 SUSPECT = 1e-3  # a gamma below this, likewise, may be a limit of zero: the table decides
 ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
 SHARE = 1e-3  # .. and that is certified in its place
+HALF = -0.4 * math.log(10)  # of log gamma in a decade of gain: |L1| is of the order of 1 / gamma^2 at most
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 
 
@@ -54,8 +55,10 @@ def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[f
         if answer.status is Status.OPTIMAL:
             rows.append((size, math.sqrt(max(answer.objective, 0.0))))
     fall = np.diff(np.log([gamma for _, gamma in rows[-4:]]))
-    steady = len(fall) == STEADY and fall.max() < math.log(0.8) and fall[-1] < 0.9 * fall[0]
-    return tuple(rows) if steady else ()
+    if len(fall) < STEADY or fall.max() >= math.log(0.8):
+        return ()
+    unseen = limit.status is not Status.OPTIMAL and fall[-1] <= HALF
+    return tuple(rows) if fall[-1] < 0.9 * fall[0] or unseen else ()
 
 
 def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | None:

@@ -10,6 +10,8 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, decay_limit, undetectable
 
+UNDISTURBED = "no disturbance acts on this plant, so that gamma bounds nothing: the design is for feasibility"
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -19,6 +19,7 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
     family = FAMILIES[made["type"]] if made else None
     rows += family.proved(made, claimed) if family else []
+    rows += [("local", content["local"])] if "local" in content else []
     rows += [("assumed", text) for text in content.get("assumed", [])]
     rows += [*limits(claimed), *background(claimed)]
     rows += family.figures(made) if family else []

@@ -15,8 +15,8 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
-from obsdesign.errors import Problem, UndecidedError, UsageError
-from obsdesign.families.finding import smaller_class
+from obsdesign.errors import UndecidedError
+from obsdesign.families.finding import UNDISTURBED, smaller_class
 from obsdesign.families.incremental.absence import why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim
@@ -54,10 +54,9 @@ class Designer:
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
-        if self.family.plant.B.shape[1] == 0 and self.request.objective in {"min-gamma", "pareto", "gamma"}:
-            raise UsageError(
-                Problem("no disturbance acts on this plant; choose feasibility or max-alpha", key="observer.objective")
-            )
+        if not self.family.plant.B.shape[1] and self.request.objective in {"min-gamma", "pareto"}:
+            self.notes.append(UNDISTURBED)
+            self.request = replace(self.request, objective="feasibility")
         hidden = undetectable(
             in_floats(self.family.plant), in_floats(self.family.multiplier.member), float(self.lowest)
         )

@@ -15,7 +15,7 @@ import numpy as np
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import Problem, UndecidedError, UsageError
-from obsdesign.families.finding import hidden_mode
+from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
@@ -76,7 +76,9 @@ class Designer:
             raise UsageError(Problem(f"{T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2", key="observer.T1"))
         if self.decay.low < 0:
             raise UsageError(Problem(f"{float(self.decay.low):g} is negative", key="observer.decay"))
-        if request.objective in {"min-gamma", "pareto"} and not plant.B.shape[1]:
+        if request.objective == "min-gamma" and not plant.B.shape[1]:
+            self.notes.append(UNDISTURBED)
+        if request.objective == "pareto" and not plant.B.shape[1]:
             said = "no disturbance acts on this plant; choose feasibility, max-T2 or max-decay"
             raise UsageError(Problem(said, key="observer.objective"))
         for scheme in self.schemes:
@@ -143,7 +145,11 @@ class Designer:
         """Answer that there are no gains, with what would be feasible."""
         self.engine.report(0.9, "diagnosis")
         if study.missing(T2, decay) < 0:
-            raise UndecidedError(f"the least gamma at T2 = {T2:g} with decay {decay:g} was not found")
+            asked = f"T2 = {T2:g} with decay {decay:g}"
+            raise UndecidedError(
+                f"the least gamma at {asked} was not found: without w there is a solution, as far as a solver tells, "
+                "and with w none was found at any delta of the range; a smaller T2 or decay has more room"
+            )
         largest = study.farthest("T2", SHORTER * T2, T2, decay)
         fastest = study.farthest("decay", SHORTER * decay, decay, T2) if decay else None
         form = f"{study.scheme.relaxation} with injection {study.scheme.injection}"
