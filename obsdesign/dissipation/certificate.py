@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import SMALL, Incremental
 from obsdesign.files import witness
@@ -64,3 +65,19 @@ def certify(
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
     return Certificate(type(family), alpha, gamma, mu1, mu2, P, multipliers, conditions)
+
+
+def kept(bounds: Bounds, gain: Array, gamma: fmpq | None = None) -> tuple[Check, ...]:
+    """Whether a designed gain, and its gamma, keep the bounds of a spec; that on P is a condition of `certify`.
+
+    |L| <= kappa is L'L - kappa^2 I <= 0, or with the Frobenius norm tr L'L - kappa^2 <= 0, in rationals.
+    """
+    kappa, product = bounds.L1, gain.T @ gain
+    found: tuple[Check, ...] = ()
+    if kappa is not None:
+        if bounds.norm == "frobenius":
+            product = rational([[np.trace(product)]])
+        found = prove([Inequality("|L| <= kappa", product - kappa * kappa * identity(len(product), product))])
+    if bounds.gamma is None or gamma is None:
+        return found
+    return (*found, Check("gamma is what is asked for", gamma <= bounds.gamma, approximate(bounds.gamma - gamma)))

@@ -196,10 +196,12 @@ def examine(
     found = counterexample(where, template.claims(declared.data, declared.multiplier))
     if found is not None:
         free = [where.shown(name) for name, ends in where.region.items() if ends == EVERYWHERE]
-        said = (
+        narrower = (
             f"; if {' or '.join(free)} cannot have that value, declare where it stays: region: {{{free[-1]}: [lo, hi]}}"
+            if free
+            else ""
         )
-        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}{said if free else ''}")
+        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}{narrower}")
         return ""
     sought = f"on {searched(where)}"
     said = f"{declared.text} is assumed {sought}, where no pair of arguments that was tried contradicts it"

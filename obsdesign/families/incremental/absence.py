@@ -5,10 +5,10 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import hidden_mode
-from obsdesign.families.incremental.claim import require_alpha
-from obsdesign.families.incremental.request import request_of
+from obsdesign.families.incremental.request import Request, request_of
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Diagnosis, Proof
@@ -62,16 +62,34 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     """
     root = ("diagnosis", "certificate")
     request, alpha = request_of(spec).printed(), file.number(*root, "alpha")
-    require_alpha(file, request, alpha, "diagnosis.certificate.alpha")
     given = {"L1": None, "L2": request.L2} | dict(request.gains or {})
     family = THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, given["L1"], given["L2"])
     if family.L2 is None:
         raise file.wrong("diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free")
     gamma = file.number(*root, "gamma") if "gamma" in file.table(*root) else None
+    if gamma is not None and (request.gains or request.level is None or gamma < request.level):
+        raise file.wrong("diagnosis.certificate.gamma", f"{approximate(gamma):g} is below what the spec asks for")
+    if not covers(request, family, gamma):
+        where = f"{approximate(alpha):g} is not all that the spec asks for"
+        raise file.wrong("diagnosis.certificate.alpha", where)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {approximate(gamma):g}"
-    words = f"Theorem 1 has no solution at alpha = {approximate(alpha):g}{level}, nor at a larger alpha"
-    return Proof(words, refutation.checks)
+    words = f"Theorem 1 has no solution at alpha = {approximate(alpha):g}{level}"
+    return Proof(words + (", nor at a larger alpha" if falls(family, gamma) else ""), refutation.checks)
+
+
+def falls(family: Incremental, gamma: fmpq | None) -> bool:
+    """Whether what has no solution at an alpha has none at a larger one.
+
+    So it is for any gamma (2 alpha m may grow with alpha), and for a given one where alpha has no other part in it.
+    """
+    return gamma is None or family.about.monotone
+
+
+def covers(request: Request, family: Incremental, gamma: fmpq | None) -> bool:
+    """Whether no solution at the alpha of a family means that there is none at any alpha that is asked for."""
+    low, high = ends(request.alpha)
+    return family.alpha == low and (low == high or falls(family, gamma))
 
 
 def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:
@@ -84,7 +102,10 @@ def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known:
     "exact" where `certificate` proves that no P, no gain and no multiplier satisfy the inequalities of the family at
     this alpha (and at a gamma that was asked for), or else "numerical".
     """
-    return {**reason(spec, family, largest_alpha, known), **absence(family, known)}
+    gamma = printed(known["gamma"]["asked"]) if "gamma" in known else None
+    whole = covers(request_of(spec).printed(), family, gamma)
+    proof = absence(family, known) if whole else {"proof": "numerical"}
+    return {**reason(spec, family, largest_alpha, known), **proof}
 
 
 def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:

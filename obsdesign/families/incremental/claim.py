@@ -8,7 +8,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import ends
-from obsdesign.dissipation.certificate import Certificate, certify
+from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import Incremental
@@ -37,11 +37,13 @@ class Claim(Proved):
 
     certificate: Certificate
     reconstruction: Reconstructed | None = None
+    asked: tuple[Check, ...] = ()  # that a designed gain keeps the bounds of the spec
 
     @property
     def checks(self) -> tuple[Check, ...]:
         """Every condition, those of the bound on the reconstruction of w included."""
-        return (*self.certificate.checks, *(self.reconstruction.conditions() if self.reconstruction else ()))
+        more = self.reconstruction.conditions() if self.reconstruction else ()
+        return (*self.certificate.checks, *self.asked, *more)
 
     def guarantee(self, spec: Spec) -> Quadratic:  # noqa: ARG002
         """Guarantee in doubles."""
@@ -84,12 +86,18 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     family = kind(spec.augmented, spec.multiplier, spec.H, file.number("guarantee", "alpha"), gains["L1"], gains["L2"])
     request = request_of(spec)
     largest = None if request.gains else request.bounds.P
-    claim = Claim(read_certificate(file, family, ("guarantee",), ("certificate",), largest))
+    certificate = read_certificate(file, family, ("guarantee",), ("certificate",), largest)
+    claim = Claim(certificate, asked=held(request, gains["L1"], certificate.gamma))
     if "reconstruction" in file.table("guarantee"):
         claim = replace(claim, reconstruction=read_reconstruction(spec, file, family))
     if file.at("guarantee", "statement") != claim.statement(spec):
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     return claim
+
+
+def held(request: Request, L1: Array, gamma: fmpq) -> tuple[Check, ...]:
+    """Whether a designed gain does what is asked, in rationals; of a given one nothing is."""
+    return () if request.gains else kept(replace(request.bounds, gamma=request.level), L1, gamma)
 
 
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:

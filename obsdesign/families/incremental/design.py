@@ -19,7 +19,7 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED, smaller_class
 from obsdesign.families.incremental.absence import why_not
 from obsdesign.families.incremental.accuracy import accurate
-from obsdesign.families.incremental.claim import Claim
+from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point
 from obsdesign.families.incremental.extent import largest_class
 from obsdesign.families.incremental.reconstruct import reconstruct
@@ -176,8 +176,11 @@ class Designer:
         made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
             certificate = claim(self.engine, candidate, gamma, values, self.request.bounds.P)
-            made = Outcome(Verdict.UNCERTIFIED, doubles(candidate), Claim(certificate) if certificate else None)
-            if certificate and certificate.holds:
+            assert candidate.L1 is not None
+            asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
+            proof = Claim(certificate, asked=asked) if certificate else None
+            made = Outcome(Verdict.UNCERTIFIED, doubles(candidate), proof)
+            if proof and proof.holds:
                 return self.completed(candidate, replace(made, status=Verdict.CERTIFIED))
         return made
 
@@ -229,12 +232,10 @@ class Designer:
     def choice(self, alpha: float) -> str:
         """Why this alpha, in words."""
         if self.request.objective == "pareto":
-            return (
-                f"alpha = {alpha:g} is the fastest decay of the curve with a least gamma within the slack of its least"
-            )
+            return f"alpha = {alpha:g} is the fastest decay of the curve that was found within the slack of its least"
         if self.family.about.monotone:
             return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
-        return f"alpha = {alpha:g} has the least gamma of the range, by a grid and Brent's method"
+        return f"alpha = {alpha:g} has the least gamma that was found in the range, by a grid and Brent's method"
 
     def fastest(self) -> Outcome:
         """Largest alpha by bisection on feasibility; the shipped one is within the slack of it."""

@@ -85,6 +85,12 @@ class Request:
         """L2 of the gains that are analyzed, or of the design; None: free."""
         return self.gains["L2"] if self.gains else self.L2
 
+    @property
+    def level(self) -> fmpq | None:
+        """Largest gamma that does what is asked; None: any."""
+        asked = [level for level in (self.gamma, self.bounds.gamma) if level is not None]
+        return min(asked, default=None)
+
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""
         low, high = map(printed, ends(self.alpha))

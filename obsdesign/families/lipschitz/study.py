@@ -12,7 +12,7 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.lipschitz.claim import Claim, needed, within
+from obsdesign.families.lipschitz.claim import Claim, held, needed
 from obsdesign.families.lipschitz.reasons import gate
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
@@ -136,8 +136,9 @@ class Study:
 
     def outcome(self, L: Array, claim: Claim | None, **further: Any) -> Outcome:
         """Outcome for a gain, in rationals, with a proof or without."""
-        held = replace(claim, bound=within(self.request, L)) if claim else None
-        return Outcome(Verdict.CERTIFIED if held else Verdict.UNCERTIFIED, {"L": in_floats(L)}, held, **further)
+        if claim:
+            claim = replace(claim, bound=held(self.request, L, claim.certificate, disturbed=self.disturbed))
+        return Outcome(Verdict.CERTIFIED if claim else Verdict.UNCERTIFIED, {"L": in_floats(L)}, claim, **further)
 
 
 def out_of_bounds(answer: Answer) -> bool:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
+from obsdesign.dissipation.bounds import Bounds, ends
+from obsdesign.dissipation.certificate import kept
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import LARGEST_EXPONENT, MEANING, SporadicCertificate, certify_sporadic
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
@@ -26,12 +27,17 @@ class Claim(Proved):
 
     certificate: SporadicCertificate
     longest: SporadicCertificate | None = None  # for the largest T2 that given gains are proved to tolerate
+    asked: tuple[Check, ...] = ()  # that a designed gain keeps the bound of the spec
 
     @property
     def checks(self) -> tuple[Check, ...]:
         """Every condition, those of the longest T2 included."""
         more = self.longest.checks if self.longest else ()
-        return (*self.certificate.checks, *(replace(check, name=f"T2_max: {check.name}") for check in more))
+        return (
+            *self.certificate.checks,
+            *self.asked,
+            *(replace(check, name=f"T2_max: {check.name}") for check in more),
+        )
 
     def guarantee(self, spec: Spec) -> SporadicGuarantee:  # noqa: ARG002
         """Guarantee in doubles."""
@@ -71,7 +77,8 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     gains = read_gains(spec, file)
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
     require_request(file, request_of(spec), gains, asked)
-    claim = Claim(read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",)))
+    certificate = read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",))
+    claim = Claim(certificate, asked=held(request_of(spec), gains["L"]))
     if not claim.holds:
         return claim
     for key, value in asdict(claim.certificate.constants).items():
@@ -84,6 +91,11 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     root = ("certificate", "T2_max")
     asked["T2"] = file.number("guarantee", "T2_max")
     return replace(claim, longest=read_certificate(spec, file, gains, asked, root, (*root, "delta"), root))
+
+
+def held(request: SporadicRequest, L: Array) -> tuple[Check, ...]:
+    """Whether a designed gain keeps its bound, in rationals."""
+    return () if request.gains else kept(Bounds(L1=request.largest_gain), L)
 
 
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
@@ -128,6 +140,12 @@ def require_request(
     for name in ("T1", "T2"):
         if file.number("observer", name) != claim[name]:
             raise file.wrong(f"observer.{name}", "differs from that of the guarantee")
+    if not request.gains:
+        if request.injections == ("hold",) and gains["H"].any():
+            raise file.wrong("observer.H", "not zero, and the spec asks for injection: hold")
+        delta, low, high = file.number("observer", "delta"), request.delta.low, request.delta.high
+        if low == high and delta != printed(low):
+            raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for")
     for name, given in (request.gains or {}).items():
         if (printed(given) != gains[name]).any():
             raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")

@@ -17,7 +17,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import Outcome, Search, Verdict
-from obsdesign.families.sporadic.claim import Claim
+from obsdesign.families.sporadic.claim import Claim, held
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
@@ -135,7 +135,9 @@ class Designer:
         return Outcome(
             Verdict(made.status),
             in_doubles(made.gains),
-            Claim(made.certificate) if made.certificate else None,
+            Claim(made.certificate, asked=held(self.request, made.gains[0]))
+            if made.certificate and made.gains
+            else None,
             limit=limit,
             limit_bounded=bounded,
             diagnosis=made.diagnosis,
@@ -199,7 +201,8 @@ class Designer:
             "the error decays at this rate without any measurement: T2 is unbounded, and no gain is needed"
         )
         limit = {"T2": float(T2), "attained": True, "unbounded": True}
-        return Outcome(Verdict.CERTIFIED, in_doubles(nothing), Claim(certificate), limit)
+        proof = Claim(certificate, asked=held(self.request, nothing[0]))
+        return Outcome(Verdict.CERTIFIED, in_doubles(nothing), proof, limit)
 
     # Curves
 
