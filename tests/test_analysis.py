@@ -8,6 +8,8 @@ import pytest
 from scipy.linalg import expm
 from support.commands import run
 
+import obsdesign as od
+from obsdesign.dissipation.decimals import round_down
 from obsdesign.files import to_json
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -123,8 +125,8 @@ def test_the_worst_pole_and_the_steps_are_those_of_the_worst_slope(text, slopes)
         assert radius(content, method, grid, 0.99 * step) <= 1 + 1e-9
         assert radius(content, method, grid, 1.02 * step) > 1
     assert "of the linear part, without f" in table
-    assert "the slowest of any f = K q of the types" in table
-    assert f"{steps['rk4']:.3g} s (Runge-Kutta 4)" in table
+    assert "the slowest that was found of f = K q of the types" in table
+    assert f"{round_down(steps['rk4'], 3):g} s (Runge-Kutta 4)" in table
 
 
 def test_a_linear_plant_may_be_discretised_exactly_with_any_step():
@@ -143,7 +145,7 @@ def test_slopes_without_a_bound_leave_no_step_and_the_table_says_so():
     assert content["analysis"]["worst_pole"] is None
     assert set(content["analysis"]["largest_step"].values()) == {None}
     assert content["observer"]["largest_step"] is None
-    assert table.count("not bounded: the slopes of f are not") == 2
+    assert table.count("not told: slopes of f are not bounded") == 2
 
 
 @pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
@@ -205,4 +207,27 @@ def test_the_contraction_from_one_measurement_to_the_next_is_that_of_the_worst_s
             sizes.append(np.abs(np.linalg.eigvals(E[:2, :2] + E[:2, 2:] @ C)).max())
         assert abs(complex(*made["multipliers"][name][0])) == pytest.approx(sizes[2])
         assert made["contraction"][name] == pytest.approx(max(sizes))
-    assert "the slowest of any f = K q of the types" in table
+    assert "the slowest that was found of f = K q of the types" in table
+
+
+def test_the_worst_member_of_a_ball_of_matrices_is_found():
+    """A = -I and K = 0.55 u v' with u = Bf / |Bf|: the poles lie between -1 - 0.55 |Bf| and -1 + 0.55 |Bf|."""
+    Bf = np.array([[1], [0.5], [-1]])
+    system = {"A": -np.eye(3), "B": [[1], [0], [0]], "C": [[1, 0, 0]]}
+    blocks = [{"type": {"lipschitz": 0.55}, "Bf": Bf, "Cq": np.eye(3)}]
+    observer = {"type": "lipschitz", "objective": "min-gamma", "gains": {"L": [[0], [0], [0]]}}
+    found = od.solve(od.Spec(system=system, nonlinearities=blocks, observer=observer)).analysis
+    reach = 0.55 * np.linalg.norm(Bf)
+    assert found["worst_pole"] == pytest.approx([-1 + reach, 0], abs=1e-6)
+    assert found["largest_step"]["euler"] == pytest.approx(2 / (1 + reach), rel=1e-6)
+
+
+def test_the_peak_gain_of_a_vector_is_no_more_than_what_is_proved():
+    """For f = 0 the largest integral of |u' h| over unit vectors u is 12.94, that of |h| 20.0."""
+    system = {"A": [[-0.05, 1], [-1, -0.05]], "B": [[0], [1]], "C": [[1, 0]]}
+    blocks = [{"type": {"lipschitz": 1e-4}, "Bf": [[0], [1]], "Cq": [[0, 1]]}]
+    observer = {"type": "linf", "alpha": 0.02, "L2": 0, "gains": {"L1": [[-1e-5], [0]], "L2": [[0]]}}
+    design = od.solve(od.Spec(system=system, nonlinearities=blocks, observer=observer))
+    peak = design.analysis["peak_gain"]
+    assert peak["least"] == pytest.approx(12.94, rel=2e-3)
+    assert peak["least"] <= peak["most"]

@@ -260,3 +260,16 @@ def test_what_passes_its_bound_at_the_edge_of_a_region_only_is_refuted_there(typ
 def test_two_searches_find_the_same_pair():
     f = within("sin(q1) + cos(q2)", nq=2)
     assert search(f, "lipschitz", ONE) == search(f, "lipschitz", ONE)
+
+
+def test_a_refutation_within_a_region_of_every_argument_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wild.yaml").write_text(
+        "obsdesign: 1\nsystem: {A: [[-1, 0], [0, -1]], B: [1, 0], C: [1, 1]}\nnonlinearities:\n"
+        "  - {f: sin(1/(q1**2+q2**2))*cos(exp(q1*q2)), type: {lipschitz: 3, region: {q1: [-5, 5], q2: [-5, 5]}},\n"
+        "     Bf: [0, 1], Cq: [[1, 0], [0, 1]]}\nobserver: {type: l2, alpha: 0.1}\n"
+    )
+    outcome = run("solve", "wild.yaml")
+    assert outcome.exit_code == 2
+    assert "lipschitz 3 is refuted by q1 = " in outcome.stderr
+    assert "cannot have that value" not in outcome.stderr

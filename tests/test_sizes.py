@@ -50,6 +50,21 @@ def test_a_strong_coupling_is_not_called_infeasible(family):
     assert od.solve(od.Spec(system=system, observer=observer)).status == "certified"
 
 
+DIRECT = ({"A": [[-0.5, 1.7], [-0.4, -1.7]], "B": [[-0.6], [0.4]], "C": [[1.2, -0.1]]}, [[-0.5, -0.8]])
+TINY = ({"A": [[-1.5, -0.2], [0.2, -1.2]], "B": [[0.8], [1]], "C": [[-0.6, 0.1]], "D": [[1e-7]]}, [[-0.1, -1]])
+
+
+@pytest.mark.parametrize("plant", [DIRECT, TINY])
+def test_a_limit_of_zero_that_no_finite_gain_has_is_not_called_attained(plant):
+    """Without D, H B is not zero, nor is H (s I - A - L1 C)^-1 B; else B + L1 D = 0 makes A + L1 C unstable."""
+    system, H = plant
+    blocks = [{"type": {"lipschitz": 0.1}, "Bf": [[0.3], [0.2]], "Cq": [[0.5, 1]]}]
+    observer = {"type": "l2", "alpha": 0.1}
+    design = od.solve(od.Spec(system=system, nonlinearities=blocks, performance={"H": H}, observer=observer))
+    assert design.status == "certified"
+    assert not design.limit["attained"]
+
+
 @pytest.mark.parametrize("power", [0, 9, 12, 15, 18])
 def test_a_gain_that_cancels_the_disturbance_attains_the_limit_of_zero(power):
     """L1 D = -B, in every unit of w."""

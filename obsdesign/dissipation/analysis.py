@@ -30,6 +30,9 @@ STEPS = 60
 FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
 INSIDE = 1e-9  # relative; a pole is stable if its real part is below that
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
+DIRECTIONS = 100  # of z in which its peak is sought
+STARTS = 8  # members from which extreme ones are sought, in as many steps as
+ASCENTS = 8
 METHODS = ("euler", "rk4", "exact")
 
 
@@ -54,11 +57,15 @@ class Errors:
 
     @property
     def bounded(self) -> bool:
-        """Whether every block that acts has bounded slopes."""
+        """Whether the slopes of every block that acts are bounded, and its members known well enough to be sampled.
+
+        Of matrices that satisfy two quadratic forms they are not.
+        """
         q = f = 0
         for block in self.multiplier.blocks:
             acts = self.plant.Cq[q : q + block.nq].any() and np.vstack([self.plant.Bf, self.plant.Df])[:, f].any()
-            if acts and not block.bounded:
+            unknown = len(block.generators) > 1 and block.nq * block.nf > 1
+            if acts and (unknown or not block.bounded):
                 return False
             q, f = q + block.nq, f + block.nf
         return True
@@ -66,9 +73,51 @@ class Errors:
     @cached_property
     def through(self) -> list[Array]:
         """F of each member for which the algebraic loop has one solution."""
-        D = self.plant.Dqf + self.L2 @ self.plant.Df
-        loops = ((K, np.eye(len(K)) - K @ D) for K in members(self.multiplier))
-        return [np.linalg.solve(loop, K) for K, loop in loops if not len(K) or np.linalg.cond(loop) < 1 / INSIDE]
+        sampled = members(self.multiplier)
+        extreme = (K for start in sampled[:STARTS] for K in self.extremes(start)) if self.balls else ()
+        found = (self.looped(K) for K in (*sampled, *extreme))
+        return [F for F in found if F is not None]
+
+    def looped(self, K: Array) -> Array | None:
+        """F of a member; None where the algebraic loop has no one solution."""
+        loop = np.eye(len(K)) - K @ (self.plant.Dqf + self.L2 @ self.plant.Df)
+        return np.linalg.solve(loop, K) if not len(K) or np.linalg.cond(loop) < 1 / INSIDE else None
+
+    @cached_property
+    def balls(self) -> list[tuple[slice, slice, Array, Array, Array]]:
+        """Rows, columns, center, S and T of each block whose class is a ball of matrices."""
+        found, q, f = [], 0, 0
+        for block in self.multiplier.blocks:
+            ball = ball_of(block) if block.bounded and block.nq * block.nf > 1 else None
+            found += [(slice(f, f + block.nf), slice(q, q + block.nq), *ball)] if ball else []
+            q, f = q + block.nq, f + block.nf
+        return found
+
+    def extremes(self, start: Array) -> Iterator[Array]:
+        """Members with a slow, a fast, and a fast oscillating pole, by ascent over the balls of matrices from one.
+
+        For a simple pole d lambda = r dK b with r = w* G (I - K D)^-1 / (w* x), b = (I + D F) (Cq + L2 C) x; on the
+        ball center + S U T, |U| <= 1, Re(c* r dK b) is the largest at the polar factor of S' Re(c* r' b') T'.
+        """
+        from scipy.linalg import eig, polar
+
+        p, D = self.plant, self.plant.Dqf + self.L2 @ self.plant.Df
+        G, Q = p.Bf + self.L1 @ p.Df, p.Cq + self.L2 @ p.C
+        for c in (1.0, -1.0, 1j):
+            K = start.copy()
+            for _ in range(ASCENTS):
+                F = self.looped(K)
+                if F is None:
+                    break
+                values, left, right = eig(p.A + self.L1 @ p.C + G @ F @ Q, left=True, right=True)  # type: ignore[misc]
+                k = int((values / c).real.argmax())
+                w, x = left[:, k].conj(), right[:, k]
+                r = w @ G @ np.linalg.inv(np.eye(len(K)) - K @ D) / (w @ x or 1.0)
+                slope = np.outer(r, (np.eye(len(D)) + D @ F) @ Q @ x) / c
+                for rows, columns, center, S, T in self.balls:
+                    U, _ = polar(S.T @ slope.real[rows, columns] @ T.T)
+                    K[rows, columns] = center + S @ U @ T
+                yield K.copy()
 
     @cached_property
     def systems(self) -> list[tuple[Array, Array, Array]]:
@@ -109,6 +158,8 @@ class Errors:
         """Largest step of the discretisation that holds f and is exact otherwise; None: any, as far as was tried."""
         from scipy.linalg import expm
 
+        if not stable(self.poles):
+            return None
         p, n = self.plant, self.plant.n
         forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.through]
         if unit is None or not np.any(forced):
@@ -119,8 +170,11 @@ class Errors:
             E = expm(h * generator)
             return bool(np.abs(np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ np.array(forced))).max() > 1 + INSIDE)
 
-        low = unit / 10
-        for high in (unit / 10 * np.geomspace(1, 10 * FARTHEST, STEPS)).tolist():
+        start = unit / 10
+        while unstable(start):
+            start /= 10
+        low = start
+        for high in (start * np.geomspace(1, unit / start * FARTHEST, STEPS)).tolist():
             if unstable(high):
                 break
             low = high
@@ -184,16 +238,23 @@ def samples(block: Block) -> list[Array]:
     if block.nq == block.nf == 1:
         return [*(np.array([[k]]) for k in sorted({K.item() for K in found})), *middle]
     random = np.random.default_rng(0)
-    for g in block.generators[:1] if len(block.generators) == 1 else ():
-        M11, M12, R = in_floats(g.M11), in_floats(g.M12), -in_floats(g.M22)
-        center = np.linalg.solve(R, M12.T)
-        values, vectors = np.linalg.eigh(M11 + M12 @ center)
-        radius = np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
+    if ball := ball_of(block):
+        center, S, T = ball
         for _ in range(ROTATIONS):
             U, _, V = np.linalg.svd(random.normal(size=(block.nf, block.nq)), full_matrices=False)
-            turned = np.linalg.solve(np.linalg.cholesky(R).T, U @ V @ radius)
-            found += [center + turned, center - turned]
+            found += [center + S @ U @ V @ T, center - S @ U @ V @ T]
     return [*found, *middle]
+
+
+def ball_of(block: Block) -> tuple[Array, Array, Array] | None:
+    """Center, S and T of a class {center + S U T, |U| <= 1}: one quadratic form with M22 < 0; None for others."""
+    if len(block.generators) != 1:
+        return None
+    M11, M12, R = (in_floats(M) for M in (block.generators[0].M11, block.generators[0].M12, -block.generators[0].M22))
+    center = np.linalg.solve(R, M12.T)
+    values, vectors = np.linalg.eigh(M11 + M12 @ center)
+    S = np.linalg.inv(np.linalg.cholesky(R)).T
+    return center, S, np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
 
 
 def stable(poles: Array) -> bool:
@@ -228,7 +289,10 @@ def response(A: Array, B: Array, omega: Array) -> Array:
 
 
 def area(A: Array, B: Array, H: Array) -> float:
-    """Integral over t of |H exp(A t) B|, by the trapezoidal rule on a grid for each pole."""
+    """Largest integral over t of |u' H exp(A t) B| for |u| = 1, over directions u, by the trapezoidal rule.
+
+    The inputs with |v| <= 1 that are aligned with it attain it: it is no more than the gain from sup|v| to sup|z|.
+    """
     values, V = np.linalg.eig(A)
     ends = 25 / np.abs(values.real)
     counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
@@ -236,4 +300,11 @@ def area(A: Array, B: Array, H: Array) -> float:
     t = np.unique(np.concatenate([*dense, ends.max() * np.geomspace(1e-9, 1, SAMPLES)]))
     left, right = H @ V, np.linalg.solve(V, B)
     h = np.einsum("zk,kt,kv->tzv", left, np.exp(values[:, None] * t), right)
-    return float(np.trapezoid(np.linalg.norm(h, 2, axis=(1, 2)), t)) if h.size else 0.0
+    if not h.size:
+        return 0.0
+    moment = np.trapezoid(np.einsum("tzv,tyv->zyt", h, h), t, axis=2)
+    random = np.random.default_rng(0).normal(size=(DIRECTIONS, len(H)))
+    directions = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(len(H)), random])
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    along = np.linalg.norm(np.einsum("uz,tzv->tuv", directions if len(H) > 1 else np.eye(1), h), axis=2)
+    return float(np.trapezoid(along, t, axis=0).max())

@@ -77,22 +77,28 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
 
 
 @dataclass(frozen=True)
+class Vanishing:
+    """How the least gamma over all gains vanishes, if it does."""
+
+    table: tuple[tuple[float, float], ...] = ()  # of `falling`: with a gain that grows without bound
+    instead: float | None = None  # of `cancelled`
+    attained: bool = False  # by a finite gain, with which v does not act on the error
+
+
+@dataclass(frozen=True)
 class Level:
     """Least gamma over some gains, and where the limit is zero at a finite gain the level to certify in its place."""
 
     gamma: float
     instead: float | None = None
+    attained: bool = False  # the zero, by a finite gain
 
     @classmethod
-    def of(cls, answer: Answer, instead: float | None) -> Self:
-        """Gamma of an optimum, or zero where a finite gain cancels the disturbance and it is rounding."""
+    def of(cls, answer: Answer, zero: Vanishing) -> Self:
+        """Gamma of an optimum, or zero where it vanishes and the rest is rounding."""
         gamma = math.sqrt(max(answer.objective, 0.0))
-        return cls(0.0, instead) if instead and gamma < SHARE * instead else cls(gamma)
-
-    @property
-    def attained(self) -> bool:
-        """Whether a finite gain has it, for the limit over all gains."""
-        return self.instead is not None
+        vanishes = zero.instead and gamma < SHARE * zero.instead
+        return cls(0.0, zero.instead, zero.attained) if vanishes else cls(gamma)
 
     def target(self, slack: float) -> float:
         """Gamma to be certified, within the slack of the least, rounded down to 6 digits so that it stays there."""
@@ -101,20 +107,31 @@ class Level:
         return max(round_down(self.gamma * (1 + slack), 6), round_up(self.gamma, 6))
 
 
-def vanishing(
-    engine: Engine, family: Incremental, limit: Answer
-) -> tuple[tuple[tuple[float, float], ...], float | None]:
-    """Table of `falling`, and level of `cancelled`; only one of them says something.
+def vanishing(engine: Engine, family: Incremental, limit: Answer) -> Vanishing:
+    """Whether the least gamma is zero: where a finite gain keeps v from the error that is tried first.
 
-    Where B + L1 D = 0 has a solution, a finite gain is tried first: gamma falls towards it as well.
+    Gamma falls towards such a gain as well.
     """
-    p = family.plant
-    rows = np.vstack([p.D, p.B])
-    rows = rows / np.where(rows.any(axis=1), np.abs(rows).max(axis=1, initial=0), 1.0)[:, None]
-    solvable = np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[: len(p.D)]) if rows.size else False
-    instead = cancelled(engine, family, limit) if solvable else None
+    silent = kept_out(family)
+    attained = silent is not None and engine.widest(silent.feasible()).status is Status.OPTIMAL
+    instead = cancelled(engine, family, limit) if attained else None
     table = () if instead else falling(engine, family, limit)
-    return table, instead if solvable or table else cancelled(engine, family, limit)
+    return Vanishing(table, instead if attained or table else cancelled(engine, family, limit), attained and not table)
+
+
+def kept_out(family: Incremental) -> Incremental | None:
+    """Problem that is left with L1 = Z N - B D^+, N = I - D D^+: v does not act on e; None where B + L1 D is not zero.
+
+    The output is N y then, in which there is no v either.
+    """
+    p, through = family.plant, family.plant.Dq if family.L2 is None else family.plant.Dq + family.L2 @ family.plant.D
+    back = np.linalg.pinv(p.D)
+    L, N = -p.B @ back, np.eye(len(p.D)) - p.D @ back
+    rest, size = p.B + L @ p.D, np.abs(p.B).max(axis=1, initial=0.0, keepdims=True)
+    if not p.B.any() or (np.abs(rest) > ROUNDED * size).any() or through.any():
+        return None
+    A, Bf, C, Df = p.A + L @ p.C, p.Bf + L @ p.Df, N @ p.C, N @ p.Df
+    return replace(family, plant=replace(p.undisturbed, A=A, Bf=Bf, C=C, Df=Df))
 
 
 def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:

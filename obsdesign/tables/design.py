@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from obsdesign.dissipation.decimals import round_down
 from obsdesign.families import FAMILIES
 from obsdesign.tables.text import UNBOUNDED, limit_text, pole_text
 
@@ -38,11 +39,15 @@ def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = []
     if "worst_pole" in found:
         worst = found["worst_pole"]
-        said = UNBOUNDED if worst is None else f"{pole_text(worst)} 1/s   the slowest of any f = K q of the types"
+        said = (
+            UNBOUNDED
+            if worst is None
+            else f"{pole_text(worst)} 1/s   the slowest that was found of f = K q of the types"
+        )
         rows.append(("worst pole", said))
     steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
     known = {name: found["largest_step"][key] for name, key in steps.items()}
-    told = ", ".join(f"{step:.3g} s ({name})" for name, step in known.items() if step is not None)
+    told = ", ".join(f"{round_down(step, 3):g} s ({name})" for name, step in known.items() if step is not None)
     rows.append(("largest step", told or UNBOUNDED))
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [f"{word} {gain:.4g}" for word, gain in (("at least", low), ("at most", high)) if gain is not None]

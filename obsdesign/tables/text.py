@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-UNBOUNDED = "not bounded: the slopes of f are not"
+UNBOUNDED = "not told: slopes of f are not bounded, or not all their matrices are known"
 
 
 def aligned(rows: list[tuple[str, str]]) -> str:

@@ -116,9 +116,10 @@ class Designer:
         if answer.status is Status.INFEASIBLE:
             return {}, None
         free = self.request.objective in {"feasibility", "max-alpha"}
-        table, instead = vanishing(self.engine, search, answer)
-        if answer.status is Status.OPTIMAL or table or instead:
-            level = Level(0.0) if table else Level.of(answer, instead)
+        zero = vanishing(self.engine, search, answer)
+        table = zero.table
+        if answer.status is Status.OPTIMAL or table or zero.instead:
+            level = Level(0.0) if table else Level.of(answer, zero)
             limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained}}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
@@ -137,7 +138,7 @@ class Designer:
             if table and self.request.bounds.L1 is None:
                 raise unbounded(alpha, table)
             raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.reason}")
-        level = Level.of(bounded, instead)
+        level = Level.of(bounded, zero)
         return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True}}, level
 
     def target(self, search: Incremental, least: Level) -> float:
@@ -150,7 +151,7 @@ class Designer:
                 return float(bounds.gamma)
             easy = max(self.moderate(search), least.instead or 0.0)
             least = max(least, Level(easy), key=lambda level: level.gamma)
-        if least.instead:
+        if least.attained:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
 

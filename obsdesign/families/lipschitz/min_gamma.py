@@ -7,7 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.gain import rounded_gains, smallest, within
-from obsdesign.dissipation.zero import Level, settled, tabulated, vanishing
+from obsdesign.dissipation.zero import Level, Vanishing, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
@@ -35,7 +35,7 @@ def least_gamma(study: Study) -> Outcome:
             return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         if answer.status is not Status.OPTIMAL:
             raise UndecidedError(f"the least gamma within the bounds was not found: {answer.reason}")
-        limit = Level.of(answer, limit.instead)
+        limit = Level.of(answer, Vanishing(instead=limit.instead, attained=limit.attained))
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if asked < limit.gamma:
@@ -45,7 +45,7 @@ def least_gamma(study: Study) -> Outcome:
     L, claim = study.first(small_gains(study, family, study.declared, target))
     if L is None:
         raise UndecidedError(f"no gain was found for gamma = {target:g}")
-    notes = (CANCELS,) if limit.instead and cancels(study.unit.plant) else ()
+    notes = (CANCELS,) if limit.attained and cancels(study.unit.plant) else ()
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
 
 
@@ -56,7 +56,8 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
     was not found.
     """
     answer = study.engine.minimise(family.least_gamma())
-    rows, instead = vanishing(study.engine, family, answer)
+    zero = vanishing(study.engine, family, answer)
+    rows = zero.table
     if rows and not study.restricted:
         raise tabulated(
             "the least gamma is 0, with a gain that grows without bound; choose `bounds: {L: ..}` from this table",
@@ -66,9 +67,9 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
         )
     if rows:
         return Level(0.0)
-    if answer.status is not Status.OPTIMAL and not instead:
+    if answer.status is not Status.OPTIMAL and not zero.instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}")
-    return Level.of(answer, instead)
+    return Level.of(answer, zero)
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:

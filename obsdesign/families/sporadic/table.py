@@ -25,5 +25,5 @@ def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("H", matrix_text(made["H"])),
     ]
     known = ", ".join(f"{k:.3g} over {name}" for name, k in made["contraction"].items() if k is not None)
-    said = f"{known}   the slowest of any f = K q of the types" if known else UNBOUNDED
+    said = f"{known}   the slowest that was found of f = K q of the types" if known else UNBOUNDED
     return [*rows, ("delta", f"{made['delta']:g} 1/s"), ("contraction", said)]
