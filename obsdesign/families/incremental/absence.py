@@ -70,7 +70,7 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     if gamma is not None and (request.gains or request.level is None or gamma < request.level):
         raise file.wrong("diagnosis.certificate.gamma", f"{approximate(gamma):g} is below what the spec asks for")
     if not covers(request, family, gamma):
-        where = f"{approximate(alpha):g} is not all that the spec asks for"
+        where = f"{approximate(alpha):g} is not what the spec asks for, or not all of it"
         raise file.wrong("diagnosis.certificate.alpha", where)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {approximate(gamma):g}"

@@ -26,6 +26,7 @@ from obsdesign.families.incremental.request import Request, request_of
 from obsdesign.families.incremental.theorems import THEOREMS, Linf
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
+from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
@@ -71,6 +72,7 @@ class Claim(Proved):
         g = self.certificate.guarantee
         guarantee = {"gamma": g.gamma, "alpha": g.alpha, "mu1": g.mu1, "mu2": g.mu2, **limits}
         certificate = self.certificate.written()
+        certificate["checks"] += listed(self.asked)
         if self.reconstruction:
             bound = self.reconstruction.bound
             guarantee["reconstruction"] = {"w": bound.w, "w_rate": bound.w_rate, "x_rate": bound.x_rate}

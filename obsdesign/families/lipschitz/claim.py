@@ -17,6 +17,7 @@ from obsdesign.families.lipschitz.relaxations import EQUATIONS, Lipschitz, propo
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
+from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
@@ -107,6 +108,7 @@ class Claim(Proved):
             "statement": self.statement(spec),
         }
         certificate = self.certificate.written()
+        certificate["checks"] += listed(self.bound)
         if more:
             level = more.certificate
             numbers = {key: approximate(getattr(level, key)) for key in ("gamma", "mu1", "mu2") if spec.disturbed}

@@ -16,6 +16,7 @@ from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.observer import errors
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
+from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate, printed, rational_number
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
@@ -56,6 +57,7 @@ class Claim(Proved):
         """What is proved, the limit it is near to, and the witnesses."""
         proof, longest = self.certificate, self.longest
         certificate = proof.written()
+        certificate["checks"] += listed(self.asked)
         if longest:
             numbers = {key: approximate(getattr(longest, key)) for key in ("gamma", "mu")}
             delta = approximate(longest.family.delta)
