@@ -12,9 +12,10 @@ from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
+from obsdesign.model.split import Split
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
+from obsdesign.reading.schema import Equations, Matrices
 from obsdesign.reading.schema import Nonlinearity as Section
-from obsdesign.reading.schema import System
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
@@ -22,6 +23,12 @@ from obsdesign.spec import Nonlinearity, numbered
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
+KINDS = (  # key of a section, attribute of `Names`, and what each is
+    ("states", "states", "a state"),
+    ("outputs", "outputs", "an output"),
+    ("inputs", "inputs", "an input"),
+    ("disturbances", "w", "a disturbance"),
+)
 X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")
 Q, F = Axis(None, "component of q"), Axis(None, "component of f")
 
@@ -64,11 +71,12 @@ class Reading:
     gy: tuple[Expression, ...] = ()
     gq: tuple[Expression, ...] = ()
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
+    split: Split | None = None  # of a plant as equations
 
 
 def read_plant(
     reader: Reader,
-    system: System | None,
+    system: Matrices | None,
     sections: Sequence[Section] | None,
     *,
     identity: bool = False,
@@ -187,7 +195,7 @@ def left_out(reader: Reader, section: Section, loc: Loc, n: int) -> list[str]:
 
 def lay_out(
     reader: Reader,
-    system: System,
+    system: Matrices,
     matrices: Mapping[str, Entries],
     sizes: tuple[Size, int],
     parts: Sequence[Part] | None,
@@ -275,21 +283,23 @@ def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
             reader.parameters[name] = value
 
 
-def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: Axis) -> Names | None:
+def read_names(reader: Reader, system: Matrices | Equations, states: Axis, outputs: Axis, w: Axis) -> Names | None:
     """Names of the signals; None if an earlier error leaves them open."""
     before = len(reader.problems)
-    taken = dict.fromkeys(numbered("w", w.size or 0), "an exogenous input")
+    disturbances = given_or(reader, "disturbances", system.disturbances, w, "w")
+    taken = {} if system.disturbances else dict.fromkeys(disturbances, "an exogenous input")
     names = Names(
-        states=given_or(reader, "states", system.states, states, "x"),
+        states=given_or(reader, "states", system.states or getattr(system, "dynamics", None), states, "x"),
         outputs=given_or(reader, "outputs", system.outputs, outputs, "y"),
         inputs=tuple(system.inputs),
-        w=tuple(taken),
+        w=disturbances,
     )
-    for key, each in (("states", "a state"), ("outputs", "an output"), ("inputs", "an input")):
+    for key, group, each in KINDS:
         given = getattr(system, key)
-        for i, name in enumerate(getattr(names, key)):
+        for i, name in enumerate(getattr(names, group) if given or group != "w" else ()):
             if reason := meaning(name) or (name in taken and f"is {taken[name]} already; choose another name"):
-                reader.wrong(("system", key, i) if given else ("system", key), f"{described(name)} {reason}")
+                place = ("system", key, *([i] if isinstance(given, list) else [name] if given else []))
+                reader.wrong(place, f"{described(name)} {reason}", at_key=isinstance(given, dict))
             taken[name] = each
     for name in reader.parameters:
         if name in taken:
@@ -301,7 +311,7 @@ def read_names(reader: Reader, system: System, states: Axis, outputs: Axis, w: A
     return names if len(reader.problems) == before else None
 
 
-def given_or(reader: Reader, key: str, given: Sequence[str] | None, axis: Axis, letter: str) -> tuple[str, ...]:
+def given_or(reader: Reader, key: str, given: Collection[str] | None, axis: Axis, letter: str) -> tuple[str, ...]:
     """Names as given, or the default ones."""
     if given is not None and not axis.admits(len(given)):
         reader.wrong(("system", key), f"expected {counted(axis.size, 'name')} ({axis}), found {len(given)}")

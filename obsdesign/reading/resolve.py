@@ -13,9 +13,10 @@ from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, empty
+from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
-from obsdesign.reading.schema import Weight, read_file
+from obsdesign.reading.schema import Equations, Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.sections.document import Document, Loc, Number, described
 from obsdesign.sections.forms import unknown
@@ -53,7 +54,10 @@ def resolve(document: Document) -> Spec:
     read_parameters(reader, file.parameters)
     sampled = family is not None and family.sampled
     identity = family is not None and family.unstructured
-    plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
+    if isinstance(file.system, Equations):
+        plant = read_equations(reader, file.system, file.nonlinearities, sampled=sampled)
+    else:
+        plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)

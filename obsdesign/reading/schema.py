@@ -47,35 +47,37 @@ REGION = Named("Region", MapOf(ListOf(ENTRY, 2, 2)))
 SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
 
-class System(Section):
+DISCRETE = "belongs to discrete time, which is not available in this version: the plant is x' = A x + .."
+
+
+class Signals(Section):
+    """Names of the signals of a plant, however it is written."""
+
+    hints: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("Ts", "ts", "dt", "period", "time", "sample-time", "discretise"), DISCRETE
+    )
+
+    states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
+    inputs: list[str] = key(ListOf(TEXT), "names of known inputs, usable in gx, gy, gq and f", default=[])
+    disturbances: list[str] | None = key(ListOf(TEXT), "names of the channels of w, default w1, w2, ..")
+    units: dict[str, str] = key(MapOf(TEXT), "units of states, outputs and inputs, for axes and tables", default={})
+
+
+class Matrices(Signals):
     """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
 
     hints: ClassVar[Mapping[str, str]] = {
-        **unavailable(("dynamics", "domain"), ("A", "C")),
-        **dict.fromkeys(
-            ("Ts", "ts", "dt", "period", "time", "sample-time", "discretise"),
-            "belongs to discrete time, which is not available in this version: the plant is x' = A x + ..",
-        ),
+        **Signals.hints,
+        **dict.fromkeys(("domain", "types"), "belongs to a plant as equations (system.dynamics); see nonlinearities"),
     }
 
-    states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
     outputs: list[str] | None = key(ListOf(TEXT), "names, default y1, y2, ..")
-    inputs: list[str] = key(ListOf(TEXT), "names of known inputs, usable in gx, gy, gq and f", default=[])
-    units: dict[str, str] = key(MapOf(TEXT), "units of states, outputs and inputs, for axes and tables", default={})
     A: Entries = required(MATRIX, "nx x nx")
     B: Entries | None = key(MATRIX, "nx x nw; w is disturbance and noise together")
     C: Entries = required(MATRIX, "ny x nx")
     D: Entries | None = key(MATRIX, "ny x nw")
     gx: Items | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
     gy: Items | None = key(SIGNALS, "known terms: expressions of t and the inputs")
-
-    @classmethod
-    def read(cls, reader: Reader, value: Any, loc: Loc) -> Self | None:
-        """Return the section; a plant as equations is not read yet, and nothing else is said of it."""
-        if isinstance(value, dict) and "dynamics" in value:
-            reader.wrong((*loc, "dynamics"), cls.hints["dynamics"], at_key=True)
-            return None
-        return super().read(reader, value, loc)
 
 
 class Auto(Section):
@@ -123,6 +125,36 @@ TYPE = Either(
     ),
     mapping=TypeData,
 )
+
+
+class Equations(Signals):
+    """x' = f(t, x, u, w, y) and y = h(t, x, u, w), by name."""
+
+    hints: ClassVar[Mapping[str, str]] = {
+        **Signals.hints,
+        **dict.fromkeys(
+            ("A", "B", "C", "D", "gx", "gy"), "belongs to a plant in matrices; with dynamics the tool makes it"
+        ),
+    }
+
+    dynamics: dict[str, str] = required(MapOf(ENTRY), "derivative of each state: an expression of any signals and t")
+    outputs: dict[str, str] = required(MapOf(ENTRY), "each output: an expression of states, inputs, disturbances and t")
+    domain: dict[str, list[str]] | None = key(REGION, "[lo, hi] of signals: where the types of terms hold")
+    types: dict[str, str | TypeData] = key(MapOf(TYPE), "types of terms, by their text or f1, f2, ..", default={})
+
+
+class System:
+    """The plant, in matrices or as equations."""
+
+    def read(self, reader: Reader, value: Any, loc: Loc) -> Matrices | Equations | None:
+        """Return the section."""
+        equations = isinstance(value, dict) and "dynamics" in value
+        section: type[Matrices | Equations] = Equations if equations else Matrices
+        return section.read(reader, value, loc)
+
+    def schema(self, definitions: Schema) -> Schema:
+        """One of the sections."""
+        return {"oneOf": [section.schema(definitions) for section in (Matrices, Equations)]}
 
 
 class Function(Section):
@@ -285,7 +317,7 @@ class File(Section):
     parameters: dict[str, str] | None = key(
         MapOf(ENTRY), "numbers, usable by name in entries and expressions", default={}
     )
-    system: System | None = required(System)
+    system: Matrices | Equations | None = required(System())
     nonlinearities: list[Nonlinearity] | None = key(ListOf(Nonlinearity, most=MAX_BLOCKS), "the blocks f_i", default=[])
     disturbance: str | Disturbance | list[str | ChannelData] | None = key(
         Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=Disturbance), default="unknown"

@@ -1,0 +1,261 @@
+"""Identities between expressions, decided exactly.
+
+An expression becomes a fraction of two polynomials over the rationals, in its variables and in symbols for what is not
+rational in them. Symbols of a kind are told apart by their arguments in this form, and what holds between them is used:
+exp(a + b) = exp(a) exp(b), log(exp(a)) = a = exp(log(a)), sin^2 = 1 - cos^2 with the sums of angles, (a^(1/k))^k = a,
+|a|^2 = a^2. Where a numerator reduces to 0 two expressions are equal wherever both are defined: that is a proof. Where
+it does not, nothing is said, since not every relation is known.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache, reduce
+from math import lcm
+
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+
+from obsdesign.expressions.exact import ExpressionError
+from obsdesign.expressions.expression import Expression
+from obsdesign.expressions.tree import Call, Number, fold
+
+MAX_TERMS = 20_000  # of a polynomial
+MAX_EXPONENT = 64  # of a power that is multiplied out
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """Numerator and denominator."""
+
+    above: fmpq_mpoly
+    below: fmpq_mpoly
+
+    def __add__(self, other: "Fraction") -> "Fraction":
+        if self.below == other.below:
+            return Fraction(limited(self.above + other.above), self.below)
+        return Fraction(limited(self.above * other.below + other.above * self.below), self.below * other.below)
+
+    def __mul__(self, other: "Fraction") -> "Fraction":
+        return Fraction(limited(self.above * other.above), limited(self.below * other.below))
+
+    def __truediv__(self, other: "Fraction") -> "Fraction":
+        if other.above == 0:
+            raise ExpressionError("divides by zero")
+        return Fraction(limited(self.above * other.below), limited(self.below * other.above))
+
+    def __pow__(self, n: int) -> "Fraction":
+        if n < 0:
+            return Fraction(self.below, self.above) ** -n
+        return Fraction(limited(self.above**n), limited(self.below**n))
+
+
+def limited(p: fmpq_mpoly) -> fmpq_mpoly:
+    """Polynomial, or `ExpressionError` where it is too large."""
+    if len(p) > MAX_TERMS:
+        raise ExpressionError(f"has more than {MAX_TERMS} products when it is multiplied out")
+    return p
+
+
+@cache
+def ring(size: int) -> fmpq_mpoly_ctx:
+    """Polynomials in so many symbols."""
+    return fmpq_mpoly_ctx.get([("s", size)], Ordering.lex)
+
+
+@dataclass
+class Symbols:
+    """Symbols of some expressions, and the relations that hold between them."""
+
+    size: int
+    numbers: dict[str, int] = field(default_factory=dict)  # by key
+    relations: dict[int, tuple[int, Fraction]] = field(default_factory=dict)  # symbol^k = fraction
+    exponents: dict[int, Fraction] = field(default_factory=dict)  # of the symbols that are exponentials
+    logarithms: dict[str, Fraction] = field(default_factory=dict)  # what they are of, by their key as an exponent
+    parts: dict[str, int] = field(default_factory=dict)  # of an exponent or an angle: 1/k of it is an integer multiple
+
+    @classmethod
+    def of(cls, expressions: Sequence[Expression]) -> "Symbols":
+        """Room for everything in these expressions, with the parts that their exponents and angles have in common."""
+        nodes = sum(len(expression.order) for expression in expressions)
+        found: dict[str, int] = {}
+        while True:
+            symbols = cls(2 * nodes + 2, parts=dict(found))
+            for expression in expressions:
+                symbols.fraction(expression)
+            if symbols.parts == found:
+                return cls(2 * nodes + 2, parts=found)
+            found = symbols.parts
+
+    def constant(self, value: fmpq | int) -> Fraction:
+        """A number."""
+        return Fraction(ring(self.size).constant(fmpq(value)), ring(self.size).constant(1))
+
+    def symbol(self, key: str) -> Fraction:
+        """The symbol of a key."""
+        index = self.numbers.setdefault(key, len(self.numbers))
+        if index >= self.size:
+            raise ExpressionError("has more functions than can be told apart")
+        return Fraction(ring(self.size).gen(index), ring(self.size).constant(1))
+
+    def power_of(self, key: str, k: int, value: Fraction) -> Fraction:
+        """The symbol of a key whose k-th power is known."""
+        found = self.symbol(key)
+        self.relations.setdefault(self.numbers[key], (k, value))
+        return found
+
+    def fraction(self, expression: Expression) -> Fraction:
+        """The expression in its symbols; raises `ExpressionError` if it is too large, or divides by zero."""
+        return fold(expression.order, self.constant, self.symbol, self.of_call)
+
+    def reduced(self, value: Fraction) -> Fraction:
+        """Same fraction with no higher power of a symbol above than its relation leaves, and no common factor."""
+        for index in sorted(self.relations, reverse=True):  # arguments have lower numbers than what is made of them
+            k, power = self.relations[index]
+            parts: dict[int, dict[tuple[int, ...], fmpq]] = {}
+            for powers, c in value.above.to_dict().items():
+                times, rest = divmod(powers[index], k)
+                parts.setdefault(times, {})[(*powers[:index], rest, *powers[index + 1 :])] = c
+            if set(parts) - {0}:
+                total = self.constant(0)
+                for times, terms in parts.items():
+                    total += Fraction(ring(self.size).from_dict(terms), ring(self.size).constant(1)) * power**times
+                value = Fraction(total.above, total.below * value.below)
+        common = value.above.gcd(value.below)
+        above, below = value.above / common, value.below / common
+        lead = below.leading_coefficient()
+        return Fraction(above / lead, below / lead)
+
+    def equal(self, a: Fraction, b: Fraction) -> bool:
+        """Whether two fractions are proved to be the same."""
+        return bool(self.reduced(a + self.constant(-1) * b).above == 0)
+
+    def of_call(self, node: Call, values: list[Fraction]) -> Fraction:
+        """An operation on fractions."""
+        rule = RULES.get(node.operation)
+        return rule(self, node, values) if rule else self.named(node.operation, values)
+
+    def named(self, operation: str, values: Sequence[Fraction]) -> Fraction:
+        """The symbol of a function that nothing more is known of."""
+        return self.symbol(f"{operation}({', '.join(map(self.key, values))})")
+
+    def key(self, value: Fraction) -> str:
+        """Text that only equal fractions have in common."""
+        lowest = self.reduced(value)
+        return f"({lowest.above})/({lowest.below})"
+
+    def power(self, node: Call, values: Sequence[Fraction]) -> Fraction:
+        """Power with a rational exponent, or a symbol."""
+        base, exponent = values
+        if isinstance(node.arguments[1], Number):
+            n, k = int(node.arguments[1].value.p), int(node.arguments[1].value.q)
+            if abs(n) <= MAX_EXPONENT:
+                return (self.root(base, k) if k > 1 else base) ** n
+        return self.named("**", (base, exponent))
+
+    def root(self, base: Fraction, k: int) -> Fraction:
+        """Root of a fraction: a symbol with a known power."""
+        return self.power_of(f"{self.key(base)}**(1/{k})", k, base)
+
+    def multiples(self, kind: str, value: Fraction) -> Iterator[tuple[str, Fraction, int]]:
+        """A fraction as a sum of integer multiples: the key of each part, the part, and how often it is taken."""
+        lowest = self.reduced(value)
+        for powers, c in lowest.above.to_dict().items():
+            part = Fraction(ring(self.size).from_dict({powers: fmpq(1)}), lowest.below)
+            key = f"{kind} {self.key(part)}"
+            k = self.parts[key] = lcm(self.parts.get(key, 1), int(c.q))
+            yield f"{key}/{k}", self.constant(fmpq(1, k)) * part, int((c * k).p)
+
+    def exponential(self, value: Fraction) -> Fraction:
+        """Product of powers of exponentials of the parts of an exponent."""
+        product = self.constant(1)
+        for key, part, times in self.multiples("exp", value):
+            if key in self.logarithms:
+                product = product * self.logarithms[key] ** times
+                continue
+            one = self.symbol(key)
+            self.exponents[self.numbers[key]] = part
+            product = product * one**times
+        return product
+
+    def exponent(self, value: Fraction) -> Fraction | None:
+        """A of exp(a); None of what is no product of powers of exponentials."""
+        lowest = self.reduced(value)
+        total = self.constant(0)
+        for sign, side in ((1, lowest.above), (-1, lowest.below)):
+            if len(side) != 1 or side.leading_coefficient() != 1:
+                return None
+            for index, times in enumerate(side.monoms()[0]):
+                if times and index not in self.exponents:
+                    return None
+                if times:
+                    total += self.constant(sign * int(times)) * self.exponents[index]
+        return total
+
+    def angle(self, value: Fraction) -> tuple[Fraction, Fraction]:
+        """Sine and cosine of a sum of multiples of angles."""
+        sine, cosine = self.constant(0), self.constant(1)
+        for key, _, times in self.multiples("angle", value):
+            c = self.symbol(f"cos {key}")
+            s = self.power_of(f"sin {key}", 2, self.constant(1) + self.constant(-1) * c * c)
+            turn = s if times > 0 else self.constant(-1) * s
+            for _ in range(abs(times)):
+                sine, cosine = sine * c + cosine * turn, cosine * c + self.constant(-1) * sine * turn
+        return sine, cosine
+
+
+def added(_: Symbols, __: Call, values: Sequence[Fraction]) -> Fraction:
+    """Sum."""
+    return reduce(Fraction.__add__, values)
+
+
+def multiplied(_: Symbols, __: Call, values: Sequence[Fraction]) -> Fraction:
+    """Product."""
+    return reduce(Fraction.__mul__, values)
+
+
+def logarithm(symbols: Symbols, _: Call, values: Sequence[Fraction]) -> Fraction:
+    """Logarithm: of an exponential its exponent, else a symbol whose exponential is known."""
+    if (inside := symbols.exponent(values[0])) is not None:
+        return inside
+    found = symbols.named("log", values)
+    symbols.logarithms[f"exp {symbols.key(found)}/1"] = values[0]
+    return found
+
+
+def wave(symbols: Symbols, node: Call, values: Sequence[Fraction]) -> Fraction:
+    """Sine, cosine or tangent."""
+    sine, cosine = symbols.angle(values[0])
+    return {"sin": sine, "cos": cosine}[node.operation] if node.operation != "tan" else sine / cosine
+
+
+def hyperbolic(symbols: Symbols, node: Call, values: Sequence[Fraction]) -> Fraction:
+    """(e^x - e^-x) / 2, (e^x + e^-x) / 2, or their quotient."""
+    up, down = (symbols.exponential(symbols.constant(sign) * values[0]) for sign in (1, -1))
+    sine, cosine = up + symbols.constant(-1) * down, up + down
+    return (
+        sine / cosine
+        if node.operation == "tanh"
+        else (sine if node.operation == "sinh" else cosine) / symbols.constant(2)
+    )
+
+
+RULES: dict[str, Callable[[Symbols, Call, list[Fraction]], Fraction]] = {
+    "+": added,
+    "*": multiplied,
+    "/": lambda _, __, values: values[0] / values[1],
+    "**": Symbols.power,
+    "sqrt": lambda symbols, _, values: symbols.root(values[0], 2),
+    "abs": lambda symbols, _, values: symbols.power_of(f"abs({symbols.key(values[0])})", 2, values[0] ** 2),
+    "exp": lambda symbols, _, values: symbols.exponential(values[0]),
+    "log": logarithm,
+    **dict.fromkeys(("sin", "cos", "tan"), wave),
+    **dict.fromkeys(("sinh", "cosh", "tanh"), hyperbolic),
+}
+
+
+def identical(a: Expression, b: Expression) -> bool:
+    """Whether two expressions are proved to be equal wherever both are defined.
+
+    Raises `ExpressionError`: they are too large to be multiplied out.
+    """
+    symbols = Symbols.of((a, b))
+    return symbols.equal(symbols.fraction(a), symbols.fraction(b))
