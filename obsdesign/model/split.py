@@ -4,8 +4,8 @@ x' = A x + sum_i Bf_i f_i(t, y, u, q_i) + gx(t, y, u) + B w
 y  = C x + sum_i Df_i f_i(t, y, u, q_i) + gy(t, u) + D w,        q_i = Cq_i x + Dq_i w
 
 Every right side is a sum of products. What is linear in x and w, with numbers as coefficients, goes into A, B, C, D;
-what is known goes into gx, gy; every other product is a nonlinear term. Its arguments q are the linear combinations of x
-and w that it is a function of. Terms with the same arguments that enter the equations in the same ratio are one f_i.
+what is known goes into gx, gy; every other product is a nonlinear term. Its arguments q are the linear combinations of
+x and w that it is a function of. Terms with the same arguments that enter the equations in the same ratio are one f_i.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
