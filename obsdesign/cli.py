@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from obsdesign.simulate import Run
     from obsdesign.spec import Spec
 
-EXIT = {"certified": 0, "infeasible": 3, "uncertified": 4}
+EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}
 
 
 class Commands(TyperGroup):
@@ -112,7 +112,7 @@ def solve(
         text, run = design.text(), None
         files = {} if printed else {target: text}
         try:
-            if simulate and design.gains:
+            if simulate and design.built:
                 run = ran(design, quiet)
                 files |= dict(zip(paths, drawn(run), strict=True))
         except UsageError:
@@ -306,7 +306,7 @@ def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
     if gains:
         return read(gains, problem)
     design = solved(problem, solver, quiet)
-    if not design.gains:
+    if not design.built:
         raise InfeasibleError(f"{source}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
     return design
 

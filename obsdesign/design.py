@@ -78,11 +78,11 @@ class Design(Outcome):
 
         Raises `UsageError`: there are no gains, or a nonlinearity has no f.
         """
-        if not self.gains:
+        if not self.built:
             said = f"no gains to simulate: {self.diagnosis.get('reason', self.status)}"
             raise UsageError(Problem(said, self.spec.path))
         with self.spec.placed():
-            return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains)
+            return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains or self.form)
 
     @cached_property
     def result(self) -> Mapping[str, Any]:
@@ -264,7 +264,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     """Prove the claim of a result file: its guarantee, or that there is no solution. See `work.verify`."""
     spec = spec_of(file, spec)
     family, status = FAMILIES[spec.observer.type], file.at("status")
-    if status == Verdict.INFEASIBLE:
+    if status in (Verdict.INFEASIBLE, Verdict.REFUTED):
         return family.absence(spec, file)
     if status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")

@@ -15,7 +15,7 @@ from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
-from obsdesign.model.equations import Equations, free, from_matrices
+from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
@@ -152,6 +152,7 @@ class Spec(metaclass=Called):
     observer: Request
     simulation: Simulation | None
     expect: Mapping[str, Any]
+    typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
 
     @contextmanager
@@ -195,6 +196,11 @@ class Spec(metaclass=Called):
 
         Raises `UsageError` if a nonlinearity has no f.
         """
+        if self.typed:
+            driven = dict(zip(self.plant.exogenous, map(Expression.variable, plant.exogenous), strict=False))
+            further = zip(plant.outputs[len(self.plant.outputs) :], driven.values(), strict=False)
+            made = self.typed.equations.substituted(driven, exogenous=plant.exogenous)
+            return replace(made, outputs={**made.outputs, **dict(further)})
         width = len(plant.Cq)
         blocks: list[tuple[tuple[Expression, ...], int]] = []
         for i, block in enumerate(self.nonlinearities):

@@ -9,14 +9,15 @@ it does not, nothing is said, since not every relation is known.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from math import lcm
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from obsdesign.expressions.exact import ExpressionError
 from obsdesign.expressions.expression import Expression
-from obsdesign.expressions.tree import Call, Number, fold
+from obsdesign.expressions.functions import apply
+from obsdesign.expressions.tree import Call, Number, fold, number, product, quotient
 
 MAX_TERMS = 20_000  # of a polynomial
 MAX_EXPONENT = 64  # of a power that is multiplied out
@@ -67,6 +68,7 @@ class Symbols:
 
     size: int
     numbers: dict[str, int] = field(default_factory=dict)  # by key
+    terms: dict[int, Expression] = field(default_factory=dict)  # what each symbol stands for
     relations: dict[int, tuple[int, Fraction]] = field(default_factory=dict)  # symbol^k = fraction
     exponents: dict[int, Fraction] = field(default_factory=dict)  # of the symbols that are exponentials
     logarithms: dict[str, Fraction] = field(default_factory=dict)  # what they are of, by their key as an exponent
@@ -89,22 +91,43 @@ class Symbols:
         """A number."""
         return Fraction(ring(self.size).constant(fmpq(value)), ring(self.size).constant(1))
 
-    def symbol(self, key: str) -> Fraction:
-        """The symbol of a key."""
+    def symbol(self, key: str, meaning: Callable[[], Expression]) -> Fraction:
+        """The symbol of a key, which stands for an expression."""
         index = self.numbers.setdefault(key, len(self.numbers))
         if index >= self.size:
             raise ExpressionError("has more functions than can be told apart")
+        if index not in self.terms:
+            self.terms[index] = meaning()
         return Fraction(ring(self.size).gen(index), ring(self.size).constant(1))
 
-    def power_of(self, key: str, k: int, value: Fraction) -> Fraction:
+    def variable(self, name: str) -> Fraction:
+        """The symbol of a variable."""
+        return self.symbol(name, lambda: Expression.variable(name))
+
+    def power_of(self, key: str, k: int, value: Fraction, meaning: Callable[[], Expression]) -> Fraction:
         """The symbol of a key whose k-th power is known."""
-        found = self.symbol(key)
+        found = self.symbol(key, meaning)
         self.relations.setdefault(self.numbers[key], (k, value))
         return found
 
+    def expression(self, value: Fraction) -> Expression:
+        """Expression of a fraction, in lowest terms."""
+        lowest = self.reduced(value)
+        above, below = self.polynomial(lowest.above), self.polynomial(lowest.below)
+        return Expression(quotient(above.root, below.root))
+
+    def polynomial(self, p: fmpq_mpoly) -> Expression:
+        """Expression of a polynomial."""
+        products, weights = [], []
+        for powers, c in p.to_dict().items():
+            used = [(self.terms[i].root, int(n)) for i, n in enumerate(powers) if n]
+            products.append(Expression(product([base ** number(n) for base, n in used])))
+            weights.append(c)
+        return Expression.combination(weights, products)
+
     def fraction(self, expression: Expression) -> Fraction:
         """The expression in its symbols; raises `ExpressionError` if it is too large, or divides by zero."""
-        return fold(expression.order, self.constant, self.symbol, self.of_call)
+        return fold(expression.order, self.constant, self.variable, self.of_call)
 
     def reduced(self, value: Fraction) -> Fraction:
         """Same fraction with no higher power of a symbol above than its relation leaves, and no common factor."""
@@ -135,7 +158,10 @@ class Symbols:
 
     def named(self, operation: str, values: Sequence[Fraction]) -> Fraction:
         """The symbol of a function that nothing more is known of."""
-        return self.symbol(f"{operation}({', '.join(map(self.key, values))})")
+        key = f"{operation}({', '.join(map(self.key, values))})"
+        return self.symbol(
+            key, lambda: Expression(Call(operation, tuple(self.expression(value).root for value in values)))
+        )
 
     def key(self, value: Fraction) -> str:
         """Text that only equal fractions have in common."""
@@ -151,9 +177,21 @@ class Symbols:
                 return (self.root(base, k) if k > 1 else base) ** n
         return self.named("**", (base, exponent))
 
+    def applied(self, operation: str, value: Fraction) -> Expression:
+        """A function of a fraction."""
+        return Expression(apply(operation, self.expression(value).root))
+
+    def magnitude(self, value: Fraction) -> Fraction:
+        """|a|, whose square is known."""
+        return self.power_of(f"abs({self.key(value)})", 2, value**2, partial(self.applied, "abs", value))
+
     def root(self, base: Fraction, k: int) -> Fraction:
         """Root of a fraction: a symbol with a known power."""
-        return self.power_of(f"{self.key(base)}**(1/{k})", k, base)
+
+        def meaning() -> Expression:
+            return Expression(self.expression(base).root ** number(fmpq(1, k)))
+
+        return self.power_of(f"{self.key(base)}**(1/{k})", k, base, meaning)
 
     def multiples(self, kind: str, value: Fraction) -> Iterator[tuple[str, Fraction, int]]:
         """A fraction as a sum of integer multiples: the key of each part, the part, and how often it is taken."""
@@ -171,7 +209,7 @@ class Symbols:
             if key in self.logarithms:
                 product = product * self.logarithms[key] ** times
                 continue
-            one = self.symbol(key)
+            one = self.symbol(key, partial(self.applied, "exp", part))
             self.exponents[self.numbers[key]] = part
             product = product * one**times
         return product
@@ -193,9 +231,10 @@ class Symbols:
     def angle(self, value: Fraction) -> tuple[Fraction, Fraction]:
         """Sine and cosine of a sum of multiples of angles."""
         sine, cosine = self.constant(0), self.constant(1)
-        for key, _, times in self.multiples("angle", value):
-            c = self.symbol(f"cos {key}")
-            s = self.power_of(f"sin {key}", 2, self.constant(1) + self.constant(-1) * c * c)
+        for key, part, times in self.multiples("angle", value):
+            c = self.symbol(f"cos {key}", partial(self.applied, "cos", part))
+            square = self.constant(1) + self.constant(-1) * c * c
+            s = self.power_of(f"sin {key}", 2, square, partial(self.applied, "sin", part))
             turn = s if times > 0 else self.constant(-1) * s
             for _ in range(abs(times)):
                 sine, cosine = sine * c + cosine * turn, cosine * c + self.constant(-1) * sine * turn
@@ -244,7 +283,7 @@ RULES: dict[str, Callable[[Symbols, Call, list[Fraction]], Fraction]] = {
     "/": lambda _, __, values: values[0] / values[1],
     "**": Symbols.power,
     "sqrt": lambda symbols, _, values: symbols.root(values[0], 2),
-    "abs": lambda symbols, _, values: symbols.power_of(f"abs({symbols.key(values[0])})", 2, values[0] ** 2),
+    "abs": lambda symbols, _, values: symbols.magnitude(values[0]),
     "exp": lambda symbols, _, values: symbols.exponential(values[0]),
     "log": logarithm,
     **dict.fromkeys(("sin", "cos", "tan"), wave),
@@ -259,3 +298,12 @@ def identical(a: Expression, b: Expression) -> bool:
     """
     symbols = Symbols.of((a, b))
     return symbols.equal(symbols.fraction(a), symbols.fraction(b))
+
+
+def simplified(expression: Expression) -> Expression:
+    """Same expression as a fraction in lowest terms; as it is, where that is too large."""
+    try:
+        symbols = Symbols.of([expression])
+        return symbols.expression(symbols.fraction(expression))
+    except ExpressionError:
+        return expression

@@ -99,6 +99,11 @@ class Expression:
             fold(self.order, lambda _: number(0), lambda variable: number(int(variable == name)), of_call)
         )
 
+    def divisors(self) -> list["Expression"]:
+        """What it divides by, numbers left out."""
+        calls = [node for node in self.order if isinstance(node, Call) and node.operation == "/"]
+        return [Expression(node.arguments[1]) for node in calls if not isinstance(node.arguments[1], Number)]
+
     def summands(self) -> list[tuple[fmpq, "Expression"]]:
         """Terms c e of a sum, with c a number and e no sum; the e of a number is 1."""
         return [(c, Expression(node)) for c, node in summands(self.root, fmpq(1))]

@@ -13,12 +13,16 @@ if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine
     from obsdesign.spec import Spec
 
+ALGEBRAIC = "obsdesign.families.algebraic"
 FAMILIES: dict[str, Family] = {  # by observer.type
     name: family
     for family in (
         Family(("l2", "linf"), "obsdesign.families.incremental", refutes=True),
         Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
         Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True),
+        Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
+        Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
+        Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),
     )
     for name in family.names
 }

@@ -10,23 +10,21 @@ from obsdesign.dissipation.bounds import SLACK, Conflicting, Range
 from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
+from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required, unavailable
 from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.spec import Nonlinearity
 
-LATER_FAMILIES = ("kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain")
-LATER_KEYS = ("coordinates", "left_inverse", "estimator", "degree", "lambdas")
+LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
 MAX_POINTS = 10_000
 CALLED = {  # in other words
     **dict.fromkeys(("hinf", "h-inf", "h-infinity", "hinfinity"), "is called l2 here: it bounds the gain in energy"),
     **dict.fromkeys(
         ("l1", "peak-to-peak", "l-inf", "linfinity"), "is called linf here: it bounds the peak-to-peak gain"
     ),
-    **dict.fromkeys(
-        ("kalman", "ekf", "ukf", "lqe"), "is not designed here; l2 bounds the gain in energy from disturbance and noise"
-    ),
+    **dict.fromkeys(("kalman", "ekf"), "is not designed here; l2 bounds the gain in energy from disturbance and noise"),
     **dict.fromkeys(("luenberger", "linear"), "is l2 here: without nonlinearities it is the observer of Luenberger"),
     **dict.fromkeys(("sampled", "sampled-data", "continuous-discrete"), "is called sporadic here"),
 }
@@ -44,6 +42,7 @@ class Estimation:
     generator: Generator | None
     H: Array
     nonlinearities: tuple[Nonlinearity, ...]  # as the family takes them
+    typed: Typed | None = None  # the plant as equations, of a family that takes it so
 
 
 class ObserverSection(Section):
@@ -77,7 +76,7 @@ class ObserverSection(Section):
             for k, names in owners.items()
             if k not in own
         }
-        return {**unavailable(LATER_KEYS, own), **elsewhere, **cls.hints}
+        return {**elsewhere, **cls.hints}
 
 
 class Interval(Section):

@@ -39,8 +39,10 @@ class Family:
 
     names: tuple[str, ...]  # values of `observer.type`
     folder: str  # its module path
+    section: str = "SECTION"  # name of its section in `request.py`
     unstructured: bool = False  # f acts on every state through every state, unless Bf and Cq are given
     sampled: bool = False  # y is known at instants only, and `simulation:` may say at which
+    equations: bool = False  # the plant is taken as it is typed, not in matrices
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
     def part(self, name: str) -> Any:
@@ -50,7 +52,7 @@ class Family:
     @property
     def Section(self) -> "type[ObserverSection]":
         """Keys of the section `observer:`; what messages and the JSON Schema say of them comes from here."""
-        section: type[ObserverSection] = self.part("request").SECTION
+        section: type[ObserverSection] = getattr(self.part("request"), self.section)
         return section
 
     def nonlinearities(
@@ -80,6 +82,8 @@ class Family:
         from obsdesign.families import frozen
 
         found: list[Finding] = self.part("check").check(spec, engine)
+        if self.equations:
+            return found
         seen = all(f.holds for f in found if f.name == "detectability")
         return [*found, *(frozen.findings(spec, self.demand(spec)) if seen else [])]
 
@@ -87,6 +91,9 @@ class Family:
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
         from obsdesign.families import frozen
 
+        if self.equations:
+            outcome: Outcome = self.part("design").design(spec, engine)
+            return outcome
         return frozen.designed(spec, self.demand(spec), lambda: self.part("design").design(spec, engine))
 
     def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
@@ -111,6 +118,9 @@ class Family:
         """
         from obsdesign.families import frozen
 
+        if self.equations:
+            refuted: Proof = self.part("absence").read(spec, file)
+            return refuted
         if "certificate" not in file.table("diagnosis"):
             raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
         if file.table("diagnosis", "certificate").get("kind") == frozen.KIND:
@@ -120,8 +130,8 @@ class Family:
         proof: Proof = self.part("absence").read(spec, file)
         return proof
 
-    def observer(self, spec: "Spec", gains: "Mapping[str, Array]") -> "Observer":
-        """Equations of the observer with given gains, in doubles.
+    def observer(self, spec: "Spec", gains: Any) -> "Observer":
+        """Equations of the observer with given gains, in doubles, or of its form, if it has none.
 
         Raises `UsageError` if a nonlinearity has no f, or needs what the observer does not know.
         """
@@ -130,6 +140,8 @@ class Family:
 
     def analysis(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
         """Entry `analysis` of a result file, with the gains of an outcome: what is computed in doubles."""
+        if self.equations:
+            return {}
         from obsdesign.families.analysis import analysis
 
         guarantee = outcome.claim.guarantee(spec) if outcome.claim and outcome.claim.holds else None

@@ -32,6 +32,7 @@ class Observer:
     outputs: tuple[str, ...]
     algebraic: Named = field(default_factory=dict)
     jump: Named = field(default_factory=dict)  # by the names of the states that a measurement changes
+    initial: Named = field(default_factory=dict)  # of states that copy none, where not 0: of t, u and y at the start
     twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
 
@@ -41,6 +42,7 @@ class Observer:
         for part in (self.dynamics, self.algebraic, self.estimates):
             self.require(part, between)
         self.require(self.jump, known | set(self.outputs))
+        self.require(self.initial, {"t", *self.inputs, *self.outputs})
 
     def require(self, part: Named, names: set[str]) -> None:
         """Refuse a right side with a name that is none of these."""

@@ -20,6 +20,7 @@ class Verdict(StrEnum):
     CERTIFIED = "certified"  # the claim is proved for the very gains
     UNCERTIFIED = "uncertified"  # there are gains, and the proof failed
     INFEASIBLE = "infeasible"
+    REFUTED = "refuted"  # what the observer rests on is false
 
 
 class Claim(Protocol):
@@ -85,6 +86,7 @@ class Outcome:
     gains: Mapping[str, Array] = field(
         default_factory=dict
     )  # by name; doubles that print as the decimals that are proved
+    form: Any = None  # of an observer that has no gains: its equations, as its family has them
     claim: Claim | None = None  # what was proved of the gains, or tried to be
     limit: dict[str, Any] = field(default_factory=dict)  # infimum or supremum over all gains, by its name; numerical
     limit_bounded: dict[str, Any] = field(default_factory=dict)  # .. within the bounds of the spec
@@ -93,6 +95,11 @@ class Outcome:
     diagnosis: Diagnosis = field(default_factory=dict)  # why there are no gains; empty where there are some
     notes: tuple[str, ...] = ()  # what a user should know, in sentences
     scalars: dict[str, Any] = field(default_factory=dict)  # scalar unknowns of what was solved
+
+    @property
+    def built(self) -> bool:
+        """Whether there is an observer that can run."""
+        return bool(self.gains) or self.form is not None
 
     def limits(self) -> dict[str, Any]:
         """Entries of a result file that are not proved."""

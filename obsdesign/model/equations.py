@@ -1,8 +1,8 @@
 """A plant as equations over named signals."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 from flint import fmpq
 
@@ -49,6 +49,14 @@ class Equations:
         """Names of the states."""
         return tuple(self.dynamics)
 
+    def substituted(self, replacements: Named, **changes: Any) -> "Equations":
+        """Same equations with other expressions in place of some signals."""
+        dynamics, outputs, algebraic = (
+            {signal: side.substituted(replacements) for signal, side in part.items()}
+            for part in (self.dynamics, self.outputs, self.algebraic)
+        )
+        return replace(self, dynamics=dynamics, outputs=outputs, algebraic=algebraic, **changes)
+
     @property
     def signals(self) -> tuple[str, ...]:
         """Names that may stand in a right side."""
@@ -58,6 +66,20 @@ class Equations:
         """Every name that is defined, with its right side."""
         for part in (self.dynamics, self.algebraic, self.outputs):
             yield from part.items()
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A plant as it is typed, x' = f(t, x, u, w) and y = h(t, x, u, w), with the range of each signal that has one."""
+
+    equations: Equations
+    domain: Mapping[str, tuple[fmpq | None, fmpq | None]]  # None: no limit
+
+    @property
+    def undisturbed(self) -> Equations:
+        """The same with w = 0."""
+        still = dict.fromkeys(self.equations.exogenous, Expression.number(0))
+        return self.equations.substituted(still, exogenous=())
 
 
 def linear(M: Array, signals: Sequence[str]) -> list[Expression]:

@@ -1,6 +1,5 @@
 """The plant of a spec: sizes from its matrices, then every matrix checked against them; names of its signals."""
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
@@ -8,9 +7,9 @@ from itertools import accumulate
 import numpy as np
 
 from obsdesign.expressions import Expression
-from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
+from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
 from obsdesign.model.split import Split
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
@@ -18,11 +17,9 @@ from obsdesign.reading.schema import Equations, Matrices
 from obsdesign.reading.schema import Nonlinearity as Section
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import unknown
-from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
+from obsdesign.sections.values import Axis, Entries, Reader, Size, counted, meaning
 from obsdesign.spec import Nonlinearity, numbered
 
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
 KINDS = (  # key of a section, attribute of `Names`, and what each is
     ("states", "states", "a state"),
     ("outputs", "outputs", "an output"),
@@ -72,6 +69,7 @@ class Reading:
     gq: tuple[Expression, ...] = ()
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
     split: Split | None = None  # of a plant as equations
+    typed: Typed | None = None  # the plant as it is typed, for families that take it so
 
 
 def read_plant(
@@ -256,21 +254,6 @@ def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], 
         exogenous=names.w,
         outputs=names.outputs,
     )
-
-
-def meaning(name: str) -> str | None:
-    """Say what a name means already, or why it is none."""
-    if not NAME.fullmatch(name):
-        return "is not a name; use letters, digits and _, a letter first"
-    if name == "t":
-        return "is the time; choose another name"
-    if name == "pi" or name in FUNCTIONS:
-        return "is a function or a constant; choose another name"
-    if ARGUMENT.fullmatch(name):
-        return "is the argument of a nonlinearity; choose another name"
-    if name.startswith("hat_"):
-        return "begins like the name of an estimate; choose another name"
-    return None
 
 
 def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:

@@ -18,6 +18,7 @@ from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
 from obsdesign.reading.schema import Equations, Weight, read_file
 from obsdesign.reading.trial import read_simulation
+from obsdesign.reading.typed import read_typed
 from obsdesign.sections.document import Document, Loc, Number, described
 from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, Size
@@ -54,7 +55,9 @@ def resolve(document: Document) -> Spec:
     read_parameters(reader, file.parameters)
     sampled = family is not None and family.sampled
     identity = family is not None and family.unstructured
-    if isinstance(file.system, Equations):
+    if isinstance(file.system, Equations) and family is not None and family.equations:
+        plant = read_typed(reader, file.system)
+    elif isinstance(file.system, Equations):
         plant = read_equations(reader, file.system, file.nonlinearities, sampled=sampled)
     else:
         plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
@@ -91,6 +94,7 @@ def resolve(document: Document) -> Spec:
         observer=observer,
         simulation=simulation,
         expect=expect,
+        typed=plant.typed,
         notes=tuple(reader.notes),
     )
 
@@ -103,7 +107,7 @@ def read_observer(
     blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
-    problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks)
+    problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed)
     return family.request(reader, section, problem), blocks
 
 

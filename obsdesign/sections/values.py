@@ -15,12 +15,15 @@ from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
+from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import DATE, MAX_PROBLEMS, MAX_QUOTED, NOT_FINITE, Document, Loc, described, dotted
 
 ZERO, ONE = fmpq(0), fmpq(1)
 MAX_SIZE = 400  # of a signal, such as the augmented state
 
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
 SPACED = re.compile(r"[-+]?[\w.]+(\s+[\w.]+)+")  # entries of a row without commas
 QUANTITY = re.compile(r"([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([a-zA-Zµ%°]+)")
 SECONDS = {"s": 1, "ms": fmpq(1, 1000), "us": fmpq(1, 10**6), "µs": fmpq(1, 10**6), "min": 60, "h": 3600}
@@ -50,6 +53,21 @@ class Axis:
 
 
 SINGLE = Axis(1, "vector")
+
+
+def meaning(name: str) -> str | None:
+    """Say what a name means already, or why it is none."""
+    if not NAME.fullmatch(name):
+        return "is not a name; use letters, digits and _, a letter first"
+    if name == "t":
+        return "is the time; choose another name"
+    if name == "pi" or name in FUNCTIONS:
+        return "is a function or a constant; choose another name"
+    if ARGUMENT.fullmatch(name):
+        return "is the argument of a nonlinearity; choose another name"
+    if name.startswith("hat_"):
+        return "begins like the name of an estimate; choose another name"
+    return None
 
 
 @dataclass(frozen=True)

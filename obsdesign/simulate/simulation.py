@@ -126,11 +126,12 @@ def tolerance(start: Vector, system: System) -> Tolerance:
     It is as much smaller for the errors as a reconstruction of w magnifies them.
     """
     ns, n = len(system.integrated), len(system.copied)
-    size = np.abs(start[ns : ns + n])
+    size = np.abs(start[ns : ns + n]) if n else np.zeros(ns)
     size[:ns] = np.maximum(size[:ns], np.abs(start[:ns]))
     nonzero = size[size > 0]
     size[size == 0] = nonzero.min() if len(nonzero) else 1.0
     further = np.full(len(system.further), size.max())
     integrals = np.full(len(start) - system.end, size.max() ** 2)
-    absolute = ATOL * np.concatenate((size[:ns], size / system.amplification(), further, integrals))
+    errors = size[:n] / system.amplification()
+    absolute = ATOL * np.concatenate((size[:ns], errors, further, integrals))
     return Tolerance(RTOL_NOISE if system.scenario.noisy else RTOL, absolute)

@@ -202,7 +202,7 @@ class Designer:
         )
         limit = {"T2": float(T2), "attained": True, "unbounded": True}
         proof = Claim(certificate, asked=held(self.request, nothing[0]))
-        return Outcome(Verdict.CERTIFIED, in_doubles(nothing), proof, limit)
+        return Outcome(Verdict.CERTIFIED, in_doubles(nothing), claim=proof, limit=limit)
 
     # Curves
 

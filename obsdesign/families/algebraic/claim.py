@@ -1,0 +1,145 @@
+"""What is proved of an observer without an LMI, as a file holds it and as it is read: every statement, anew."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from obsdesign.families.algebraic import coordinates, high_gain, immersion
+from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
+from obsdesign.families.algebraic.request import HighGain, Immersion, Transformed, request_of
+from obsdesign.families.algebraic.scheme import Plant, Scheme
+from obsdesign.families.outcome import Outcome, Proof
+from obsdesign.files import ResultFile
+from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.lmi.proof import Check
+from obsdesign.spec import Spec
+
+Form = Transformed | Immersion | HighGain
+KIND = "identities"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """An observer, and what was found of every statement that it rests on."""
+
+    form: Form
+    scheme: Scheme
+    domain: Domain
+
+    @classmethod
+    def of(cls, spec: Spec, form: Form) -> "Claim":
+        """Claim of a spec with an observer."""
+        assert spec.typed
+        plant = Plant.of(spec.typed)
+        return cls(form, built(plant, form), plant.domain)
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """What was found of each statement."""
+        return tuple(statement.decided(self.domain) for statement in self.scheme.statements)
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every statement."""
+        return tuple(Check(v.name, v.answer is Answer.PROVED, np.inf) for v in self.verdicts)
+
+    @property
+    def holds(self) -> bool:
+        """Whether every statement is proved."""
+        return all(verdict.answer is Answer.PROVED for verdict in self.verdicts)
+
+    @property
+    def refuted(self) -> tuple[Verdict, ...]:
+        """Statements that are false."""
+        return tuple(verdict for verdict in self.verdicts if verdict.answer is Answer.REFUTED)
+
+    def guarantee(self, spec: Spec) -> None:  # noqa: ARG002
+        """Nothing that a run could be held against: what is proved is algebra."""
+        return
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Proved rates of decay, 1/s, by the name of the coordinate."""
+        bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
+        found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
+        return {name: -bound for name, bound in found.items() if bound is not None}
+
+    def headline(self, spec: Spec) -> str:
+        """Claim in one line."""
+        return self.statement(spec)
+
+    def statement(self, spec: Spec) -> str:  # noqa: ARG002
+        """Claim in words, and what it does not say."""
+        said = [*self.scheme.says, *(f"{name} decays at least at {rate:.6g} 1/s" for name, rate in self.rates.items())]
+        where = "without disturbance and noise, as long as the plant stays in its domain"
+        return "; ".join([*said, where, *self.scheme.depends])
+
+    def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+        """What is proved, and the statements that prove it."""
+        guarantee = {**self.scheme.numbers, "rates": self.rates, "statement": self.statement(spec)}
+        listed = [{"name": v.name, "holds": v.answer is Answer.PROVED, "answer": str(v.answer)} for v in self.verdicts]
+        return {"guarantee": guarantee, "certificate": {"kind": KIND, "checks": listed}}
+
+
+def built(plant: Plant, form: Form) -> Scheme:
+    """Scheme of an observer."""
+    if isinstance(form, Transformed):
+        return coordinates.scheme(plant, form)
+    return immersion.scheme(plant, form) if isinstance(form, Immersion) else high_gain.scheme(plant, form)
+
+
+def read(spec: Spec, file: ResultFile) -> Claim:
+    """Claim of a file, every statement decided anew: what the file says of it must be what they say."""
+    claim = Claim.of(spec, read_form(spec, file))
+    said = claim.written(spec, {})["guarantee"]
+    found = file.table("guarantee")
+    for name in said.keys() - {"rates"}:
+        if as_text(found.get(name)) != as_text(said[name]):
+            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
+    for name in file.table("guarantee", "rates"):
+        if not file.number("guarantee", "rates", name) <= rational_number(claim.rates.get(name, 0.0)):
+            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
+    return claim
+
+
+def as_text(value: Any) -> str:
+    """Entry of a file as text."""
+    return json.dumps(value, sort_keys=True)
+
+
+def refutation(spec: Spec, file: ResultFile) -> Proof:
+    """Proof that an observer is none: a statement that it rests on is false."""
+    refuted = Claim.of(spec, read_form(spec, file)).refuted
+    if not refuted:
+        raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
+    return Proof(f"refuted: {refuted[0].sentence}", tuple(Check(v.sentence, True, abs(v.value)) for v in refuted))
+
+
+def read_form(spec: Spec, file: ResultFile) -> Form:
+    """Observer of a file: that of its spec, or the coordinates that were found for it."""
+    form = request_of(spec).form
+    if form is None:
+        raise file.wrong("observer.coordinates", "the spec asks for none")
+    return form
+
+
+def read_gains(spec: Spec, file: ResultFile) -> Mapping[str, Array]:  # noqa: ARG001
+    """No gains: these observers have none."""
+    return {}
+
+
+def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:  # noqa: ARG001
+    """Entry `observer` of a result file: its equations, as they run."""
+    if not isinstance(outcome.claim, Claim):
+        return {}
+    observer = outcome.claim.scheme.observer
+    return {
+        "order": len(observer.dynamics),
+        "dynamics": {name: side.text for name, side in observer.dynamics.items()},
+        "estimates": {name: side.text for name, side in observer.estimates.items()},
+        **({"initial": {name: side.text for name, side in observer.initial.items()}} if observer.initial else {}),
+    }

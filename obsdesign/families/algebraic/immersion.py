@@ -1,0 +1,122 @@
+"""Immersion and invariance observers (Proposition 4): an attractive invariant manifold beta(y, chi) = phi(x).
+
+xhat = phiL(beta(y, chi), y)
+chi' = -[d beta/d chi]^+ (d beta/dy ydot(xhat, u) - phi_dot(xhat, u)) + (I - [..]^+ [..]) Q    (20), if none is given
+
+d = beta - phi(x) obeys d' = d beta/dy (ydot(x) - ydot(xhat)) - phi_dot(x) + phi_dot(xhat)  (18)
+with xhat = phiL(phi(x) + d, y), if the manifold is invariant, whatever Q is.
+"""
+
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.expressions.algebra import simplified
+from obsdesign.families.algebraic.estimator import determinant
+from obsdesign.families.algebraic.identity import Identity, Negative
+from obsdesign.families.algebraic.request import Immersion
+from obsdesign.families.algebraic.scheme import ZERO, Plant, Scheme, Statement, added, inverses, less, multiplied
+from obsdesign.families.observer import Observer
+from obsdesign.model.equations import Named
+
+Matrix = list[list[Expression]]
+
+
+def scheme(plant: Plant, form: Immersion) -> Scheme:
+    """What such an observer rests on, and its equations."""
+    b = {f"b{i + 1}": side for i, side in enumerate(form.beta)}
+    phi = {f"b{i + 1}": side for i, side in enumerate(form.phi)}
+    estimates = plant.measured() | {name: side.substituted(b) for name, side in form.left_inverse.items()}
+    estimates = {name: estimates[name] for name in plant.dynamics}
+    dynamics = form.dynamics or by_default(plant, form, estimates)
+    statements = inverses(plant, form.left_inverse, phi)
+    statements += [invariance(plant, form, dynamics, estimates, i) for i in range(len(form.phi))]
+    errors, rates = attraction(plant, form)
+    statements += errors
+    numbers: dict[str, Any] = {
+        "phi": [side.text for side in form.phi],
+        "beta": [side.text for side in form.beta],
+        "dynamics": {name: side.text for name, side in dynamics.items()},
+    }
+    says = ("beta(y, chi) = phi(x) is invariant", "beta - phi decays", "the left inverse gives x")
+    observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs))
+    return Scheme(tuple(statements), observer, numbers, says, rates=rates)
+
+
+def output_rates(plant: Plant, estimates: Named) -> dict[str, Expression]:
+    """Return ydot at an estimate."""
+    return {y: plant.along(h).substituted(estimates) for y, h in plant.outputs.items()}
+
+
+def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
+    """D beta_i/dy ydot(xhat) - phi_i_dot(xhat): what chi has to follow, with the other sign."""
+    rates = output_rates(plant, estimates)
+    seen = [multiplied(form.beta[i].derivative(y), rate) for y, rate in rates.items()]
+    return less(added(seen), plant.along(form.phi[i]).substituted(estimates))
+
+
+def by_default(plant: Plant, form: Immersion, estimates: Named) -> dict[str, Expression]:
+    """Equation (20), with the right inverse J' (J J')^-1 of J = d beta/d chi."""
+    J = [[side.derivative(name) for name in form.chi] for side in form.beta]
+    right = pseudo_inverse(J)
+    sides = [moved(plant, form, estimates, i) for i in range(len(form.beta))]
+    found = {}
+    for k, name in enumerate(form.chi):
+        parts = [multiplied(right[k][i], side) for i, side in enumerate(sides)]
+        found[name] = Expression.combination([fmpq(-1)] * len(parts), parts)
+        if form.Q:
+            seen = [multiplied(J[i][j], q) for i in range(len(J)) for j, q in enumerate(form.Q)]
+            rows = [added(seen[i * len(form.Q) : (i + 1) * len(form.Q)]) for i in range(len(J))]
+            hidden = less(form.Q[k], *(multiplied(right[k][i], row) for i, row in enumerate(rows)))
+            found[name] = added([found[name], hidden])
+    return {name: simplified(side) for name, side in found.items()}
+
+
+def pseudo_inverse(J: Matrix) -> Matrix:
+    """J' (J J')^-1 by Cramer's rule."""
+    m, n = len(J), len(J[0])
+    gram = [[added([multiplied(J[i][k], J[j][k]) for k in range(n)]) for j in range(m)] for i in range(m)]
+    whole = determinant(gram)
+    inverse = [[Expression(cofactor(gram, j, i).root / whole.root) for j in range(m)] for i in range(m)]
+    return [[added([multiplied(J[k][j], inverse[k][i]) for k in range(m)]) for i in range(m)] for j in range(n)]
+
+
+def cofactor(rows: Matrix, i: int, j: int) -> Expression:
+    """Signed minor without row i and column j; 1 of a number."""
+    rest = [[entry for c, entry in enumerate(row) if c != j] for r, row in enumerate(rows) if r != i]
+    minor = determinant(rest) if rest else Expression.number(1)
+    return Expression.combination([fmpq(-1) ** (i + j)], [minor])
+
+
+def invariance(plant: Plant, form: Immersion, dynamics: Named, estimates: Named, i: int) -> Statement:
+    """d/dt beta_i = d/dt phi_i wherever beta = phi(xhat): an identity in y, chi and u."""
+    followed = [multiplied(form.beta[i].derivative(name), side) for name, side in dynamics.items()]
+    residual = added([moved(plant, form, estimates, i), *followed])
+    return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual)
+
+
+def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str]]:
+    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0."""
+    d = [Expression.variable(f"d{i + 1}") for i in range(len(form.phi))]
+    off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
+    states = {name: Expression.variable(name) for name in plant.dynamics}
+    shown = {name: side for name, side in states.items() if name in plant.measured()}
+    estimates = {**shown, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
+    rates = output_rates(plant, estimates)
+    found: list[Statement] = []
+    names = {}
+    for i, phi in enumerate(form.phi):
+        slopes = {y: plant.on(form.beta[i].derivative(y)) for y in plant.outputs}
+        pulled = [multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()]
+        moving = less(added([*pulled, plant.along(phi).substituted(estimates)]), plant.along(phi))
+        later = moving.substituted({f"d{k + 1}": ZERO for k in range(i)})
+        at_zero = {f"d{k + 1}": ZERO for k in range(len(d))}
+        rate = simplified(later.derivative(f"d{i + 1}").substituted(at_zero))
+        before = f", where {', '.join(f'd{k + 1}' for k in range(i))} = 0" if moving != later else ""
+        found.append(
+            Identity(f"off the manifold: d{i + 1}' = ({rate}) d{i + 1}{before}", less(later, multiplied(rate, d[i])))
+        )
+        names[f"d{i + 1}"] = f"off the manifold: {rate} < 0"
+        found.append(Negative(names[f"d{i + 1}"], rate))
+    return found, names

@@ -1,0 +1,384 @@
+"""What a spec asks of an observer without an LMI: its sections, and the same in expressions of the plant's signals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal, get_args
+
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.families import asked
+from obsdesign.lmi.formula import Array
+from obsdesign.model.equations import Typed
+from obsdesign.sections.document import Loc, described
+from obsdesign.sections.forms import ENTRY, TEXT, Either, ListOf, MapOf, OneOf, Section, key, required, unknown
+from obsdesign.sections.values import Reader, meaning
+from obsdesign.spec import Spec
+
+FIND = "find"
+RECAST = "immersion-invariance"
+Method = Literal["gradient", "log-gradient", "drem", "proportional"]
+METHODS = get_args(Method)
+EPSILON = fmpq(1, 10**10)  # of DREM, against the square of the determinant
+EXPRESSIONS = MapOf(ENTRY)
+
+
+class CoordinateSection(Section):
+    """A coordinate xi with phi(x)' = lambda phi(x) + B along the plant; lambda 0: up to a constant theta."""
+
+    name: str = required(TEXT)
+    phi: str = required(ENTRY, "expression of the states")
+    rate: str = key(ENTRY, "expression of outputs and inputs, negative on the domain, or 0", name="lambda", default="0")
+    B: str = key(ENTRY, "expression of outputs, inputs, t and earlier coordinates", default="0")
+
+
+class RegressionSection(Section):
+    """d(output)/dt = known + sum m theta."""
+
+    output: str = required(TEXT)
+    known: str = key(ENTRY, "expression of outputs, inputs, t and coordinates", default="0")
+    m: dict[str, str] = required(EXPRESSIONS, "by coordinate with lambda 0")
+
+
+class EstimatorSection(Section):
+    """How theta is estimated from Y = W[output] - F[known] and psi = F[m], F = alpha/(p + alpha), W = p F."""
+
+    regressions: list[RegressionSection] = key(ListOf(RegressionSection), default=[])
+    method: Method = key(OneOf("method", METHODS), default="gradient")
+    alpha: str | None = key(ENTRY, "1/s, of the filters")
+    gamma: str | dict[str, str] | None = key(Either("a number, or one by coordinate", ENTRY, mapping=EXPRESSIONS))
+    kappa: str | None = key(ENTRY, "1/s, forgetting of drem, default 0")
+    epsilon: str | None = key(ENTRY, "of drem, default 1e-10")
+    K: dict[str, str] | None = key(EXPRESSIONS, "of proportional: theta = zeta + K(y), by coordinate")
+    powers: dict[str, str] = key(
+        MapOf(OneOf("form", ("exp",))),
+        "coordinates whose exp(theta) the regressions hold",
+        name="as",
+        default={},
+    )
+    filters: str = key(OneOf("start", ("consistent", "zero")), default="consistent")
+
+
+class CoordinatesSection(asked.ObserverSection):
+    """Coordinates that decay to those of the plant, or differ from them by a constant that is estimated."""
+
+    coordinates: str | list[CoordinateSection] = required(
+        Either("a list of coordinates, or find", OneOf("coordinates", (FIND,)), ListOf(CoordinateSection, least=1))
+    )
+    left_inverse: dict[str, str] = key(
+        EXPRESSIONS, "states that are no outputs, of coordinates and outputs", default={}
+    )
+    estimator: EstimatorSection | None = key(EstimatorSection)
+    recast: str | None = key(OneOf("recast", (RECAST,)))
+
+
+class ImmersionSection(asked.ObserverSection):
+    """States chi with beta(y, chi) = phi(x) on an attractive invariant manifold."""
+
+    chi: list[str] = required(ListOf(TEXT, least=1), "names of the states of the observer")
+    phi: list[str] = required(ListOf(ENTRY, least=1), "expressions of the states")
+    beta: list[str] = required(ListOf(ENTRY, least=1), "expressions of outputs and chi")
+    left_inverse: dict[str, str] = required(EXPRESSIONS, "states that are no outputs, of b1, b2, .. and outputs")
+    dynamics: dict[str, str] | None = key(EXPRESSIONS, "of outputs, inputs, chi; default: equation (20)")
+    Q: list[str] | None = key(ListOf(ENTRY), "of outputs, inputs, chi: motion that beta does not see, default 0")
+
+
+class HighGainSection(asked.ObserverSection):
+    """A copy of the plant with large injections of y - yhat."""
+
+    injection: dict[str, dict[str, str]] = required(MapOf(EXPRESSIONS), "by state, by output")
+    copy: str = key(OneOf("copy", ("outputs", "estimates")), "whose measured states it reads", default="estimates")
+    states: dict[str, str] | None = key(EXPRESSIONS, "other coordinates: expressions of states and inputs")
+    dynamics: dict[str, str] | None = key(EXPRESSIONS, "their derivatives, of coordinates, outputs and inputs")
+    left_inverse: dict[str, str] | None = key(EXPRESSIONS, "states, of coordinates, outputs and inputs")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """xi, with L_f phi = rate phi + B."""
+
+    name: str
+    phi: Expression
+    rate: Expression  # lambda
+    B: Expression
+
+    @property
+    def estimated(self) -> bool:
+        """Whether xi differs from phi by a constant theta."""
+        return self.rate.text == "0"
+
+
+@dataclass(frozen=True)
+class Regression:
+    """d(output)/dt = known + sum m theta, or exp(theta)."""
+
+    output: str
+    known: Expression
+    m: Mapping[str, Expression]
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """How theta is estimated."""
+
+    regressions: tuple[Regression, ...]
+    method: Method
+    alpha: fmpq
+    gamma: Mapping[str, fmpq]
+    kappa: fmpq
+    epsilon: fmpq
+    K: Mapping[str, Expression]
+    powers: frozenset[str]  # coordinates in whose exp(theta) the regressions are linear
+    consistent: bool  # filters begin where the regression is exact
+
+
+@dataclass(frozen=True)
+class Transformed:
+    """Coordinates, with a left inverse and an estimator."""
+
+    coordinates: tuple[Coordinate, ...]
+    left_inverse: Mapping[str, Expression]
+    estimator: Estimator | None
+    recast: bool
+
+
+@dataclass(frozen=True)
+class Immersion:
+    """Manifold beta(y, chi) = phi(x)."""
+
+    chi: tuple[str, ...]
+    phi: tuple[Expression, ...]
+    beta: tuple[Expression, ...]
+    left_inverse: Mapping[str, Expression]  # in b1, b2, ..
+    dynamics: Mapping[str, Expression] | None
+    Q: tuple[Expression, ...] | None
+
+
+@dataclass(frozen=True)
+class HighGain:
+    """Copy of the plant, or of it in other coordinates, with injections."""
+
+    injection: Mapping[str, Mapping[str, Expression]]
+    measured: bool  # the copy reads measured states from the outputs
+    states: Mapping[str, Expression] | None
+    dynamics: Mapping[str, Expression] | None
+    left_inverse: Mapping[str, Expression] | None
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked; None: the coordinates are to be found."""
+
+    drive: ClassVar[str] = "v"
+    reconstruct: ClassVar[bool] = False
+    gains: ClassVar[Mapping[str, Array] | None] = None
+
+    type: str
+    form: Transformed | Immersion | HighGain | None
+
+
+class Texts:
+    """Reads the expressions of a section, over the signals of the plant."""
+
+    def __init__(self, reader: Reader, typed: Typed) -> None:
+        self.reader, plant = reader, typed.equations
+        self.states, self.outputs, self.inputs = plant.states, tuple(plant.outputs), plant.inputs
+        self.taken = set(plant.signals)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """What an observer knows: t, outputs, inputs."""
+        return ("t", *self.outputs, *self.inputs)
+
+    def one(self, text: str, loc: Loc, names: Sequence[str]) -> Expression:
+        """An expression of these names."""
+        return self.reader.expression(text, loc, names)
+
+    def by_name(
+        self, texts: Mapping[str, str], loc: Loc, kind: str, allowed: Sequence[str], names: Sequence[str]
+    ) -> dict[str, Expression]:
+        """Expressions by names that must be among the allowed ones."""
+        found = {}
+        for name, text in texts.items():
+            if name in allowed:
+                found[name] = self.one(text, (*loc, name), names)
+            else:
+                self.reader.wrong((*loc, name), unknown(kind, name, allowed, {}), at_key=True)
+        return found
+
+    def new(self, name: str, loc: Loc) -> str:
+        """Name of a signal of the observer, which no other signal may have."""
+        reason = meaning(name) or ("is a signal already; choose another name" if name in self.taken else None)
+        if reason:
+            self.reader.wrong(loc, f"{described(name)} {reason}")
+        self.taken.add(name)
+        return name
+
+    def unmeasured(self, typed: Typed) -> tuple[str, ...]:
+        """States that no output shows by itself."""
+        shown = {side.text for side in typed.undisturbed.outputs.values()}
+        return tuple(name for name in self.states if name not in shown)
+
+    def complete(self, given: Mapping[str, Expression], typed: Typed, loc: Loc) -> None:
+        """Refuse a left inverse that leaves states out."""
+        if missing := [name for name in self.unmeasured(typed) if name not in given]:
+            self.reader.wrong(loc, f"gives no {', '.join(missing)}, which no output shows; add an expression for each")
+
+
+def request(reader: Reader, section: asked.ObserverSection, problem: asked.Estimation) -> Request:
+    """Return the request, its expressions read."""
+    typed = problem.typed
+    if typed is None:
+        return Request(section.type, None)
+    texts = Texts(reader, typed)
+    if isinstance(section, CoordinatesSection):
+        return Request(section.type, read_coordinates(texts, section, typed))
+    if isinstance(section, ImmersionSection):
+        return Request(section.type, read_immersion(texts, section, typed))
+    assert isinstance(section, HighGainSection)
+    return Request(section.type, read_high_gain(texts, section, typed))
+
+
+def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) -> Transformed | None:
+    """Coordinates, left inverse and estimator."""
+    reader = texts.reader
+    found: list[Coordinate] = []
+    if isinstance(section.coordinates, str):
+        return None
+    for i, each in enumerate(section.coordinates):
+        loc: Loc = ("observer", "coordinates", i)
+        earlier = tuple(one.name for one in found)
+        phi = texts.one(each.phi, (*loc, "phi"), texts.states)
+        rate = texts.one(each.rate, (*loc, "lambda"), (*texts.outputs, *texts.inputs))
+        B = texts.one(each.B, (*loc, "B"), (*texts.known, *earlier))
+        found.append(Coordinate(texts.new(each.name, (*loc, "name")), phi, rate, B))
+    require_kind(reader, section.type, found)
+    names = tuple(one.name for one in found)
+    loc = ("observer", "left_inverse")
+    inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*names, *texts.known))
+    texts.complete(inverse, typed, loc)
+    estimated = tuple(one.name for one in found if one.estimated)
+    estimator = None
+    if section.estimator is not None:
+        estimator = read_estimator(texts, section.estimator, names, estimated)
+    elif estimated:
+        said = f"is required: the constant of {', '.join(estimated)}, with lambda 0, must be estimated"
+        reader.wrong(("observer", "estimator"), said)
+    return Transformed(tuple(found), inverse, estimator, section.recast is not None)
+
+
+def require_kind(reader: Reader, kind: str, found: Sequence[Coordinate]) -> None:
+    """Hold the coordinates against the type: kkl has none with lambda 0, pebo no others, kkl+pebo both."""
+    estimated = [one.estimated for one in found]
+    wanted = {"kkl": not any(estimated), "pebo": all(estimated), "kkl+pebo": any(estimated) and not all(estimated)}
+    if not wanted[kind]:
+        right = "kkl" if not any(estimated) else "pebo" if all(estimated) else "kkl+pebo"
+        said = "coordinates with lambda 0 are estimated up to a constant, the others decay"
+        reader.wrong(("observer", "type"), f"{kind} does not fit these coordinates ({said}); write {right}")
+
+
+def read_estimator(
+    texts: Texts, section: EstimatorSection, names: Sequence[str], estimated: Sequence[str]
+) -> Estimator:
+    """Regressions, method and its numbers."""
+    reader, loc = texts.reader, ("observer", "estimator")
+    known = (*texts.known, *names)
+    regressions = []
+    for i, each in enumerate(section.regressions):
+        place: Loc = (*loc, "regressions", i)
+        if each.output not in texts.outputs:
+            reader.wrong((*place, "output"), unknown("output", each.output, texts.outputs, {}))
+        m = texts.by_name(each.m, (*place, "m"), "coordinate with lambda 0", estimated, known)
+        regressions.append(Regression(each.output, texts.one(each.known, (*place, "known"), known), m))
+    proportional = section.method == "proportional"
+    gains = section.gamma if isinstance(section.gamma, dict) else dict.fromkeys(estimated, section.gamma)
+    needed = ("K",) if proportional else ("regressions", "alpha", "gamma")
+    for name in needed:
+        if not getattr(section, name):
+            reader.wrong((*loc, name), f"is required for method {section.method}", at_key=True)
+    for name in section.gamma if isinstance(section.gamma, dict) else ():
+        if name not in estimated:
+            reader.wrong((*loc, "gamma", name), unknown("coordinate with lambda 0", name, estimated, {}), at_key=True)
+    for name in section.powers:
+        if name not in estimated:
+            reader.wrong((*loc, "as", name), unknown("coordinate with lambda 0", name, estimated, {}), at_key=True)
+
+    def number(name: str, otherwise: fmpq, sign: Literal[">= 0", "> 0"]) -> fmpq:
+        text = getattr(section, name)
+        return otherwise if text is None else reader.number(text, (*loc, name), sign)
+
+    place = (*loc, "gamma")
+    return Estimator(
+        regressions=tuple(regressions),
+        method=section.method,
+        alpha=number("alpha", fmpq(1), "> 0"),
+        gamma={
+            name: reader.number(text, (*place, name) if isinstance(section.gamma, dict) else place, "> 0")
+            for name, text in gains.items()
+            if text is not None
+        },
+        kappa=number("kappa", fmpq(0), ">= 0"),
+        epsilon=number("epsilon", EPSILON, "> 0"),
+        K=texts.by_name(section.K or {}, (*loc, "K"), "coordinate with lambda 0", estimated, texts.outputs),
+        powers=frozenset(section.powers),
+        consistent=section.filters == "consistent",
+    )
+
+
+def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Immersion:
+    """Manifold and dynamics."""
+    root: Loc = ("observer",)
+    chi = tuple(texts.new(name, (*root, "chi", i)) for i, name in enumerate(section.chi))
+    known = (*texts.known, *chi)
+    if len(section.phi) != len(section.beta):
+        said = f"has {len(section.beta)} entries, and phi {len(section.phi)}; give one for each"
+        texts.reader.wrong((*root, "beta"), said)
+    b = tuple(f"b{i + 1}" for i in range(len(section.beta)))
+    loc: Loc = (*root, "left_inverse")
+    inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*b, *texts.known))
+    texts.complete(inverse, typed, loc)
+    dynamics = None
+    if section.dynamics is not None:
+        dynamics = texts.by_name(section.dynamics, (*root, "dynamics"), "state of the observer", chi, known)
+        if missing := [name for name in chi if name not in section.dynamics]:
+            texts.reader.wrong((*root, "dynamics"), f"gives no {', '.join(missing)}; add the derivative of each chi")
+    return Immersion(
+        chi,
+        tuple(texts.one(text, (*root, "phi", i), texts.states) for i, text in enumerate(section.phi)),
+        tuple(texts.one(text, (*root, "beta", i), (*texts.outputs, *chi)) for i, text in enumerate(section.beta)),
+        inverse,
+        dynamics,
+        None
+        if section.Q is None
+        else tuple(texts.one(text, (*root, "Q", i), known) for i, text in enumerate(section.Q)),
+    )
+
+
+def read_high_gain(texts: Texts, section: HighGainSection, typed: Typed) -> HighGain:
+    """Injections, and other coordinates where there are some."""
+    root: Loc = ("observer",)
+    given = [section.states is not None, section.dynamics is not None, section.left_inverse is not None]
+    if any(given) and not all(given):
+        texts.reader.wrong(root, "other coordinates need states, dynamics and left_inverse; give all three, or none")
+    names = tuple(texts.new(name, (*root, "states", name)) for name in section.states or ())
+    known = (*texts.known, *names)
+    injected = names or texts.states
+    injection = {}
+    for state, by_output in section.injection.items():
+        loc: Loc = (*root, "injection", state)
+        if state not in injected:
+            texts.reader.wrong(loc, unknown("state", state, injected, {}), at_key=True)
+        injection[state] = texts.by_name(by_output, loc, "output", texts.outputs, texts.known)
+    states = dynamics = inverse = None
+    if names and all(given):
+        states = texts.by_name(section.states or {}, (*root, "states"), "state", names, (*texts.states, *texts.inputs))
+        dynamics = texts.by_name(section.dynamics or {}, (*root, "dynamics"), "state", names, known)
+        inverse = texts.by_name(section.left_inverse or {}, (*root, "left_inverse"), "state", texts.states, known)
+        texts.complete(inverse, typed, (*root, "left_inverse"))
+    return HighGain(injection, section.copy == "outputs", states, dynamics, inverse)
+
+
+def request_of(spec: Spec) -> Request:
+    """What a spec of this family asks for."""
+    assert isinstance(spec.observer, Request)
+    return spec.observer

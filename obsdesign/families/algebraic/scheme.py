@@ -1,0 +1,110 @@
+"""An observer without an LMI as it is proved and as it runs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+from obsdesign.families.algebraic.identity import Domain, Identity, Negative, Verdict, nonzero
+from obsdesign.families.observer import Observer
+from obsdesign.model.equations import Named, Typed
+
+ZERO = Expression.number(0)
+
+
+@dataclass(frozen=True)
+class Nonzero:
+    """A divisor that must not vanish on the domain."""
+
+    name: str
+    value: Expression
+
+    def decided(self, domain: Domain) -> Verdict:
+        """Whether it does not."""
+        return nonzero(self.name, self.value, domain)
+
+
+Statement = Identity | Negative | Nonzero
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What an observer rests on, and its equations."""
+
+    statements: tuple[Statement, ...]
+    observer: Observer
+    numbers: Mapping[str, Any]  # entries of `guarantee`, but for the rates, which the statements give
+    says: tuple[str, ...]  # what follows if every statement holds, clause by clause
+    depends: tuple[str, ...] = ()  # what depends on the run
+    rates: Mapping[str, str] = field(default_factory=dict)  # statement that gives the rate of a coordinate, by name
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The plant without disturbance and noise, and its derivatives along solutions."""
+
+    dynamics: Named  # of states and inputs and t; the outputs are written out
+    outputs: Named
+    inputs: tuple[str, ...]
+    domain: Domain
+
+    @classmethod
+    def of(cls, typed: Typed) -> "Plant":
+        """Plant of a spec."""
+        still = typed.undisturbed
+        written = still.substituted(still.outputs)
+        return cls(written.dynamics, written.outputs, written.inputs, typed.domain)
+
+    def along(self, phi: Expression) -> Expression:
+        """L_f phi, the derivative of a function of the states."""
+        rates = [(phi.derivative(name), side) for name, side in self.dynamics.items()]
+        return added([multiplied(slope, side) for slope, side in rates])
+
+    def on(self, expression: Expression, further: Named | None = None) -> Expression:
+        """Expression of outputs (and of further signals) in terms of the states."""
+        return expression.substituted({**self.outputs, **(further or {})})
+
+    def measured(self) -> dict[str, Expression]:
+        """States that an output shows by itself, as the output."""
+        return {side.text: Expression.variable(y) for y, side in self.outputs.items() if side.text in self.dynamics}
+
+
+def added(parts: Sequence[Expression]) -> Expression:
+    """Sum."""
+    return Expression.combination([fmpq(1)] * len(parts), parts)
+
+
+def less(a: Expression, *others: Expression) -> Expression:
+    """Difference a - b - c .."""
+    return Expression.combination([fmpq(1), *[fmpq(-1)] * len(others)], [a, *others])
+
+
+def multiplied(*factors: Expression) -> Expression:
+    """Product."""
+    whole = factors[0].root
+    for factor in factors[1:]:
+        whole = whole * factor.root
+    return Expression(whole)
+
+
+def scaled(c: fmpq, e: Expression) -> Expression:
+    """Multiple."""
+    return Expression.combination([c], [e])
+
+
+def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Statement]:
+    """Statements that a left inverse gives every state back, and divides by nothing that vanishes on the domain.
+
+    `transformed`: the coordinates in terms of the states.
+    """
+    found: list[Statement] = []
+    for name, side in left_inverse.items():
+        back = plant.on(side, transformed)
+        found.append(Identity(f"left inverse of {name}: {side} = {name}", less(back, Expression.variable(name))))
+        found += [
+            Nonzero(f"left inverse of {name}: {divisor} is not 0", plant.on(divisor, transformed))
+            for divisor in side.divisors()
+        ]
+    return found

@@ -1,0 +1,23 @@
+"""Observers without an LMI as text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What is proved: coordinates, and how fast they decay."""
+    rows = [
+        (
+            "coordinate",
+            f"{c['name']} -> {c['phi']}" + (" - theta" if c["lambda"] == "0" else f", lambda = {c['lambda']}"),
+        )
+        for c in claimed.get("coordinates", [])
+    ]
+    rows += [("rate", f"{name}: at least {rate:.6g} 1/s") for name, rate in claimed.get("rates", {}).items()]
+    return [*rows, ("says", claimed["statement"])]
+
+
+def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Equations of the observer."""
+    rows = [(f"{name}'", side) for name, side in made["dynamics"].items()]
+    return [*rows, *((f"{name}hat", side) for name, side in made["estimates"].items())]
