@@ -10,7 +10,7 @@ it does not, nothing is said, since not every relation is known.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial, reduce
-from math import lcm
+from math import comb, lcm
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
@@ -19,7 +19,10 @@ from obsdesign.expressions.expression import Expression
 from obsdesign.expressions.functions import apply
 from obsdesign.expressions.tree import Call, Number, fold, number, product, quotient
 
-MAX_TERMS = 20_000  # of a polynomial
+MAX_SIZE = 4_000_000  # exponents in a polynomial: its terms times the symbols
+MOST = 4  # symbols that one function may need: of a sum of angles
+MOST_TURNS = 8  # multiples of an angle that are written in its sine and cosine
+ROUNDS = 5  # in which the common parts of exponents are found
 MAX_EXPONENT = 64  # of a power that is multiplied out
 
 
@@ -32,28 +35,36 @@ class Fraction:
 
     def __add__(self, other: "Fraction") -> "Fraction":
         if self.below == other.below:
-            return Fraction(limited(self.above + other.above), self.below)
-        return Fraction(limited(self.above * other.below + other.above * self.below), self.below * other.below)
+            return Fraction(self.above + other.above, self.below)
+        above = times(self.above, other.below) + times(other.above, self.below)
+        return Fraction(above, times(self.below, other.below))
 
     def __mul__(self, other: "Fraction") -> "Fraction":
-        return Fraction(limited(self.above * other.above), limited(self.below * other.below))
+        return Fraction(times(self.above, other.above), times(self.below, other.below))
 
     def __truediv__(self, other: "Fraction") -> "Fraction":
         if other.above == 0:
             raise ExpressionError("divides by zero")
-        return Fraction(limited(self.above * other.below), limited(self.below * other.above))
+        return Fraction(times(self.above, other.below), times(self.below, other.above))
 
     def __pow__(self, n: int) -> "Fraction":
         if n < 0:
             return Fraction(self.below, self.above) ** -n
-        return Fraction(limited(self.above**n), limited(self.below**n))
+        for side in (self.above, self.below):
+            require_room(comb(max(len(side), 1) + n - 1, n), side)
+        return Fraction(self.above**n, self.below**n)
 
 
-def limited(p: fmpq_mpoly) -> fmpq_mpoly:
-    """Polynomial, or `ExpressionError` where it is too large."""
-    if len(p) > MAX_TERMS:
-        raise ExpressionError(f"has more than {MAX_TERMS} products when it is multiplied out")
-    return p
+def times(a: fmpq_mpoly, b: fmpq_mpoly) -> fmpq_mpoly:
+    """Product; `ExpressionError` where it may be too large."""
+    require_room(len(a) * len(b), a)
+    return a * b
+
+
+def require_room(terms: int, p: fmpq_mpoly) -> None:
+    """Refuse what may have so many terms, before there are any."""
+    if terms * p.context().nvars() > MAX_SIZE:
+        raise ExpressionError("is too large to be multiplied out")
 
 
 @cache
@@ -77,15 +88,19 @@ class Symbols:
     @classmethod
     def of(cls, expressions: Sequence[Expression]) -> "Symbols":
         """Room for everything in these expressions, with the parts that their exponents and angles have in common."""
-        nodes = sum(len(expression.order) for expression in expressions)
+        names = set().union(*(expression.names for expression in expressions))
+        nodes = [node for expression in expressions for node in expression.order]
+        calls = [node for node in nodes if isinstance(node, Call) and node.operation not in {"+", "*", "/"}]
+        size = 2 + len(names) + MOST * len(calls)
         found: dict[str, int] = {}
-        while True:
-            symbols = cls(2 * nodes + 2, parts=dict(found))
+        for _ in range(ROUNDS):
+            symbols = cls(size, parts=dict(found))
             for expression in expressions:
                 symbols.fraction(expression)
             if symbols.parts == found:
-                return cls(2 * nodes + 2, parts=found)
+                return cls(size, parts=found)
             found = symbols.parts
+        raise ExpressionError("has exponents or angles without a common part")
 
     def constant(self, value: fmpq | int) -> Fraction:
         """A number."""
@@ -131,19 +146,24 @@ class Symbols:
 
     def reduced(self, value: Fraction) -> Fraction:
         """Same fraction with no higher power of a symbol above than its relation leaves, and no common factor."""
+        degrees = value.above.degrees()
         for index in sorted(self.relations, reverse=True):  # arguments have lower numbers than what is made of them
             k, power = self.relations[index]
+            if degrees[index] < k:
+                continue
             parts: dict[int, dict[tuple[int, ...], fmpq]] = {}
             for powers, c in value.above.to_dict().items():
                 times, rest = divmod(powers[index], k)
                 parts.setdefault(times, {})[(*powers[:index], rest, *powers[index + 1 :])] = c
-            if set(parts) - {0}:
-                total = self.constant(0)
-                for times, terms in parts.items():
-                    total += Fraction(ring(self.size).from_dict(terms), ring(self.size).constant(1)) * power**times
-                value = Fraction(total.above, total.below * value.below)
-        common = value.above.gcd(value.below)
-        above, below = value.above / common, value.below / common
+            total = self.constant(0)
+            for times, terms in parts.items():
+                total += Fraction(ring(self.size).from_dict(terms), ring(self.size).constant(1)) * power**times
+            value = Fraction(total.above, total.below * value.below)
+            degrees = value.above.degrees()
+        above, below = value.above, value.below
+        if not below.is_constant():
+            common = above.gcd(below)
+            above, below = above / common, below / common
         lead = below.leading_coefficient()
         return Fraction(above / lead, below / lead)
 
@@ -205,13 +225,13 @@ class Symbols:
     def exponential(self, value: Fraction) -> Fraction:
         """Product of powers of exponentials of the parts of an exponent."""
         product = self.constant(1)
-        for key, part, times in self.multiples("exp", value):
+        for key, part, n in self.multiples("exp", value):
             if key in self.logarithms:
-                product = product * self.logarithms[key] ** times
+                product = product * self.logarithms[key] ** n
                 continue
             one = self.symbol(key, partial(self.applied, "exp", part))
             self.exponents[self.numbers[key]] = part
-            product = product * one**times
+            product = product * one**n
         return product
 
     def exponent(self, value: Fraction) -> Fraction | None:
@@ -231,12 +251,15 @@ class Symbols:
     def angle(self, value: Fraction) -> tuple[Fraction, Fraction]:
         """Sine and cosine of a sum of multiples of angles."""
         sine, cosine = self.constant(0), self.constant(1)
-        for key, part, times in self.multiples("angle", value):
+        parts = [*self.multiples("angle", value)]
+        if any(abs(turns) > MOST_TURNS for _, _, turns in parts):
+            parts = [(f"whole angle {self.key(value)}", value, 1)]
+        for key, part, turns in parts:
             c = self.symbol(f"cos {key}", partial(self.applied, "cos", part))
             square = self.constant(1) + self.constant(-1) * c * c
             s = self.power_of(f"sin {key}", 2, square, partial(self.applied, "sin", part))
-            turn = s if times > 0 else self.constant(-1) * s
-            for _ in range(abs(times)):
+            turn = s if turns > 0 else self.constant(-1) * s
+            for _ in range(abs(turns)):
                 sine, cosine = sine * c + cosine * turn, cosine * c + self.constant(-1) * sine * turn
         return sine, cosine
 

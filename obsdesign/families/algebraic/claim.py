@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
 from obsdesign.families.algebraic.request import HighGain, Immersion, Transformed, request_of
@@ -20,6 +21,7 @@ from obsdesign.spec import Spec
 
 Form = Transformed | Immersion | HighGain
 KIND = "identities"
+DIGITS = 6  # of a rate
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Claim:
         """Proved rates of decay, 1/s, by the name of the coordinate."""
         bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
         found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
-        return {name: -bound for name, bound in found.items() if bound is not None}
+        return {name: round_down(-bound, DIGITS) for name, bound in found.items() if bound is not None}
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
@@ -80,9 +82,15 @@ class Claim:
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
         """What is proved, and the statements that prove it."""
+        if self.refuted:
+            return {"certificate": {"kind": KIND, "checks": self.listed}}
         guarantee = {**self.scheme.numbers, "rates": self.rates, "statement": self.statement(spec)}
-        listed = [{"name": v.name, "holds": v.answer is Answer.PROVED, "answer": str(v.answer)} for v in self.verdicts]
-        return {"guarantee": guarantee, "certificate": {"kind": KIND, "checks": listed}}
+        return {"guarantee": guarantee, "certificate": {"kind": KIND, "checks": self.listed}}
+
+    @property
+    def listed(self) -> list[dict[str, Any]]:
+        """Statements of a certificate."""
+        return [{"name": v.name, "holds": v.answer is Answer.PROVED, "answer": str(v.answer)} for v in self.verdicts]
 
 
 def built(plant: Plant, form: Form) -> Scheme:

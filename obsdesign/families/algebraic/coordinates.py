@@ -7,15 +7,19 @@ Where lambda < 0 the error xi - phi(x) decays as exp(int lambda). In (41) the pa
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
 
 from obsdesign.expressions import Expression
+from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import Estimation, estimation, exponential
 from obsdesign.families.algebraic.identity import Identity, Negative
-from obsdesign.families.algebraic.request import Coordinate, Estimator, Transformed
+from obsdesign.families.algebraic.immersion import by_default
+from obsdesign.families.algebraic.request import Coordinate, Estimator, Immersion, Transformed
 from obsdesign.families.algebraic.scheme import (
+    ZERO,
     Nonzero,
     Plant,
     Scheme,
@@ -27,6 +31,7 @@ from obsdesign.families.algebraic.scheme import (
     scaled,
 )
 from obsdesign.families.observer import Observer
+from obsdesign.model.equations import Named
 
 
 def scheme(plant: Plant, form: Transformed) -> Scheme:
@@ -35,26 +40,44 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     statements: list[Statement] = [one for c in form.coordinates for one in coordinate(plant, c, phi)]
     statements += inverses(plant, form.left_inverse, phi)
     parameters = tuple(c.name for c in form.coordinates if c.estimated)
-    if form.estimator:
-        statements += regressions(plant, form.estimator, form.coordinates)
-    observer = equations(plant, form, parameters)
-    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated}
-    says = [f"{c.name} - ({c.phi}) decays at least as fast as its rate" for c in form.coordinates if not c.estimated]
-    says += [f"({c.phi}) - {c.name} is constant" for c in form.coordinates if c.estimated]
-    says += ["the left inverse gives x"] if form.left_inverse else []
-    if form.estimator and form.estimator.regressions:
-        exact = "exactly" if form.estimator.consistent else "up to an error that decays with the filters"
-        says.append(f"Y = psi theta {exact}")
-    depends = []
-    if parameters and form.estimator and form.estimator.method != "proportional":
-        depends.append(f"convergence to theta of {', '.join(parameters)} needs excitation, which a run reports")
+    observer, theta = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
+    says = [said(c) + cascade(form, c.B) for c in form.coordinates]
+    says += ["the left inverse gives x"] if form.left_inverse else []
+    depends = []
+    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated}
+    if form.estimator and form.estimator.method == "proportional":
+        found, more = attraction(plant, form, theta)
+        statements, rates = [*statements, *found], {**rates, **more}
+        says.append("the estimates of theta decay to theta")
+    elif form.estimator:
+        statements += regressions(plant, form.estimator, form.coordinates)
+        exact = "exactly" if form.estimator.consistent else "up to an error that decays with the filters"
+        sides = [side for r in form.estimator.regressions for side in (r.known, *r.m.values())]
+        says.append(f"Y = psi theta {exact}{cascade(form, *sides)}")
+        depends.append(f"that the estimates of theta converge depends on excitation ({', '.join(parameters)})")
+    if form.recast:
+        statements += still(plant, observer, theta)
+        observer = recast(plant, form, observer, theta)
+        says.append("the observer is one of immersion and invariance with beta = xi + theta")
     return Scheme(tuple(statements), observer, numbers, tuple(says), tuple(depends), rates)
 
 
 def described(c: Coordinate) -> dict[str, Any]:
     """Entry of a result file."""
     return {"name": c.name, "phi": c.phi.text, "lambda": c.rate.text, "B": c.B.text}
+
+
+def said(c: Coordinate) -> str:
+    """What a coordinate does."""
+    return f"({c.phi}) - {c.name} is constant" if c.estimated else f"{c.name} - ({c.phi}) decays as exp of int lambda"
+
+
+def cascade(form: Transformed, *sides: Expression) -> str:
+    """Where other coordinates stand in right sides: what is said holds once their own estimates are right."""
+    decaying = [c.name for c in form.coordinates if not c.estimated]
+    used = [name for name in decaying if any(name in side.names for side in sides)]
+    return f", once the error of {', '.join(used)} has decayed" if used else ""
 
 
 def decays(c: Coordinate) -> str:
@@ -89,39 +112,87 @@ def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordi
     return found
 
 
-def equations(plant: Plant, form: Transformed, parameters: tuple[str, ...]) -> Observer:
-    """Equations of the observer: the coordinates, the estimator and the estimates."""
+def equations(plant: Plant, form: Transformed, parameters: tuple[str, ...]) -> tuple[Observer, dict[str, Expression]]:
+    """Equations of the observer, and its estimates of theta."""
     xi = {c.name: Expression.variable(c.name) for c in form.coordinates}
-    theta: dict[str, Expression] = {}
-    made = Estimation()
+    made, theta = Estimation(), {}
     if form.estimator and form.estimator.method == "proportional":
-        theta = {
-            name: added([Expression.variable(f"zeta_{name}"), form.estimator.K[name]])
-            for name in parameters
-            if name in form.estimator.K
-        }
+        K = form.estimator.K
+        theta = {name: added([Expression.variable(f"zeta_{name}"), K[name]]) for name in parameters if name in K}
     elif form.estimator:
-        estimates = {c.name: xi[c.name] for c in form.coordinates}
-        made = estimation(form.estimator, estimates, parameters)
+        made = estimation(form.estimator, xi, parameters)
         theta = made.theta
-    full = {name: added([side, theta[name]]) if name in theta else side for name, side in xi.items()}
+    full = corrected(form, theta)
     estimates = {**plant.measured(), **{name: side.substituted(full) for name, side in form.left_inverse.items()}}
     estimates = {name: estimates[name] for name in plant.dynamics}
     dynamics = {c.name: added([multiplied(c.rate, xi[c.name]), c.B.substituted(full)]) for c in form.coordinates}
     dynamics |= made.dynamics
     if form.estimator and form.estimator.method == "proportional":
         dynamics |= proportional(plant, form.estimator, estimates, tuple(theta))
-    return Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs), initial=made.initial)
+    return Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs), initial=made.initial), theta
 
 
-def proportional(
-    plant: Plant, estimator: Estimator, estimates: dict[str, Expression], names: tuple[str, ...]
-) -> dict[str, Expression]:
+def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:
+    """Estimates of phi, by coordinate: xi, or xi + theta."""
+    xi = {c.name: Expression.variable(c.name) for c in form.coordinates}
+    return {name: added([side, theta[name]]) if name in theta else side for name, side in xi.items()}
+
+
+def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Sequence[str]) -> dict[str, Expression]:
     """Zeta' = -dK/dy ydot(xhat, u): theta = zeta + K(y) stays where it is right, theta' = dK/dy (ydot - ydot(xhat))."""
-    rates = {y: plant.along(h).substituted(estimates) for y, h in plant.outputs.items()}
-    return {
-        f"zeta_{name}": scaled(
-            fmpq(-1), added([multiplied(estimator.K[name].derivative(y), rate) for y, rate in rates.items()])
+    rates = plant.output_rates(estimates)
+    sides = {n: added([multiplied(estimator.K[n].derivative(y), rate) for y, rate in rates.items()]) for n in names}
+    return {f"zeta_{name}": scaled(fmpq(-1), side) for name, side in sides.items()}
+
+
+def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str]]:
+    """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0."""
+    assert form.estimator
+    d = {name: Expression.variable(f"d_{name}") for name in theta}
+    off = {c.name: added([c.phi, d[c.name]]) if c.name in d else c.phi for c in form.coordinates}
+    states = {name: Expression.variable(name) for name in plant.dynamics}
+    estimates = {**states, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
+    rates = plant.output_rates(estimates)
+    zero = dict.fromkeys((side.text for side in d.values()), ZERO)
+    found: list[Statement] = []
+    named = {}
+    for i, name in enumerate(theta):
+        K = form.estimator.K[name]
+        slopes = {y: plant.on(K.derivative(y)) for y in plant.outputs}
+        moving = added([multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()])
+        later = moving.substituted({f"d_{other}": ZERO for other in list(theta)[:i]})
+        rate = simplified(later.derivative(f"d_{name}").substituted(zero))
+        found.append(Identity(f"estimate of theta of {name}: d' = ({rate}) d", less(later, multiplied(rate, d[name]))))
+        named[f"theta of {name}"] = f"estimate of theta of {name}: {rate} < 0"
+        found.append(Negative(named[f"theta of {name}"], rate))
+    return found, named
+
+
+def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
+    """Condition (*) of the unification: thetahat stands still along the observer, with the plant at its estimate.
+
+    N_zeta M + N_xi B + N_y ydot(xhat, u) = 0 for all arguments. It is the hypothesis of Proposition 5 that {theta =
+    thetahat} is invariant, read for every xi and zeta; (26) has it where xi = phi(x) only.
+    """
+    rates = {**observer.dynamics, **plant.output_rates(observer.estimates)}
+    return [
+        Identity(
+            f"condition (*) for {name}: its estimate of theta stands still where xhat is right",
+            added([multiplied(side.derivative(signal), rate) for signal, rate in rates.items()]),
         )
-        for name in names
-    }
+        for name, side in theta.items()
+    ]
+
+
+def recast(plant: Plant, form: Transformed, observer: Observer, theta: Named) -> Observer:
+    """The observer of immersion and invariance with beta = xi + N, and Q the field of the observer itself (23)."""
+    b = {c.name: Expression.variable(f"b{i + 1}") for i, c in enumerate(form.coordinates)}
+    manifold = Immersion(
+        chi=observer.states,
+        phi=tuple(c.phi for c in form.coordinates),
+        beta=tuple(corrected(form, theta).values()),
+        left_inverse={name: side.substituted(b) for name, side in form.left_inverse.items()},
+        dynamics=None,
+        Q=tuple(observer.dynamics.values()),
+    )
+    return replace(observer, dynamics=by_default(plant, manifold, observer.estimates))

@@ -84,7 +84,8 @@ def estimation(estimator: Estimator, substitution: Mapping[str, Expression], nam
     powers = [name for name in names if name in estimator.powers and not logarithmic]
     theta = {name: logarithm(state[name]) if name in powers else state[name] for name in names}
     guarded = {name: f"theta_{name}" for name in powers}
-    return Estimation(made.dynamics, theta, made.initial, made.regressors, determinant, guarded)
+    initial = made.initial | dict.fromkeys(guarded.values(), Expression.number(1))  # exp(0)
+    return Estimation(made.dynamics, theta, initial, made.regressors, determinant, guarded)
 
 
 def mixed(

@@ -13,7 +13,7 @@ import numpy as np
 from flint import arb, fmpq
 
 from obsdesign.expressions import Expression, ExpressionError
-from obsdesign.expressions.algebra import Symbols
+from obsdesign.expressions.algebra import Symbols, simplified
 from obsdesign.expressions.constant import ball
 from obsdesign.nonlinearities.evidence.enclosure import supremum
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, outward
@@ -42,6 +42,7 @@ class Verdict:
     answer: Answer
     residual: str = ""  # what should vanish, or the function whose sign is wrong
     point: Mapping[str, fmpq] = field(default_factory=dict)  # where it does not
+    wanted: str = "0"  # what it should be
     value: float = 0.0  # of the residual there
     bound: float | None = None  # proved supremum of a sign
 
@@ -54,7 +55,7 @@ class Verdict:
     def sentence(self) -> str:
         """What fails, and where."""
         where = ", ".join(f"{name} = {float(value):g}" for name, value in self.point.items())
-        return f"{self.name} fails: {self.residual} is {self.value:.6g} at {where or 'every point'}, not 0"
+        return f"{self.name} fails: {self.residual} is {self.value:.6g} at {where or 'every point'}, not {self.wanted}"
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Identity:
         for point in points(self.residual, domain):
             value = at(self.residual, point)
             if value is not None and value.is_finite() and 0 not in value:
-                return Verdict(self.name, Answer.REFUTED, short(shown), point, float(value.mid()))
+                return Verdict(self.name, Answer.REFUTED, short(shown), point, "0", float(value.mid()))
         return Verdict(self.name, Answer.OPEN, short(shown))
 
 
@@ -100,7 +101,8 @@ class Negative:
         for point in points(self.value, domain):
             value = at(self.value, point)
             if value is not None and value.is_finite() and value >= 0:
-                return Verdict(self.name, Answer.REFUTED, short(self.value), point, float(value.mid()))
+                shown = short(simplified(self.value))
+                return Verdict(self.name, Answer.REFUTED, shown, point, "below 0", float(value.mid()))
         return Verdict(self.name, Answer.OPEN, short(self.value))
 
 
@@ -114,7 +116,7 @@ def nonzero(name: str, value: Expression, domain: Domain) -> Verdict:
     low, high = (sign.answer is Answer.REFUTED for sign in signs)
     if low and high:  # both signs occur, and 0 between them, or 0 itself
         zero = min(signs, key=lambda sign: abs(sign.value))
-        return Verdict(name, Answer.REFUTED, short(value), zero.point, zero.value)
+        return Verdict(name, Answer.REFUTED, short(value), zero.point, "of one sign", zero.value)
     return Verdict(name, Answer.OPEN, short(value))
 
 

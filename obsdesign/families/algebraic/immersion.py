@@ -44,14 +44,9 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     return Scheme(tuple(statements), observer, numbers, says, rates=rates)
 
 
-def output_rates(plant: Plant, estimates: Named) -> dict[str, Expression]:
-    """Return ydot at an estimate."""
-    return {y: plant.along(h).substituted(estimates) for y, h in plant.outputs.items()}
-
-
 def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
     """D beta_i/dy ydot(xhat) - phi_i_dot(xhat): what chi has to follow, with the other sign."""
-    rates = output_rates(plant, estimates)
+    rates = plant.output_rates(estimates)
     seen = [multiplied(form.beta[i].derivative(y), rate) for y, rate in rates.items()]
     return less(added(seen), plant.along(form.phi[i]).substituted(estimates))
 
@@ -103,7 +98,7 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
     states = {name: Expression.variable(name) for name in plant.dynamics}
     shown = {name: side for name, side in states.items() if name in plant.measured()}
     estimates = {**shown, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
-    rates = output_rates(plant, estimates)
+    rates = plant.output_rates(estimates)
     found: list[Statement] = []
     names = {}
     for i, phi in enumerate(form.phi):

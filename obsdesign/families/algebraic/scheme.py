@@ -55,7 +55,8 @@ class Plant:
         """Plant of a spec."""
         still = typed.undisturbed
         written = still.substituted(still.outputs)
-        return cls(written.dynamics, written.outputs, written.inputs, typed.domain)
+        shown = {y: typed.domain[side.text] for y, side in written.outputs.items() if side.text in typed.domain}
+        return cls(written.dynamics, written.outputs, written.inputs, {**shown, **typed.domain})
 
     def along(self, phi: Expression) -> Expression:
         """L_f phi, the derivative of a function of the states."""
@@ -65,6 +66,10 @@ class Plant:
     def on(self, expression: Expression, further: Named | None = None) -> Expression:
         """Expression of outputs (and of further signals) in terms of the states."""
         return expression.substituted({**self.outputs, **(further or {})})
+
+    def output_rates(self, estimates: Named) -> dict[str, Expression]:
+        """Return ydot at an estimate."""
+        return {y: self.along(h).substituted(estimates) for y, h in self.outputs.items()}
 
     def measured(self) -> dict[str, Expression]:
         """States that an output shows by itself, as the output."""

@@ -14,7 +14,7 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
         for c in claimed.get("coordinates", [])
     ]
     rows += [("rate", f"{name}: at least {rate:.6g} 1/s") for name, rate in claimed.get("rates", {}).items()]
-    return [*rows, ("says", claimed["statement"])]
+    return [*rows, *([("says", claimed["statement"])] if "statement" in claimed else [])]
 
 
 def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
