@@ -86,7 +86,6 @@ class Outcome:
     gains: Mapping[str, Array] = field(
         default_factory=dict
     )  # by name; doubles that print as the decimals that are proved
-    form: Any = None  # of an observer that has no gains: its equations, as its family has them
     claim: Claim | None = None  # what was proved of the gains, or tried to be
     limit: dict[str, Any] = field(default_factory=dict)  # infimum or supremum over all gains, by its name; numerical
     limit_bounded: dict[str, Any] = field(default_factory=dict)  # .. within the bounds of the spec
@@ -95,6 +94,7 @@ class Outcome:
     diagnosis: Diagnosis = field(default_factory=dict)  # why there are no gains; empty where there are some
     notes: tuple[str, ...] = ()  # what a user should know, in sentences
     scalars: dict[str, Any] = field(default_factory=dict)  # scalar unknowns of what was solved
+    form: Any = None  # of an observer that has no gains: its equations, as its family has them
 
     @property
     def built(self) -> bool:
