@@ -25,9 +25,13 @@ class Eigenvalues:
 
 def table(columns: Sequence[Mapping[object, fmpq]]) -> fmpq_mat:
     """Matrix of columns that are given by their entries other than zero; equal rows stand once."""
-    keys = {key: None for column in columns for key in column}
-    rows = {tuple(column.get(key, fmpq(0)) for column in columns): None for key in keys}
-    return fmpq_mat([list(row) for row in rows]) if rows else fmpq_mat(0, len(columns))
+    entries: dict[object, list[tuple[int, fmpq]]] = {}
+    for j, column in enumerate(columns):
+        for key, value in column.items():
+            entries.setdefault(key, []).append((j, value))
+    rows = dict.fromkeys(tuple(row) for row in entries.values())
+    zero, places = fmpq(0), range(len(columns))
+    return fmpq_mat(len(rows), len(columns), [row.get(j, zero) for row in map(dict, rows) for j in places])
 
 
 def pivots(reduced: fmpq_mat, rank: int) -> list[int]:

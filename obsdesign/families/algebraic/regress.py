@@ -1,0 +1,68 @@
+"""Regressions for the constants of coordinates with lambda 0, from the derivatives of the outputs.
+
+With x = phiL(xi + theta, y) put into y' = L_f h, a derivative that is known + sum m theta is a regression, and so is
+one that is linear in exp(theta).
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+from flint import fmpq
+
+from obsdesign.expressions import Expression, parse
+from obsdesign.families.algebraic.ansatz import simplified
+from obsdesign.families.algebraic.find import Found
+from obsdesign.families.algebraic.request import Regression
+from obsdesign.model.equations import Equations, Named, free
+
+ZERO = Expression.number(0)
+
+
+def regressions(found: Found, equations: Equations) -> tuple[tuple[Regression, ...], frozenset[str]]:
+    """Regressions that hold the constants of as many coordinates as can be, and those that they hold as exp(theta)."""
+    names = [each.name for each in found.coordinates if each.estimated]
+    best: tuple[tuple[Regression, ...], frozenset[str]] = ((), frozenset())
+    if found.missing:
+        return best
+    sides = list(derivatives(found, equations))
+    for size in range(len(names) + 1):
+        for powers in combinations(names, size):
+            rows = tuple(row for output, side in sides if (row := regression(output, side, names, powers)))
+            if covered(rows) > covered(best[0]):
+                best = rows, frozenset(powers)
+    return best
+
+
+def covered(rows: Sequence[Regression]) -> int:
+    """How many constants some regressions hold."""
+    return len({name for row in rows for name in row.m})
+
+
+def derivatives(found: Found, equations: Equations) -> Iterator[tuple[str, Expression]]:
+    """Derivative of each output without inputs, in outputs, inputs, t and coordinates."""
+    shown = {side.text: Expression.variable(name) for name, side in equations.outputs.items()}
+    states: Named = {n: found.left_inverse.get(n) or shown[n] for n in equations.states}
+    for output, side in equations.outputs.items():
+        if side.names.isdisjoint(equations.inputs):
+            rates = [(side.derivative(name), f) for name, f in equations.dynamics.items()]
+            parts = [Expression(slope.root * rate.root) for slope, rate in rates]
+            parts.append(side.derivative("t"))
+            whole = Expression.combination([fmpq(1)] * len(parts), parts)
+            yield output, simplified(whole.substituted(states))
+
+
+def regression(output: str, side: Expression, names: Sequence[str], powers: Sequence[str]) -> Regression | None:
+    """The derivative of an output as known + sum m theta, with exp(theta) for some; None where it is not."""
+    taken = {"t", *side.names}
+    theta = {name: free(f"theta_{name}", taken) for name in names if name in side.names}
+    shifted = {
+        name: parse(f"{name} + log({new})" if name in powers else f"{name} + {new}", (name, new))
+        for name, new in theta.items()
+    }
+    moved = simplified(side.substituted(shifted))
+    slopes = {name: simplified(moved.derivative(new)) for name, new in theta.items()}
+    if any(not slope.names.isdisjoint(theta.values()) for slope in slopes.values()):
+        return None
+    m = {name: slope for name, slope in slopes.items() if slope.text != "0"}
+    known = simplified(moved.substituted(dict.fromkeys(theta.values(), ZERO)))
+    return Regression(output, known, m) if m else None
