@@ -218,33 +218,59 @@ class Ansatz:
             one = self.symbols.constant(1).below
             values = [self.symbols.reduced(Fraction(v.above * (below / v.below), one)) for v in values]
 
+    @cached_property
+    def given(self) -> list[tuple[Expression, Fraction]]:
+        """Products that B may have beside what it is found to be: of outputs that could not be solved for a state."""
+        unused = self.measured.unused
+        names = [*unused, *(name for name in self.equations.outputs if name not in unused), *self.equations.inputs]
+        found: list[tuple[Expression, Fraction]] = []
+        for degree in range(1, self.degree + 1):
+            for chosen in combinations_with_replacement(names, degree):
+                if chosen[0] in unused and len(found) < MAX_FUNCTIONS:
+                    term = Expression(product([Expression.variable(name).root for name in chosen]))
+                    found.append((term, self.fraction(term.substituted(self.equations.outputs))))
+        return found
+
     def pencil(self, s: Expression) -> tuple[fmpq_mat, fmpq_mat]:
-        """M0 and M1 of lambda = k s, in as few rows as hold what they say together."""
-        scale = self.fraction(s.substituted(self.equations.outputs))
-        rows = [[*first, *(self.symbols.reduced(scale * each) for each in second)] for first, second in self.moved]
-        both = table(self.numerators(rows))
-        reduced, rank = both.rref()
-        n = len(self.terms)
-        parts = [[[reduced[i, j] for j in range(first, first + n)] for i in range(rank)] for first in (0, n)]
-        M0, M1 = (fmpq_mat(part) if rank else fmpq_mat(0, n) for part in parts)
-        return M0, M1
+        """M0 and M1 of lambda = k s, in as few rows as hold what they say together.
+
+        The last columns are those of the products that are given, in which lambda has no part.
+        """
+        scale, zero, minus = self.fraction(s.substituted(self.equations.outputs)), fmpq(0), self.symbols.constant(-1)
+        rows = []
+        for d, (first, second) in zip(self.hidden, self.moved, strict=True):
+            known = [minus * d.of(value) for _, value in self.given]
+            rows.append([*first, *known, *(self.symbols.reduced(scale * each) for each in second)])
+        reduced, rank = table(self.numerators(rows)).rref()
+        n, m = len(self.terms), len(self.given)
+        M0 = [reduced[i, j] for i in range(rank) for j in range(n + m)]
+        M1 = [reduced[i, n + m + j] if j < n else zero for i in range(rank) for j in range(n + m)]
+        return fmpq_mat(rank, n + m, M0), fmpq_mat(rank, n + m, M1)
 
     def coordinate(self, name: str, c: Vector, rate: Expression) -> Coordinate | None:
         """The coordinate of a vector in the kernel; None if its equation could not be proved."""
-        used = [(weight, k) for k, weight in enumerate(c) if weight != 0]
-        plain = {Expression.variable(state).text for state in self.measured.left}
-        lead = next((weight for weight, k in used if self.terms[k].expression.text in plain), fmpq(1))
-        weights = [weight / lead for weight, _ in used]
-        phi = Expression.combination(weights, [self.terms[k].expression for _, k in used])
-        slope = self.symbols.constant(0)
-        for weight, (_, k) in zip(weights, used, strict=True):
-            slope += self.symbols.constant(weight) * self.flows[k]
+        plain, one = {Expression.variable(state) for state in self.measured.left}, fmpq(1)
+        parts = list(zip(c, self.terms, strict=False))
+        lead = next((weight for weight, term in parts if weight != 0 and term.expression in plain), one)
+        used = [(weight / lead, k) for k, weight in enumerate(c) if weight != 0]
+        n, slope = len(self.terms), self.symbols.constant(0)
+        for weight, k in used:
+            slope += self.symbols.constant(weight if k < n else -weight) * (
+                self.flows[k] if k < n else self.given[k - n][1]
+            )
         flow = self.symbols.expression(slope)
-        outputs, one = self.equations.outputs, fmpq(1)
+        phi = Expression.combination(
+            [w for w, k in used if k < n], [self.terms[k].expression for _, k in used if k < n]
+        )
+        outputs = self.equations.outputs
         kept = Expression(product((rate.substituted(outputs).root, phi.root)))
-        residual = Expression.combination([one, -one], [flow, kept])
-        B = simplified(simplified(residual).substituted(self.measured.states))
-        proved = B.names.isdisjoint(self.equations.states) and identical(B.substituted(outputs), residual)
+        rest = simplified(Expression.combination([one, -one], [flow, kept])).substituted(self.measured.states)
+        given = [(weight, self.given[k - n][0]) for weight, k in used if k >= n]
+        B = simplified(Expression.combination([one, *(w for w, _ in given)], [rest, *(e for _, e in given)]))
+        rates = [(phi.derivative(state), side) for state, side in self.equations.dynamics.items()]
+        residual = [*(Expression(a.root * b.root) for a, b in rates), kept]
+        whole = Expression.combination([one] * len(rates) + [-one], residual)
+        proved = B.names.isdisjoint(self.equations.states) and identical(B.substituted(outputs), whole)
         return Coordinate(name, phi, rate, B) if proved else None
 
 

@@ -55,10 +55,10 @@ class Found:
     @property
     def sentence(self) -> str:
         """What was found, and where it was searched."""
-        names = ", ".join(each.name for each in self.coordinates)
+        names = " and ".join([", ".join(each.name for each in self.coordinates), "the outputs"]).removeprefix(" and ")
         if self.missing:
             return f"no coordinate was found that gives {', '.join(self.missing)}; {self.searched}"
-        return f"{names} and the outputs give every state; {self.searched}"
+        return f"{names} give every state; {self.searched}"
 
 
 @dataclass(frozen=True)
@@ -163,8 +163,8 @@ class Finder:
         shown = {side.text for side in self.equations.outputs.values()}
         states = {name: side.substituted(renamed) for name, side in inverse.states.items() if name not in shown}
         others = tuple(c.coordinate for c in candidates if c.coordinate not in inverse.chosen)
-        remarks = [*self.unused()]
-        if inverse.missing and not self.search.lambdas:
+        remarks = [*self.curved()]
+        if inverse.missing:
             remarks += [remark for offer in offers for remark in self.remarks(offer)][:MOST]
         suited = Sylvester.of(self.equations, chosen) if self.linear and chosen else None
         return Found(chosen, states, inverse.missing, others, self.searched, tuple(remarks), suited)
@@ -177,7 +177,8 @@ class Finder:
         found = eigenvalues(M0, M1)
         simple: tuple[fmpq, ...] = ()
         if found.every:  # and where no known function is needed
-            hidden = [k for k, term in enumerate(self.ansatz.terms) if term.hidden]
+            known = [k for k, term in enumerate(self.ansatz.terms) if not term.hidden]
+            hidden = [k for k in range(M0.ncols()) if k not in known]
             simple = eigenvalues(columns(M0, hidden), columns(M1, hidden)).rational
         return Offer(place, s, M0, M1, found, simple)
 
@@ -218,18 +219,23 @@ class Finder:
     def kernel(self, offer: Offer, k: fmpq) -> Iterator[tuple[Vector, int]]:
         """Vectors whose phi is not known with the outputs, with the degree of their highest hidden product."""
         for c in kernel(offer.M0 - k * offer.M1):
-            degree = max(self.ansatz.terms[i].hidden for i, weight in enumerate(c) if weight != 0)
+            used = [term.hidden for weight, term in zip(c, self.ansatz.terms, strict=False) if weight != 0]
+            degree = max(used, default=0)
             if degree > 0:
                 yield c, degree
 
-    def unused(self) -> Iterator[str]:
+    def curved(self) -> Iterator[str]:
         """Outputs that no state could be solved for."""
         for name in self.measured.unused:
-            yield f"{name} is linear in no state, and was not used"
+            yield f"{name} is linear in no state; B was searched among products with it up to the same degree"
 
     def remarks(self, offer: Offer) -> Iterator[str]:
         """What was found of one s and is not used."""
         s, found = offer.s, offer.found
+        if self.search.lambdas:
+            if not self.suits(fmpq(1), s, offer.place):
+                yield f"lambda = {s} {self.unsuited(s)}, and was not tried"
+            return
         signs = [self.negative(fmpq(sign), s) for sign in (1, -1)]
         if found.every and self.search.negative and not any(signs):
             yield f"lambda = k*({s}) has some for every k, but {s} is not proved to keep one sign on the domain"
@@ -241,13 +247,17 @@ class Finder:
                 near = ", ".join(f"{root:.4g}" for root in roots)
                 yield f"lambda = k times {s} has more at the roots k of {p}, near {near}, which are not rational"
 
+    def unsuited(self, rate: Expression) -> str:
+        """Why a lambda is not used."""
+        wanted = self.search.zero if rate == ZERO else self.search.negative
+        return "is not proved to be negative on the domain" if wanted else "is not wanted"
+
     def refused(self, offer: Offer, k: fmpq) -> Iterator[str]:
         """Coordinates whose lambda does not suit."""
         rate = Expression.combination([k], [offer.s])
-        why = "is not wanted" if k == 0 or not self.search.negative else "is not proved to be negative on the domain"
         for c, _ in self.kernel(offer, k):
             if coordinate := self.ansatz.coordinate("xi", c, rate):
-                yield f"phi = {coordinate.phi} solves its equation, but its lambda, {rate}, {why}"
+                yield f"phi = {coordinate.phi} solves its equation, but its lambda, {rate}, {self.unsuited(rate)}"
 
     @property
     def searched(self) -> str:

@@ -1,7 +1,7 @@
 """States from coordinates and outputs, by linear equations solved one after another."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flint import fmpq
 
@@ -13,6 +13,8 @@ from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.request import Coordinate
 from obsdesign.model.equations import Equations, Named
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, outward
+
+ZERO = Expression.number(0)
 
 
 def enclosure(value: Expression, equations: Equations, domain: Domain) -> Interval:
@@ -36,9 +38,12 @@ def inverted(found: Sequence[Coordinate], equations: Equations, measured: Measur
     """Left inverse of outputs and the first of these coordinates that give something new."""
     solved: dict[str, Expression] = {}
     chosen: list[Coordinate] = []
-    waiting = list(found)
+    curved = [Coordinate(name, equations.outputs[name], ZERO, ZERO) for name in measured.unused]
+    waiting = [*curved, *found]
+    phi = {each.name: each.phi for each in waiting}
+    seen = replace(equations, outputs={**equations.outputs, **phi})
     while waiting and len(solved) < len(measured.left):
-        step = next(filter(None, (pivot(each, solved, equations, measured, domain) for each in waiting)), None)
+        step = next(filter(None, (pivot(each, solved, seen, measured, domain) for each in waiting)), None)
         if step is None:
             break
         coordinate, state, value = step
@@ -83,4 +88,5 @@ def proved(chosen: Sequence[Coordinate], solved: Named, equations: Equations, me
             states[name] = sides[name]
     used = {name for side in states.values() for name in side.names}
     missing = tuple(name for name in equations.states if name not in states)
-    return Inverse(tuple(each for each in chosen if each.name in used), states, missing)
+    needed = tuple(each for each in chosen if each.name in used and each.name not in equations.outputs)
+    return Inverse(needed, states, missing)
