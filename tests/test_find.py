@@ -147,6 +147,15 @@ def test_a_cascade_takes_what_was_found_as_known():
     assert "taken as known" in found.sentence
 
 
+def test_a_double_eigenvalue_that_no_output_sees_is_a_cascade():
+    found = searched(plant({"a": "-a", "c": "d - c", "d": "-d + a"}, {"y": "a"}))
+    assert [(c.phi.text, c.rate.text, c.B.text) for c in found.coordinates] == [
+        ("d", "-1", "y"),
+        ("c", "-1", "xi1"),
+    ]
+    assert found.sylvester is None
+
+
 @pytest.mark.parametrize("factors", [("1", "1"), ("2", "-3"), ("1/1000", "7e4")])
 def test_names_order_and_units_of_the_states_do_not_matter(factors):
     p, q = (constant(factor)[0] for factor in factors)
@@ -184,7 +193,7 @@ def test_where_there_is_nothing_the_states_and_the_ansatz_are_named():
     assert (found.coordinates, found.missing, dict(found.left_inverse)) == ((), ("x2", "x3"), {})
     assert found.sentence == (
         "no coordinate was found that gives x2, x3; searched: sums of products of x1, x2, x3 up to degree 3, "
-        "lambda = k s for every number k and s = 1, y, y**2"
+        "lambda = k s for every rational k and s = 1, y, y**2"
     )
 
 

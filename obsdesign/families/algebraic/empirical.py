@@ -159,7 +159,14 @@ class Polynomials:
 
 
 def fit(
-    equations: Equations, domain: Domain, inputs: Named, rates: Sequence[fmpq] = (), degree: int = 5, seed: int = 0
+    equations: Equations,
+    domain: Domain,
+    inputs: Named,
+    rates: Sequence[fmpq] = (),
+    degree: int = 5,
+    *,
+    direct: bool = True,
+    seed: int = 0,
 ) -> Empirical:
     """Fit a left inverse of filters to a plant, explicit and without disturbances.
 
@@ -173,6 +180,8 @@ def fit(
         Values of lambda, 1/s, all negative; default: 2 n - 1 of them, some times faster than the plant.
     degree
         Highest degree of a polynomial; lower where it would have more than 300 terms.
+    direct
+        Whether polynomials hold y and u beside their filters; without them the noise of the estimates is lower.
 
     Raises
     ------
@@ -186,7 +195,8 @@ def fit(
     rates = rates or [-unit * (3 + i) for i in range(2 * len(equations.states) - 1)]
     bank = Bank.of(equations, inputs, rates)
     taught, transient, settled = samples(bank, box_of(equations, domain), fast, np.random.default_rng(seed))
-    polynomials = Polynomials.of(taught, (*bank.filters, *equations.outputs, *inputs), degree)
+    at_once = (*equations.outputs, *inputs) if direct else ()
+    polynomials = Polynomials.of(taught, (*bank.filters, *at_once), degree)
     features, judged = polynomials.matrix(taught), [(polynomials.matrix(part), part) for part in (transient, settled)]
     shown = {side.text for side in equations.outputs.values()}
     inverse, errors = {}, {}

@@ -166,7 +166,7 @@ class Finder:
         remarks = [*self.curved()]
         if inverse.missing:
             remarks += [remark for offer in offers for remark in self.remarks(offer)][:MOST]
-        suited = Sylvester.of(self.equations, chosen) if self.linear and chosen else None
+        suited = Sylvester.of(self.equations, chosen) if self.linear else None
         return Found(chosen, states, inverse.missing, others, self.searched, tuple(remarks), suited)
 
     def offer(self, place: int, s: Expression) -> Offer:
@@ -239,6 +239,9 @@ class Finder:
         signs = [self.negative(fmpq(sign), s) for sign in (1, -1)]
         if found.every and self.search.negative and not any(signs):
             yield f"lambda = k*({s}) has some for every k, but {s} is not proved to keep one sign on the domain"
+        elif found.every and self.search.negative:
+            tried = [str(k) for k in self.numbers(offer) if k != 0 and self.suits(k, s, offer.place)]
+            yield f"lambda = k*({s}) has some for every k; tried were k = {', '.join(tried)}"
         for k in sorted({*found.rational, *offer.simple}):
             if not self.suits(k, s, offer.place) and (k != 0 or offer.place == 0):
                 yield from self.refused(offer, k)
@@ -266,7 +269,7 @@ class Finder:
         if self.search.lambdas:
             rates = f"lambda = {', '.join(each.text for each in self.search.lambdas)}"
         else:
-            rates = f"lambda = k s for every number k and s = {', '.join(s.text for s in self.shapes)}"
+            rates = f"lambda = k s for every rational k and s = {', '.join(s.text for s in self.shapes)}"
         known = f", with {', '.join(each.name for each in self.earlier)} taken as known" if self.earlier else ""
         used, most = self.ansatz.degree, self.ansatz.most
         lowered = f" (not {most}: there would be more than {MAX_FUNCTIONS})" if used < most else ""

@@ -49,18 +49,20 @@ class Sylvester:
         return f"T A - Lambda T = B C: {spectra}; (Lambda, B) is {pair}; cond([T; C]) = {self.condition:.3g}"
 
     @classmethod
-    def of(cls, equations: Equations, coordinates: Sequence[Coordinate]) -> "Sylvester":
-        """Sylvester equation that the coordinates of a linear plant solve."""
+    def of(cls, equations: Equations, coordinates: Sequence[Coordinate]) -> "Sylvester | None":
+        """Sylvester equation that the coordinates of a linear plant solve; None if it is another one (a cascade)."""
         states = equations.states
         A, C = coefficients(equations.dynamics, states), coefficients(equations.outputs, states)
         T = coefficients({each.name: each.phi for each in coordinates}, states)
         rates = [each.rate.root for each in coordinates]
-        assert A is not None
-        assert C is not None
-        assert T is not None
         values = tuple(rate.value for rate in rates if isinstance(rate, Number))
+        if A is None or C is None or T is None or not rates or len(values) < len(rates):
+            return None
         C = fmpq_mat([C.tolist()[i] for i in independent(C.transpose())])
-        B = (T * A - diagonal(values) * T) * C.transpose() * (C * C.transpose()).inv()
+        left = T * A - diagonal(values) * T
+        B = left * C.transpose() * (C * C.transpose()).inv()
+        if left != B * C:
+            return None
         stacked = np.array([[double(entry) for entry in row] for row in (*T.tolist(), *C.tolist())])
         sizes = np.linalg.svd(stacked, compute_uv=False)
         n = len(states)
