@@ -22,9 +22,14 @@ from support.coordinates import (
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, constant, parse
 from obsdesign.expressions.algebra import identical
+from obsdesign.families.algebraic.coordinates import scheme
 from obsdesign.families.algebraic.empirical import fit
+from obsdesign.families.algebraic.identity import Answer
 from obsdesign.families.algebraic.rational import eigenvalues, kernel
 from obsdesign.families.algebraic.regress import regressions
+from obsdesign.families.algebraic.request import Estimator, Transformed
+from obsdesign.families.algebraic.scheme import Plant
+from obsdesign.model.equations import Typed
 
 
 def same(expression, text, numbers=None):
@@ -78,7 +83,7 @@ def test_proposition_6_is_found():
     assert [(c.phi.text, c.rate.text) for c in found.coordinates] == [("x2", "-1"), ("x3", "0")]
     assert same(found.coordinates[0].B, "y**2 + sin(y)")
     assert same(found.coordinates[1].B, "1/(1 + y**2) + y*u")
-    ((row,), powers) = regressions(found, equations)
+    ((row,), powers) = regressions(found, Typed(equations, {}))
     assert (row.output, row.known.text, row.m["xi2"].text, powers) == ("y", "-y**3", "exp(xi2)", {"xi2"})
 
 
@@ -244,7 +249,7 @@ def test_a_large_plant_is_searched_up_to_a_lower_degree():
 
 def test_table_1_has_the_regressions_that_are_found():
     found = searched(cuk(), CUK_DOMAIN, negative=False)
-    rows, powers = regressions(found, cuk())
+    rows, powers = regressions(found, Typed(cuk(), {}))
     assert powers == frozenset()
     assert same(rows[0].known, "((1-u)*xi1 + u*y2)/C2", CUK_NUMBERS)
     assert same(rows[0].m["xi1"], "(1-u)/C2", CUK_NUMBERS)
@@ -254,7 +259,30 @@ def test_table_1_has_the_regressions_that_are_found():
 
 def test_a_constant_that_no_derivative_is_linear_in_has_no_regression():
     equations = plant(DUFFING, {"y": "x2"}, ("u",), {"delta": "0.3"})
-    assert regressions(searched(equations), equations) == ((), frozenset())
+    assert regressions(searched(equations), Typed(equations, {})) == ((), frozenset())
+
+
+CERTIFIED = {
+    "Cuk": (cuk(), CUK_DOMAIN, {}),
+    "Cuk, lambda 0": (cuk(), CUK_DOMAIN, {"negative": False}),
+    "Proposition 6": (plant(PROPOSITION_6, {"y": "x1"}, ("u",)), {}, {}),
+    "cascade": (plant(LORENZ, {"m": "x"}), {}, {}),
+    "divisor": (plant({"x1": "u - x1", "x2": "-x1*x2"}, {"m": "x1*x2"}, ("u",)), {"x1": (1, 2)}, {}),
+}
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+def test_what_is_found_is_proved_like_what_is_given(name):
+    equations, domain, changes = CERTIFIED[name]
+    typed = Typed(equations, limits(domain))
+    found = searched(equations, domain, **changes)
+    rows, powers = regressions(found, typed)
+    gamma = {c.name: fmpq(1) for c in found.coordinates if c.estimated}
+    estimator = Estimator(rows, "gradient", fmpq(1), gamma, fmpq(0), fmpq(1), {}, powers, consistent=True)
+    form = Transformed(found.coordinates, found.left_inverse, estimator if rows else None, recast=False)
+    assert {name for row in rows for name in row.m} == set(gamma)
+    for statement in scheme(Plant.of(typed), form).statements:
+        assert statement.decided(typed.domain).answer is Answer.PROVED, statement.name
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -290,23 +318,19 @@ def test_eigenvalues_of_a_tall_pencil_are_those_that_were_put_in(seed):
 
 def test_a_fitted_left_inverse_is_judged_by_runs_that_were_not_fitted():
     equations = plant(VAN_DER_POL, {"y": "x1"}, (), {"mu": "1"})
-    found = fit(equations, limits({"x1": (-3, 3), "x2": (-3, 3)}), {})
+    found = fit(Typed(equations, limits({"x1": (-3, 3), "x2": (-3, 3)})), {})
     assert found.sentence.startswith("empirical, no guarantee")
     assert found.errors["x2"].transient < 1e-4
     assert found.errors["x2"].settled < 1e-5
     with pytest.raises(UsageError, match="x2 has no bounded range"):
-        fit(equations, limits({"x1": (-3, 3)}), {})
+        fit(Typed(equations, limits({"x1": (-3, 3)})), {})
 
 
 def test_a_fitted_left_inverse_needs_the_past_of_the_input():
     equations = plant(DUFFING, {"y": "x1"}, ("u",), {"delta": "0.3"})
     domain, names = limits({"x1": (-2, 2), "x2": (-2, 2)}), ["t"]
-    found = fit(equations, domain, {"u": parse("cos(t)/2", names)}, degree=3)
-    unfiltered = fit(
-        plant({**DUFFING, "x2": DUFFING["x2"].replace("u", "cos(t)/2")}, {"y": "x1"}, (), {"delta": "0.3"}),
-        domain,
-        {},
-        degree=3,
-    )
+    found = fit(Typed(equations, domain), {"u": parse("cos(t)/2", names)}, degree=3)
+    forced = plant({**DUFFING, "x2": DUFFING["x2"].replace("u", "cos(t)/2")}, {"y": "x1"}, (), {"delta": "0.3"})
+    unfiltered = fit(Typed(forced, domain), {}, degree=3)
     assert found.errors["x2"].transient * 10 < unfiltered.errors["x2"].transient
     assert {name for side in found.dynamics.values() for name in side.names} > {"u", "y"}

@@ -5,7 +5,7 @@ import pytest
 
 from obsdesign.expressions import constant, parse
 from obsdesign.families.algebraic.find import Search, find
-from obsdesign.model.equations import Equations
+from obsdesign.model.equations import Equations, Typed
 
 CUK = {
     "i1": "(E-(1-u)*v2)/L1", "v4": "(i3-G*v4)/C4", "v2": "((1-u)*i1+u*i3)/C2", "i3": "-(u*v2+v4)/L3",
@@ -34,7 +34,7 @@ def searched(equations, domain=None, lambdas=(), functions=(), **changes):
     names = equations.signals
     parts = {"lambdas": lambdas, "functions": functions}
     expressions = {key: tuple(parse(text, names) for text in texts) for key, texts in parts.items()}
-    found = find(equations, limits(domain or {}), Search(**expressions, **changes))
+    found = find(Typed(equations, limits(domain or {})), Search(**expressions, **changes))
     everything_holds(equations, found)
     return found
 

@@ -18,6 +18,7 @@ from obsdesign.expressions.algebra import Fraction, Symbols, identical
 from obsdesign.expressions.tree import Number, number, product
 from obsdesign.families.algebraic.rational import Vector, independent, table
 from obsdesign.families.algebraic.request import Coordinate
+from obsdesign.families.algebraic.scheme import added, less, multiplied, scaled
 from obsdesign.model.equations import Equations, Named
 
 MAX_FUNCTIONS = 300  # in an ansatz
@@ -55,8 +56,8 @@ class Measured:
                 continue
             slope = slopes[state]
             assert isinstance(slope, Number)
-            pair = [Expression.variable(state), Expression.variable(output), rest]
-            inverse = simplified(Expression.combination([fmpq(1), 1 / slope.value, -1 / slope.value], pair))
+            gap = scaled(1 / slope.value, less(Expression.variable(output), rest))
+            inverse = simplified(added([Expression.variable(state), gap]))
             solved = {name: simplified(e.substituted({state: inverse})) for name, e in solved.items()}
             solved[state] = inverse
             parts[state] = known_part(simplified(side), state, equations.states)
@@ -71,7 +72,7 @@ def known_part(side: Expression, state: str, states: Sequence[str]) -> Expressio
     slope = simplified(whole.derivative(state)).root
     if not whole.names <= set(states) or not isinstance(slope, Number):
         return Expression.variable(state)
-    return simplified(Expression.combination([1 / slope.value], [whole]))
+    return simplified(scaled(1 / slope.value, whole))
 
 
 @dataclass(frozen=True)
@@ -227,7 +228,7 @@ class Ansatz:
         for degree in range(1, self.degree + 1):
             for chosen in combinations_with_replacement(names, degree):
                 if chosen[0] in unused and len(found) < MAX_FUNCTIONS:
-                    term = Expression(product([Expression.variable(name).root for name in chosen]))
+                    term = multiplied(*map(Expression.variable, chosen))
                     found.append((term, self.fraction(term.substituted(self.equations.outputs))))
         return found
 
@@ -249,28 +250,18 @@ class Ansatz:
 
     def coordinate(self, name: str, c: Vector, rate: Expression) -> Coordinate | None:
         """The coordinate of a vector in the kernel; None if its equation could not be proved."""
-        plain, one = {Expression.variable(state) for state in self.measured.left}, fmpq(1)
-        parts = list(zip(c, self.terms, strict=False))
-        lead = next((weight for weight, term in parts if weight != 0 and term.expression in plain), one)
-        used = [(weight / lead, k) for k, weight in enumerate(c) if weight != 0]
-        n, slope = len(self.terms), self.symbols.constant(0)
-        for weight, k in used:
-            slope += self.symbols.constant(weight if k < n else -weight) * (
-                self.flows[k] if k < n else self.given[k - n][1]
-            )
-        flow = self.symbols.expression(slope)
-        phi = Expression.combination(
-            [w for w, k in used if k < n], [self.terms[k].expression for _, k in used if k < n]
-        )
-        outputs = self.equations.outputs
-        kept = Expression(product((rate.substituted(outputs).root, phi.root)))
-        rest = simplified(Expression.combination([one, -one], [flow, kept])).substituted(self.measured.states)
-        given = [(weight, self.given[k - n][0]) for weight, k in used if k >= n]
-        B = simplified(Expression.combination([one, *(w for w, _ in given)], [rest, *(e for _, e in given)]))
-        rates = [(phi.derivative(state), side) for state, side in self.equations.dynamics.items()]
-        residual = [*(Expression(a.root * b.root) for a, b in rates), kept]
-        whole = Expression.combination([one] * len(rates) + [-one], residual)
-        proved = B.names.isdisjoint(self.equations.states) and identical(B.substituted(outputs), whole)
+        outputs, n = self.equations.outputs, len(self.terms)
+        plain = {Expression.variable(state) for state in self.measured.left}
+        parts = zip(c, self.terms, strict=False)
+        lead = next((weight for weight, term in parts if weight != 0 and term.expression in plain), fmpq(1))
+        weights = [weight / lead for weight in c]
+        phi = Expression.combination(weights[:n], [term.expression for term in self.terms])
+        given = Expression.combination(weights[n:], [expression for expression, _ in self.given])
+        flow = added([multiplied(phi.derivative(state), side) for state, side in self.equations.dynamics.items()])
+        residual = less(flow, multiplied(rate.substituted(outputs), phi))
+        rest = simplified(less(residual, given.substituted(outputs))).substituted(self.measured.states)
+        B = simplified(added([rest, given]))
+        proved = B.names.isdisjoint(self.equations.states) and identical(B.substituted(outputs), residual)
         return Coordinate(name, phi, rate, B) if proved else None
 
 

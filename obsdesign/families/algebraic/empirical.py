@@ -22,9 +22,10 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, constant
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.tree import Variable, number, product
-from obsdesign.families.algebraic.find import Finder, Search
+from obsdesign.families.algebraic.find import Finder, Search, explicit
 from obsdesign.families.algebraic.identity import Domain
-from obsdesign.model.equations import Equations, Named, free
+from obsdesign.families.algebraic.scheme import added, scaled
+from obsdesign.model.equations import Equations, Named, Typed, free
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, outward
 
 Array = npt.NDArray[np.float64]
@@ -84,8 +85,7 @@ class Bank:
                 for rate in rates:
                     name = free(f"{kind}{len(filters) + 1}", taken)
                     filters[name] = (rate, side)
-                    pair = [Expression.variable(name), Expression.variable(signal)]
-                    dynamics[name] = Expression.combination([rate, fmpq(1)], pair)
+                    dynamics[name] = added([scaled(rate, Expression.variable(name)), Expression.variable(signal)])
         return cls(plant, inputs, filters, dynamics)
 
     def run(self, begins: Array, starts: Array, ages: Array, step: float) -> dict[str, Array]:
@@ -159,8 +159,7 @@ class Polynomials:
 
 
 def fit(
-    equations: Equations,
-    domain: Domain,
+    typed: Typed,
     inputs: Named,
     rates: Sequence[fmpq] = (),
     degree: int = 5,
@@ -168,12 +167,12 @@ def fit(
     direct: bool = True,
     seed: int = 0,
 ) -> Empirical:
-    """Fit a left inverse of filters to a plant, explicit and without disturbances.
+    """Fit a left inverse of filters to a plant, its disturbances 0.
 
     Parameters
     ----------
-    domain
-        A bounded range of each state, in which the runs begin.
+    typed
+        The plant; its domain holds a bounded range of each state, in which the runs begin.
     inputs
         Each input as an expression of t and the states.
     rates
@@ -190,6 +189,7 @@ def fit(
     UndecidedError
         Too few runs stay finite.
     """
+    equations, domain = explicit(typed), typed.domain
     fast = Finder(equations, domain, Search()).rate
     unit = constant(f"{fast:.0e}")[0]
     rates = rates or [-unit * (3 + i) for i in range(2 * len(equations.states) - 1)]

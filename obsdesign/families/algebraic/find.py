@@ -20,13 +20,14 @@ from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.inverse import enclosure, inverted
 from obsdesign.families.algebraic.rational import Eigenvalues, Vector, columns, eigenvalues, kernel
 from obsdesign.families.algebraic.request import Coordinate
+from obsdesign.families.algebraic.scheme import ZERO, less, scaled
 from obsdesign.families.algebraic.sylvester import Sylvester, linear
-from obsdesign.model.equations import Equations, Named, free
+from obsdesign.model.equations import Equations, Named, Typed, free
 
 SLOW = 10  # a rate is slow where it is so many times below that of the plant
 MOST = 12  # remarks
 
-ONE, ZERO = Expression.number(1), Expression.number(0)
+ONE = Expression.number(1)
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Finder:
         if not self.linear:
             for name in self.equations.inputs:
                 u = Expression.variable(name)
-                found += [u, Expression.combination([fmpq(1), fmpq(-1)], [ONE, u])]
+                found += [u, less(ONE, u)]
             for name in self.equations.outputs:
                 found += [Expression.variable(name), Expression.squares([name])]
         return found
@@ -201,14 +202,14 @@ class Finder:
 
     def negative(self, k: fmpq, s: Expression) -> bool:
         """Whether k s is proved to be negative on the domain."""
-        return bool(enclosure(Expression.combination([k], [s]), self.equations, self.domain).high.max() < 0)
+        return bool(enclosure(scaled(k, s), self.equations, self.domain).high.max() < 0)
 
     def candidates(self, offer: Offer) -> Iterator[Candidate]:
         """Coordinates of one s, for every number k that is tried and suits."""
         for k in self.numbers(offer):
             if not self.suits(k, offer.s, offer.place):
                 continue
-            rate = Expression.combination([k], [offer.s])
+            rate = scaled(k, offer.s)
             slow = 0 < abs(self.value_at_middle(rate)) < self.rate / SLOW
             for i, (c, degree) in enumerate(self.kernel(offer, k)):
                 coordinate = self.ansatz.coordinate(f"xi_{offer.place}_{k}_{i}", c, rate)
@@ -257,7 +258,7 @@ class Finder:
 
     def refused(self, offer: Offer, k: fmpq) -> Iterator[str]:
         """Coordinates whose lambda does not suit."""
-        rate = Expression.combination([k], [offer.s])
+        rate = scaled(k, offer.s)
         for c, _ in self.kernel(offer, k):
             if coordinate := self.ansatz.coordinate("xi", c, rate):
                 yield f"phi = {coordinate.phi} solves its equation, but its lambda, {rate}, {self.unsuited(rate)}"
@@ -277,12 +278,18 @@ class Finder:
         return f"searched: sums of {products}, {rates}{known}"
 
 
-def find(equations: Equations, domain: Domain, search: Search) -> Found:
-    """Find coordinates of a plant, explicit and without disturbances.
+def find(typed: Typed, search: Search) -> Found:
+    """Find coordinates of a plant, its disturbances 0.
 
     Raises `ExpressionError`: a right side is too large to be multiplied out.
     """
-    return Finder(equations, domain, search).found()
+    return Finder(explicit(typed), typed.domain, search).found()
+
+
+def explicit(typed: Typed) -> Equations:
+    """Plant without disturbances, with its outputs written out in states, inputs and t."""
+    still = typed.undisturbed
+    return still.substituted(still.outputs)
 
 
 def middle(low: fmpq | None, high: fmpq | None) -> float:

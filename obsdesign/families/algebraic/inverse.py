@@ -3,18 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from flint import fmpq
-
 from obsdesign.expressions import Expression, Interval
 from obsdesign.expressions.algebra import identical
 from obsdesign.expressions.tree import Number, quotient
 from obsdesign.families.algebraic.ansatz import Measured, simplified
 from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.request import Coordinate
+from obsdesign.families.algebraic.scheme import ZERO, less
 from obsdesign.model.equations import Equations, Named
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, outward
-
-ZERO = Expression.number(0)
 
 
 def enclosure(value: Expression, equations: Equations, domain: Domain) -> Interval:
@@ -63,8 +60,8 @@ def pivot(
     for name in open_states:
         slope = simplified(value.derivative(name))
         if slope.names.isdisjoint(measured.left) and nowhere_zero(slope, equations, domain):
-            rest = value.substituted({name: Expression.number(0)})
-            gap = Expression.combination([fmpq(1), fmpq(-1)], [Expression.variable(coordinate.name), rest])
+            rest = value.substituted({name: ZERO})
+            gap = less(Expression.variable(coordinate.name), rest)
             return coordinate, name, simplified(Expression(quotient(gap.root, slope.root)))
     return None
 

@@ -7,24 +7,21 @@ one that is linear in exp(theta).
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
-from flint import fmpq
-
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.algebraic.ansatz import simplified
-from obsdesign.families.algebraic.find import Found
+from obsdesign.families.algebraic.find import Found, explicit
 from obsdesign.families.algebraic.request import Regression
-from obsdesign.model.equations import Equations, Named, free
+from obsdesign.families.algebraic.scheme import ZERO, added, multiplied
+from obsdesign.model.equations import Equations, Named, Typed, free
 
-ZERO = Expression.number(0)
 
-
-def regressions(found: Found, equations: Equations) -> tuple[tuple[Regression, ...], frozenset[str]]:
+def regressions(found: Found, typed: Typed) -> tuple[tuple[Regression, ...], frozenset[str]]:
     """Regressions that hold the constants of as many coordinates as can be, and those that they hold as exp(theta)."""
     names = [each.name for each in found.coordinates if each.estimated]
     best: tuple[tuple[Regression, ...], frozenset[str]] = ((), frozenset())
     if found.missing:
         return best
-    sides = list(derivatives(found, equations))
+    sides = list(derivatives(found, explicit(typed)))
     for size in range(len(names) + 1):
         for powers in combinations(names, size):
             rows = tuple(row for output, side in sides if (row := regression(output, side, names, powers)))
@@ -44,11 +41,8 @@ def derivatives(found: Found, equations: Equations) -> Iterator[tuple[str, Expre
     states: Named = {n: found.left_inverse.get(n) or shown[n] for n in equations.states}
     for output, side in equations.outputs.items():
         if side.names.isdisjoint(equations.inputs):
-            rates = [(side.derivative(name), f) for name, f in equations.dynamics.items()]
-            parts = [Expression(slope.root * rate.root) for slope, rate in rates]
-            parts.append(side.derivative("t"))
-            whole = Expression.combination([fmpq(1)] * len(parts), parts)
-            yield output, simplified(whole.substituted(states))
+            parts = [multiplied(side.derivative(name), f) for name, f in equations.dynamics.items()]
+            yield output, simplified(added([*parts, side.derivative("t")]).substituted(states))
 
 
 def regression(output: str, side: Expression, names: Sequence[str], powers: Sequence[str]) -> Regression | None:
