@@ -234,6 +234,16 @@ def test_what_an_output_says_of_a_state_may_be_curved():
     assert {c.phi.text for c in found.coordinates} <= {"v", "soc"}
 
 
+def test_jumps_at_places_that_are_not_known_must_cancel():
+    rubbing = {"x": "v", "v": "u - v - sign(v)", "w": "-w - sign(v)"}
+    found = searched(plant(rubbing, {"y": "x"}, ("u",)))
+    assert ([c.phi.text for c in found.others], found.missing) == (["v - w"], ("v", "w"))
+    seen = searched(plant({"a": "-a*b", "b": "sign(a + b) - 2*b"}, {"y": "a + b"}))
+    assert [c.B.text for c in seen.coordinates] == ["sign(y)"]
+    with pytest.raises(UsageError, match=r"sign\(v\) has a kink or a jump; phi must be smooth"):
+        searched(plant(rubbing, {"y": "x"}, ("u",)), functions=["sign(v)"])
+
+
 def test_user_functions_are_products_too():
     pendulum = plant({"angle": "w", "w": "-sin(angle) - w/10"}, {"y": "w"})
     found = searched(pendulum, functions=["cos(angle)", "sin(angle)"])

@@ -242,11 +242,37 @@ class Ansatz:
         for d, (first, second) in zip(self.hidden, self.moved, strict=True):
             known = [minus * d.of(value) for _, value in self.given]
             rows.append([*first, *known, *(self.symbols.reduced(scale * each) for each in second)])
+        rows.append(self.jumps(scale))
         reduced, rank = table(self.numerators(rows)).rref()
         n, m = len(self.terms), len(self.given)
         M0 = [reduced[i, j] for i in range(rank) for j in range(n + m)]
         M1 = [reduced[i, n + m + j] if j < n else zero for i in range(rank) for j in range(n + m)]
         return fmpq_mat(rank, n + m, M0), fmpq_mat(rank, n + m, M1)
+
+    def jumps(self, scale: Fraction) -> list[Fraction]:
+        """What B would hold of jumps such as sign(x2) whose place is not known, which d_j do not see."""
+        hidden, states = set(self.measured.left), self.measured.states
+        unseen = {
+            index
+            for index, term in [*self.symbols.terms.items()]
+            if not term.names.isdisjoint({*hidden, *states})
+            and all(d.of_symbol(index).above == 0 for d in self.hidden)
+            and not simplified(term.substituted(states)).names.isdisjoint(hidden)
+        }
+        minus, one = self.symbols.constant(-1), self.symbols.constant(1).below
+        values = [
+            *self.flows,
+            *(minus * value for _, value in self.given),
+            *(scale * term.value for term in self.terms),
+        ]
+        if not unseen:
+            return [Fraction(one * 0, one)] * len(values)
+        return [
+            Fraction(
+                one.context().from_dict({p: c for p, c in above.to_dict().items() if any(p[i] for i in unseen)}), one
+            )
+            for above in self.common([self.symbols.reduced(value) for value in values])
+        ]
 
     def coordinate(self, name: str, c: Vector, rate: Expression) -> Coordinate | None:
         """The coordinate of a vector in the kernel; None if its equation could not be proved."""

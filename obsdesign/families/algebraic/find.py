@@ -13,6 +13,7 @@ from math import isfinite
 import numpy as np
 from flint import fmpq, fmpq_mat
 
+from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, constant
 from obsdesign.expressions.exact import double
 from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured
@@ -281,9 +282,24 @@ class Finder:
 def find(typed: Typed, search: Search) -> Found:
     """Find coordinates of a plant, its disturbances 0.
 
-    Raises `ExpressionError`: a right side is too large to be multiplied out.
+    Raises `UsageError`: a function has kinks or jumps, or a right side is too large to be multiplied out.
     """
+    for each in search.functions:
+        if not smooth(each):
+            raise UsageError(f"observer.functions: {each} has a kink or a jump; phi must be smooth; leave it out")
     return Finder(explicit(typed), typed.domain, search).found()
+
+
+def smooth(expression: Expression) -> bool:
+    """Whether an expression has neither kinks nor jumps."""
+    places: list[Expression] = []
+
+    def noted(g: Expression, h: Expression) -> Expression:
+        places.append(g)
+        return h
+
+    expression.decided(noted)
+    return not places
 
 
 def explicit(typed: Typed) -> Equations:
