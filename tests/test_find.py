@@ -19,7 +19,7 @@ from support.coordinates import (
     value_at,
 )  # fmt: skip
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, constant, parse
 from obsdesign.expressions.algebra import identical
 from obsdesign.families.algebraic.coordinates import scheme
@@ -216,6 +216,18 @@ def test_outputs_may_give_every_state_by_themselves():
     found = searched(plant({"a": "-a", "b": "a*b"}, {"y": "a", "z": "a + b"}))
     assert (found.coordinates, found.left_inverse["b"].text, found.missing) == ((), "z - y", ())
     assert found.sentence.startswith("the outputs give every state")
+
+
+def test_an_output_that_sees_no_state_leaves_what_decays_by_itself():
+    found = searched(plant({"a": "u - a"}, {"y": "u"}, ("u",)))
+    assert [(c.phi.text, c.rate.text, c.B.text) for c in found.coordinates] == [("a", "-1", "u")]
+    assert found.sylvester.shared == (-1,)
+
+
+def test_products_that_are_too_large_are_said():
+    large = {"a": " + ".join(f"sin({k}*a)*exp(b/{k})" for k in range(1, 12)), "b": "1/(2 + sin(7*a) + b**9)"}
+    with pytest.raises(UndecidedError, match=r"products up to degree 3: .*; lower observer.degree"):
+        searched(plant(large, {"y": "exp(a)*(1 + b**2)**12/(3 + sin(9*a))"}))
 
 
 def test_a_lambda_that_is_not_negative_is_not_tried():

@@ -13,8 +13,8 @@ from math import isfinite
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from obsdesign.errors import UsageError
-from obsdesign.expressions import Expression, constant
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.expressions import Expression, ExpressionError, constant
 from obsdesign.expressions.exact import double
 from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured
 from obsdesign.families.algebraic.identity import Domain
@@ -282,12 +282,21 @@ class Finder:
 def find(typed: Typed, search: Search) -> Found:
     """Find coordinates of a plant, its disturbances 0.
 
-    Raises `UsageError`: a function has kinks or jumps, or a right side is too large to be multiplied out.
+    Raises
+    ------
+    UsageError
+        A function has kinks or jumps.
+    UndecidedError
+        Products are too large to be multiplied out.
     """
     for each in search.functions:
         if not smooth(each):
             raise UsageError(f"observer.functions: {each} has a kink or a jump; phi must be smooth; leave it out")
-    return Finder(explicit(typed), typed.domain, search).found()
+    try:
+        return Finder(explicit(typed), typed.domain, search).found()
+    except ExpressionError as error:
+        said = f"the equations of products up to degree {search.degree}: {error.message}; lower observer.degree"
+        raise UndecidedError(said) from None
 
 
 def smooth(expression: Expression) -> bool:

@@ -58,7 +58,8 @@ class Sylvester:
         values = tuple(rate.value for rate in rates if isinstance(rate, Number))
         if A is None or C is None or T is None or not rates or len(values) < len(rates):
             return None
-        C = fmpq_mat([C.tolist()[i] for i in independent(C.transpose())])
+        rows = independent(C.transpose())
+        C = fmpq_mat(len(rows), len(states), [C[i, j] for i in rows for j in range(len(states))])
         left = T * A - diagonal(values) * T
         B = left * C.transpose() * (C * C.transpose()).inv()
         if left != B * C:
