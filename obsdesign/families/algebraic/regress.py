@@ -5,9 +5,10 @@ one that is linear in exp(theta).
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import combinations
 
-from obsdesign.expressions import Expression, parse
+from obsdesign.expressions import Expression, ExpressionError, parse
 from obsdesign.families.algebraic.ansatz import simplified
 from obsdesign.families.algebraic.find import Found, explicit
 from obsdesign.families.algebraic.request import Regression
@@ -36,13 +37,14 @@ def covered(rows: Sequence[Regression]) -> int:
 
 
 def derivatives(found: Found, equations: Equations) -> Iterator[tuple[str, Expression]]:
-    """Derivative of each output without inputs, in outputs, inputs, t and coordinates."""
+    """Derivative of each output without inputs, if it can be multiplied out, in outputs, inputs, t and coordinates."""
     shown = {side.text: Expression.variable(name) for name, side in equations.outputs.items()}
     states: Named = {n: found.left_inverse.get(n) or shown[n] for n in equations.states}
     for output, side in equations.outputs.items():
         if side.names.isdisjoint(equations.inputs):
             parts = [multiplied(side.derivative(name), f) for name, f in equations.dynamics.items()]
-            yield output, simplified(added([*parts, side.derivative("t")]).substituted(states))
+            with suppress(ExpressionError):  # one that is too large is no use
+                yield output, simplified(added([*parts, side.derivative("t")]).substituted(states))
 
 
 def regression(output: str, side: Expression, names: Sequence[str], powers: Sequence[str]) -> Regression | None:
@@ -53,10 +55,9 @@ def regression(output: str, side: Expression, names: Sequence[str], powers: Sequ
         name: parse(f"{name} + log({new})" if name in powers else f"{name} + {new}", (name, new))
         for name, new in theta.items()
     }
-    moved = simplified(side.substituted(shifted))
-    slopes = {name: simplified(moved.derivative(new)) for name, new in theta.items()}
-    if any(not slope.names.isdisjoint(theta.values()) for slope in slopes.values()):
-        return None
-    m = {name: slope for name, slope in slopes.items() if slope.text != "0"}
-    known = simplified(moved.substituted(dict.fromkeys(theta.values(), ZERO)))
-    return Regression(output, known, m) if m else None
+    with suppress(ExpressionError):  # one that is too large is no use
+        moved = simplified(side.substituted(shifted))
+        m = {name: slope for name, new in theta.items() if (slope := simplified(moved.derivative(new))) != ZERO}
+        if m and all(slope.names.isdisjoint(theta.values()) for slope in m.values()):
+            return Regression(output, simplified(moved.substituted(dict.fromkeys(theta.values(), ZERO))), m)
+    return None
