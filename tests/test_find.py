@@ -24,10 +24,10 @@ from obsdesign.expressions import Expression, constant, parse
 from obsdesign.expressions.algebra import identical
 from obsdesign.families.algebraic.coordinates import scheme
 from obsdesign.families.algebraic.empirical import fit
+from obsdesign.families.algebraic.forms import Estimator, Transformed
 from obsdesign.families.algebraic.identity import Answer
 from obsdesign.families.algebraic.rational import eigenvalues, kernel
 from obsdesign.families.algebraic.regress import regressions
-from obsdesign.families.algebraic.request import Estimator, Transformed
 from obsdesign.families.algebraic.scheme import Plant
 from obsdesign.model.equations import Typed
 

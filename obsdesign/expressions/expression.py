@@ -99,6 +99,12 @@ class Expression:
             fold(self.order, lambda _: number(0), lambda variable: number(int(variable == name)), of_call)
         )
 
+    @property
+    def smooth(self) -> bool:
+        """Whether it has neither kinks nor jumps, so that its derivatives say how it moves."""
+        calls = (node for node in self.order if isinstance(node, Call))
+        return not any(OPERATIONS[node.operation].switches(*node.arguments) for node in calls)
+
     def divisors(self) -> list["Expression"]:
         """What it divides by, numbers left out."""
         calls = [node for node in self.order if isinstance(node, Call) and node.operation == "/"]

@@ -16,8 +16,8 @@ from flint import fmpq, fmpq_mat, fmpq_mpoly
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import Fraction, Symbols, identical
 from obsdesign.expressions.tree import Number, number, product
+from obsdesign.families.algebraic.forms import Coordinate
 from obsdesign.families.algebraic.rational import Vector, independent, table
-from obsdesign.families.algebraic.request import Coordinate
 from obsdesign.families.algebraic.scheme import added, less, multiplied, scaled
 from obsdesign.model.equations import Equations, Named
 

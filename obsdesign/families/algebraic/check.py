@@ -2,6 +2,9 @@
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.algebraic.claim import Claim
+from obsdesign.families.algebraic.design import not_found
+from obsdesign.families.algebraic.forms import Sought
+from obsdesign.families.algebraic.found import sought
 from obsdesign.families.algebraic.identity import Answer
 from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.finding import Finding, finding
@@ -11,8 +14,12 @@ from obsdesign.spec import Spec
 def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
     """Each statement, and whether it is proved."""
     form = request_of(spec).form
-    if form is None:
-        return []
+    if isinstance(form, Sought):
+        assert spec.typed
+        form, found, missing = sought(spec.typed, form)
+        if form is None:
+            return [finding("coordinates", False, not_found(found, missing)["reason"], decides=True)]
+    assert form is not None
     return [
         finding(
             "statement",

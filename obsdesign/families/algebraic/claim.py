@@ -10,8 +10,10 @@ import numpy as np
 
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
+from obsdesign.families.algebraic.forms import HighGain, Immersion, Sought, Transformed
+from obsdesign.families.algebraic.found import found, read_found
 from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
-from obsdesign.families.algebraic.request import HighGain, Immersion, Transformed, request_of
+from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.algebraic.scheme import Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
 from obsdesign.files import ResultFile
@@ -129,10 +131,9 @@ def refutation(spec: Spec, file: ResultFile) -> Proof:
 
 def read_form(spec: Spec, file: ResultFile) -> Form:
     """Observer of a file: that of its spec, or the coordinates that were found for it."""
-    form = request_of(spec).form
-    if form is None:
-        raise file.wrong("observer.coordinates", "the spec asks for none")
-    return form
+    asked = request_of(spec).form
+    assert asked is not None
+    return read_found(spec, file) if isinstance(asked, Sought) else asked
 
 
 def read_gains(spec: Spec, file: ResultFile) -> Mapping[str, Array]:  # noqa: ARG001
@@ -145,8 +146,10 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:  # noqa: ARG001
     if not isinstance(outcome.claim, Claim):
         return {}
     observer = outcome.claim.scheme.observer
+    form = outcome.claim.form
     return {
         "order": len(observer.dynamics),
+        **(found(form) if isinstance(form, Transformed) else {}),
         "dynamics": {name: side.text for name, side in observer.dynamics.items()},
         "estimates": {name: side.text for name, side in observer.estimates.items()},
         **({"initial": {name: side.text for name, side in observer.initial.items()}} if observer.initial else {}),

@@ -15,9 +15,9 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import Estimation, estimation, exponential
+from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Transformed
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
-from obsdesign.families.algebraic.request import Coordinate, Estimator, Immersion, Transformed
 from obsdesign.families.algebraic.scheme import (
     ZERO,
     Nonzero,
@@ -29,6 +29,7 @@ from obsdesign.families.algebraic.scheme import (
     less,
     multiplied,
     scaled,
+    slope,
 )
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
@@ -141,7 +142,7 @@ def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:
 def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Sequence[str]) -> dict[str, Expression]:
     """Zeta' = -dK/dy ydot(xhat, u): theta = zeta + K(y) stays where it is right, theta' = dK/dy (ydot - ydot(xhat))."""
     rates = plant.output_rates(estimates)
-    sides = {n: added([multiplied(estimator.K[n].derivative(y), rate) for y, rate in rates.items()]) for n in names}
+    sides = {n: added([multiplied(slope(estimator.K[n], y), rate) for y, rate in rates.items()]) for n in names}
     return {f"zeta_{name}": scaled(fmpq(-1), side) for name, side in sides.items()}
 
 
@@ -158,7 +159,7 @@ def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Stat
     named = {}
     for i, name in enumerate(theta):
         K = form.estimator.K[name]
-        slopes = {y: plant.on(K.derivative(y)) for y in plant.outputs}
+        slopes = {y: plant.on(slope(K, y)) for y in plant.outputs}
         moving = added([multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()])
         later = moving.substituted({f"d_{other}": ZERO for other in list(theta)[:i]})
         rate = simplified(later.derivative(f"d_{name}").substituted(zero))
@@ -178,7 +179,7 @@ def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
     return [
         Identity(
             f"condition (*) for {name}: its estimate of theta stands still where xhat is right",
-            added([multiplied(side.derivative(signal), rate) for signal, rate in rates.items()]),
+            added([multiplied(slope(side, signal), rate) for signal, rate in rates.items()]),
         )
         for name, side in theta.items()
     ]

@@ -4,22 +4,36 @@ from typing import Any
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.algebraic.claim import Claim
+from obsdesign.families.algebraic.find import Found
+from obsdesign.families.algebraic.forms import Sought
+from obsdesign.families.algebraic.found import sought
 from obsdesign.families.algebraic.identity import Answer
 from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.spec import Spec
 
+WIDER = "try observer.functions, a larger observer.degree, or observer.lambdas"
 
-def design(spec: Spec, engine: Engine) -> Outcome:  # noqa: ARG001
-    """Observer of a spec, with what was found of its statements."""
+
+def design(spec: Spec, engine: Engine) -> Outcome:
+    """Observer of a spec, its coordinates found where that is asked, with what was found of its statements."""
     form = request_of(spec).form
     assert form is not None
+    notes: tuple[str, ...] = ()
+    if isinstance(form, Sought):
+        assert spec.typed
+        engine.report(0.1, "coordinates")
+        form, found, missing = sought(spec.typed, form)
+        if form is None:
+            return Outcome(Verdict.INFEASIBLE, diagnosis=not_found(found, missing))
+        notes = (found.sentence, *found.remarks)
+    engine.report(0.5, "statements")
     claim = Claim.of(spec, form)
     if claim.refuted:
-        return Outcome(Verdict.REFUTED, claim=claim, form=form, diagnosis=diagnosis(claim))
+        return Outcome(Verdict.REFUTED, claim=claim, form=form, diagnosis=diagnosis(claim), notes=notes)
     status = Verdict.CERTIFIED if claim.holds else Verdict.UNCERTIFIED
-    open_ones = [verdict.name for verdict in claim.verdicts if verdict.answer is Answer.OPEN]
-    notes = tuple(f"neither proved nor refuted: {name}" for name in open_ones)
+    undecided = [verdict.name for verdict in claim.verdicts if verdict.answer is Answer.OPEN]
+    notes += tuple(f"neither proved nor refuted: {name}" for name in undecided)
     return Outcome(status, claim=claim, form=form, notes=notes)
 
 
@@ -28,3 +42,21 @@ def diagnosis(claim: Claim) -> dict[str, Any]:
     first, *others = claim.refuted
     also = f"; {len(others)} further statements fail" if others else ""
     return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
+
+
+def not_found(found: Found, missing: tuple[str, ...]) -> dict[str, Any]:
+    """States that no coordinates of the ansatz give, or constants that no regression holds."""
+    reason = found.sentence
+    if not found.missing:
+        reason = (
+            f"no derivative of an output is linear in the constant of {', '.join(missing)}, so nothing estimates it"
+        )
+    return {
+        "condition": "coordinates",
+        "reason": reason,
+        "missing": list(missing),
+        "feasible": {},
+        "suggestion": "; ".join(
+            ["try observer.functions, a larger observer.degree, or observer.lambdas", *found.remarks]
+        ),
+    }

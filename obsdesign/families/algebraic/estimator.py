@@ -7,7 +7,7 @@ from itertools import permutations
 from flint import fmpq
 
 from obsdesign.expressions import Expression, parse
-from obsdesign.families.algebraic.request import Estimator
+from obsdesign.families.algebraic.forms import Estimator
 from obsdesign.families.algebraic.scheme import ZERO, added, less, multiplied, scaled
 
 LEAST = fmpq(1, 10**6)  # of exp(theta), below which its logarithm is not taken
@@ -79,7 +79,7 @@ def estimation(estimator: Estimator, substitution: Mapping[str, Expression], nam
         for name in names:
             seen = [(row[name], e) for row, e in zip(psi, errors, strict=True) if name in row]
             steps = added([multiplied(Expression.variable(p), e) for p, e in seen])
-            rates[name] = scaled(estimator.gamma[name], steps)
+            rates[name] = scaled(estimator.gain(name), steps)
     made.dynamics.update({f"theta_{name}": rates[name] for name in names})
     powers = [name for name in names if name in estimator.powers and not logarithmic]
     theta = {name: logarithm(state[name]) if name in powers else state[name] for name in names}
@@ -118,7 +118,7 @@ def mixed(
         swapped = [[column[r] if c == i else full[r][c] for c in range(n)] for r in range(n)]  # Cramer's rule
         error = less(determinant(swapped), multiplied(delta, value[name]))
         gain = Expression(delta.root / (Expression.number(estimator.epsilon).root + multiplied(delta, delta).root))
-        rates[name] = scaled(estimator.gamma[name], multiplied(gain, error))
+        rates[name] = scaled(estimator.gain(name), multiplied(gain, error))
     return rates, delta, memory
 
 

@@ -17,10 +17,10 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant
 from obsdesign.expressions.exact import double
 from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured
+from obsdesign.families.algebraic.forms import Coordinate
 from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.inverse import enclosure, inverted
 from obsdesign.families.algebraic.rational import Eigenvalues, Vector, columns, eigenvalues, kernel
-from obsdesign.families.algebraic.request import Coordinate
 from obsdesign.families.algebraic.scheme import ZERO, less, scaled
 from obsdesign.families.algebraic.sylvester import Sylvester, linear
 from obsdesign.model.equations import Equations, Named, Typed, free
@@ -290,25 +290,13 @@ def find(typed: Typed, search: Search) -> Found:
         Products are too large to be multiplied out.
     """
     for each in search.functions:
-        if not smooth(each):
+        if not each.smooth:
             raise UsageError(f"observer.functions: {each} has a kink or a jump; phi must be smooth; leave it out")
     try:
         return Finder(explicit(typed), typed.domain, search).found()
     except ExpressionError as error:
         said = f"the equations of products up to degree {search.degree}: {error.message}; lower observer.degree"
         raise UndecidedError(said) from None
-
-
-def smooth(expression: Expression) -> bool:
-    """Whether an expression has neither kinks nor jumps."""
-    places: list[Expression] = []
-
-    def noted(g: Expression, h: Expression) -> Expression:
-        places.append(g)
-        return h
-
-    expression.decided(noted)
-    return not places
 
 
 def explicit(typed: Typed) -> Equations:

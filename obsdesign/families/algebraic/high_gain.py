@@ -11,8 +11,8 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
+from obsdesign.families.algebraic.forms import HighGain
 from obsdesign.families.algebraic.identity import Identity, Negative
-from obsdesign.families.algebraic.request import HighGain
 from obsdesign.families.algebraic.scheme import (
     ZERO,
     Plant,

@@ -14,9 +14,9 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
+from obsdesign.families.algebraic.forms import Immersion
 from obsdesign.families.algebraic.identity import Identity, Negative
-from obsdesign.families.algebraic.request import Immersion
-from obsdesign.families.algebraic.scheme import ZERO, Plant, Scheme, Statement, added, inverses, less, multiplied
+from obsdesign.families.algebraic.scheme import ZERO, Plant, Scheme, Statement, added, inverses, less, multiplied, slope
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
@@ -47,13 +47,13 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
 def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
     """D beta_i/dy ydot(xhat) - phi_i_dot(xhat): what chi has to follow, with the other sign."""
     rates = plant.output_rates(estimates)
-    seen = [multiplied(form.beta[i].derivative(y), rate) for y, rate in rates.items()]
+    seen = [multiplied(slope(form.beta[i], y), rate) for y, rate in rates.items()]
     return less(added(seen), plant.along(form.phi[i]).substituted(estimates))
 
 
 def by_default(plant: Plant, form: Immersion, estimates: Named) -> dict[str, Expression]:
     """Equation (20), with the right inverse J' (J J')^-1 of J = d beta/d chi."""
-    J = [[side.derivative(name) for name in form.chi] for side in form.beta]
+    J = [[slope(side, name) for name in form.chi] for side in form.beta]
     right = pseudo_inverse(J)
     sides = [moved(plant, form, estimates, i) for i in range(len(form.beta))]
     found = {}
@@ -86,7 +86,7 @@ def cofactor(rows: Matrix, i: int, j: int) -> Expression:
 
 def invariance(plant: Plant, form: Immersion, dynamics: Named, estimates: Named, i: int) -> Statement:
     """d/dt beta_i = d/dt phi_i wherever beta = phi(xhat): an identity in y, chi and u."""
-    followed = [multiplied(form.beta[i].derivative(name), side) for name, side in dynamics.items()]
+    followed = [multiplied(slope(form.beta[i], name), side) for name, side in dynamics.items()]
     residual = added([moved(plant, form, estimates, i), *followed])
     return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual)
 
@@ -102,7 +102,7 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
     found: list[Statement] = []
     names = {}
     for i, phi in enumerate(form.phi):
-        slopes = {y: plant.on(form.beta[i].derivative(y)) for y in plant.outputs}
+        slopes = {y: plant.on(slope(form.beta[i], y)) for y in plant.outputs}
         pulled = [multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()]
         moving = less(added([*pulled, plant.along(phi).substituted(estimates)]), plant.along(phi))
         later = moving.substituted({f"d{k + 1}": ZERO for k in range(i)})

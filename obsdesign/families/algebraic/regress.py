@@ -11,7 +11,7 @@ from itertools import combinations
 from obsdesign.expressions import Expression, ExpressionError, parse
 from obsdesign.families.algebraic.ansatz import simplified
 from obsdesign.families.algebraic.find import Found, explicit
-from obsdesign.families.algebraic.request import Regression
+from obsdesign.families.algebraic.forms import Regression
 from obsdesign.families.algebraic.scheme import ZERO, added, multiplied
 from obsdesign.model.equations import Equations, Named, Typed, free
 

@@ -1,14 +1,25 @@
 """What a spec asks of an observer without an LMI: its sections, and the same in expressions of the plant's signals."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from collections.abc import Collection, Mapping, Sequence
+from typing import Literal
 
 from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.families import asked
-from obsdesign.lmi.formula import Array
+from obsdesign.families.algebraic.forms import (
+    ANY,
+    METHODS,
+    Coordinate,
+    Estimator,
+    HighGain,
+    Immersion,
+    Method,
+    Regression,
+    Request,
+    Sought,
+    Transformed,
+)
 from obsdesign.model.equations import Typed
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import ENTRY, TEXT, Either, ListOf, MapOf, OneOf, Section, key, required, unknown
@@ -17,8 +28,7 @@ from obsdesign.spec import Spec
 
 FIND = "find"
 RECAST = "immersion-invariance"
-Method = Literal["gradient", "log-gradient", "drem", "proportional"]
-METHODS = get_args(Method)
+MOST_DEGREE = 12
 EPSILON = fmpq(1, 10**10)  # of DREM, against the square of the determinant
 EXPRESSIONS = MapOf(ENTRY)
 
@@ -69,6 +79,9 @@ class CoordinatesSection(asked.ObserverSection):
         EXPRESSIONS, "states that are no outputs, of coordinates and outputs", default={}
     )
     estimator: EstimatorSection | None = key(EstimatorSection)
+    degree: str | None = key(ENTRY, "of the products that coordinates: find tries, default 3")
+    lambdas: list[str] | None = key(ListOf(ENTRY), "that it tries: expressions of outputs and inputs")
+    functions: list[str] | None = key(ListOf(ENTRY), "of the states that it tries beside the products")
     recast: str | None = key(OneOf("recast", (RECAST,)))
 
 
@@ -91,90 +104,6 @@ class HighGainSection(asked.ObserverSection):
     states: dict[str, str] | None = key(EXPRESSIONS, "other coordinates: expressions of states and inputs")
     dynamics: dict[str, str] | None = key(EXPRESSIONS, "their derivatives, of coordinates, outputs and inputs")
     left_inverse: dict[str, str] | None = key(EXPRESSIONS, "states, of coordinates, outputs and inputs")
-
-
-@dataclass(frozen=True)
-class Coordinate:
-    """xi, with L_f phi = rate phi + B."""
-
-    name: str
-    phi: Expression
-    rate: Expression  # lambda
-    B: Expression
-
-    @property
-    def estimated(self) -> bool:
-        """Whether xi differs from phi by a constant theta."""
-        return self.rate.text == "0"
-
-
-@dataclass(frozen=True)
-class Regression:
-    """d(output)/dt = known + sum m theta, or exp(theta)."""
-
-    output: str
-    known: Expression
-    m: Mapping[str, Expression]
-
-
-@dataclass(frozen=True)
-class Estimator:
-    """How theta is estimated."""
-
-    regressions: tuple[Regression, ...]
-    method: Method
-    alpha: fmpq
-    gamma: Mapping[str, fmpq]
-    kappa: fmpq
-    epsilon: fmpq
-    K: Mapping[str, Expression]
-    powers: frozenset[str]  # coordinates in whose exp(theta) the regressions are linear
-    consistent: bool  # filters begin where the regression is exact
-
-
-@dataclass(frozen=True)
-class Transformed:
-    """Coordinates, with a left inverse and an estimator."""
-
-    coordinates: tuple[Coordinate, ...]
-    left_inverse: Mapping[str, Expression]
-    estimator: Estimator | None
-    recast: bool
-
-
-@dataclass(frozen=True)
-class Immersion:
-    """Manifold beta(y, chi) = phi(x)."""
-
-    chi: tuple[str, ...]
-    phi: tuple[Expression, ...]
-    beta: tuple[Expression, ...]
-    left_inverse: Mapping[str, Expression]  # in b1, b2, ..
-    dynamics: Mapping[str, Expression] | None
-    Q: tuple[Expression, ...] | None
-
-
-@dataclass(frozen=True)
-class HighGain:
-    """Copy of the plant, or of it in other coordinates, with injections."""
-
-    injection: Mapping[str, Mapping[str, Expression]]
-    measured: bool  # the copy reads measured states from the outputs
-    states: Mapping[str, Expression] | None
-    dynamics: Mapping[str, Expression] | None
-    left_inverse: Mapping[str, Expression] | None
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked; None: the coordinates are to be found."""
-
-    drive: ClassVar[str] = "v"
-    reconstruct: ClassVar[bool] = False
-    gains: ClassVar[Mapping[str, Array] | None] = None
-
-    type: str
-    form: Transformed | Immersion | HighGain | None
 
 
 class Texts:
@@ -239,12 +168,15 @@ def request(reader: Reader, section: asked.ObserverSection, problem: asked.Estim
     return Request(section.type, read_high_gain(texts, section, typed))
 
 
-def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) -> Transformed | None:
+def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) -> Transformed | Sought:
     """Coordinates, left inverse and estimator."""
     reader = texts.reader
     found: list[Coordinate] = []
     if isinstance(section.coordinates, str):
-        return None
+        return read_sought(texts, section)
+    for name in ("degree", "lambdas", "functions"):
+        if getattr(section, name) is not None:
+            reader.wrong(("observer", name), "goes with coordinates: find; leave it out", at_key=True)
     for i, each in enumerate(section.coordinates):
         loc: Loc = ("observer", "coordinates", i)
         earlier = tuple(one.name for one in found)
@@ -261,10 +193,34 @@ def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) ->
     estimator = None
     if section.estimator is not None:
         estimator = read_estimator(texts, section.estimator, names, estimated)
+        if not estimated:
+            said = "estimates the constants of coordinates with lambda 0, and there are none; leave it out"
+            reader.wrong(("observer", "estimator"), said, at_key=True)
     elif estimated:
         said = f"is required: the constant of {', '.join(estimated)}, with lambda 0, must be estimated"
         reader.wrong(("observer", "estimator"), said)
     return Transformed(tuple(found), inverse, estimator, section.recast is not None)
+
+
+def read_sought(texts: Texts, section: CoordinatesSection) -> Sought:
+    """What is searched for."""
+    reader = texts.reader
+    if section.left_inverse:
+        reader.wrong(("observer", "left_inverse"), "follows from coordinates: find; leave it out", at_key=True)
+    estimator = None
+    if section.estimator is not None:
+        estimator = read_estimator(texts, section.estimator, (), None)
+    elif section.type != "kkl":
+        reader.wrong(("observer", "estimator"), f"is required: type {section.type} estimates constants")
+    known = (*texts.outputs, *texts.inputs)
+    return Sought(
+        reader.integer(section.degree, ("observer", "degree"), 3, 1, MOST_DEGREE),
+        tuple(texts.one(e, ("observer", "lambdas", i), known) for i, e in enumerate(section.lambdas or ())),
+        tuple(texts.one(e, ("observer", "functions", i), texts.states) for i, e in enumerate(section.functions or ())),
+        section.type,
+        estimator,
+        section.recast is not None,
+    )
 
 
 def require_kind(reader: Reader, kind: str, found: Sequence[Coordinate]) -> None:
@@ -278,51 +234,67 @@ def require_kind(reader: Reader, kind: str, found: Sequence[Coordinate]) -> None
 
 
 def read_estimator(
-    texts: Texts, section: EstimatorSection, names: Sequence[str], estimated: Sequence[str]
+    texts: Texts, section: EstimatorSection, names: Sequence[str], estimated: Sequence[str] | None
 ) -> Estimator:
-    """Regressions, method and its numbers."""
+    """Regressions, method and its numbers; `estimated`: coordinates with lambda 0; None: they are to be found."""
     reader, loc = texts.reader, ("observer", "estimator")
-    known = (*texts.known, *names)
+    known, chosen = (*texts.known, *names), estimated or ()
     regressions = []
     for i, each in enumerate(section.regressions):
         place: Loc = (*loc, "regressions", i)
         if each.output not in texts.outputs:
             reader.wrong((*place, "output"), unknown("output", each.output, texts.outputs, {}))
-        m = texts.by_name(each.m, (*place, "m"), "coordinate with lambda 0", estimated, known)
+        m = texts.by_name(each.m, (*place, "m"), "coordinate with lambda 0", chosen, known)
         regressions.append(Regression(each.output, texts.one(each.known, (*place, "known"), known), m))
-    proportional = section.method == "proportional"
-    gains = section.gamma if isinstance(section.gamma, dict) else dict.fromkeys(estimated, section.gamma)
-    needed = ("K",) if proportional else ("regressions", "alpha", "gamma")
-    for name in needed:
-        if not getattr(section, name):
-            reader.wrong((*loc, name), f"is required for method {section.method}", at_key=True)
-    for name in section.gamma if isinstance(section.gamma, dict) else ():
-        if name not in estimated:
-            reader.wrong((*loc, "gamma", name), unknown("coordinate with lambda 0", name, estimated, {}), at_key=True)
-    for name in section.powers:
-        if name not in estimated:
-            reader.wrong((*loc, "as", name), unknown("coordinate with lambda 0", name, estimated, {}), at_key=True)
+    require_keys(reader, section, estimated)
+    for kind, found in (("gamma", section.gamma), ("as", section.powers)):
+        for name in found if isinstance(found, dict) else ():
+            if name not in chosen:
+                said = unknown("coordinate with lambda 0", name, chosen, {})
+                reader.wrong((*loc, kind, name), said, at_key=True)
 
     def number(name: str, otherwise: fmpq, sign: Literal[">= 0", "> 0"]) -> fmpq:
         text = getattr(section, name)
         return otherwise if text is None else reader.number(text, (*loc, name), sign)
 
     place = (*loc, "gamma")
+    gains = section.gamma if isinstance(section.gamma, dict) else {ANY: section.gamma}
     return Estimator(
         regressions=tuple(regressions),
         method=section.method,
         alpha=number("alpha", fmpq(1), "> 0"),
         gamma={
-            name: reader.number(text, (*place, name) if isinstance(section.gamma, dict) else place, "> 0")
+            name: reader.number(text, (*place, name) if name else place, "> 0")
             for name, text in gains.items()
             if text is not None
         },
         kappa=number("kappa", fmpq(0), ">= 0"),
         epsilon=number("epsilon", EPSILON, "> 0"),
-        K=texts.by_name(section.K or {}, (*loc, "K"), "coordinate with lambda 0", estimated, texts.outputs),
+        K=texts.by_name(section.K or {}, (*loc, "K"), "coordinate with lambda 0", chosen, texts.outputs),
         powers=frozenset(section.powers),
         consistent=section.filters == "consistent",
     )
+
+
+def require_keys(reader: Reader, section: EstimatorSection, estimated: Sequence[str] | None) -> None:
+    """Refuse an estimator without what its method needs, for every coordinate, or with what follows from found ones."""
+    loc: Loc = ("observer", "estimator")
+    proportional, method = section.method == "proportional", f"for method {section.method}"
+    for name in ("K",) if proportional else ("regressions", "alpha", "gamma"):
+        if not getattr(section, name) and not (estimated is None and name == "regressions"):
+            reader.wrong((*loc, name), f"is required {method}", at_key=True)
+    for name in ("regressions", "K") if estimated is None else ():
+        if getattr(section, name):
+            reader.wrong((*loc, name), "cannot be given for coordinates that are to be found", at_key=True)
+    if estimated is None or not reader.clean(loc):
+        return
+    rows = {name for row in section.regressions for name in row.m}
+    held: dict[str, Collection[str]] = {"K": section.K or ()} if proportional else {"regressions": rows}
+    if not proportional and isinstance(section.gamma, dict):
+        held["gamma"] = section.gamma
+    for kind, names in held.items():
+        if missing := [name for name in estimated if name not in names]:
+            reader.wrong((*loc, kind), f"has nothing for {', '.join(missing)}, whose constant is to be estimated")
 
 
 def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Immersion:

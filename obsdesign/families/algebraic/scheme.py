@@ -6,6 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.algebraic.identity import Domain, Identity, Negative, Verdict, nonzero
 from obsdesign.families.observer import Observer
@@ -59,8 +60,8 @@ class Plant:
         return cls(written.dynamics, written.outputs, written.inputs, {**shown, **typed.domain})
 
     def along(self, phi: Expression) -> Expression:
-        """L_f phi, the derivative of a function of the states."""
-        rates = [(phi.derivative(name), side) for name, side in self.dynamics.items()]
+        """L_f phi, the derivative of a function of the states; raises `UsageError` if it has none everywhere."""
+        rates = [(slope(phi, name), side) for name, side in self.dynamics.items()]
         return added([multiplied(slope, side) for slope, side in rates])
 
     def on(self, expression: Expression, further: Named | None = None) -> Expression:
@@ -74,6 +75,14 @@ class Plant:
     def measured(self) -> dict[str, Expression]:
         """States that an output shows by itself, as the output."""
         return {side.text: Expression.variable(y) for y, side in self.outputs.items() if side.text in self.dynamics}
+
+
+def slope(side: Expression, name: str) -> Expression:
+    """Partial derivative of what moves as its derivative says; raises `UsageError` of kinks and jumps."""
+    if not side.smooth:
+        said = f"{side} has a kink or a jump, where its derivative does not say how it moves; use a smooth function"
+        raise UsageError(Problem(said, key="observer"))
+    return side.derivative(name)
 
 
 def added(parts: Sequence[Expression]) -> Expression:

@@ -9,8 +9,8 @@ from flint import fmpq, fmpq_mat
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.tree import Number
 from obsdesign.families.algebraic.ansatz import simplified
+from obsdesign.families.algebraic.forms import Coordinate
 from obsdesign.families.algebraic.rational import beside, independent
-from obsdesign.families.algebraic.request import Coordinate
 from obsdesign.model.equations import Equations, Named
 
 
