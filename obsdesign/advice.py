@@ -64,10 +64,10 @@ def smaller_region(spec: Spec, engine: Engine) -> Iterator[str]:
         for i in derived:
             region = narrowed(blocks[i], share)
             blocks[i] = on_region(blocks[i], region)
-            names = ["q"] if len(region) == 1 else list(region)
+            names = blocks[i].arguments or (["q"] if len(region) == 1 else list(region))
             ends = ((float(low or 0), float(high or 0)) for low, high in region.values())
             limits = ", ".join(f"{q}: [{low:g}, {high:g}]" for q, (low, high) in zip(names, ends, strict=True))
-            said.append(f"region: {{{limits}}} for nonlinearities[{i}]")
+            said.append(f"{limits}" if blocks[i].term else f"region: {{{limits}}} for nonlinearities[{i}]")
         if certified(replace(spec, nonlinearities=tuple(blocks)), engine):
             yield f"f is too steep on the region of its type: there is a solution with {' and '.join(said)}"
             return

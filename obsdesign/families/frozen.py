@@ -46,7 +46,7 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     known, said = outcome.diagnosis, diagnosis(found, demand)
     feasible = said["feasible"] | known.get("feasible", {})
     if "nonlinearity" in known:
-        said["suggestion"] += f"; {smaller_class(known)}"
+        said["suggestion"] += f"; {smaller_class(spec.nonlinearities, known)}"
     elif known.get("feasible") and known["condition"] != said["condition"]:
         said["reason"] += f"; {known['reason']}"
         said["suggestion"] = known["suggestion"]

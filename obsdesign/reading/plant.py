@@ -12,9 +12,8 @@ from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.plant import Plant
-from obsdesign.model.split import Split
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
-from obsdesign.reading.schema import Equations, Matrices
+from obsdesign.reading.schema import Equations, InMatrices
 from obsdesign.reading.schema import Nonlinearity as Section
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import unknown
@@ -71,12 +70,11 @@ class Reading:
     gy: tuple[Expression, ...] = ()
     gq: tuple[Expression, ...] = ()
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
-    split: Split | None = None  # of a plant as equations
 
 
 def read_plant(
     reader: Reader,
-    system: Matrices | None,
+    system: InMatrices | None,
     sections: Sequence[Section] | None,
     *,
     identity: bool = False,
@@ -195,7 +193,7 @@ def left_out(reader: Reader, section: Section, loc: Loc, n: int) -> list[str]:
 
 def lay_out(
     reader: Reader,
-    system: Matrices,
+    system: InMatrices,
     matrices: Mapping[str, Entries],
     sizes: tuple[Size, int],
     parts: Sequence[Part] | None,
@@ -283,7 +281,7 @@ def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
             reader.parameters[name] = value
 
 
-def read_names(reader: Reader, system: Matrices | Equations, states: Axis, outputs: Axis, w: Axis) -> Names | None:
+def read_names(reader: Reader, system: InMatrices | Equations, states: Axis, outputs: Axis, w: Axis) -> Names | None:
     """Names of the signals; None if an earlier error leaves them open."""
     before = len(reader.problems)
     disturbances = given_or(reader, "disturbances", system.disturbances, w, "w")

@@ -65,7 +65,9 @@ def resolve(document: Document) -> Spec:
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v, sampled=sampled)
+    simulation = read_simulation(
+        reader, file.simulation, layout, exogenous.xm, exogenous.v, exogenous.states, sampled=sampled
+    )
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
@@ -92,6 +94,7 @@ def resolve(document: Document) -> Spec:
         simulation=simulation,
         expect=expect,
         notes=tuple(reader.notes),
+        as_equations=isinstance(file.system, Equations),
     )
 
 
