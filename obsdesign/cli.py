@@ -182,8 +182,7 @@ def simulate(
 def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Say what the structure of a spec allows, before any design."""
     from obsdesign import work
-    from obsdesign.tables.split import entry, split_rows
-    from obsdesign.tables.text import aligned
+    from obsdesign.tables.split import entry, printed
 
     with limited(timeout):
         problem = work.load(spec)
@@ -191,11 +190,9 @@ def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet
     possible = all(finding.stands for finding in findings)
     if as_json:
         report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
-        split = entry(problem)
-        typer.echo(as_text(report | ({"split": split} if split else {}) | {"notes": list(problem.notes)}))
+        typer.echo(as_text(report | entry(problem) | {"notes": list(problem.notes)}))
     elif not quiet:
-        if problem.as_equations:
-            typer.echo(f"{aligned(split_rows(problem))}\n")
+        typer.echo(printed(problem), nl=False)
         for finding in findings:
             mark = "ok  " if finding.holds else "FAIL" if finding.decides else "note"
             typer.echo(f"{mark}  {finding.sentence}")

@@ -129,7 +129,7 @@ class Design(Outcome):
             "obsdesign": FORMAT,
             "name": spec.name,
             "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
-            **({"split": split} if (split := entry(spec)) else {}),
+            **entry(spec),
             **self.contents(),
             "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
             "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
@@ -249,7 +249,7 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
     require_types(file, spec)
-    if file.plain().get("split") != entry(spec):
+    if file.plain().get("split") != entry(spec).get("split"):
         raise file.wrong("split", "is not how the equations of the spec are split")
     return spec
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from graphlib import CycleError, TopologicalSorter
 
 from flint import fmpq
 
@@ -30,34 +31,38 @@ def read_sides(reader: Reader, system: schema.Equations, names: Names) -> tuple[
     An output that stands in another one is put in; one that depends on itself is refused.
     """
     inner = ("t", *names.states, *names.inputs, *names.w)
-    for name in names.states:
-        if name not in system.dynamics:
-            reader.wrong(("system", "dynamics"), f"{name} has no equation; give {name}: its derivative", at_key=True)
-    for name in system.dynamics:
-        if name not in names.states:
-            said = unknown("state", name, names.states, {})
-            reader.wrong(("system", "dynamics", name), said, at_key=True)
+    missing = [name for name in names.states if name not in system.dynamics]
+    strange = [name for name in system.dynamics if name not in names.states]
+    for name in strange:
+        said = f"; {missing[0]} has no equation" if missing else ""
+        reader.wrong(("system", "dynamics", name), unknown("state", name, names.states, {}) + said, at_key=True)
+    for name in () if strange else missing:
+        reader.wrong(("system", "dynamics"), f"{name} has no equation; give {name}: its derivative", at_key=True)
 
     def read(key: str, texts: Mapping[str, str]) -> dict[str, Expression]:
         places = {name: ("system", key, name) for name in texts}
         allowed = (*inner, *names.outputs)
         return {name: reader.expression(text, places[name], allowed, UNDECLARED) for name, text in texts.items()}
 
-    outputs = read("outputs", system.outputs)
-    for _ in outputs:
-        outputs = {name: side.substituted(without(outputs, name)) for name, side in outputs.items()}
-    for name, side in outputs.items():
-        if loop := sorted(side.names.intersection(outputs)):
-            through = "itself" if loop == [name] else f"{loop[0]}, which depends on it"
-            said = f"depends on {through}: an algebraic loop; write it in states, inputs and disturbances"
-            reader.wrong(("system", "outputs", name), said)
+    outputs = explicit(reader, read("outputs", system.outputs))
     dynamics = read("dynamics", system.dynamics)
     return {name: dynamics[name] for name in names.states if name in dynamics}, outputs
 
 
-def without(sides: Mapping[str, Expression], name: str) -> dict[str, Expression]:
-    """Every side but one."""
-    return {other: side for other, side in sides.items() if other != name}
+def explicit(reader: Reader, outputs: Mapping[str, Expression]) -> dict[str, Expression]:
+    """Outputs with their right sides in place of other outputs; none where they depend on themselves."""
+    known: dict[str, Expression] = {}
+    try:
+        for name in TopologicalSorter(
+            {name: side.names & outputs.keys() for name, side in outputs.items()}
+        ).static_order():
+            known[name] = outputs[name].substituted(known)
+    except CycleError as error:
+        loop = [name for name in outputs if name in error.args[1]]
+        through = "itself" if len(loop) == 1 else f"{', '.join(loop[1:])}, which depend on it"
+        said = f"depends on {through}: an algebraic loop; write it in states, inputs and disturbances"
+        reader.wrong(("system", "outputs", loop[0]), said)
+    return {name: known[name] for name in outputs if name in known}
 
 
 def read_domain(reader: Reader, system: schema.Equations, names: Names) -> dict[str, Ends]:

@@ -16,7 +16,7 @@ from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
-from obsdesign.reading.schema import Equations, Weight, read_file
+from obsdesign.reading.schema import Equations, File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.sections.document import Document, Loc, Number, described
 from obsdesign.sections.forms import unknown
@@ -53,11 +53,8 @@ def resolve(document: Document) -> Spec:
         )
     read_parameters(reader, file.parameters)
     sampled = family is not None and family.sampled
-    identity = family is not None and family.unstructured
-    if isinstance(file.system, Equations):
-        plant = read_equations(reader, file.system, file.nonlinearities, sampled=sampled)
-    else:
-        plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
+    as_equations = isinstance(file.system, Equations)
+    plant = read_system(reader, file, identity=family is not None and family.unstructured, sampled=sampled)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
@@ -65,9 +62,7 @@ def resolve(document: Document) -> Spec:
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
-    simulation = read_simulation(
-        reader, file.simulation, layout, exogenous.xm, exogenous.v, exogenous.states, sampled=sampled
-    )
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=sampled)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
@@ -94,8 +89,15 @@ def resolve(document: Document) -> Spec:
         simulation=simulation,
         expect=expect,
         notes=tuple(reader.notes),
-        as_equations=isinstance(file.system, Equations),
+        as_equations=as_equations,
     )
+
+
+def read_system(reader: Reader, file: File, *, identity: bool, sampled: bool) -> Reading:
+    """Plant, known terms and nonlinearities, in matrices or as equations; see `read_plant`."""
+    if isinstance(file.system, Equations):
+        return read_equations(reader, file.system, file.nonlinearities, sampled=sampled)
+    return read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
 
 
 def read_observer(

@@ -10,6 +10,7 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.functions import is_condition
 from obsdesign.families import FAMILIES
 from obsdesign.reading import trial_schema as schema
+from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import unknown
@@ -22,19 +23,12 @@ SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys for measurements 
 
 
 def read_simulation(
-    reader: Reader,
-    section: schema.Simulation | None,
-    layout: Layout,
-    xm: Axis,
-    v: Axis,
-    model: Sequence[str] = (),
-    *,
-    sampled: bool = False,
+    reader: Reader, section: schema.Simulation | None, layout: Layout, exogenous: Exogenous, *, sampled: bool = False
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
-    `model`: names of the states of the disturbance model; `sampled`: whether measurements arrive at instants, so that
-    the section may say when.
+    `exogenous`: the disturbance model; `sampled`: whether measurements arrive at instants, so that the section may say
+    when.
     """
     if section is None:
         return None
@@ -44,7 +38,8 @@ def read_simulation(
     known = layout.known("states")
     if section.w is not None and section.v is not None:
         reader.wrong((*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model")
-    names = (layout.names.states if layout.names else ()), model
+    xm, v = exogenous.xm, exogenous.v
+    names = (layout.names.states if layout.names else ()), exogenous.states
     xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm, names)
     size = (layout.states.size or 0) + (xm.size or 0)
     channels = layout.names.w if layout.names else ()

@@ -11,21 +11,22 @@ from obsdesign.expressions.tree import written_number
 from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
 from obsdesign.spec import Nonlinearity, Spec, arguments
+from obsdesign.tables.text import aligned
 
 LARGEST = 2**53  # integer that every reader of JSON takes exactly
 
 
-def entry(spec: Spec) -> dict[str, Any] | None:
-    """The split of a plant as equations, as a spec in matrices would have it; None of a plant in matrices.
+def entry(spec: Spec) -> dict[str, Any]:
+    """Entry `split` of a file: that of a plant as equations, as a spec in matrices would have it; else no entry.
 
     A number is a decimal where that is exact, else a text "p/q".
     """
     if not spec.as_equations:
-        return None
+        return {}
     plant = spec.plant
     matrices = {key: rows(getattr(plant, key)) for key in ("A", "B", "C", "D")}
     known = {"gx": [e.text for e in spec.gx], "gy": [e.text for e in spec.gy]}
-    return {**matrices, **known, "nonlinearities": [term(spec, *each) for each in blocks(spec)]}
+    return {"split": {**matrices, **known, "nonlinearities": [term(spec, *each) for each in blocks(spec)]}}
 
 
 def blocks(spec: Spec) -> Iterator[tuple[Nonlinearity, int, int]]:
@@ -85,8 +86,13 @@ def number(value: fmpq) -> int | float | str:
     return double if abs(double) < float("inf") and rational_number(repr(double)) == value else str(value)
 
 
+def printed(spec: Spec) -> str:
+    """The split as `check` prints it, before anything else."""
+    return f"{aligned(split_rows(spec))}\n\n" if spec.as_equations else ""
+
+
 def split_rows(spec: Spec) -> list[tuple[str, str]]:
-    """What `check` prints of the split: the form, each matrix, each known term and each nonlinear term."""
+    """The form, each matrix, each known term and each nonlinear term."""
     plant = spec.plant
     signals = {"A": plant.states, "B": plant.exogenous, "C": plant.states, "D": plant.exogenous}
     found = [("plant", form(spec))]

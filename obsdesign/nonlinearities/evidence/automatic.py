@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import product
 from math import inf
 from typing import Any
@@ -163,7 +164,7 @@ def exact(f: Restriction, found: Enclosure) -> Array:
         root, low, high = f.jacobian[i][j].root, float(found.low[i, j]), float(found.high[i, j])
         if isinstance(root, Number):
             ends[:, i, j] = root.value
-        elif (corners := extremes(f.jacobian[i][j], f)) and low <= corners[0] <= corners[1] <= high:
+        elif (corners := extremes(f.jacobian[i][j], f)) and low <= fraction(corners[0]) <= fraction(corners[1]) <= high:
             ends[:, i, j] = corners
         else:
             ends[:, i, j] = outward(low, up=False), None if high == inf else outward(high, up=True)
@@ -202,6 +203,11 @@ def bends(expression: Expression) -> bool:
 
     expression.decided(seen)
     return bool(found)
+
+
+def fraction(value: fmpq) -> Fraction:
+    """The same number, to be compared with doubles."""
+    return Fraction(int(value.p), int(value.q))
 
 
 def value_at(expression: Expression, point: Mapping[str, fmpq]) -> fmpq | None:
