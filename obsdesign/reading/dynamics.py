@@ -122,9 +122,16 @@ def shown(seen: Split, names: Names) -> Iterator[tuple[str, tuple[str, fmpq]]]:
 
 
 def read_equations(
-    reader: Reader, system: schema.Equations, sections: Sequence[schema.Nonlinearity] | None, *, sampled: bool
+    reader: Reader,
+    system: schema.Equations,
+    sections: Sequence[schema.Nonlinearity] | None,
+    *,
+    sampled: bool,
+    constants: bool,
 ) -> Reading:
-    """Plant, known terms and nonlinearities of a plant as equations; `sampled`: y is known at instants only.
+    """Plant, known terms and nonlinearities of a plant as equations.
+
+    `sampled`: y is known at instants only; `constants`: every term needs a Lipschitz constant.
 
     Where the equations are wrong, everything else is left open.
     """
@@ -141,7 +148,7 @@ def read_equations(
         return Reading(Layout())
     dynamics, outputs = read_sides(reader, system, names)
     for name, side in dynamics.items() if sampled else ():
-        refuse_outputs(reader, ("system", "dynamics", name), side.text, [side], names.outputs)
+        refuse_outputs(reader, ("system", "dynamics", name), side.text, [side], names.outputs, "states and inputs")
     domain = read_domain(reader, system, names)
     if not reader.clean(("system",)) or (found := split(reader, dynamics, outputs, names, sampled=sampled)) is None:
         return Reading(Layout())
@@ -149,7 +156,7 @@ def read_equations(
     layout = Layout(x, y, w, names=names)
     declared = read_types(reader, system.types, whole.terms, names)
     known = layout.known(*(() if sampled else ("outputs",)), "inputs") or ()
-    types = Types(reader, names, known, domain, measured)
+    types = Types(reader, names, known, domain, measured, constants)
     terms: list[Typed] = []
     for i, term in enumerate(whole.terms):
         one = types.typed(*declared.get(i, (term, equation(term, names), AUTO)))

@@ -112,14 +112,19 @@ def read_plant(
 
 
 def refuse_outputs(
-    reader: Reader, loc: Loc, written: object, sides: Sequence[Expression], outputs: Collection[str]
+    reader: Reader,
+    loc: Loc,
+    written: object,
+    sides: Sequence[Expression],
+    outputs: Collection[str],
+    instead: str = "states (as an argument q) and inputs",
 ) -> None:
     """Refuse what an observer that knows y at instants only cannot compute between them."""
     for i, side in enumerate(sides):
         if measured := sorted(side.names.intersection(outputs)):
             place = (*loc, i) if isinstance(written, list) else loc
             why = f"needs {measured[0]}, which the observer does not know between two measurements"
-            reader.wrong(place, f"{side} {why}; write it in states (as an argument q) and inputs")
+            reader.wrong(place, f"{side} {why}; write it in {instead}")
 
 
 def arguments_of(plant: Plant[Exact], first: int, nq: int) -> str:

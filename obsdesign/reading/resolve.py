@@ -96,7 +96,7 @@ def resolve(document: Document) -> Spec:
 def read_system(reader: Reader, file: File, *, identity: bool, sampled: bool) -> Reading:
     """Plant, known terms and nonlinearities, in matrices or as equations; see `read_plant`."""
     if isinstance(file.system, Equations):
-        return read_equations(reader, file.system, file.nonlinearities, sampled=sampled)
+        return read_equations(reader, file.system, file.nonlinearities, sampled=sampled, constants=identity)
     return read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
 
 

@@ -106,6 +106,7 @@ class Types:
     known: Sequence[str]  # what a term may depend on besides states and disturbances
     domain: Domain
     measured: Measured
+    constants: bool  # whether every term needs a Lipschitz constant
 
     def typed(self, term: Term, place: Loc, declared: Declared) -> Typed | None:
         """A term with its type; None after an error.
@@ -116,22 +117,31 @@ class Types:
         region = self.region(term)
         known = {name: ends for name, ends in region.items() if not re.fullmatch(r"q\d+", name)}
         signs = (term, term.negated) if declared == AUTO and len(term.arguments) == 1 else (term,)
-        trials: list[Trial] = []
-        for limits in ({}, known, region):
-            for side in signs:
-                trials.append(self.attempt(side, place, declared, limits))
-                if trials[-1].found is not None:
-                    break
+        trials = [self.trial(signs, place, declared, limits) for limits in ({}, known, region)]
         found = [trial for trial in trials if trial.found is not None]
         if not found:
-            last = trials[-len(signs)]
-            self.reader.problems += dict.fromkeys(self.renamed(one, place, term, declared) for one in last.problems[:1])
+            self.reader.problems.append(self.renamed(trials[-1].problems[0], place, term, declared))
             return None
         best = next(trial for trial in found if same_type(trial, found[-1]))
         assert best.found
         self.reader.notes += [f"{best.term.text}: {note.partition(': ')[2]}" for note in best.notes]
         called = tuple(combination(row).text for row in term.arguments)
         return Typed(best.term, best.block, replace(best.found, term=best.term.text, arguments=called))
+
+    def trial(self, signs: Sequence[Term], place: Loc, declared: Declared, region: Domain) -> Trial:
+        """First sign of a term for which the type is found, or the first trial where there is none.
+
+        Where constants are needed, a Lipschitz constant is sought beside any other type.
+        """
+        kinds: list[Declared] = [declared]
+        kinds += [schema.TypeData("lipschitz", AUTO)] if self.constants and declared == AUTO else []
+        trials: list[Trial] = []
+        for kind in kinds:
+            for side in signs:
+                trials.append(self.attempt(side, place, kind, region))
+                if trials[-1].found is not None:
+                    return trials[-1]
+        return trials[-len(signs)]
 
     def attempt(self, term: Term, place: Loc, declared: Declared, region: Domain) -> Trial:
         """Read a term as a block of its own; what is wrong is kept apart."""
@@ -141,6 +151,8 @@ class Types:
         section = schema.Function(type=declared, f=[term.f.text], region=region_written)
         block = read_block(trial, section, place, len(term.arguments), 1)
         found = read_nonlinearity(trial, block, self.known)
+        if found is not None and self.constants and not found.lipschitz:
+            trial.wrong(place, f"{found.type} has no Lipschitz constant, which this type of observer needs")
         return Trial(term, block, None if trial.problems else found, trial.problems, trial.notes)
 
     def region(self, term: Term) -> dict[str, Ends]:
