@@ -9,7 +9,7 @@ import pytest
 import yaml
 from flint import fmpq
 from support.commands import run
-from support.shipped import shipped, solved
+from support.shipped import SPECS, shipped, solved
 
 import obsdesign as od
 from obsdesign.expressions import parse
@@ -355,3 +355,13 @@ def test_channels_of_w_have_names_in_a_plant_in_matrices_too():
     assert spec.model_states == ("torque",)
     assert spec.H_names == ("angle", "speed", "torque")
     assert replace(spec, text="").plant.B.tolist() == shipped("pendulum").plant.B.tolist()
+
+
+def test_the_equations_of_readme_solve_and_run(folder):
+    blocks = re.findall(r"```yaml\n(.*?)```", (SPECS.parent / "README.md").read_text(), re.DOTALL)
+    (text,) = [block for block in blocks if "dynamics:" in block]
+    (folder / "vehicle.yaml").write_text(text)
+    outcome = run("solve", "vehicle.yaml", "--simulate", "--json")
+    assert outcome.exit_code == 0, outcome.output
+    assert json.loads(outcome.stdout)["observer"]["type"] == "l2"
+    assert (folder / "vehicle.run.csv").read_text().startswith("t,v,hat_v,slope,noise,hat_slope,speed\n")
