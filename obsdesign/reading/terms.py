@@ -14,6 +14,7 @@ from obsdesign.expressions import Expression, ExpressionError, parse
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import empty
 from obsdesign.model.split import Row, Term, combination
+from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
 from obsdesign.reading import schema
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
@@ -134,7 +135,8 @@ class Types:
         Where constants are needed, a Lipschitz constant is sought beside any other type.
         """
         kinds: list[Declared] = [declared]
-        kinds += [schema.TypeData("lipschitz", AUTO)] if self.constants and declared == AUTO else []
+        if self.constants and declared == AUTO:
+            kinds += [schema.TypeData(name, AUTO) for name, template in TEMPLATES.items() if template.lipschitz]
         trials: list[Trial] = []
         for kind in kinds:
             for side in signs:
