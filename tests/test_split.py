@@ -1,6 +1,7 @@
 """The split of a plant as equations is the equations; identities that are proved are true."""
 
 import random
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, ExpressionError, parse
 from obsdesign.expressions.algebra import identical
 from obsdesign.model.split import Splitter
+from obsdesign.reading import loads
 
 STATES, INPUTS, DISTURBANCES, OUTPUTS = ("a", "b", "c"), ("u",), ("w", "n"), ("y",)
 NAMES = ("t", *STATES, *INPUTS, *DISTURBANCES)
@@ -174,3 +176,49 @@ def test_false_identities_are_not_proved(left, right):
 def test_terms_of_a_right_side(text, terms):
     found = split(read({"a": text}), {})
     assert {term.text: len(term.arguments) for term in found.terms} == terms
+
+
+WHOLE = """obsdesign: 1
+system:
+  inputs: [u]
+  disturbances: [w, n]
+  dynamics: {a: "%s", b: "%s", c: "%s"}
+  outputs: {y: "%s"}
+  domain: {a: [-1, 1], b: [-2, 1], c: [0, 2], u: [-1, 1]}
+observer: {type: l2, alpha: 0.1}
+"""
+CORRUPTED = [("a", "aa"), ("*", "/"), ("(", "(("), ("sin", "sign"), ("w", "w**2"), ("+ ", "+ a*w + "), ("b", "log(b)")]
+
+
+def answered(text):
+    """The spec of a text, or None and what is wrong with it."""
+    try:
+        return loads(text, "spec.yaml"), ()
+    except UsageError as error:
+        return None, error.problems
+
+
+def test_random_equations_are_both_split_and_refused():
+    assert answered(WHOLE % ("b*c + w", "-sin(a)*b - 2*n", "u*c - c**3 + a", "a + w"))[0]
+    assert not answered(WHOLE % ("b*c + w", "-sign(a)*b - 2*n", "u*c", "a"))[0]
+
+
+@examples(60, deadline=None)
+@given(st.lists(sums, min_size=3, max_size=3), sums, st.sampled_from([None, *CORRUPTED]), st.integers(0, 3))
+def test_a_spec_of_random_equations_is_split_or_answered_in_lines_of_its_own_keys(sides, output, change, where):
+    texts = [*sides, output]
+    if change:
+        texts[where] = texts[where].replace(*change, 1)
+    spec, problems = answered(WHOLE % tuple(texts))
+    assert len(problems) == len(set(problems))
+    for problem in problems:
+        assert problem.key.startswith("system."), str(problem)
+        assert problem.line, str(problem)
+        assert not re.search(r"\bq\d*\b|nonlinearities|\n", problem.message), str(problem)
+    if spec is None:
+        return
+    plant = spec.equations(spec.plant)
+    q = dict(plant.algebraic)
+    for name, text in zip((*STATES, "y"), texts, strict=True):
+        side = {**plant.dynamics, **plant.outputs}[name].substituted(q).substituted(dict(plant.outputs)).substituted(q)
+        assert agree(side, parse(text, NAMES), NAMES)
