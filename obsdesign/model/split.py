@@ -113,10 +113,10 @@ class Splitter:
                 term = node if name in outputs else self.with_measured(node)
                 if isinstance(node, Variable) and node.name in self.unknown:
                     linear[name][node.name] = linear[name].get(node.name, fmpq(0)) + factor
-                elif names(term) & self.unknown:
+                elif self.arguments([term]):
                     found.append((name, factor, term))
                 else:
-                    rest.append(product((number(factor), term)))
+                    rest.append(product((number(factor), self.rewritten(term, [], []))))
             known[name] = Expression(total(rest))
 
         return Split({name: nonzero(row) for name, row in linear.items()}, known, tuple(self.terms(found)))

@@ -68,7 +68,7 @@ def explicit(reader: Reader, outputs: Mapping[str, Expression]) -> dict[str, Exp
 def read_domain(reader: Reader, system: schema.Equations, names: Names) -> dict[str, Ends]:
     """Range of each signal that has one."""
     domain: dict[str, Ends] = {}
-    allowed = (*names.states, *names.inputs, *names.w, *names.outputs)
+    allowed = (*names.states, *names.inputs, *names.w, *names.outputs, "t")
     for name, ends in (system.domain or {}).items():
         place: Loc = ("system", "domain", name)
         if name in allowed:

@@ -183,7 +183,7 @@ class Types:
         """What to write for a term that has no type."""
         used = {name for row in term.arguments for name in row} | term.f.names.intersection(self.known)
         shown = {output: state for state, (output, _) in self.measured.items()}
-        signals = [name for name in (*self.names.states, *self.names.w, *self.names.inputs, *self.names.outputs)
+        signals = [name for name in (*self.names.states, *self.names.w, *self.names.inputs, *self.names.outputs, "t")
                    if name in {shown.get(each, each) for each in used}]  # fmt: skip
         missing = [name for name in signals if name not in self.domain]
         kept = (
