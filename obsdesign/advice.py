@@ -60,14 +60,18 @@ def smaller_region(spec: Spec, engine: Engine) -> Iterator[str]:
     if not derived or FAMILIES[spec.observer.type].unstructured:
         return
     for share in SHARES:
-        blocks, said = list(spec.nonlinearities), []
+        blocks, said, domain = list(spec.nonlinearities), [], dict[str, str]()
         for i in derived:
             region = narrowed(blocks[i], share)
             blocks[i] = on_region(blocks[i], region)
-            names = ["q"] if len(region) == 1 else list(region)
+            names = blocks[i].arguments or (["q"] if len(region) == 1 else list(region))
             ends = ((float(low or 0), float(high or 0)) for low, high in region.values())
-            limits = ", ".join(f"{q}: [{low:g}, {high:g}]" for q, (low, high) in zip(names, ends, strict=True))
-            said.append(f"region: {{{limits}}} for nonlinearities[{i}]")
+            limits = {q: f"{q}: [{low:g}, {high:g}]" for q, (low, high) in zip(names, ends, strict=True)}
+            if blocks[i].term:
+                domain |= limits
+            else:
+                said.append(f"region: {{{', '.join(limits.values())}}} for nonlinearities[{i}]")
+        said += [f"system.domain: {{{', '.join(domain.values())}}}"] if domain else []
         if certified(replace(spec, nonlinearities=tuple(blocks)), engine):
             yield f"f is too steep on the region of its type: there is a solution with {' and '.join(said)}"
             return

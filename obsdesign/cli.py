@@ -182,6 +182,7 @@ def simulate(
 def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Say what the structure of a spec allows, before any design."""
     from obsdesign import work
+    from obsdesign.tables.split import entry, printed
 
     with limited(timeout):
         problem = work.load(spec)
@@ -189,8 +190,9 @@ def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet
     possible = all(finding.stands for finding in findings)
     if as_json:
         report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
-        typer.echo(as_text(report | {"notes": list(problem.notes)}))
+        typer.echo(as_text(report | entry(problem) | {"notes": list(problem.notes)}))
     elif not quiet:
+        typer.echo(printed(problem), nl=False)
         for finding in findings:
             mark = "ok  " if finding.holds else "FAIL" if finding.decides else "note"
             typer.echo(f"{mark}  {finding.sentence}")

@@ -44,7 +44,7 @@ def names(spec: Spec) -> list[str]:
     """Names of the blocks, those of the plant first."""
     left, found = spec.plant.Cq.shape[0], []
     for i, block in enumerate(spec.nonlinearities, start=1):
-        found.append(f"f_{i}" if left > 0 else f"f_{i} (disturbance)")
+        found.append(block.term or f"f_{i}" if left > 0 else f"f_{i} (disturbance)")
         left -= block.nq
     return found
 
@@ -62,21 +62,23 @@ def entry(name: str, block: Nonlinearity) -> dict[str, Any]:
     if block.f is None:
         return report
     f = restriction(block)
-    report["region"] = {f.shown(q): [None if x is None else float(x) for x in f.region[q]] for q in used(f)}
+    called = {q: block.argument(k, f.shown(q)) for k, q in enumerate(f.arguments)}
+    shown = {q: called.get(q, q) for q in used(f)}
+    report["region"] = {name: [None if x is None else float(x) for x in f.region[q]] for q, name in shown.items()}
     if block.lipschitz:
         declared = max(block.lipschitz)
         report |= {"declared": float(declared), "proved": lipschitz_proved(f, declared)}
-    return report | bounds(f, lipschitz_constant(f))
+    return report | bounds(shown, lipschitz_constant(f))
 
 
-def bounds(f: Restriction, found: Constant) -> dict[str, Any]:
-    """Both bounds of a constant, or why there is none."""
+def bounds(shown: Mapping[str, str], found: Constant) -> dict[str, Any]:
+    """Both bounds of a constant, or why there is none; `shown`: what each variable of f is called."""
     if found.reason:
         return {"infinite": found.infinite, "reason": found.reason}
     return {
         "lower": found.lower,
         "upper": found.upper,
-        "point": {f.shown(q): found.point[q] for q in used(f)},
+        "point": {name: found.point[q] for q, name in shown.items()},
         "gap": found.gap,
         "boxes": found.boxes,
     }

@@ -24,10 +24,11 @@ from obsdesign.families.analysis import numerical, useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
-from obsdesign.files import ResultFile, digest, to_json, write_whole
+from obsdesign.files import ResultFile, as_read, digest, to_json, write_whole
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
 from obsdesign.spec import PROVED, Spec
+from obsdesign.tables.split import entry
 
 if TYPE_CHECKING:
     from obsdesign.simulate import Run
@@ -128,6 +129,7 @@ class Design(Outcome):
             "obsdesign": FORMAT,
             "name": spec.name,
             "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+            **entry(spec),
             **self.contents(),
             "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
             "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
@@ -247,6 +249,8 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
     require_types(file, spec)
+    if file.content.get("split") != as_read(entry(spec)).get("split"):
+        raise file.wrong("split", "is not how the equations of the spec are split")
     return spec
 
 

@@ -213,6 +213,11 @@ def to_json(value: Any) -> str:
     return render(value, "") + "\n"
 
 
+def as_read(value: Any) -> Any:
+    """Value as `ResultFile` reads it from what is written, every number as its text."""
+    return json.loads(json.dumps(value), parse_float=str, parse_int=str)
+
+
 def render(value: Any, indent: str) -> str:
     """JSON of a value whose first line stands at an indentation."""
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -49,6 +49,13 @@ class Nonlinearity:
         fmpq, ...
     ] = ()  # constant of f_i, or one for each component that has its own; none is known: empty
     assumed: str = ""  # what is known of a type that is not proved of f_i; empty: it is proved, or f_i is named by it
+    entry: Any = None  # the type as a spec has it, with exact numbers: a name, or a mapping with its data
+    term: str = ""  # of a plant as equations: f_i in the names of the plant
+    arguments: tuple[str, ...] = ()  # likewise, what each component of q_i is
+
+    def argument(self, k: int, otherwise: str) -> str:
+        """What component k of its argument is called in a sentence: in the names of the plant, where it has some."""
+        return self.arguments[k] if self.arguments else otherwise
 
 
 def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Range]]:
@@ -87,6 +94,7 @@ class Simulation:
     period: float | None = None  # s, of the periodic law; None: T2
     dropout: float = 0.0  # share of these measurements that are lost
     theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
+    events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
 
 
 class Request(Protocol):
@@ -154,6 +162,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
 
     @contextmanager
     def placed(self) -> Iterator[None]:
@@ -224,7 +233,7 @@ class Spec(metaclass=Called):
     @property
     def validity(self) -> str | None:
         """Where the types hold, and with them every guarantee: a clause for a sentence; None: everywhere."""
-        clauses = [clause for i in range(len(self.nonlinearities)) for clause in self.limits(i)]
+        clauses = dict.fromkeys(clause for i in range(len(self.nonlinearities)) for clause in self.limits(i))
         return f"as long as {' and '.join(clauses)}" if clauses else None
 
     @property
@@ -232,7 +241,7 @@ class Spec(metaclass=Called):
         """Types that are not proved, in words, with what was searched."""
         names = ["f"] if len(self.nonlinearities) == 1 else numbered("f", len(self.nonlinearities))
         blocks = zip(names, self.nonlinearities, strict=True)
-        return [f"{block.type} of {name} ({block.assumed})" for name, block in blocks if block.assumed]
+        return [f"{block.type} of {block.term or name} ({block.assumed})" for name, block in blocks if block.assumed]
 
     @property
     def provisos(self) -> list[str]:
@@ -251,7 +260,9 @@ class Spec(metaclass=Called):
                 continue
             value = q[column] + known.scalar(["t"])(0.0)
             if not low <= value <= high:
-                where = f"q{k + 1} of nonlinearities[{i - 1}] to {value:.4g}, outside its region [{low:g}, {high:g}]"
+                block = self.nonlinearities[i - 1]
+                name = block.argument(k, f"q{k + 1} of nonlinearities[{i - 1}]")
+                where = f"{name} to {value:.4g}, outside its region [{low:g}, {high:g}]"
                 said = f"it sets {where}, where nothing is proved; give an xhat0 within it"
                 yield self.located(Problem(said, key="simulation.xhat0"))
 
@@ -260,7 +271,7 @@ class Spec(metaclass=Called):
         block = self.nonlinearities[i]
         whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
         own = ("q",) if block.nq == 1 else numbered("q", block.nq)
-        known = zip(own, block.region or (), strict=False)
-        limited = [(f"{q}{whose} and its estimate stay", ends) for q, ends in known]
+        known = ((block.argument(k, own[k] + whose), ends) for k, ends in enumerate(block.region or ()))
+        limited = [(f"{q} and its estimate stay", ends) for q, ends in known]
         limited += [(f"{name} stays", ends) for name, ends in block.others.items()]
         return ["{} in [{:g}, {:g}]".format(what, *outward(ends)) for what, ends in limited if ends != EVERYWHERE]

@@ -51,6 +51,7 @@ NO_FAMILY = {  # a word that names a family and something else too, and where it
         "__init__.py": "the command",
         "tables/": "the constant",
         "plot/": "the constant",
+        "reading/terms.py": "the constant",
     },
 }
 OWN = ("Request", "Outcome", "Claim", "Certificate", "Guarantee")  # what only its family looks into

@@ -22,6 +22,7 @@ from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.evidence.continuity import continuous
 from obsdesign.nonlinearities.evidence.enclosure import enclosure, supremum
 from obsdesign.nonlinearities.evidence.norm import norm_bound
+from obsdesign.nonlinearities.evidence.restriction import Restriction
 
 DERIVED = {"auto": choose} | {name: type_.derive for name, type_ in TEMPLATES.items() if type_.derive}
 
@@ -342,3 +343,44 @@ def test_rounding_goes_outward_and_prints_12_digits(value):
 )
 def test_only_what_holds_is_proved(f, region, name, data, holds):
     assert TEMPLATES[name].proved(within(f, **region), data) is holds
+
+
+@examples(60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(-3, 3), st.integers(0, 3), st.integers(0, 2)), min_size=1, max_size=4),
+    st.integers(-3, 2),
+    st.integers(1, 4),
+    st.sampled_from(["{}", "sin({})", "({})/(2 + q**2)", "abs({})", "({})/u", "max({}, q)"]),
+)
+def test_the_ends_of_a_slope_are_attained_or_outside_what_is(terms, low, width, form):
+    text = form.format(" + ".join(f"{c}*q**{k}*u**{m}" for c, k, m in terms))
+    f = parse(text, ("q", "u"))
+    region = {"q": (fmpq(low), fmpq(low + width)), "u": (fmpq(1, 2), fmpq(3))}
+    restriction = Restriction.of([f], 1, region)
+    try:
+        choice = choose(restriction)
+    except UsageError:
+        return
+    ((least, most),) = choice.data
+    q, u = np.random.default_rng(0).uniform([low, 0.5], [low + width, 3], (2000, 2)).T
+    slopes = f.derivative("q").function(("q", "u"))(q, u)
+    slopes = slopes[np.isfinite(slopes)]
+    assert float(least) - 1e-9 * abs(float(least)) <= slopes.min()
+    assert slopes.max() <= float(most) + 1e-9 * abs(float(most))
+
+
+@pytest.mark.parametrize(
+    ("text", "ends"),
+    [
+        ("u*q", (fmpq(1, 10), fmpq(9, 10))), ("(1 - u)*q", (fmpq(1, 10), fmpq(9, 10))), ("q**2", (fmpq(-2), fmpq(6))),
+        ("1/(q + 2)", (fmpq(-1), fmpq(-1, 25))), ("u*q**2/3", (fmpq(-3, 5), fmpq(9, 5))),
+        ("q*abs(q)", (fmpq(0), fmpq(6))),
+    ],
+)  # fmt: skip
+def test_slopes_whose_extremes_are_rational_at_corners_are_exact(text, ends):
+    region = {"q": (fmpq(-1), fmpq(3)), "u": (fmpq(1, 10), fmpq(9, 10))}
+    ((least, most),) = choose(Restriction.of([parse(text, ("q", "u"))], 1, region)).data
+    if "abs" in text:
+        assert (float(least), float(most)) == pytest.approx(tuple(map(float, ends)), abs=1e-4)
+    else:
+        assert (least, most) == ends

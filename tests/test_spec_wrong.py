@@ -185,9 +185,9 @@ FORMS = [
     wrong(MATRICES, "system: [1]\n", "system", "a mapping with the keys"),
     wrong(
         MATRICES,
-        "system: {dynamics: {x1: x2}, outputs: {y: x1}}\n",
-        "system.dynamics",
-        "not available in this version; available: A, C",
+        "system: {dynamics: {x1: -x1}, outputs: {y: x1}}\n",
+        "nonlinearities",
+        "are the terms of system.dynamics, which are found by themselves: leave this out; the type of a term",
     ),
 ]
 
@@ -341,7 +341,7 @@ OTHER_TONGUES = [  # what is written so elsewhere is told in what is written her
     wrong(W, "  w: [step(t)]", "simulation.w[0]", "a step at t = 1 is written (t >= 1)"),
     wrong(W, "  w: [heaviside(t - 1)]", "simulation.w[0]", "(t >= 1)"),
     wrong(W, "  w: data/w1.csv", "simulation.w", "files are not read here, such as data/w1.csv"),
-    wrong(W, "  w: {file: w1.csv, column: w}", "simulation.w", "files are not read here", "found a mapping"),
+    wrong(W, "  w: {file: w1.csv, column: w}", "simulation.w", "files are not read here"),
     wrong(A, "  Ts: 0.1\n" + A, "system.Ts", "discrete time, which is not available in this version"),
     wrong(TYPE, "  - type: {slope: [0, 1]}", "nonlinearities[0].type", "is refuted by", "region: {q: [lo, hi]}"),
     wrong(

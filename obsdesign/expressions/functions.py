@@ -322,3 +322,11 @@ PI = Operation(
 )
 
 OPERATIONS = {**OPERATORS, **COMPARISONS, **FUNCTIONS, "pi": PI}
+
+
+def is_condition(node: Node) -> bool:
+    """Whether a node is true or false: a comparison, or a product, the least or the largest of conditions."""
+    if not isinstance(node, Call):
+        return False
+    combined = node.operation in ("*", "min", "max") and all(map(is_condition, node.arguments))
+    return node.operation in COMPARISONS or combined

@@ -1,6 +1,6 @@
 """What the structure of a spec allows, or rules out: before any design, and in answers about an impossible one."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -9,6 +9,7 @@ from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, decay_limit, undetectable
+from obsdesign.spec import Nonlinearity
 
 UNDISTURBED = "no disturbance acts on this plant, so that gamma bounds nothing: the design is for feasibility"
 
@@ -65,11 +66,12 @@ def described(mode: Mode) -> dict[str, Any]:
     }
 
 
-def smaller_class(found: Diagnosis) -> str:
+def smaller_class(blocks: Sequence[Nonlinearity], found: Diagnosis) -> str:
     """Suggestion of the class of a `nonlinearity` that would be `feasible`."""
+    name = blocks[found["nonlinearity"] - 1].term or f"nonlinearity {found['nonlinearity']}"
     known = {name: value for name, value in found["feasible"].items() if name in {"lipschitz", "slope", "share"}}
     largest = ", ".join(f"{name} {shown(value)}" for name, value in known.items())
-    return f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}"
+    return f"{name} would be feasible at this alpha with {largest}"
 
 
 def shown(value: Any) -> str:

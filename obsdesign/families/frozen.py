@@ -37,16 +37,16 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     except UndecidedError:
         if not (found := hidden(spec.augmented, demand.multiplier, demand.rate)):
             raise
-        return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis(found, demand))
+        return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis(spec, found, demand))
     if outcome.status is Verdict.CERTIFIED:
         return outcome
     found = hidden(spec.augmented, demand.multiplier, demand.rate)
     if not found:
         return outcome
-    known, said = outcome.diagnosis, diagnosis(found, demand)
+    known, said = outcome.diagnosis, diagnosis(spec, found, demand)
     feasible = said["feasible"] | known.get("feasible", {})
     if "nonlinearity" in known:
-        said["suggestion"] += f"; {smaller_class(known)}"
+        said["suggestion"] += f"; {smaller_class(spec.nonlinearities, known)}"
     elif known.get("feasible") and known["condition"] != said["condition"]:
         said["reason"] += f"; {known['reason']}"
         said["suggestion"] = known["suggestion"]
@@ -55,14 +55,14 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     return replace(outcome, status=Verdict.INFEASIBLE, gains=gains, claim=None, diagnosis={**known, **said})
 
 
-def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
+def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     """Answer that no observer makes the error decay as it must, with what proves it."""
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
     members = [FREE if K is None else rows(K) for K in found.slopes]
     slower = f"ask for {demand.key} below {found.decay:g}"
     return {
         "condition": "detectability",
-        "reason": f"{sentence(found)}, so no observer makes its error decay {must}",
+        "reason": f"{sentence(spec, found)}, so no observer makes its error decay {must}",
         "mode": described(found.mode),
         "slopes": slopes(found),
         "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
@@ -72,9 +72,11 @@ def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
     }
 
 
-def sentence(found: Hidden) -> str:
+def sentence(spec: Spec, found: Hidden) -> str:
     """Member and mode in words."""
-    named = " and ".join(slope(K, f"f{i}") for i, K in enumerate(found.member, start=1))
+    terms = [block.term for block in spec.nonlinearities for _ in block.multiplier.blocks]
+    names = (term or f"f{i}" for i, term in enumerate(terms, start=1))
+    named = " and ".join(slope(K, name) for K, name in zip(found.member, names, strict=False))
     return f"at {named}, which the types allow, {found.mode.sentence}" if named else found.mode.sentence
 
 
@@ -96,7 +98,7 @@ def findings(spec: Spec, demand: Demand) -> list[Finding]:
     if not found:
         return []
     numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
-    return [finding("members", False, sentence(found), decides=True, **numbers)]
+    return [finding("members", False, sentence(spec, found), decides=True, **numbers)]
 
 
 def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
@@ -115,5 +117,5 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     found = proved(spec.augmented, demand.multiplier, chosen, demand.rate)
     name = "a member of the class hides a mode that does not decay at the rate that is asked for"
     check = Check(name, found is not None, 1.0 if found else -1.0)
-    said: dict[str, Any] = diagnosis(found, demand) if found else {"reason": name}
+    said: dict[str, Any] = diagnosis(spec, found, demand) if found else {"reason": name}
     return Proof(f"no solution: {said['reason']}", (check,))

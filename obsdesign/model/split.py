@@ -31,10 +31,21 @@ Row = dict[str, fmpq]  # coefficients of a linear combination of signals, by nam
 class Term:
     """One nonlinearity f_i, and how it is connected."""
 
-    text: str  # in the names of the plant
+    whole: Expression  # in the names of the plant
     f: Expression  # of q (or q1, q2, ..), t, outputs and inputs
     arguments: tuple[Row, ...]  # q over states and disturbances
     enters: Row  # its coefficient in each right side, by the name of the state or output
+
+    @property
+    def text(self) -> str:
+        """What it is called."""
+        return self.whole.text
+
+    @property
+    def negated(self) -> "Term":
+        """The same with the other sign of f."""
+        whole, f = (Expression.combination([fmpq(-1)], [side]) for side in (self.whole, self.f))
+        return Term(whole, f, self.arguments, {name: -c for name, c in self.enters.items()})
 
 
 @dataclass(frozen=True)
@@ -102,10 +113,10 @@ class Splitter:
                 term = node if name in outputs else self.with_measured(node)
                 if isinstance(node, Variable) and node.name in self.unknown:
                     linear[name][node.name] = linear[name].get(node.name, fmpq(0)) + factor
-                elif names(term) & self.unknown:
+                elif self.arguments([term]):
                     found.append((name, factor, term))
                 else:
-                    rest.append(product((number(factor), term)))
+                    rest.append(product((number(factor), self.rewritten(term, [], []))))
             known[name] = Expression(total(rest))
 
         return Split({name: nonzero(row) for name, row in linear.items()}, known, tuple(self.terms(found)))
@@ -215,8 +226,8 @@ class Splitter:
             for same in in_ratio([(f, node, nonzero(enters)) for f, node, enters in members.values()]):
                 (_, _, enters), weights = same[0], [ratio(each[2], same[0][2]) for each in same]
                 f = total([product((number(c), each[0])) for c, each in zip(weights, same, strict=True)])
-                text = total([product((number(c), each[1])) for c, each in zip(weights, same, strict=True)])
-                yield Term(Expression(text).text, Expression(f), tuple(dict(row) for row in key), enters)
+                whole = total([product((number(c), each[1])) for c, each in zip(weights, same, strict=True)])
+                yield Term(Expression(whole), Expression(f), tuple(dict(row) for row in key), enters)
 
     def refuse(self, name: str, node: Node) -> None:
         """Refuse a term of disturbances alone, which no guarantee covers."""

@@ -37,6 +37,10 @@ class Data(ABC):
         """Return the data as the multiplier takes them."""
         return data
 
+    def entry(self, data: Any) -> Any:
+        """Return the data that the multiplier takes as a spec has them, with exact numbers."""
+        return data
+
 
 @dataclass(frozen=True)
 class Constant(Data):
@@ -69,6 +73,10 @@ class Constants(Data):
                 return None
         return tuple(reader.number(getattr(written, name), (*loc, name)) for name in self.form.forms())
 
+    def entry(self, data: Any) -> Any:
+        """Return the numbers by name."""
+        return dict(zip(self.form.forms(), data, strict=True))
+
     def words(self, name: str, written: Any) -> str:
         """Name and numbers."""
         return f"{name} {', '.join(f'{key} {described(getattr(written, key))}' for key in self.form.forms())}"
@@ -100,6 +108,10 @@ class Matrices(Data):
                 for n, e in zip(self.form.forms(), data, strict=True)]  # fmt: skip
         return tuple(reader.matrix(entries, count, q) for entries, count in zip(data, rows, strict=True))
 
+    def entry(self, data: Any) -> Any:
+        """Return the matrices by name."""
+        return {name: matrix.tolist() for name, matrix in zip(self.form.forms(), data, strict=True)}
+
 
 @dataclass(frozen=True)
 class MatrixList(Data):
@@ -125,6 +137,10 @@ class MatrixList(Data):
         q, f = Axis(nq, "component of q"), Axis(nf, "component of f")
         return tuple(reader.matrix(entries, f, q) for entries in data)
 
+    def entry(self, data: Any) -> Any:
+        """Return the matrices."""
+        return [matrix.tolist() for matrix in data]
+
 
 @dataclass(frozen=True)
 class WholeMatrix(Data):
@@ -148,6 +164,10 @@ class WholeMatrix(Data):
     def fitted(self, reader: Reader, data: Any, nq: int, nf: int) -> Any:  # noqa: ARG002
         """Return the matrix as it is; its multiplier says what size it needs."""
         return np.atleast_2d(data.values)
+
+    def entry(self, data: Any) -> Any:
+        """Return its rows."""
+        return data.tolist()
 
 
 def first_sizes(matrices: Sequence[Any], nq: Size, nf: Size) -> tuple[Size, Size]:

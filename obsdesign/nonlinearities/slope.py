@@ -74,6 +74,11 @@ class Bounds(Data):
             raise UsageError(f"slope: {len(low)} lower and {len(high)} upper bounds; it takes as many of each")
         return list(zip(low, high, strict=True))
 
+    def entry(self, data: Any) -> Any:
+        """Both bounds: of one component numbers, else lists."""
+        ends = [[".inf" if end is None else end for end in side] for side in zip(*data, strict=True)]
+        return [side[0] for side in ends] if len(data) == 1 else ends
+
 
 def read_bounds(reader: Reader, written: str | Sequence[str], loc: Loc, *, infinite: bool = False) -> list[fmpq | None]:
     """Bounds of slopes; None is infinite."""

@@ -65,8 +65,9 @@ def reconstruction_error(run: "Run", accuracy: Mapping[str, Any]) -> Panel:
 def region_panels(run: "Run") -> Iterator[Panel]:
     """Panels of the arguments of f that have to stay in a region."""
     for i, k, column, region in list(limited(run.spec.nonlinearities))[:SINGLE]:
-        curve = Curve(f"q{k + 1}", run.q[:, column], run.qhat[:, column], region)
-        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}", run.status == "escape").draw
+        name = run.spec.nonlinearities[i - 1].argument(k, f"q{k + 1} of nonlinearity {i}")
+        curve = Curve(name.partition(" of ")[0], run.q[:, column], run.qhat[:, column], region)
+        yield Comparison(run.t, [curve], name, run.status == "escape").draw
 
 
 def error_panels(run: "Run") -> Iterator[Panel]:
@@ -102,8 +103,9 @@ def heading(run: "Run") -> str:
 
 def ended(run: "Run", time: str) -> list[str]:
     """How a run ended before its horizon, if it did."""
-    how = {"done": "", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
-    return [f"{how} at t = {time} s"] if how else []
+    how = {"done": "", "stopped": "STOPPED", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
+    why = f" ({str(run.summary['reason']).partition(': ')[2]})" if run.status == "stopped" else ""
+    return [f"{how} at t = {time} s{why}"] if how else []
 
 
 def titled(run: "Run", facts: Sequence[str]) -> str:

@@ -85,7 +85,7 @@ def read_block(reader: Reader, section: Function, loc: Loc, nq: Size, nf: Size) 
 class Assumption:
     """What the design may assume of f."""
 
-    template: Template
+    name: str
     text: str
     data: Any
     multiplier: Multiplier
@@ -93,7 +93,18 @@ class Assumption:
     @classmethod
     def of(cls, block: Block, name: str, text: str, data: Any) -> "Assumption":
         """Assumption with the multiplier that its template makes; raises `UsageError` if it makes none."""
-        return cls(TEMPLATES[name], text, data, TEMPLATES[name](data, block.nq, block.nf))
+        return cls(name, text, data, TEMPLATES[name](data, block.nq, block.nf))
+
+    @property
+    def template(self) -> Template:
+        """The type."""
+        return TEMPLATES[self.name]
+
+    @property
+    def entry(self) -> Any:
+        """The type as a spec has it, with exact numbers."""
+        form = self.template.data
+        return self.name if form is None else {self.name: form.entry(self.data)}
 
 
 def read_nonlinearity(
@@ -128,7 +139,8 @@ def read_nonlinearity(
     others = {name: limits for name, limits in region.items() if name not in own}
     local = None if set(limits) == {EVERYWHERE} else limits
     constants = declared.template.constants(declared.data, block.nq)
-    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, constants, assumed)
+    entry = declared.entry
+    return Nonlinearity(declared.text, block.nq, declared.multiplier, f, local, others, constants, assumed, entry)
 
 
 def read_declared(reader: Reader, block: Block) -> Assumption | None:

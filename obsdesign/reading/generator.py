@@ -85,7 +85,9 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
     if layout.states.size is not None:
         reader.limit(layout.states.size + nm, "states of the plant and of the disturbance model", loc)
     generator = disturbance.stack([channel.generator for channel in channels])
-    templates = [(f"w{i + 1}", state) for i, channel in enumerate(channels) for state in channel.states]
+    called = layout.names.w if layout.names else ()
+    names = [*called, *(f"w{i + 1}" for i in range(len(called), len(channels)))]
+    templates = [(w, state) for w, channel in zip(names, channels, strict=False) for state in channel.states]
     states = tuple(state.format(w=w, k=k + 1) for k, (w, state) in enumerate(templates))
     taken = set(layout.names.states + layout.names.outputs + layout.names.inputs) if layout.names else set()
     for name in states:

@@ -11,9 +11,8 @@ from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
-from obsdesign.model.split import Split
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
-from obsdesign.reading.schema import Equations, Matrices
+from obsdesign.reading.schema import Equations, InMatrices
 from obsdesign.reading.schema import Nonlinearity as Section
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.forms import unknown
@@ -68,13 +67,12 @@ class Reading:
     gy: tuple[Expression, ...] = ()
     gq: tuple[Expression, ...] = ()
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
-    split: Split | None = None  # of a plant as equations
     typed: Typed | None = None  # the plant as it is typed, for families that take it so
 
 
 def read_plant(
     reader: Reader,
-    system: Matrices | None,
+    system: InMatrices | None,
     sections: Sequence[Section] | None,
     *,
     identity: bool = False,
@@ -112,14 +110,19 @@ def read_plant(
 
 
 def refuse_outputs(
-    reader: Reader, loc: Loc, written: object, sides: Sequence[Expression], outputs: Collection[str]
+    reader: Reader,
+    loc: Loc,
+    written: object,
+    sides: Sequence[Expression],
+    outputs: Collection[str],
+    instead: str = "states (as an argument q) and inputs",
 ) -> None:
     """Refuse what an observer that knows y at instants only cannot compute between them."""
     for i, side in enumerate(sides):
         if measured := sorted(side.names.intersection(outputs)):
             place = (*loc, i) if isinstance(written, list) else loc
             why = f"needs {measured[0]}, which the observer does not know between two measurements"
-            reader.wrong(place, f"{side} {why}; write it in states (as an argument q) and inputs")
+            reader.wrong(place, f"{side} {why}; write it in {instead}")
 
 
 def arguments_of(plant: Plant[Exact], first: int, nq: int) -> str:
@@ -193,7 +196,7 @@ def left_out(reader: Reader, section: Section, loc: Loc, n: int) -> list[str]:
 
 def lay_out(
     reader: Reader,
-    system: Matrices,
+    system: InMatrices,
     matrices: Mapping[str, Entries],
     sizes: tuple[Size, int],
     parts: Sequence[Part] | None,
@@ -266,7 +269,7 @@ def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
             reader.parameters[name] = value
 
 
-def read_names(reader: Reader, system: Matrices | Equations, states: Axis, outputs: Axis, w: Axis) -> Names | None:
+def read_names(reader: Reader, system: InMatrices | Equations, states: Axis, outputs: Axis, w: Axis) -> Names | None:
     """Names of the signals; None if an earlier error leaves them open."""
     before = len(reader.problems)
     disturbances = given_or(reader, "disturbances", system.disturbances, w, "w")

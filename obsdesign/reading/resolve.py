@@ -16,9 +16,9 @@ from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
-from obsdesign.reading.schema import Equations, Weight, read_file
+from obsdesign.reading.schema import Equations, File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
-from obsdesign.reading.typed import read_typed
+from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc, Number, described
 from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, Size
@@ -54,13 +54,8 @@ def resolve(document: Document) -> Spec:
         )
     read_parameters(reader, file.parameters)
     sampled = family is not None and family.sampled
-    identity = family is not None and family.unstructured
-    if isinstance(file.system, Equations) and family is not None and family.equations:
-        plant = read_typed(reader, file.system)
-    elif isinstance(file.system, Equations):
-        plant = read_equations(reader, file.system, file.nonlinearities, sampled=sampled)
-    else:
-        plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
+    as_equations = isinstance(file.system, Equations)
+    plant = read_system(reader, file, family)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
     H, H_names = read_performance(reader, file.performance, layout, exogenous)
@@ -68,7 +63,7 @@ def resolve(document: Document) -> Spec:
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous.xm, exogenous.v, sampled=sampled)
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=sampled)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
@@ -96,7 +91,20 @@ def resolve(document: Document) -> Spec:
         expect=expect,
         typed=plant.typed,
         notes=tuple(reader.notes),
+        as_equations=as_equations,
     )
+
+
+def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
+    """The plant, in matrices or as equations; what an unknown family takes is not told."""
+    sampled, typed = (family is not None and getattr(family, name) for name in ("sampled", "equations"))
+    identity = family is not None and family.unstructured
+    if isinstance(file.system, Equations):
+        if typed:
+            return read_typed(reader, file.system)
+        return read_equations(reader, file.system, file.nonlinearities, sampled=sampled, constants=identity)
+    plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
+    return in_equations(plant) if typed else plant
 
 
 def read_observer(

@@ -7,11 +7,12 @@ and the data of each type of nonlinearity in its file.
 
 import re
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, Self, get_args
+from typing import Any, ClassVar, Self
 
 from obsdesign.families import FAMILIES
 from obsdesign.families.asked import FAMILY, ObserverSection
 from obsdesign.nonlinearities import TEMPLATES
+from obsdesign.reading.trial_schema import Simulation
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
@@ -19,7 +20,6 @@ from obsdesign.sections.forms import (
     MATRIX,
     SIGNALS,
     TEXT,
-    VECTOR,
     Either,
     Entries,
     Items,
@@ -34,7 +34,6 @@ from obsdesign.sections.forms import (
     nearest,
     refuse,
     required,
-    unavailable,
 )
 from obsdesign.sections.values import Reader
 
@@ -42,7 +41,6 @@ AUTO = "auto"
 MAX_BLOCKS = 400
 CHANNELS = ("unknown", "integrator", "double-integrator")
 CHANNEL_FORMS = ("sinusoid", "bias+sinusoid", "model")
-SAMPLED = f"of the family {' or '.join(name for name, family in FAMILIES.items() if family.sampled)}"
 REGION = Named("Region", MapOf(ListOf(ENTRY, 2, 2)))
 SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
@@ -63,7 +61,7 @@ class Signals(Section):
     units: dict[str, str] = key(MapOf(TEXT), "units of states, outputs and inputs, for axes and tables", default={})
 
 
-class Matrices(Signals):
+class InMatrices(Signals):
     """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
 
     hints: ClassVar[Mapping[str, str]] = {
@@ -146,15 +144,15 @@ class Equations(Signals):
 class System:
     """The plant, in matrices or as equations."""
 
-    def read(self, reader: Reader, value: Any, loc: Loc) -> Matrices | Equations | None:
+    def read(self, reader: Reader, value: Any, loc: Loc) -> InMatrices | Equations | None:
         """Return the section."""
         equations = isinstance(value, dict) and "dynamics" in value
-        section: type[Matrices | Equations] = Equations if equations else Matrices
+        section: type[InMatrices | Equations] = Equations if equations else InMatrices
         return section.read(reader, value, loc)
 
     def schema(self, definitions: Schema) -> Schema:
         """One of the sections."""
-        return {"oneOf": [section.schema(definitions) for section in (Matrices, Equations)]}
+        return {"oneOf": [section.schema(definitions) for section in (InMatrices, Equations)]}
 
 
 class Function(Section):
@@ -242,53 +240,6 @@ class Weight(Section):
     H: Entries = required(MATRIX, "over the augmented state (x, xm)")
 
 
-NoiseName = Literal["uniform", "gaussian"]
-SamplingName = Literal["periodic", "random"]
-
-
-class Law(Section):
-    """A law of the sampling instants."""
-
-    law: str = required(ENTRY, "expression of t for the next interval")
-
-
-class Noise(Section):
-    """Extra measurement noise, constant over each period."""
-
-    type: NoiseName = key(OneOf("noise", get_args(NoiseName)), default="uniform")
-    amplitude: str | list[str] = required(VECTOR, "half width or standard deviation, one number or one for each output")
-    period: str | None = key(
-        ENTRY, f"s; {SAMPLED.replace('of the family', 'for type')} noise is drawn at each measurement"
-    )
-
-
-class Simulation(Section):
-    """How to try the observer."""
-
-    hints = unavailable(("events",), ())
-
-    horizon: str = required(ENTRY, "s")
-    x0: str | list[str] | None = key(VECTOR, "over x, or over the augmented state; default 0")
-    xhat0: str | list[str] | None = key(VECTOR, "over x, or over the augmented state; default 0")
-    w: Items | None = key(SIGNALS, "expressions of t and the states")
-    v: Items | None = key(SIGNALS, "expressions of t: what drives the disturbance model")
-    u: Items | None = key(SIGNALS, "known inputs: expressions of t and the states")
-    noise: Noise | None = key(Noise)
-    sampling: SamplingName | Law | None = key(
-        Either(
-            "periodic, random, or {law: an expression of t}",
-            OneOf("sampling", get_args(SamplingName)),
-            mapping=Law,
-        ),
-        f"{SAMPLED}: periodic (default, T2), random in [T1, T2], or a law",
-    )
-    period: str | None = key(ENTRY, "s, of periodic sampling; default T2")
-    dropout: str | None = key(ENTRY, "share of the measurements that are lost, in [0, 1)")
-    theta0: str | list[str] | None = key(VECTOR, "correction before the first measurement; default 0")
-    seed: str | None = key(ENTRY)
-    points: str | None = key(ENTRY, "samples kept, default 2000")
-
-
 class Observer:
     """The section of the family that `type` names."""
 
@@ -317,7 +268,7 @@ class File(Section):
     parameters: dict[str, str] | None = key(
         MapOf(ENTRY), "numbers, usable by name in entries and expressions", default={}
     )
-    system: Matrices | Equations | None = required(System())
+    system: InMatrices | Equations | None = required(System())
     nonlinearities: list[Nonlinearity] | None = key(ListOf(Nonlinearity, most=MAX_BLOCKS), "the blocks f_i", default=[])
     disturbance: str | Disturbance | list[str | ChannelData] | None = key(
         Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=Disturbance), default="unknown"

@@ -1,18 +1,21 @@
 """The simulation section of a spec: how to try the observer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
+from obsdesign.expressions.functions import is_condition
 from obsdesign.families import FAMILIES
-from obsdesign.reading import schema
+from obsdesign.reading import trial_schema as schema
+from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
-from obsdesign.sections.document import Loc
-from obsdesign.sections.values import Axis, Reader, counted
-from obsdesign.spec import Noise, Simulation, Vector
+from obsdesign.sections.document import Loc, described
+from obsdesign.sections.forms import unknown
+from obsdesign.sections.values import Axis, Entries, Reader, counted
+from obsdesign.spec import Noise, Simulation, Vector, numbered
 
 MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output
 MAX_POINTS = 10**6
@@ -20,11 +23,12 @@ SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys for measurements 
 
 
 def read_simulation(
-    reader: Reader, section: schema.Simulation | None, layout: Layout, xm: Axis, v: Axis, *, sampled: bool = False
+    reader: Reader, section: schema.Simulation | None, layout: Layout, exogenous: Exogenous, *, sampled: bool = False
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
-    `sampled`: whether measurements arrive at instants, so that the section may say when.
+    `exogenous`: the disturbance model; `sampled`: whether measurements arrive at instants, so that the section may say
+    when.
     """
     if section is None:
         return None
@@ -34,20 +38,25 @@ def read_simulation(
     known = layout.known("states")
     if section.w is not None and section.v is not None:
         reader.wrong((*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model")
-    xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm)
+    xm, v = exogenous.xm, exogenous.v
+    names = (layout.names.states if layout.names else ()), exogenous.states
+    xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm, names)
     size = (layout.states.size or 0) + (xm.size or 0)
-    w = None if section.w is None else reader.expressions(section.w, (*loc, "w"), layout.w, known)
+    channels = layout.names.w if layout.names else ()
+    w = None if section.w is None else read_signals(reader, section.w, (*loc, "w"), layout.w, channels, known)
     if not sampled:
         refuse_sampling(reader, section)
     theta0 = reader.entries(section.theta0, (*loc, "theta0"))
     inputs = Axis(None if layout.names is None else len(layout.names.inputs), "input")
+    called = layout.names.inputs if layout.names else ()
+    drives = numbered("v", v.size or 0)
     return Simulation(
         horizon=float(horizon),
-        x0=read_state(reader, section.x0, (*loc, "x0"), layout.states, xm),
+        x0=read_state(reader, section.x0, (*loc, "x0"), layout.states, xm, names),
         xhat0=np.concatenate([xhat0, np.zeros(max(size - len(xhat0), 0))]),
         w=w,
-        v=reader.expressions(section.v, (*loc, "v"), v, ("t",)) if w is None else None,
-        u=reader.expressions(section.u, (*loc, "u"), inputs, known),
+        v=read_signals(reader, section.v, (*loc, "v"), v, drives, ("t",)) if w is None else None,
+        u=read_signals(reader, section.u, (*loc, "u"), inputs, called, known),
         noise=read_noise(reader, section.noise, layout.outputs, horizon, sampled=sampled),
         seed=reader.integer(section.seed, (*loc, "seed"), 0, 0, 2**63 - 1),
         points=reader.integer(section.points, (*loc, "points"), 2000, 2, MAX_POINTS),
@@ -55,7 +64,42 @@ def read_simulation(
         period=None if section.period is None else float(reader.number(section.period, (*loc, "period"), "> 0")),
         dropout=read_dropout(reader, section.dropout),
         theta0=None if section.theta0 is None else reader.vector(theta0, layout.outputs).astype(float),
+        events=read_events(reader, section.events, layout),
     )
+
+
+def read_signals(
+    reader: Reader,
+    written: schema.Signals | None,
+    loc: Loc,
+    axis: Axis,
+    names: Sequence[str],
+    known: Sequence[str] | None,
+) -> tuple[Expression, ...]:
+    """Expressions in a list, or by the names of the signals; those without one are 0."""
+    if not isinstance(written, dict):
+        return reader.expressions(written, loc, axis, known)
+    if known is None:
+        return ()
+    if "file" in written:
+        reader.wrong(loc, "files are not read here; write expressions, as a list or by name")
+        return ()
+    for name in written:
+        if name not in names:
+            reader.wrong((*loc, name), unknown(axis.each, name, names, {}), at_key=True)
+    return tuple(reader.expression(written.get(name, "0"), (*loc, name), known) for name in names)
+
+
+def read_events(reader: Reader, written: Mapping[str, str], layout: Layout) -> dict[str, Expression]:
+    """Conditions that end a run: comparisons of the signals of the plant, and their products, smallest and largest."""
+    known = layout.known("states", "outputs", "inputs")
+    events: dict[str, Expression] = {}
+    for name, text in written.items() if known is not None else ():
+        place: Loc = ("simulation", "events", name)
+        events[name] = reader.expression(text, place, known or ())
+        if reader.clean(place) and not is_condition(events[name].root):
+            reader.wrong(place, f"{described(text)} is no condition; write a comparison, such as abs(x1) > 1e3")
+    return events
 
 
 def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
@@ -83,14 +127,36 @@ def read_dropout(reader: Reader, written: str | None) -> float:
     return float(share)
 
 
-def read_state(reader: Reader, written: str | Sequence[str] | None, loc: Loc, x: Axis, xm: Axis) -> Vector:
-    """State at the beginning, of the plant or of the augmented plant."""
-    entries = reader.entries(written, loc)
+def read_state(
+    reader: Reader,
+    written: schema.Numbers | None,
+    loc: Loc,
+    x: Axis,
+    xm: Axis,
+    names: tuple[Sequence[str], Sequence[str]],
+) -> Vector:
+    """State at the beginning, of the plant or of the augmented plant: as a list, or by the names of x and xm."""
+    entries = reader.entries(None if isinstance(written, dict) else written, loc)
+    if isinstance(written, dict):
+        entries = named_state(reader, written, loc, names)
     if x.size is not None and xm.size:
         total = x.size + xm.size
         each = f"{x.each}, or {total} with those of the disturbance model"
         x = replace(x, size=total if entries.values.size == total > 1 else x.size, each=each)
     return reader.vector(entries, x).astype(float)
+
+
+def named_state(
+    reader: Reader, written: Mapping[str, str], loc: Loc, names: tuple[Sequence[str], Sequence[str]]
+) -> Entries:
+    """State given by names; of the augmented plant where one of xm is named."""
+    x, xm = names
+    allowed = (*x, *xm)
+    for name in written:
+        if x and name not in allowed:
+            reader.wrong((*loc, name), unknown("state", name, allowed, {}), at_key=True)
+    order = allowed if any(name in written for name in xm if name not in x) else x
+    return Entries(loc, np.array([reader.number(written.get(name, "0"), (*loc, name)) for name in order], dtype=object))
 
 
 def read_noise(
@@ -114,4 +180,6 @@ def read_noise(
         if not outputs.admits(len(amplitude)):
             expected = f"expected {counted(outputs.size, 'number')} ({outputs})"
             reader.wrong(place, f"{expected}, found {len(amplitude)}")
-    return Noise(section.type, np.array([float(a) for a in amplitude]), float(period))
+    return Noise(
+        "uniform" if section.type == "uniform" else "gaussian", np.array([float(a) for a in amplitude]), float(period)
+    )

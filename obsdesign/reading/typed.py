@@ -1,10 +1,12 @@
 """A plant as equations for the families that take it as it is typed, with no matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array
-from obsdesign.model.equations import Equations, Typed
+from obsdesign.model.equations import Equations, Typed, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.reading import schema
 from obsdesign.reading.dynamics import read_domain, read_sides
@@ -28,10 +30,31 @@ def read_typed(reader: Reader, system: schema.Equations) -> Reading:
     domain = read_domain(reader, system, names)
     if not reader.clean(("system",)):
         return Reading(layout)
-    typed = Typed(Equations(dynamics, outputs, inputs=names.inputs, exogenous=names.w), domain)
-    n, ny, nw = len(names.states), len(names.outputs), len(names.w)
+    equations = Equations(dynamics, outputs, inputs=names.inputs, exogenous=names.w)
+    return of_typed(layout, Typed(equations, domain))
+
+
+def of_typed(layout: Layout, typed: Typed) -> Reading:
+    """A plant whose matrices are zero: what counts is the equations."""
+    plant = typed.equations
+    states, outputs, exogenous = plant.states, tuple(plant.outputs), plant.exogenous
+    n, ny, nw = len(states), len(outputs), len(exogenous)
     shapes = {"A": (n, n), "Bf": (n, 0), "B": (n, nw), "Cq": (0, n), "Dqf": (0, 0), "Dq": (0, nw)}
     shapes |= {"C": (ny, n), "Df": (ny, 0), "D": (ny, nw)}
-    matrices: dict[str, Array] = {name: np.full(shape, fmpq(0), dtype=object) for name, shape in shapes.items()}
-    plant = Plant(**matrices, states=names.states, exogenous=names.w, outputs=names.outputs)
-    return Reading(layout, plant, typed=typed)
+    zero: dict[str, Array] = {name: np.full(shape, fmpq(0), dtype=object) for name, shape in shapes.items()}
+    matrices = Plant(**zero, states=states, exogenous=exogenous, outputs=outputs)
+    return Reading(replace(layout, q=Q.of(0), f=F.of(0)), matrices, typed=typed)
+
+
+def in_equations(found: Reading) -> Reading:
+    """A plant in matrices as equations, with the arguments of its nonlinearities put in."""
+    plant, names = found.plant, found.layout.names
+    functions = [(block.f, block.nq) for block in found.nonlinearities if block is not None and block.f is not None]
+    if plant is None or names is None or len(functions) < len(found.nonlinearities):
+        return Reading(found.layout)
+    made = from_matrices(plant, functions, (found.gx, found.gq, found.gy), names.inputs)
+    for _ in made.algebraic:
+        made = made.substituted(made.algebraic)
+    if any(side.names.intersection(made.algebraic) for _, side in made.sides()):
+        return Reading(found.layout)
+    return of_typed(found.layout, Typed(replace(made, algebraic={}), {}))

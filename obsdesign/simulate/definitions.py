@@ -27,6 +27,7 @@ noise = "{} noise".format  # of an output
 measured = "{} measured".format  # an output as it is measured
 after = "{} after".format  # a state after a measurement
 mismatch = "{} mismatch".format  # what a measurement without noise would add to a state
+event = "event {}".format  # a condition that ends a run
 
 
 @dataclass

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Method = RungeKutta | LSODA | Radau
 
 Vector = npt.NDArray[np.float64]
-Status = Literal["done", "escape", "stall"]
+Status = Literal["done", "stopped", "escape", "stall"]
 
 FIRST, GROWN = 100, 10  # growth of the state that sets the tolerance anew: at first, and from then on
 RESOLVED = 1e-14  # of the state: the least tolerance then, since f(xihat) - f(xi) has no more digits
@@ -58,6 +58,7 @@ class Flow:
     watched: int  # the leading components of s that must stay bounded; the rest are integrals
     sizes: Vector | float = 1.0  # of these
     watch: Watch | None = None  # its jumps and kinks, but those between segments
+    stopped: Callable[[float, Vector, Vector], str] = lambda *_: ""  # at (t, s, held): why the run ends, or nothing
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Trajectory:
     path_s: Vector  # (M, ns)
     status: Status
     time: float  # where it ended
-    reason: str  # of an escape or a stall
+    reason: str  # of an end before the horizon
 
     def merged(self) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
         """Times and states of steps and samples together, in order, and which of them are steps."""
@@ -162,7 +163,8 @@ def integrate(
     -------
     Trajectory
         With status "escape" where the watched state grows beyond 1e8 times its size, or fast enough to be
-        infinite within the resolution of time, and "stall" where neither method gets on.
+        infinite within the resolution of time, "stopped" where the flow says so, and "stall" where neither method gets
+        on.
     """
     s, end = start, End("done", float(samples[0]))
     recorder = Recorder(samples)
@@ -197,6 +199,8 @@ class Crossing:
         t, end, troubles = segment.start, End("done", segment.stop), list[str]()
         nothing = RESOLUTION * float(self.recorder.samples[-1])
         self.recorder.enter(t, s)
+        if reason := self.flow.stopped(t, s, segment.held):
+            return s, End("stopped", t, f"at t = {t:.6g}: {reason}")
         if self.explicit and segment.stop - t > nothing:
             t, s, end = self.follow(self.one_step, segment, t, s)
             if end.status != "stall":
@@ -230,6 +234,8 @@ class Crossing:
                 if not size < HUGE:
                     return t, s, End("escape", t, f"at t = {t:.6g}: {GROWS}")
                 self.recorder.step(solver, t, s)
+                if reason := self.flow.stopped(t, s, segment.held):
+                    return t, s, End("stopped", t, f"at t = {t:.6g}: {reason}")
                 if self.progress is not None and self.recorder.steps % 100 == 0:
                     self.progress(t)
                 if event:

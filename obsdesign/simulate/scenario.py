@@ -1,7 +1,7 @@
 """What acts on the plant in a simulation: known inputs, disturbance, noise, measurements, and when they jump."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import cast
 
@@ -57,6 +57,7 @@ class Scenario:
     period: float
     schedule: Schedule | None = None  # of the measurements, where y is known at instants only
     eta: Array | None = None  # (K, ny), noise of each of them
+    events: Mapping[str, Expression] = field(default_factory=dict)  # what ends the run where it becomes true, by name
 
     @property
     def w(self) -> tuple[str, ...]:
@@ -109,7 +110,8 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     still = np.zeros((1, len(outputs))), simulation.horizon
     noise, period = still if sampled else noise_samples(simulation, len(outputs))
     n, horizon = spec.plant.n, simulation.horizon
-    return Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period)
+    acting = Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period)
+    return replace(acting, events=simulation.events)
 
 
 def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guarantee: Guarantee | None) -> Scenario:

@@ -32,7 +32,7 @@ def run(
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
-    """Simulate the plant of a spec with an observer, up to the horizon, or to an escape or a stall.
+    """Simulate the plant of a spec with an observer, up to the horizon, or to an event, an escape or a stall.
 
     The signals of the observer have the same names as those of the plant with its disturbance model. Without a
     guarantee, what is proved of the observer, the bounds are left out. `sampling` says how measurements reach an
@@ -49,6 +49,9 @@ def run(
         acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
     system = System(acting, observer, spec.H.astype(float), guarantee)
     start = initial(system, simulation, sampling)
+    if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
+        name, _, condition = reason.partition(": ")
+        raise UsageError(Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}"))
     breaks = system.breaks()
     trajectory = follow(system, start, breaks, simulation, progress)
     record = Record(spec, system, breaks, trajectory)
@@ -90,7 +93,7 @@ def follow(
     if affine is not None:
         return exact.follow(system, affine, start, stretches, samples)
     told = progress and (lambda t: progress(t / simulation.horizon))
-    flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch)
+    flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch, system.stopped)
     segments = (
         Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))
         for stretch in stretches

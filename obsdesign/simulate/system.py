@@ -12,7 +12,7 @@ from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import Guarantee, SampledGuarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float, rational_number
-from obsdesign.simulate.definitions import Definitions, after, error, measured, mismatch, noise, rate
+from obsdesign.simulate.definitions import Definitions, after, error, event, measured, mismatch, noise, rate
 from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector
 from obsdesign.simulate.program import UNIT, Definition, Program, needs
@@ -60,6 +60,7 @@ class System:
             made.made[name] = {signal: c for signal, c in weights if c != 0}
         made.define(Z2, Expression.squares(self.z))
         made.define(V2, Expression.squares(plant.exogenous))
+        made.made |= {event(name): condition for name, condition in scenario.events.items()}
         alpha, c = guarantee.rates() if guarantee else (0.0, 0.0)
         made.made |= {
             rate(INTEGRALS[0]): {Z2: fmpq(1)},
@@ -81,7 +82,7 @@ class System:
         self.still = np.zeros(1 + len(observer.outputs) if observer.jump else 0)
         states = (*self.flowing, *INTEGRALS)
         inputs = ("t", *states, *(noise(name) for name in observer.outputs if noisy))
-        outputs = [*map(rate, states), *self.recorded(made)]
+        outputs = [*map(rate, states), *self.recorded(made), *map(event, scenario.events)]
         self.switches = Switches()
         smooth = {name: self.switches.decided(side) for name, side in made.made.items()}
         signs, deciding = (*self.switches.timed, *self.switches.others), tuple(map(zero, self.switches.others))
@@ -204,8 +205,20 @@ class System:
         s[self.width + 1 :] = X[len(self.leaping) :]
         return s
 
+    def stopped(self, t: float, s: Vector, held: Vector) -> str:
+        """Condition that is true at an instant and ends the run; empty if none is."""
+        if not self.scenario.events:
+            return ""
+        X = self.program.run(t, s[: self.width], held[: len(self.silent)])
+        true = X[self.program.places(map(event, self.scenario.events))] != 0
+        return next(
+            (f"{n}: {e}" for (n, e), holds in zip(self.scenario.events.items(), true, strict=True) if holds), ""
+        )
+
     def constant(self) -> Affine | None:
         """The flow of a linear plant, with everything that acts on it constant between breaks; None of any other."""
+        if self.scenario.events:
+            return None
         definitions = self.program.definitions
         rows = [definitions[rate(name)] for name in self.flowing]
         linear = [row for row in rows if isinstance(row, Mapping)]

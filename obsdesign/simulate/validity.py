@@ -19,16 +19,24 @@ class Leaving:
     """The first instant at which an argument of f is outside the region on which its type holds."""
 
     nonlinearity: int  # from 1, as in the spec
-    argument: str  # q1, q2, .. of this nonlinearity, t, an output or an input
+    argument: str  # q1, q2, .. of this nonlinearity, t, an output or an input; of equations what it is of the states
     of: Side
     time: float
     value: float
     region: tuple[float | None, float | None]  # None: unbounded
+    own: bool = True  # whether the name of the argument means something in this nonlinearity only
 
     def __str__(self) -> str:
         whose = {"plant": "of the plant", "estimate": "of the observer"}[self.of]
-        where = f"{self.argument} of nonlinearity {self.nonlinearity} {whose}"
+        which = f"{self.argument} of nonlinearity {self.nonlinearity}" if self.own else self.argument
+        where = f"{which} {whose}"
         return f"{where} is {self.value:.4g}, outside {interval(self.region)}, at t = {self.time:.4g}"
+
+    def written(self) -> dict[str, Any]:
+        """Entry of a summary."""
+        entry = asdict(self)
+        entry.pop("own")
+        return entry
 
 
 def is_local(blocks: Sequence[Nonlinearity]) -> bool:
@@ -54,14 +62,16 @@ def leavings(
     """
     sides: tuple[tuple[Side, Array], ...] = (("plant", q), ("estimate", qhat))
     watched = [
-        (i, f"q{k + 1}", of, values[:, column], limits)
+        (i, blocks[i - 1].argument(k, f"q{k + 1}"), of, values[:, column], limits)
         for i, k, column, limits in limited(blocks)
         for of, values in sides
     ]
     for i, block in enumerate(blocks, start=1):
         watched += [(i, name, "plant", known[name], outward(ends)) for name, ends in block.others.items()]
     found = [
-        Leaving(i, name, of, float(t[out[0]]), float(values[out[0]]), (finite(low), finite(high)))
+        Leaving(
+            i, name, of, float(t[out[0]]), float(values[out[0]]), (finite(low), finite(high)), not blocks[i - 1].term
+        )
         for i, name, of, values, (low, high) in watched
         if len(out := np.flatnonzero((values < low) | (values > high)))
     ]
@@ -70,11 +80,12 @@ def leavings(
 
 def region(blocks: Sequence[Nonlinearity]) -> str:
     """Where the arguments of f must stay, in words."""
-    ends = [(f"q{k + 1}", i, limits) for i, k, _, limits in limited(blocks)]
-    ends += [
-        (name, i, outward(limits)) for i, block in enumerate(blocks, start=1) for name, limits in block.others.items()
-    ]
-    return ", ".join(f"{name} of nonlinearity {i} in {interval(limits)}" for name, i, limits in ends)
+    ends = [(f"q{k + 1} of nonlinearity {i}", i, k, limits) for i, k, _, limits in limited(blocks)]
+    said = [f"{blocks[i - 1].argument(k, name)} in {interval(limits)}" for name, i, k, limits in ends]
+    for i, block in enumerate(blocks, start=1):
+        whose = "" if block.term else f" of nonlinearity {i}"
+        said += [f"{name}{whose} in {interval(outward(limits))}" for name, limits in block.others.items()]
+    return ", ".join(dict.fromkeys(said))
 
 
 def interval(limits: Sequence[float | None]) -> str:
@@ -97,7 +108,7 @@ def validity(blocks: Sequence[Nonlinearity], left: Sequence[Leaving], guaranteed
         note += f": {left[0]}"
     if left and guaranteed:
         note += "; the guarantee is local and says nothing of the run from then on"
-    return {"holds": not left, "region": region(blocks), "left": [asdict(leaving) for leaving in left], "note": note}
+    return {"holds": not left, "region": region(blocks), "left": [leaving.written() for leaving in left], "note": note}
 
 
 def require_kept(summary: Mapping[str, Any], samples: str) -> None:

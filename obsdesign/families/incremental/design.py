@@ -304,7 +304,7 @@ class Designer:
             **diagnosis,
             "nonlinearity": found["nonlinearity"],
             "feasible": {**diagnosis["feasible"], **found["feasible"]},
-            "suggestion": f"{diagnosis['suggestion']}; {smaller_class(found)}",
+            "suggestion": f"{diagnosis['suggestion']}; {smaller_class(self.spec.nonlinearities, found)}",
         }
 
 

@@ -1,7 +1,8 @@
 """The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import product
 from math import inf
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import UsageError
+from obsdesign.expressions import Expression
 from obsdesign.expressions.tree import Number
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.enclosure import (
@@ -156,15 +158,63 @@ def varying(f: Restriction, found: Enclosure) -> list[list[tuple[int, int]]]:
 
 
 def exact(f: Restriction, found: Enclosure) -> Array:
-    """Lower and upper bounds (2, nf, nq) as decimals: of a number its value; None is infinite."""
+    """Lower and upper bounds (2, nf, nq): exact where the extremes are at corners, else decimals; None is infinite."""
     ends = np.empty((2, *found.low.shape), dtype=object)
     for i, j in np.ndindex(found.low.shape):
         root, low, high = f.jacobian[i][j].root, float(found.low[i, j]), float(found.high[i, j])
         if isinstance(root, Number):
             ends[:, i, j] = root.value
+        elif (corners := extremes(f.jacobian[i][j], f)) and low <= fraction(corners[0]) <= fraction(corners[1]) <= high:
+            ends[:, i, j] = corners
         else:
             ends[:, i, j] = outward(low, up=False), None if high == inf else outward(high, up=True)
     return ends
+
+
+def extremes(entry: Expression, f: Restriction) -> tuple[fmpq, fmpq] | None:
+    """Least and largest value of an entry of a Jacobian, where they are rational numbers at corners of the box.
+
+    They are at corners if the entry is smooth, and affine or monotone in each variable, the others fixed; None: it is
+    not seen to be so.
+    """
+    used = sorted(entry.names)
+    ends = [f.region[name] for name in used]
+    if len(used) > MAX_VARYING or any(None in pair for pair in ends) or bends(entry):
+        return None
+    for name in used:
+        slope = entry.derivative(name)
+        found = slope.enclose(f.intervals())
+        if found.empty.any() or not (np.isfinite(found.low).all() and np.isfinite(found.high).all()):
+            return None
+        if name in slope.names and not ((found.low >= 0).all() or (found.high <= 0).all()):
+            return None
+    corners = [value_at(entry, dict(zip(used, corner, strict=True))) for corner in product(*ends)]
+    values = [value for value in corners if value is not None]
+    return (min(values), max(values)) if values and len(values) == len(corners) else None
+
+
+def bends(expression: Expression) -> bool:
+    """Whether an expression may jump or have a kink."""
+    found: list[Expression] = []
+
+    def seen(g: Expression, smooth: Expression) -> Expression:
+        found.append(g)
+        return smooth
+
+    expression.decided(seen)
+    return bool(found)
+
+
+def fraction(value: fmpq) -> Fraction:
+    """The same number, to be compared with doubles."""
+    return Fraction(int(value.p), int(value.q))
+
+
+def value_at(expression: Expression, point: Mapping[str, fmpq]) -> fmpq | None:
+    """Exact value at a point; None if it is not seen to be rational."""
+    found = expression.substituted({name: Expression.number(x) for name, x in point.items()})
+    root = found.root
+    return root.value if isinstance(root, Number) else None
 
 
 def decimal(value: fmpq | None) -> str:
