@@ -170,7 +170,11 @@ class Design(Outcome):
 
         spec = with_simulation(self.spec, changes) if changes else self.spec
         with spec.placed():
-            return simulate(replace(self, spec=spec), progress)
+            observer, run = self.observer, simulate(replace(self, spec=spec), progress)
+            states = [name for name in observer.states if name not in observer.twins]
+            signals = dict(zip(states, run.steps.theta.T, strict=True))
+            told = FAMILIES[spec.observer.type].report(spec, self.form, run.steps.t, signals)
+            return replace(run, summary={**run.summary, **told}) if told else run
 
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""

@@ -94,6 +94,8 @@ class Simulation:
     period: float | None = None  # s, of the periodic law; None: T2
     dropout: float = 0.0  # share of these measurements that are lost
     theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
+    xi0: Mapping[str, fmpq] = field(default_factory=dict)  # coordinates of the observer at t = 0; others are 0
+    constants: Mapping[str, fmpq] = field(default_factory=dict)  # theta of coordinates at t = 0; others are 0
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
 
 

@@ -138,6 +138,13 @@ class Family:
         observer: Observer = self.part("observer").observer(spec, gains)
         return observer
 
+    def report(self, spec: "Spec", form: Any, t: "Array", signals: "Mapping[str, Array]") -> dict[str, Any]:
+        """Entries of the summary of a run on what an observer of this form depends on, from its own states."""
+        if not self.equations:
+            return {}
+        entries: dict[str, Any] = self.part("report").report(spec, form, t, signals)
+        return entries
+
     def analysis(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
         """Entry `analysis` of a result file, with the gains of an outcome: what is computed in doubles."""
         if self.equations:

@@ -104,7 +104,7 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
             return read_typed(reader, file.system)
         return read_equations(reader, file.system, file.nonlinearities, sampled=sampled, constants=identity)
     plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
-    return in_equations(plant) if typed else plant
+    return in_equations(reader, plant) if typed else plant
 
 
 def read_observer(

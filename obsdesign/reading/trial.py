@@ -46,7 +46,9 @@ def read_simulation(
     w = None if section.w is None else read_signals(reader, section.w, (*loc, "w"), layout.w, channels, known)
     if not sampled:
         refuse_sampling(reader, section)
-    theta0 = reader.entries(section.theta0, (*loc, "theta0"))
+    constants = section.theta0 if isinstance(section.theta0, dict) else {}
+    theta0 = None if isinstance(section.theta0, dict) else section.theta0
+    correction = reader.entries(theta0, (*loc, "theta0"))
     inputs = Axis(None if layout.names is None else len(layout.names.inputs), "input")
     called = layout.names.inputs if layout.names else ()
     drives = numbered("v", v.size or 0)
@@ -63,7 +65,9 @@ def read_simulation(
         sampling=read_sampling(reader, section.sampling),
         period=None if section.period is None else float(reader.number(section.period, (*loc, "period"), "> 0")),
         dropout=read_dropout(reader, section.dropout),
-        theta0=None if section.theta0 is None else reader.vector(theta0, layout.outputs).astype(float),
+        theta0=None if theta0 is None else reader.vector(correction, layout.outputs).astype(float),
+        xi0=read_values(reader, section.xi0 or {}, (*loc, "xi0")),
+        constants=read_values(reader, constants, (*loc, "theta0")),
         events=read_events(reader, section.events, layout),
     )
 
@@ -90,6 +94,11 @@ def read_signals(
     return tuple(reader.expression(written.get(name, "0"), (*loc, name), known) for name in names)
 
 
+def read_values(reader: Reader, written: Mapping[str, str], loc: Loc) -> dict[str, fmpq]:
+    """Numbers by name."""
+    return {name: reader.number(text, (*loc, name)) for name, text in written.items()}
+
+
 def read_events(reader: Reader, written: Mapping[str, str], layout: Layout) -> dict[str, Expression]:
     """Conditions that end a run: comparisons of the signals of the plant, and their products, smallest and largest."""
     known = layout.known("states", "outputs", "inputs")
@@ -105,7 +114,7 @@ def read_events(reader: Reader, written: Mapping[str, str], layout: Layout) -> d
 def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
     """Refuse the keys of families whose measurements arrive at instants."""
     for key in SAMPLING:
-        if getattr(section, key) is not None:
+        if getattr(section, key) is not None and not isinstance(getattr(section, key), dict):
             owners = " or ".join(name for name, family in FAMILIES.items() if family.sampled)
             reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True)
 

@@ -46,15 +46,19 @@ def of_typed(layout: Layout, typed: Typed) -> Reading:
     return Reading(replace(layout, q=Q.of(0), f=F.of(0)), matrices, typed=typed)
 
 
-def in_equations(found: Reading) -> Reading:
+def in_equations(reader: Reader, found: Reading) -> Reading:
     """A plant in matrices as equations, with the arguments of its nonlinearities put in."""
     plant, names = found.plant, found.layout.names
     functions = [(block.f, block.nq) for block in found.nonlinearities if block is not None and block.f is not None]
     if plant is None or names is None or len(functions) < len(found.nonlinearities):
+        if reader.clean(("nonlinearities",)):
+            reader.wrong(("nonlinearities",), "need an f each: this observer takes the plant as equations")
         return Reading(found.layout)
     made = from_matrices(plant, functions, (found.gx, found.gq, found.gy), names.inputs)
     for _ in made.algebraic:
         made = made.substituted(made.algebraic)
     if any(side.names.intersection(made.algebraic) for _, side in made.sides()):
+        said = "depend on themselves (Dqf), and this observer takes the plant as equations; give system.dynamics"
+        reader.wrong(("nonlinearities",), said)
         return Reading(found.layout)
     return of_typed(found.layout, Typed(replace(made, algebraic={}), {}))

@@ -10,7 +10,7 @@ import numpy as np
 
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
-from obsdesign.families.algebraic.forms import HighGain, Immersion, Sought, Transformed
+from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
 from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
 from obsdesign.families.algebraic.request import request_of
@@ -21,7 +21,6 @@ from obsdesign.lmi.formula import Array, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
 
-Form = Transformed | Immersion | HighGain
 KIND = "identities"
 DIGITS = 6  # of a rate
 

@@ -20,6 +20,7 @@ from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
 from obsdesign.families.algebraic.scheme import (
     ZERO,
+    Excitation,
     Nonzero,
     Plant,
     Scheme,
@@ -41,7 +42,7 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     statements: list[Statement] = [one for c in form.coordinates for one in coordinate(plant, c, phi)]
     statements += inverses(plant, form.left_inverse, phi)
     parameters = tuple(c.name for c in form.coordinates if c.estimated)
-    observer, theta = equations(plant, form, parameters)
+    observer, theta, excitation = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
     says = [said(c) + cascade(form, c.B) for c in form.coordinates]
     says += ["the left inverse gives x"] if form.left_inverse else []
@@ -61,7 +62,7 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
         statements += still(plant, observer, theta)
         observer = recast(plant, form, observer, theta)
         says.append("the observer is one of immersion and invariance with beta = xi + theta")
-    return Scheme(tuple(statements), observer, numbers, tuple(says), tuple(depends), rates)
+    return Scheme(tuple(statements), observer, numbers, tuple(says), tuple(depends), rates, excitation)
 
 
 def described(c: Coordinate) -> dict[str, Any]:
@@ -113,8 +114,10 @@ def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordi
     return found
 
 
-def equations(plant: Plant, form: Transformed, parameters: tuple[str, ...]) -> tuple[Observer, dict[str, Expression]]:
-    """Equations of the observer, and its estimates of theta."""
+def equations(
+    plant: Plant, form: Transformed, parameters: tuple[str, ...]
+) -> tuple[Observer, dict[str, Expression], Excitation | None]:
+    """Equations of the observer, its estimates of theta, and what excites them."""
     xi = {c.name: Expression.variable(c.name) for c in form.coordinates}
     made, theta = Estimation(), {}
     if form.estimator and form.estimator.method == "proportional":
@@ -130,7 +133,12 @@ def equations(plant: Plant, form: Transformed, parameters: tuple[str, ...]) -> t
     dynamics |= made.dynamics
     if form.estimator and form.estimator.method == "proportional":
         dynamics |= proportional(plant, form.estimator, estimates, tuple(theta))
-    return Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs), initial=made.initial), theta
+    observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs), initial=made.initial)
+    if not made.regressors or not form.estimator:
+        return observer, theta, None
+    rows = zip(form.estimator.regressions, made.regressors, strict=True)
+    psi = tuple(dict(zip(regression.m, row, strict=True)) for regression, row in rows)
+    return observer, theta, Excitation(psi, parameters, made.determinant, tuple(made.guarded.values()))
 
 
 def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:

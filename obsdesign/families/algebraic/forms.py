@@ -112,3 +112,6 @@ class Request:
 
     type: str
     form: Transformed | Sought | Immersion | HighGain | None  # None after an error
+
+
+Form = Transformed | Immersion | HighGain  # of an observer that can be built

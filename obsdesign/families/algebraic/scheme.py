@@ -31,6 +31,16 @@ Statement = Identity | Negative | Nonzero
 
 
 @dataclass(frozen=True)
+class Excitation:
+    """Regressors psi, a row of names for each regression, the determinant Delta of DREM, and guarded states."""
+
+    regressors: tuple[Mapping[str, str], ...]  # names of psi by coordinate
+    names: tuple[str, ...]  # coordinates whose constants are estimated
+    determinant: Expression | None
+    guarded: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Scheme:
     """What an observer rests on, and its equations."""
 
@@ -40,6 +50,7 @@ class Scheme:
     says: tuple[str, ...]  # what follows if every statement holds, clause by clause
     depends: tuple[str, ...] = ()  # what depends on the run
     rates: Mapping[str, str] = field(default_factory=dict)  # statement that gives the rate of a coordinate, by name
+    excitation: Excitation | None = None  # of an estimator with regressions
 
 
 @dataclass(frozen=True)
