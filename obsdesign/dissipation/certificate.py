@@ -10,7 +10,7 @@ from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import SMALL, Incremental
 from obsdesign.files import witness
-from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
+from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate, below, identity, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.model import loop
 
@@ -34,10 +34,9 @@ class Certificate(Proved):
 
     @property
     def guarantee(self) -> Quadratic:
-        """Guarantee in doubles."""
-        P = np.vectorize(approximate, otypes=[float])(self.P)
-        gamma, alpha, mu1, mu2 = map(approximate, (self.gamma, self.alpha, self.mu1, self.mu2))
-        return self.theorem.about.guarantee(gamma, alpha, mu1, mu2, P)
+        """Guarantee, its numbers in doubles on the safe side."""
+        mu1, mu2 = map(approximate, (self.mu1, self.mu2))
+        return self.theorem.about.guarantee(above(self.gamma), below(self.alpha), mu1, mu2, self.P)
 
 
 def certify(

@@ -13,6 +13,7 @@ from obsdesign.plot.axis import number, plain, with_unit
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
 from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Level, comparisons, draw_errors, draw_storage
 from obsdesign.spec import limited
+from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,8 +119,8 @@ def titled(run: "Run", facts: Sequence[str]) -> str:
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {alpha:.4g}" if alpha else r"$e \rightarrow 0$"
-    return decays if run.summary["gamma"] is None else rf"$\gamma$ = {guarantee.gamma:.4g}, {decays}"
+    decays = f"{guarantee.symbol} = {at_least(alpha, 4)}" if alpha else r"$e \rightarrow 0$"
+    return decays if run.summary["gamma"] is None else rf"$\gamma$ = {at_most(guarantee.gamma, 4)}, {decays}"
 
 
 def verdict(run: "Run", until: str) -> str:

@@ -10,6 +10,7 @@ from obsdesign.errors import ViolatedError
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.restriction import outward
 from obsdesign.spec import Nonlinearity, limited
+from obsdesign.tables.text import at_most
 
 Side = Literal["plant", "estimate"]
 
@@ -110,6 +111,6 @@ def require_kept(summary: Mapping[str, Any], samples: str) -> None:
         first = broken[0]
         raise ViolatedError(
             f"{samples}: the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
-            f"below {first['bound']:.6g} in {first['name']}; this is a defect of obsdesign: please report it with the "
-            "spec and the gains file"
+            f"below {at_most(first['bound'])} in {first['name']}; this is a defect of obsdesign: please report it with "
+            "the spec and the gains file"
         )

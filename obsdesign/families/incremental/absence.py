@@ -20,6 +20,7 @@ from obsdesign.lmi.proof import Formula
 from obsdesign.model.pencil import System, invariant_zeros, text
 from obsdesign.model.structure import accuracy
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
 
 
 def question(family: Incremental, gamma: fmpq | None = None) -> tuple[Formula, tuple[Unknown, ...]]:
@@ -73,8 +74,8 @@ def read(spec: Spec, file: ResultFile) -> Proof:
         where = f"{approximate(alpha):g} is not what the spec asks for, or not all of it"
         raise file.wrong("diagnosis.certificate.alpha", where)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
-    level = "" if gamma is None else f" and gamma = {approximate(gamma):g}"
-    words = f"Theorem 1 has no solution at alpha = {approximate(alpha):g}{level}"
+    level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
+    words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
     return Proof(words + (", nor at a larger alpha" if falls(family, gamma) else ""), refutation.checks)
 
 
@@ -128,7 +129,7 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
             "condition": "decay",
             "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}",
             "feasible": {"alpha": largest_alpha},
-            "suggestion": f"ask for alpha at most {largest_alpha * (1 - 1e-4):.5g}{other(family)}",
+            "suggestion": f"ask for alpha at most {at_least(largest_alpha * (1 - 1e-4), 5)}{other(family)}",
         }
     return {
         "condition": "inequality",
@@ -158,7 +159,7 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float]) -> D
         "reason": f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": f"ask for gamma above {least:.6g}",
+        "suggestion": f"ask for gamma above {at_most(least)}",
     }
     if because:
         found["reason"] += f"; {'; '.join(because)}"

@@ -30,6 +30,7 @@ from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class Claim(Proved):
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
-        g = self.certificate.guarantee
-        return f"gamma {g.gamma:g}, {THEOREMS[spec.observer.type].about.gamma}; decay rate {g.alpha:g} 1/s"
+        gamma, alpha = at_most(self.certificate.gamma), at_least(self.certificate.alpha)
+        return f"gamma {gamma}, {THEOREMS[spec.observer.type].about.gamma}; decay rate {alpha} 1/s"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee of the family in words, and where it holds."""

@@ -38,12 +38,13 @@ from obsdesign.lmi.formula import (
     Values,
     approximate,
     identity,
+    printed,
     rational,
-    rational_number,
     symmetric,
     zeros,
 )
-from obsdesign.lmi.proof import Check, Proved, holds, prove
+from obsdesign.lmi.proof import Check, Proved, prove
+from obsdesign.lmi.spectrum import extremes, upper
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.spec import Spec, arguments
 
@@ -124,13 +125,7 @@ def norm_above(matrix: Array) -> fmpq:
         return fmpq(0)
     if matrix.size == 1:
         return abs(matrix.item())
-    above = float(np.linalg.norm(matrix.astype(float), 2))
-    gram = matrix.T @ matrix
-    while True:
-        above *= 1 + 1e-12
-        bound = rational_number(repr(above))
-        if holds(Inequality("norm", gram - bound * bound * identity(len(gram), gram))):
-            return bound
+    return printed(upper(extremes(matrix.T @ matrix)[1].sqrt()))
 
 
 # The proof
@@ -192,7 +187,7 @@ class Reconstructed:
         w, w_rate, x_rate = map(approximate, self.constants)
         storages = [level.guarantee for level in self.levels.values()]
         alpha = min(storage.alpha for storage in storages)
-        return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.P for storage in storages], axis=0))
+        return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.doubles for storage in storages], axis=0))
 
 
 def inapplicable(spec: Spec, slope: fmpq | None) -> str | None:

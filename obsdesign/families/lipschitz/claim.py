@@ -9,7 +9,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.certificate import Certificate, certify, kept
-from obsdesign.dissipation.decimals import below, square_below
+from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.families.lipschitz.observer import errors
@@ -18,9 +18,10 @@ from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, approximate, printed
+from obsdesign.lmi.formula import Array, above, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
 
 GUARANTEE = ("guarantee",)
 CERTIFICATE = ("certificate",)
@@ -58,10 +59,10 @@ class Claim(Proved):
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
-        g = self.certificate.guarantee
-        level = f", gamma {g.gamma:g}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
-        more = f"; constants up to {approximate(self.admissible.lipschitz):g} are tolerated" if self.admissible else ""
-        return f"Lipschitz constant {approximate(self.lipschitz):g}{level}; decay rate {g.alpha:g} 1/s{more}"
+        gamma, decay = at_most(self.certificate.gamma), at_least(self.certificate.alpha)
+        level = f", gamma {gamma}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
+        more = f"; constants up to {at_least(self.admissible.lipschitz)} are tolerated" if self.admissible else ""
+        return f"Lipschitz constant {at_least(self.lipschitz)}{level}; decay rate {decay} 1/s{more}"
 
     def spare(self, spec: Spec) -> fmpq:
         """What is tolerated beyond the largest declared constant; negative where not even that is."""
@@ -88,7 +89,7 @@ class Claim(Proved):
         if self.margin(spec) <= 0:
             return []
         more = self.admissible
-        level = f" and gamma = {approximate(more.certificate.gamma)!r}" if more and spec.disturbed else ""
+        level = f" and gamma = {above(more.certificate.gamma)!r}" if more and spec.disturbed else ""
         same = f"with another P{level} the same" if more else "the same"
         left = bounds("h", shared(self.spare(spec), spec))
         return [f"Proposition 1: {same} for f + h, for every h through the same Bf and Cq with {left}"]

@@ -15,6 +15,7 @@ from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, larg
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
+from obsdesign.tables.text import at_least, at_most
 
 ELSEWHERE = "; s-procedure and norm-bound need no such thing"
 
@@ -91,10 +92,10 @@ def too_large(engine: Engine, unit: Lipschitz, declared: float, relaxation: str)
         "feasible": {"lipschitz_below": supremum.value},
     }
     if most is not None and declared > most:
-        found["reason"] += f"; above {most:.8g} a linear f hides a mode, and no gain of any method can do it"
+        found["reason"] += f"; above {at_most(most, 8)} a linear f hides a mode, and no gain of any method can do it"
         found["ceiling"] = most
     rivals = others(engine, unit, declared, relaxation)
-    hints = [f"declare a constant below {supremum.value:.8g}"]
+    hints = [f"declare a constant below {at_least(supremum.value, 8)}"]
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
@@ -133,7 +134,7 @@ def out_of_reach(asked: float, least: float, lipschitz: float) -> Diagnosis:
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {least:.6g}, or ask for a smaller decay",
+        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller decay",
     }
 
 
@@ -175,6 +176,6 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         "reason": reason,
         "pole": [pole.real, pole.imag],
         "feasible": {"lipschitz": tolerated} if smaller else {"decay_below": -pole.real} if pole.real < 0 else {},
-        "suggestion": (f"declare a constant up to {tolerated:.6g}, or " if smaller else "")
+        "suggestion": (f"declare a constant up to {at_least(tolerated)}, or " if smaller else "")
         + "design new gains: leave `gains` out",
     }

@@ -10,6 +10,7 @@ from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import text
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import linear
+from obsdesign.tables.text import at_least, at_most
 
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
 
@@ -60,7 +61,7 @@ def too_long(T2: float, decay: float, largest: float | None, fastest: float | No
     """Answer that the inequalities have no solution, with the largest T2 and decay that do."""
     reason = f"{form} has no solution for T2 = {T2:g} with decay {decay:g}, whatever the gain from w"
     feasible = {name: value for name, value in (("T2", largest), ("decay", fastest)) if value is not None}
-    hints = [f"ask for {name} at most {value * (1 - 1e-3):.4g}" for name, value in feasible.items()]
+    hints = [f"ask for {name} at most {at_least(value * (1 - 1e-3), 4)}" for name, value in feasible.items()]
     hints.append("try another range of delta, or another relaxation or injection")
     return {
         "condition": "inequality",
@@ -77,7 +78,7 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
         "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {least:.6g}, or ask for a smaller T2",
+        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller T2",
     }
 
 
@@ -103,7 +104,7 @@ def out_of_bounds(name: str) -> Diagnosis:
 
 def useless(T2: float, decay: float, tolerated: float | None) -> Diagnosis:
     """Answer that given gains achieve nothing."""
-    shorter = f"ask for T2 at most {tolerated * (1 - 1e-3):.4g}" if tolerated else "ask for a smaller decay"
+    shorter = f"ask for T2 at most {at_least(tolerated * (1 - 1e-3), 4)}" if tolerated else "ask for a smaller decay"
     return {
         "condition": "gains",
         "reason": f"no storage function of Theorem 2 proves these gains for T2 = {T2:g} with decay {decay:g}",

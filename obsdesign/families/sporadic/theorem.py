@@ -36,7 +36,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from flint import arb
+
 from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, symmetric
+from obsdesign.lmi.spectrum import extremes
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -45,6 +48,16 @@ EQUATIONS = (
     "theta+ = y - C xhat at a measurement, e = x - xhat, d = C e - theta, z = Cp e"
 )
 DECREASE = "V' + 2 lambda_t V + |z|^2 - mu |w|^2 <= 0"
+
+
+def extent(P1: Array, P2: Array, ratio: arb) -> tuple[arb, arb, arb]:
+    """rho1 and rho2, the smallest and largest V of |(e, d)| = 1, and omega2, that of e = 0, with ratio for s.
+
+    `P1`, `P2`: in rationals, positive definite.
+    """
+    (low1, high1), (low2, high2) = extremes(P1), extremes(P2)
+    omega2 = high2 * ratio
+    return low1.min(low2), high1.max(omega2), omega2
 
 
 @dataclass(frozen=True)
