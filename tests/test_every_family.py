@@ -357,6 +357,7 @@ def read_places(case):
     return [place for part in listed for place in leaves(at(design.result, part), part)]
 
 
+BELIEVED = {"rate", "overshoot", "initial", "disturbance", "noise"}  # if not better than what is proved
 SPARE = 1e-3  # relative, beyond the largest interval that was proved: its witness may prove a little more
 FACTORS = (
     st.sampled_from([-1, 0, Fraction(1, 2), 2, 1000])
@@ -379,7 +380,7 @@ def test_a_changed_number_proves_nothing_that_is_not_true(case, outcome_of, tmp_
     outcome = outcome_of(forged)
     if outcome.exit_code:
         return
-    if place[0] == "guarantee" and place[-1] not in SUPPLIES:
+    if place[0] == "guarantee" and place[-1] not in SUPPLIES | BELIEVED:
         assert place[1] in case.optional
         assert at(forged, place) < before * (1 + SPARE)
     design = od.read(tmp_path / "forged.json")

@@ -262,7 +262,7 @@ def test_a_certificate_holds_and_says_what_it_proves():
     made = proof()
     assert failing(made) == []
     assert made.holds
-    assert (made.constants["rate"], made.constants["jitter"]) == (fmpq(1, 20), fmpq(21, 20))
+    assert (made.constants["rate"], made.jitter) == (fmpq(1, 20), fmpq(21, 20))
     said = made.statement(made.constants)
     assert "33.2 |w|_2" in said
     assert "105 %" in said

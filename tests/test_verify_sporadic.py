@@ -177,7 +177,7 @@ observer: {type: sporadic, T1: %s, T2: 1, decay: %s, gains: {L: [0, 0], H: -1}}
 """
 STEEP = [[1.0, 2.0**20], [2.0**20, 2.0**40 + 2.0**-12]]  # of condition 1e27
 CASES = [("0.5", "0.05"), ("1", "0.05"), ("0.5", "0")]  # T1 and decay
-NAMES = ("rate", "overshoot", "initial", "disturbance", "noise", "jitter")
+NAMES = ("rate", "overshoot", "initial", "disturbance", "noise")
 
 
 def steep(certified, T1, decay):
@@ -225,7 +225,7 @@ def constants(T1, decay, low=None):
         "disturbance": 3 / math.sqrt(2 * rate * rho1),
         "noise": math.sqrt(float(omega2) / (-math.expm1(-2 * rate * float(T1)) * rho1)),
     }
-    return {"rate": rate, **{name: x * (1 + 1e-9) for name, x in found.items()}, "jitter": 1 / float(T1) - 1}
+    return {"rate": rate, **{name: x * (1 + 1e-9) for name, x in found.items()}}
 
 
 def stating(content, numbers):
@@ -249,7 +249,7 @@ def test_constants_of_a_steep_storage_function_are_proved_up_to_its_condition(ce
     assert outcome.exit_code == 0, outcome.output
     assert "holds  overshoot is proved" in outcome.stdout
     for name in NAMES:
-        better = true[name] * (1 + 1e-6) + 1e-9 if name in {"rate", "jitter"} else true[name] * (1 - 1e-6)
+        better = true[name] * (1 + 1e-6 if name == "rate" else 1 - 1e-6)
         outcome = outcome_of(stating(steep(certified, T1, decay), true | {name: better}))
         assert outcome.exit_code == 4, (name, outcome.output)
         assert f"{name} is proved" in outcome.stderr
@@ -267,12 +267,11 @@ def test_constants_that_doubles_find_of_a_steep_storage_function_are_refused(cer
 def test_a_constant_is_believed_if_it_is_not_better_than_the_proved_one(certified, outcome_of, name):
     made = json.loads(certified(GIVEN.replace("decay: 0.05", "decay: 0"), "constants-0"))
     found = {key: made["guarantee"][key] for key in NAMES}
-    worse = 0.5 if name == "jitter" else 1.25
-    for factor, code in ((worse, 0), (1 / worse, 4)):
+    for factor, code in ((1.25, 0), (0.8, 4)):
         claimed = stating(copy.deepcopy(made), found | {name: found[name] * factor})
         assert outcome_of(claimed).exit_code == code
     del made["guarantee"][name]
-    assert outcome_of(made).exit_code == (0 if name == "jitter" else 2)  # the statement gives it still
+    assert f"guarantee.{name}: missing" in outcome_of(made).stderr
 
 
 def test_a_slower_rate_needs_larger_constants(certified, outcome_of):

@@ -36,6 +36,7 @@ from obsdesign.lmi.formula import (
     Inequality,
     Unknown,
     Values,
+    above,
     approximate,
     identity,
     printed,
@@ -183,8 +184,8 @@ class Reconstructed:
 
     @property
     def bound(self) -> Reconstruction:
-        """Constants in doubles, with the sum of the storage functions and the slowest of their rates."""
-        w, w_rate, x_rate = map(approximate, self.constants)
+        """Constants in doubles, rounded up, with the sum of the storage functions and the slowest of their rates."""
+        w, w_rate, x_rate = map(above, self.constants)
         storages = [level.guarantee for level in self.levels.values()]
         alpha = min(storage.alpha for storage in storages)
         return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.doubles for storage in storages], axis=0))

@@ -98,12 +98,12 @@ class Claim(Proved):
         """What is proved, what that leaves for an uncertainty, the limit it is near to, and the witnesses."""
         g, more, constants = self.certificate.guarantee, self.admissible, shared(self.lipschitz, spec)
         guarantee = {
-            "lipschitz": approximate(self.lipschitz),
+            "lipschitz": below(self.lipschitz),
             **({"constants": constants} if len(constants) > 1 else {}),
             **({"gamma": g.gamma} if spec.disturbed else {}),
             "decay": g.alpha,
             **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
-            **({"admissible": approximate(more.lipschitz)} if more else {}),
+            **({"admissible": below(more.lipschitz)} if more else {}),
             "margin": self.margin(spec),
             **limits,
             "statement": self.statement(spec),

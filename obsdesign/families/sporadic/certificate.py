@@ -22,8 +22,7 @@ from obsdesign.tables.text import at_least, at_most
 
 MEANING = "norm2(z) <= gamma norm2(w) from zero error"  # of gamma
 LARGEST_EXPONENT = 100  # of exp(delta T2)
-LOWER = ("rate", "jitter")  # constants of which less holds too
-CONSTANTS = ("rate", "overshoot", "initial", "disturbance", "noise", "jitter")
+CONSTANTS = ("rate", "overshoot", "initial", "disturbance", "noise")  # less of the first, and more of the others, holds
 
 
 @dataclass(frozen=True)
@@ -51,14 +50,13 @@ class SporadicCertificate(Proved):
         """Constants of Theorem 1 with Lemma 2 for every sequence with T1 <= t_{k+1} - t_k <= T2, on the safe side.
 
         |(e, d)(t)| <= overshoot exp(-rate t) |(e, d)(0)| + disturbance sup|w| + noise sup|eta|, and
-        |z|_2 <= initial |(e, d)(0)| + gamma |w|_2 where eta = 0; the jitter is (T2 - T1) / T1. They are decimals that
-        print doubles. Left out is what doubles do not hold, and all where the certificate does not hold.
+        |z|_2 <= initial |(e, d)(0)| + gamma |w|_2 where eta = 0. They are decimals that print doubles. Left out is what
+        doubles do not hold, and all where the certificate does not hold.
         """
         if not self.holds:
             return {}
         rate = below(self.fastest)
         found = {"rate": rate, **{name: above(x) for name, x in self.least(printed(rate)).items()}}
-        found["jitter"] = below(self.jitter)
         return {name: printed(found[name]) for name in CONSTANTS if math.isfinite(found.get(name, math.inf))}
 
     @property
@@ -95,12 +93,11 @@ class SporadicCertificate(Proved):
         """Whether constants that are stated are no better than what is proved, where the certificate holds."""
         if not self.holds:
             return ()
-        proved = {"rate": self.fastest, "jitter": self.jitter, **self.least(stated.get("rate", fmpq(0)))}
-        room = {
-            name: (proved[name] - x if name in LOWER else x - proved[name]) if name in proved else fmpq(-1)
-            for name, x in stated.items()
-        }
-        return tuple(Check(f"{name} is proved", left >= 0, approximate(left)) for name, left in room.items())
+        rate = stated.get("rate", fmpq(0))
+        room = {"rate": self.fastest - rate}
+        room |= {name: stated[name] - x for name, x in self.least(rate).items() if name in stated}
+        found = ((name, room.get(name, fmpq(-1))) for name in stated)
+        return tuple(Check(f"{name} is proved", left >= 0, approximate(left)) for name, left in found)
 
     def statement(self, constants: Mapping[str, fmpq]) -> str:
         """Guarantee in words, with the observer written out, and constants rounded to the safe side."""

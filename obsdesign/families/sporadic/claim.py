@@ -22,7 +22,7 @@ from obsdesign.families.sporadic.observer import errors
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, approximate, printed
+from obsdesign.lmi.formula import Array, above, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -76,12 +76,14 @@ class Claim(Proved):
             numbers = {key: approximate(getattr(longest, key)) for key in ("gamma", "mu")}
             delta = approximate(longest.family.delta)
             certificate["T2_max"] = {**numbers, "delta": delta, **longest.written()}
-        levels = ("gamma", proof.gamma), ("decay", proof.family.decay)
         guarantee = {
-            **{key: approximate(value) for key, value in [*levels, *self.constants.items()]},
-            "T1": approximate(proof.T1),
-            "T2": approximate(proof.T2),
-            **({"T2_max": approximate(longest.T2)} if longest else {}),
+            "gamma": above(proof.gamma),
+            "decay": below(proof.family.decay),
+            **{name: (below if name == "rate" else above)(value) for name, value in self.constants.items()},
+            "jitter": below(proof.jitter),
+            "T1": above(proof.T1),
+            "T2": below(proof.T2),
+            **({"T2_max": below(longest.T2)} if longest else {}),
             "mu": approximate(proof.mu),
             **limits,
             "statement": self.statement(spec),
@@ -95,10 +97,14 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
     require_request(file, request_of(spec), gains, asked)
     certificate = read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",))
-    stated = {key: file.number("guarantee", key) for key in CONSTANTS if key in file.table("guarantee")}
-    claim = Claim(certificate, asked=held(request_of(spec), gains["L"]), stated=stated)
+    claim = Claim(certificate, asked=held(request_of(spec), gains["L"]))
+    known = {*claim.constants, *file.table("guarantee")}
+    stated = {key: file.number("guarantee", key) for key in CONSTANTS if key in known}
+    claim = replace(claim, stated=stated) if stated != claim.constants else claim
     if not claim.holds:
         return claim
+    if file.number("guarantee", "jitter") != printed(below(certificate.jitter)):
+        raise file.wrong("guarantee.jitter", "does not follow from T1 and T2")
     if file.at("guarantee", "statement") != claim.statement(spec):
         raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     if "T2_max" not in file.table("guarantee"):
