@@ -1,6 +1,7 @@
 """Poles, steps and gains over the frozen members of a class, and what a file says of itself to be no proof."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,20 @@ def test_the_gain_of_no_observer_is_that_of_the_plant_and_a_design_that_is_no_be
     shown = (text % "").replace("C: [0, 1]", "C: [1, 1]").replace("alpha: 0.1", "alpha: 0.1, bounds: {L1: 9}")
     better, _ = solved(shown)
     assert not any("no better" in note for note in better.get("notes", []))
+
+
+@pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
+def test_a_claim_is_shown_on_the_safe_side(observer):
+    rates = {"alpha: 0.1,": "alpha: 0.0123456789,", "decay: 0.1,": "decay: 0.0123456789,", "0.05": "0.0123456789"}
+    for old, new in rates.items():
+        observer = observer.replace(old, new)
+    content, table = solved(ANY % ("{lipschitz: 0.2}", observer))
+    claimed = content["guarantee"]
+    decay = claimed.get("alpha", claimed.get("decay"))
+    for said in (table, run("verify", "spec.gains.json").stdout.splitlines()[-1]):
+        gamma, rate = (re.search(rf"{name} +([^ ,;]+)", said)[1] for name in ("gamma", "decay rate"))
+        assert claimed["gamma"] <= float(gamma) <= claimed["gamma"] * (1 + 2e-5)
+        assert decay * (1 - 2e-5) <= float(rate) <= decay
 
 
 def test_the_peak_gain_is_told_from_both_sides():

@@ -4,7 +4,7 @@ import copy
 import json
 import math
 import re
-from decimal import ROUND_CEILING, Context
+from decimal import ROUND_CEILING, Context, Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -281,3 +281,35 @@ def test_a_slower_rate_needs_larger_constants(certified, outcome_of):
     assert outcome_of(stating(copy.deepcopy(made), slower)).exit_code == 4
     slower |= {"disturbance": 2.001 * found["disturbance"], "noise": 2.001 * found["noise"]}
     assert outcome_of(stating(made, slower)).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("injection", "power"),
+    [("gains: {L: [2.067, -3], H: -1.384}", 28), ("gains: {L: [2.067, -3], H: -2.067}", -28)],
+    ids=["held", "predictor"],
+)
+def test_other_units_of_the_states_change_no_constant_but_by_what_they_are(certified, outcome_of, injection, power):
+    """States and outputs times 2^power: V is what it was, |(e, d)| is 2^power times as large."""
+    text = GIVEN.replace("gains: {L: [2.067, -3], H: -1.384}", injection).replace(
+        "T1: 0.1, T2: 0.2", "T1: 0.15, T2: 0.15"
+    )
+    made, unit = json.loads(certified(text, injection[-7:-1])), Fraction(2) ** power
+    small = f"{Decimal(2) ** -power:f}"
+    for old, new in {
+        "B: [1, 0]": f"B: [{unit.numerator}/{unit.denominator}, 0]",
+        "Bf: [0, 1]": f"Bf: [0, {unit.numerator}/{unit.denominator}]",
+        "Cq: [1, 0]": f"Cq: [{small}, 0]",
+        "nonlinearities": f"performance: {{H: [[{small}, 0], [0, {small}]]}}\nnonlinearities",
+    }.items():
+        text = text.replace(old, new)
+    made = with_text(made, text)
+    for part in (made["certificate"], made["certificate"].get("T2_max", {})):
+        for name in {"P1", "P2"} & part.keys():
+            part[name] = [[str(Fraction(str(x)) / unit**2) for x in row] for row in part[name]]
+    found = {name: made["guarantee"][name] for name in NAMES}
+    found |= {"initial": found["initial"] / float(unit), "disturbance": found["disturbance"] * float(unit)}
+    found = {name: x if name == "rate" else x * (1 + 1e-14) for name, x in found.items()}
+    assert outcome_of(stating(copy.deepcopy(made), found)).exit_code == 0
+    for name in NAMES[1:]:
+        forged = stating(copy.deepcopy(made), found | {name: found[name] * (1 - 1e-12)})
+        assert f"{name} is proved" in outcome_of(forged).stderr
