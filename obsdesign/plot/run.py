@@ -58,7 +58,7 @@ def input_panels(run: "Run") -> Iterator[Panel]:
 def reconstruction_error(run: "Run", accuracy: Mapping[str, Any]) -> Panel:
     """Panel of |what - w|, with its proved limit if there is one, else with the one that the run shows."""
     limit, what = ("bound", "proved limit") if "bound" in accuracy else ("limsup", "at the end")
-    level = Level(accuracy[limit], LAST * run.time, f"{what} {number(accuracy[limit])}")
+    level = Level(accuracy[limit], LAST * run.time, f"{what} {number(float(at_most(accuracy[limit], 3)))}")
     curves = [(f"peak {number(accuracy['peak'])}", np.linalg.norm(run.steps.w_error, axis=1))]
     return partial(draw_errors, run=run, curves=curves, label=r"$\|\hat{w} - w\|$", level=level)
 

@@ -18,6 +18,7 @@ from obsdesign.families.lipschitz.suprema import largest_constant
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.solve import Status
+from obsdesign.tables.text import at_least, at_most
 
 DIGITS = 6  # of a shipped constant
 
@@ -63,8 +64,8 @@ def short(study: Study, constant: fmpq) -> str:
     hints += ["allow a larger gain"] if study.restricted else []
     hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
     return (
-        f"warning: the certified Lipschitz constant {float(constant):g} is below the declared "
-        f"{float(study.declared):g}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
+        f"warning: the certified Lipschitz constant {at_least(constant)} is below the declared "
+        f"{at_most(study.declared)}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
     )
 
 
