@@ -229,7 +229,7 @@ def test_a_simulation_gets_the_gain_with_the_sign_of_the_paper_and_the_guarantee
     assert gains.keys() == {"L"}
     np.testing.assert_array_equal(gains["L"], L)
     assert (guarantee.rate, guarantee.gamma, guarantee.alpha, guarantee.mu1) == ("decay", 0.72, 0.05, 1)
-    assert np.linalg.eigvalsh(guarantee.P).min() > 0
+    assert np.linalg.eigvalsh(guarantee.doubles).min() > 0
 
 
 def test_a_claim_that_the_declared_constant_is_beyond_is_proved_but_guarantees_nothing_of_the_plant(
