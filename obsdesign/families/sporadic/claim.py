@@ -17,7 +17,7 @@ from obsdesign.families.sporadic.observer import errors
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, approximate, printed, rational_number
+from obsdesign.lmi.formula import Array, approximate, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 
@@ -81,13 +81,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     require_request(file, request_of(spec), gains, asked)
     certificate = read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",))
     claim = Claim(certificate, asked=held(request_of(spec), gains["L"]))
-    if not claim.holds:
-        return claim
-    for key, value in asdict(claim.certificate.constants).items():
-        if math.isfinite(value) and file.number("guarantee", key) != rational_number(repr(value)):
-            raise file.wrong(f"guarantee.{key}", "does not follow from the certificate")
-    if file.at("guarantee", "statement") != claim.statement(spec):
-        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     if "T2_max" not in file.table("guarantee"):
         return claim
     root = ("certificate", "T2_max")
