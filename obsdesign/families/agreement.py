@@ -25,7 +25,7 @@ HELD = ("observer", "guarantee", "certificate")  # parts that are held against w
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical")
 DUAL = ("kind", "alpha", "gamma", "multipliers", "members", "checks")  # of the certificate of a diagnosis
-CLOSE = 1e-3  # relative to the largest number of an entry: how well what is computed in doubles is met again
+CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
 
@@ -36,13 +36,19 @@ def numerical(entries: Mapping[str, Any], spec: Spec) -> list[str]:
     """
     held = {part: entries.get(part, {}) for part in NUMERICAL}
     paths = [f"{part}.{key}" for part, keys in NUMERICAL.items() for key in keys if key in held[part]]
-    if "certificate" in entries:
-        paths.append("certificate.checks.margin")
-    elif "observer" in entries:
+    paths += margins(entries.get("certificate", {}), "certificate")
+    if "observer" in entries and "certificate" not in entries:
         paths = ["observer", *(path for path in paths if not path.startswith("observer."))]
     paths += [f"diagnosis.{key}" for key in entries.get("diagnosis", {}) if key not in {"proof", "certificate"}]
     paths += [name for name in entries if name not in (*HELD, *KNOWN)]
     return [*paths, *(["notes"] if any(note not in spec.notes for note in entries.get("notes", [])) else [])]
+
+
+def margins(certificate: Mapping[str, Any], path: str) -> list[str]:
+    """Paths of the margins of conditions, which are computed in doubles, in a certificate and in those within it."""
+    found = [f"{path}.checks.margin"] if "checks" in certificate else []
+    parts = ((key, part) for key, part in certificate.items() if isinstance(part, Mapping))
+    return found + [inner for key, part in parts for inner in margins(part, f"{path}.{key}")]
 
 
 def require_types(file: ResultFile, spec: Spec) -> None:
@@ -66,7 +72,7 @@ def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> 
         for key, found in file.table(part).items():
             if part in HELD:
                 require_entry(file, anew.get(part, {}), part, key, found)
-    for key in anew.get("guarantee", {}).keys() - LIMITS:
+    for key in (key for key in anew.get("guarantee", {}) if key not in LIMITS):
         file.at("guarantee", key)
     for name in ("limit", "limit_bounded"):
         require_limit(file, name)
@@ -83,9 +89,17 @@ def require_entry(file: ResultFile, anew: Mapping[str, Any], part: str, key: str
             raise file.wrong(f"{part}.{key}", "is nothing that is proved anew; a result holds nothing else there")
         return
     close = part == "observer" and key in NUMERICAL[part]
-    same = near(max(map(abs, numbers(anew[key])), default=0.0)) if close else decimal if part == "guarantee" else double
-    if not agree(file, found, anew[key], same):
+    same = decimal if part == "guarantee" else double
+    if not (meets(file, found, anew[key]) if close else agree(file, found, anew[key], same)):
         raise file.wrong(f"{part}.{key}", f"is not what is {'computed' if close else 'proved'} anew")
+
+
+def meets(file: ResultFile, found: Any, anew: Any) -> bool:
+    """Whether a figure is met again, as near as doubles allow; `CLOSE` is relative to the largest number of a list."""
+    if isinstance(anew, Mapping):
+        return isinstance(found, dict) and all(key in anew and meets(file, found[key], anew[key]) for key in found)
+    within = CLOSE * max(map(abs, numbers(anew)), default=0.0)
+    return agree(file, found, anew, lambda one, other: abs(approximate(one) - approximate(other)) <= within)
 
 
 Same = Callable[[fmpq, fmpq], bool]  # whether a number says what one that is written anew says
@@ -99,11 +113,6 @@ def decimal(found: fmpq, anew: fmpq) -> bool:
 def double(found: fmpq, anew: fmpq) -> bool:
     """Whether numbers are one double."""
     return approximate(found) == approximate(anew)
-
-
-def near(scale: float) -> Same:
-    """Whether numbers are as near to each other as a computation in doubles is met again; `scale`: of an entry."""
-    return lambda found, anew: abs(approximate(found) - approximate(anew)) <= CLOSE * scale
 
 
 def agree(file: ResultFile, found: Any, anew: Any, same: Same) -> bool:
@@ -125,9 +134,9 @@ def agree(file: ResultFile, found: Any, anew: Any, same: Same) -> bool:
 
 
 def numbers(value: Any) -> Sequence[float]:
-    """Every number in an entry."""
-    if isinstance(value, Mapping | list):
-        return [x for part in (value.values() if isinstance(value, Mapping) else value) for x in numbers(part)]
+    """Every number in a list."""
+    if isinstance(value, list):
+        return [x for part in value for x in numbers(part)]
     return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
@@ -147,11 +156,8 @@ def require_limit(file: ResultFile, name: str) -> None:
 
 def require_dual(file: ResultFile, proof: Proof) -> None:
     """Refuse a certificate that there is no solution which says more than was checked of it."""
-    held = {check.name for check in proof.checks if check.holds}
     root = ("diagnosis", "certificate")
+    checks = [{"name": check.name, "holds": check.holds} for check in proof.checks]
     for key, value in file.table(*root).items():
-        said = value if isinstance(value, list) else [None]
-        if key not in DUAL or (
-            key == "checks" and not all(isinstance(c, dict) and c.get("name") in held for c in said)
-        ):
+        if key not in DUAL or (key == "checks" and not agree(file, value, checks, double)):
             raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew")
