@@ -86,7 +86,7 @@ def test_without_w_there_is_no_gamma(quiet, outcome_of):
     quiet["guarantee"]["gamma"] = 0.1
     outcome = outcome_of(quiet)
     assert outcome.exit_code == 2
-    assert "the plant has no w" in outcome.stderr
+    assert "guarantee.gamma" in outcome.stderr
 
 
 def test_a_limit_that_is_infinite_is_called_unbounded(content):
@@ -128,7 +128,7 @@ def test_a_larger_constant_is_not_proved_even_with_the_margin_and_the_statement_
     claiming(quiet, "|df| <= 1.0 |dq|", f"|df| <= {lipschitz!r} |dq|", lipschitz=lipschitz, margin=margin)
     statement = quiet["guarantee"]["statement"]
     quiet["guarantee"]["statement"] = statement.replace("|dh| <= 0.6 |dq|", f"|dh| <= {margin!r} |dq|")
-    assert outcome_of(quiet).exit_code == (2 if lipschitz > 1e200 else 4)
+    assert outcome_of(quiet).exit_code == 4
 
 
 @pytest.mark.parametrize("lipschitz", [0.29, 0.31])

@@ -1,18 +1,13 @@
-"""What is computed of a design in doubles, entry `analysis` of a result file, and what else in it is not proved."""
+"""What is computed of a design in doubles; entry `analysis` of a result file."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
-
-NUMERICAL = {  # entries of a result file that prove nothing, besides its limits
-    "observer": ("poles", "fastest", "largest_step", "noise_gain", "condition_P", "multipliers", "contraction"),
-    "diagnosis": ("feasible",),
-}
 
 
 def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, *, sampled: bool) -> dict[str, Any]:
@@ -39,14 +34,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, list):
         return [finite(part) for part in value]
     return value if value is None or math.isfinite(value) else None
-
-
-def numerical(entries: Mapping[str, Any], limits: Iterable[str]) -> list[str]:
-    """Dotted paths of what is not proved in a result file with these entries; `limits`: what is so in its guarantee."""
-    named = {**NUMERICAL, "guarantee": limits}
-    paths = [f"{part}.{key}" for part, keys in named.items() for key in keys if key in entries.get(part, {})]
-    paths += ["certificate.checks.margin"] if "certificate" in entries else []
-    return paths + [name for name in ("analysis", "search") if name in entries]
 
 
 def rests(spec: Spec) -> bool:

@@ -110,13 +110,15 @@ class Family:
         Raises `UsageError`: it holds none: its verdict is numerical or structural; or it is malformed.
         """
         from obsdesign.families import frozen
+        from obsdesign.lmi import farkas
 
         if "certificate" not in file.table("diagnosis"):
             raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
-        if file.table("diagnosis", "certificate").get("kind") == frozen.KIND:
+        kind = file.table("diagnosis", "certificate").get("kind")
+        if kind == frozen.KIND:
             return frozen.read(spec, self.demand(spec), file)
-        if not self.refutes:
-            raise file.wrong("diagnosis.certificate", f"there is none for type {spec.observer.type}")
+        if not self.refutes or kind != farkas.KIND:
+            raise file.wrong("diagnosis.certificate", f"there is none of this kind for type {spec.observer.type}")
         proof: Proof = self.part("absence").read(spec, file)
         return proof
 

@@ -52,10 +52,11 @@ class Claim(Protocol):
 
 @dataclass(frozen=True)
 class Proof(Proved):
-    """What was claimed, in words, and the conditions that were checked of it."""
+    """What was claimed, in words, the conditions that were checked of it, and what of the file is not proved."""
 
     claim: str
     checks: tuple[Check, ...]
+    numerical: tuple[str, ...] = ()  # dotted paths
 
 
 @dataclass(frozen=True)

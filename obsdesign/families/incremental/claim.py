@@ -93,8 +93,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     claim = Claim(certificate, asked=held(request, gains["L1"], certificate.gamma))
     if "reconstruction" in file.table("guarantee"):
         claim = replace(claim, reconstruction=read_reconstruction(spec, file, family))
-    if file.at("guarantee", "statement") != claim.statement(spec):
-        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     return claim
 
 

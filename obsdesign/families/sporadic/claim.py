@@ -101,12 +101,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     known = {*claim.constants, *file.table("guarantee")}
     stated = {key: file.number("guarantee", key) for key in CONSTANTS if key in known}
     claim = replace(claim, stated=stated) if stated != claim.constants else claim
-    if not claim.holds:
-        return claim
-    if file.number("guarantee", "jitter") != printed(below(certificate.jitter)):
-        raise file.wrong("guarantee.jitter", "does not follow from T1 and T2")
-    if file.at("guarantee", "statement") != claim.statement(spec):
-        raise file.wrong("guarantee.statement", "does not say what the numbers of the guarantee say")
     if "T2_max" not in file.table("guarantee"):
         return claim
     root = ("certificate", "T2_max")

@@ -17,13 +17,14 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.claim import Claim, held
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest, request_of
 from obsdesign.families.sporadic.study import Made, Point, Scheme, Study, schemes, within_slack
-from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
+from obsdesign.lmi.formula import Array, Exact, approximate, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 from obsdesign.spec import Spec
@@ -138,8 +139,8 @@ class Designer:
             Claim(made.certificate, asked=held(self.request, made.gains[0]))
             if made.certificate and made.gains
             else None,
-            limit=limit,
-            limit_bounded=bounded,
+            limit=known(limit, made.certificate),
+            limit_bounded=known(bounded, made.certificate),
             diagnosis=made.diagnosis,
         )
 
@@ -263,8 +264,15 @@ class Designer:
             Verdict.CERTIFIED if certificate.holds else Verdict.UNCERTIFIED,
             in_doubles(gains),
             Claim(certificate, longest_proof(self.setting, gains, most or 0.0, decay)),
-            limit={**limit, "attained": False},
+            limit=known({**limit, "attained": False}, certificate),
         )
+
+
+def known(limit: dict[str, Any], certificate: SporadicCertificate | None) -> dict[str, Any]:
+    """Limit of gamma of a relaxation; of what gains are better by Theorem 2 itself, the best that was found."""
+    if not certificate or "gamma" not in limit or approximate(certificate.gamma) >= limit["gamma"]:
+        return limit
+    return {"gamma": approximate(certificate.gamma), "attained": True, "kind": "best-found"}
 
 
 def in_doubles(gains: Gains | None) -> dict[str, Array]:
