@@ -36,7 +36,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, symmetric
+from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, in_floats, printed, symmetric
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -45,6 +45,12 @@ EQUATIONS = (
     "theta+ = y - C xhat at a measurement, e = x - xhat, d = C e - theta, z = Cp e"
 )
 DECREASE = "V' + 2 lambda_t V + |z|^2 - mu |w|^2 <= 0"
+
+
+def tied_gain(injection: str, L: Array, C: Array) -> Array | None:
+    """H that goes with L, in the decimals of doubles: 0 to hold, -C L to predict; None if H is free."""
+    product = C @ L
+    return {"hold": 0 * product, "predictor": printed(in_floats(-product))}.get(injection)
 
 
 @dataclass(frozen=True)
