@@ -31,7 +31,7 @@ def too_tight(
     said = [f"{words} {value:g}, with which there is one" for value, words in enough.values()]
     return {
         "condition": "bounds",
-        "reason": f"no solution within the bounds: no gain with {' and '.join(asked)} was found {where}",
+        "reason": f"no gain with {' and '.join(asked)} was found {where}",
         "feasible": {key: value for key, (value, _) in enough.items()},
         "suggestion": ", or ".join([*said, *hints]) or "allow larger bounds",
     }
@@ -39,8 +39,10 @@ def too_tight(
 
 def judged(diagnosis: Diagnosis, *, decided: bool, **known: Any) -> Outcome:
     """Outcome without a gain within bounds: infeasible where that is decided numerically, or else undecided."""
-    verdict = Verdict.INFEASIBLE if decided else Verdict.UNDECIDED
-    return Outcome(verdict, diagnosis={**diagnosis, "proof": "numerical"}, **known)
+    if not decided:
+        return Outcome(Verdict.UNDECIDED, diagnosis=diagnosis, **known)
+    said = {"reason": f"no solution within the bounds: {diagnosis['reason']}", "proof": "numerical"}
+    return Outcome(Verdict.INFEASIBLE, diagnosis={**diagnosis, **said}, **known)
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:

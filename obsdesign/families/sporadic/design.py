@@ -133,7 +133,7 @@ class Designer:
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
         if made.diagnosis.get("condition") == "bounds":
-            return judged(made.diagnosis, decided=False, limit=limit)
+            return judged(made.diagnosis, decided=True, limit=limit)
         bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True}
         return Outcome(
             Verdict(made.status),
@@ -180,7 +180,7 @@ class Designer:
         if study.kappa is not None or study.cap is not None:
             limit = study.farthest(name, *interval, bounded=True)
             if limit is None:
-                return judged(out_of_bounds(name), decided=study.kappa is None, **limits)
+                return judged(out_of_bounds(name), decided=True, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)

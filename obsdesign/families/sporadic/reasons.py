@@ -93,7 +93,7 @@ def out_of_bounds(name: str) -> Diagnosis:
     """Answer that no value of a range is within the bounds."""
     return {
         "condition": "bounds",
-        "reason": f"no solution within the bounds: no {name} of the range was reached",
+        "reason": f"no {name} of the range was reached",
         "feasible": {},
         "suggestion": "allow larger bounds",
     }
