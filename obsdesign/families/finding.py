@@ -66,10 +66,10 @@ def described(mode: Mode) -> dict[str, Any]:
 
 
 def smaller_class(found: Diagnosis) -> str:
-    """Suggestion of the class of a `nonlinearity` that would be `feasible`."""
+    """Suggestion of the class of a `nonlinearity` that would be `feasible`, as far as it is so `within` bounds."""
     known = {name: value for name, value in found["feasible"].items() if name in {"lipschitz", "slope", "share"}}
     largest = ", ".join(f"{name} {shown(value)}" for name, value in known.items())
-    return f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}"
+    return f"nonlinearity {found['nonlinearity']} would be feasible at this alpha with {largest}{found['within']}"
 
 
 def shown(value: Any) -> str:

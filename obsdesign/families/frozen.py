@@ -1,6 +1,6 @@
 """Answers that a frozen member of the class, f = K q, hides a mode: a reason, a finding and a proof, in any family."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, complex_pair, described, finding, smaller_class
 from obsdesign.families.outcome import Diagnosis, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, rows
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.lmi.proof import Check
 from obsdesign.model.frozen import Hidden, hidden, proved
 from obsdesign.model.multiplier import Multiplier
@@ -28,6 +28,9 @@ class Demand:
     rate: fmpq  # the least that is asked for, 1/s; if it is zero, any decay
     multiplier: Multiplier
     key: str  # of the rate in a spec
+    gain: str  # key of the injection L1 in a spec
+    largest: fmpq | None = None  # what bounds its norm, unless it is given
+    L2: Array | None = None  # None: any
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
@@ -58,7 +61,7 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
 def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
     """Answer that no observer makes the error decay as it must, with what proves it."""
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
-    members = [FREE if K is None else rows(K) for K in found.slopes]
+    chosen = [FREE if K is None else rows(K) for K in found.slopes]
     slower = f"ask for {demand.key} below {found.decay:g}"
     return {
         "condition": "detectability",
@@ -68,14 +71,19 @@ def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
         "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
         "suggestion": slower if found.decay > 0 else "measure another state, or tighten the type of the nonlinearity",
         "proof": "exact",
-        "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), members, strict=True))},
+        "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), chosen, strict=True))},
     }
 
 
 def sentence(found: Hidden) -> str:
     """Member and mode in words."""
-    named = " and ".join(slope(K, f"f{i}") for i, K in enumerate(found.member, start=1))
+    named = members(found.member)
     return f"at {named}, which the types allow, {found.mode.sentence}" if named else found.mode.sentence
+
+
+def members(chosen: Sequence[Array]) -> str:
+    """Members of the classes in words; nothing where there is no f."""
+    return " and ".join(slope(K, f"f{i}") for i, K in enumerate(map(in_floats, chosen), start=1))
 
 
 def slope(K: Array, name: str) -> str:
@@ -105,11 +113,11 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     Raises `UsageError`: it is malformed, or has not one member for each nonlinearity.
     """
     root, shapes = ("diagnosis", "certificate", "members"), [b.member.shape for b in demand.multiplier.blocks]
-    names, members = numbered("f", len(shapes)), file.table(*root)
-    if set(members) != set(names):
+    names, table = numbered("f", len(shapes)), file.table(*root)
+    if set(table) != set(names):
         raise file.wrong(".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities")
     chosen = tuple(
-        None if members[name] == FREE else file.matrix(shape, *root, name)
+        None if table[name] == FREE else file.matrix(shape, *root, name)
         for name, shape in zip(names, shapes, strict=True)
     )
     found = proved(spec.augmented, demand.multiplier, chosen, demand.rate)

@@ -20,6 +20,9 @@ class Verdict(StrEnum):
     CERTIFIED = "certified"  # the claim is proved for the very gains
     UNCERTIFIED = "uncertified"  # there are gains, and the proof failed
     INFEASIBLE = "infeasible"
+    UNDECIDED = (
+        "undecided"  # no gains were found, and nothing says that there are none: no design ends so, but an error
+    )
 
 
 class Claim(Protocol):

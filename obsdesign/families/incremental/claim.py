@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, ends
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
@@ -88,8 +88,8 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     kind = THEOREMS[spec.observer.type]
     family = kind(spec.augmented, spec.multiplier, spec.H, file.number("guarantee", "alpha"), gains["L1"], gains["L2"])
     request = request_of(spec)
-    largest = None if request.gains else request.bounds.P
-    certificate = read_certificate(file, family, ("guarantee",), ("certificate",), largest)
+    bounds = NO_BOUNDS if request.gains else request.bounds
+    certificate = read_certificate(file, family, ("guarantee",), ("certificate",), bounds)
     claim = Claim(certificate, asked=held(request, gains["L1"], certificate.gamma))
     if "reconstruction" in file.table("guarantee"):
         claim = replace(claim, reconstruction=read_reconstruction(spec, file, family))
@@ -109,14 +109,14 @@ def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
 
 
 def read_certificate(
-    file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str], largest: fmpq | None = None
+    file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str], bounds: Bounds = NO_BOUNDS
 ) -> Certificate:
     """Certificate of a claim (gamma, mu1, mu2) by a witness (P, multipliers), checked."""
     n = family.plant.n
     values = {"P": file.matrix((n, n), *witness, "P")}
     values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
     gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
-    return certify(family, gamma, mu1, mu2, values, largest)
+    return certify(family, gamma, mu1, mu2, values, bounds)
 
 
 def read_reconstruction(spec: Spec, file: ResultFile, family: Incremental) -> Reconstructed:

@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, ends
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.figures import figures
@@ -144,7 +144,8 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     L, lipschitz = read_gains(spec, file)["L"], read_constant(file, *GUARANTEE)
     decay = file.number(*GUARANTEE, "decay")
     require_request(spec, file, L, lipschitz, decay)
-    certificate = read_certificate(spec, file, L, lipschitz, decay, GUARANTEE, CERTIFICATE)
+    storage = request_of(spec).storage if spec.disturbed else NO_BOUNDS
+    certificate = read_certificate(spec, file, L, lipschitz, decay, GUARANTEE, CERTIFICATE, storage)
     claim = Claim(lipschitz, certificate, bound=held(request_of(spec), L, certificate, disturbed=spec.disturbed))
     if "admissible" in file.table(*GUARANTEE):
         largest = require_admissible(file, lipschitz)
@@ -173,7 +174,14 @@ def read_constant(file: ResultFile, *keys: str) -> fmpq:
 
 
 def read_certificate(
-    spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, decay: fmpq, claim: Sequence[str], witness: Sequence[str]
+    spec: Spec,
+    file: ResultFile,
+    L: Array,
+    lipschitz: fmpq,
+    decay: fmpq,
+    claim: Sequence[str],
+    witness: Sequence[str],
+    bounds: Bounds = NO_BOUNDS,
 ) -> Certificate:
     """Certificate of a constant and a decay rate, with gamma, mu1 and mu2, P and multipliers where they stand."""
     plant = spec.augmented
@@ -182,7 +190,7 @@ def read_certificate(
     values = {"P": file.matrix((plant.n, plant.n), *witness, "P")}
     values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
     gamma, mu1, mu2 = read_levels(file, claim) if spec.disturbed else (fmpq(1),) * 3
-    return certify(family, gamma, mu1, mu2, values)
+    return certify(family, gamma, mu1, mu2, values, bounds)
 
 
 def read_levels(file: ResultFile, claim: Sequence[str]) -> tuple[fmpq, fmpq, fmpq]:

@@ -12,10 +12,9 @@ from obsdesign.dissipation.gain import ROOM, bounded, descended, rounded_gains
 from obsdesign.dissipation.zero import TABLE, tabulated
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.lipschitz.claim import Claim
-from obsdesign.families.lipschitz.reasons import too_small
-from obsdesign.families.lipschitz.study import Study, out_of_bounds
+from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import largest_constant
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Outcome
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.solve import Status
 from obsdesign.tables.text import at_least, at_most
@@ -30,10 +29,9 @@ def largest(study: Study) -> Outcome:
     best = supremum.value
     if study.restricted:
         found = bounded(study.stretch().least, study.bounds)
-        if out_of_bounds(found):
-            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         if found.status is not Status.OPTIMAL:
-            raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.reason}")
+            decided = found.status is Status.INFEASIBLE
+            return study.out_of_bounds(study.stretch().least, decided=decided, **limits)
         best = study.stretch().constant(found)
         limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
     if best == math.inf:

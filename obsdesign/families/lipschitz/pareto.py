@@ -11,13 +11,12 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, Range
 from obsdesign.dissipation.decimals import round_down
-from obsdesign.dissipation.gain import size_of
+from obsdesign.dissipation.gain import least, size_of
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.front import Front, Optimum, front, weighted
 from obsdesign.families.lipschitz.min_gamma import small_gains
-from obsdesign.families.lipschitz.reasons import too_small
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
@@ -65,8 +64,9 @@ def weighed(study: Study) -> Outcome:
     inner = front(study, study.bounds)
     if study.restricted:
         inside = inner.optimum(weight)
-        if inside is Status.INFEASIBLE:
-            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
+        if isinstance(inside, Status):
+            solve = least(study.engine, inner.family(float(study.declared)))
+            return study.out_of_bounds(solve, decided=inside is Status.INFEASIBLE, **limits)
         best = certain(inside, weight)
         limits["limit_bounded"] = {**best.numbers, "attained": study.closed}
     constant, gamma = goal(inner, best)
@@ -150,10 +150,13 @@ def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
 
 def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
     """Answer that no point has a solution. Raises `UndecidedError`: there may be one."""
-    if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
+    decided = all(spot.optimum is Status.INFEASIBLE for spots in curves for spot in spots)
+    if blocked := study.obstacle() if decided else {}:
+        return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
+    if not study.restricted or any(isinstance(spot.optimum, Optimum) for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
-    blocked = study.obstacle()
-    return Outcome(Verdict.INFEASIBLE, diagnosis=blocked or too_small(study.bounds))
+    family = front(study, study.bounds).family(float(study.declared))
+    return study.out_of_bounds(least(study.engine, family), decided=decided)
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:

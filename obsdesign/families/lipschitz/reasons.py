@@ -4,8 +4,6 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import Any
 
-from flint import fmpq
-
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import hidden_mode
@@ -13,6 +11,7 @@ from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
 from obsdesign.tables.text import at_least, at_most
@@ -138,22 +137,13 @@ def out_of_reach(asked: float, least: float, lipschitz: float) -> Diagnosis:
     }
 
 
-def too_small(bounds: Bounds) -> Diagnosis:
-    """Answer that nothing within the bounds on L and P was found."""
-    norm = "|L|_F" if bounds.norm == "frobenius" else "|L|"
-    named: dict[str, tuple[str, fmpq | None]] = {
-        "L": (f"{norm} <= {{:g}}", bounds.L1),
-        "P.min": ("P >= {:g} I", bounds.floor),
-    }
-    asked = {name: (words, float(bound)) for name, (words, bound) in named.items() if bound is not None}
-    said = " and ".join(words.format(bound) for words, bound in asked.values())
-    return {
-        "condition": "bounds",
-        "reason": f"no gain with {said} was found, and there are others that will do",
-        "bounds": {name: bound for name, (_, bound) in asked.items()},
-        "feasible": {},
-        "suggestion": "allow larger bounds, or ask for a smaller decay",
-    }
+def too_small(bounds: Bounds, decay: float = 0.0, size: float | None = None) -> Diagnosis:
+    """Answer that nothing within the bounds on L and P was found; `size`: a bound on |L| that will do."""
+    asked = {"L": bounds.L1, "P.min": bounds.floor}
+    enough = {"L": (size, "allow |L| up to")} if size else {}
+    hints = ["ask for a smaller decay"] if decay else []
+    found = too_tight(bounds.words("L"), f"for the decay {decay:g}", enough, hints)
+    return {**found, "bounds": {name: float(bound) for name, bound in asked.items() if bound is not None}}
 
 
 def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diagnosis:

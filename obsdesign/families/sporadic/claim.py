@@ -20,6 +20,7 @@ from obsdesign.families.sporadic.certificate import (
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.observer import errors
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
+from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, above, approximate, below, printed
@@ -95,7 +96,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, checked: of its intervals, and of the longest that is tolerated."""
     gains = read_gains(spec, file)
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
-    require_request(file, request_of(spec), gains, asked)
+    require_request(file, request_of(spec), gains, asked, spec.augmented.C)
     certificate = read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",))
     claim = Claim(certificate, asked=held(request_of(spec), gains["L"]))
     known = {*claim.constants, *file.table("guarantee")}
@@ -142,7 +143,7 @@ def read_certificate(
 
 
 def require_request(
-    file: ResultFile, request: SporadicRequest, gains: Mapping[str, Array], claim: Mapping[str, fmpq]
+    file: ResultFile, request: SporadicRequest, gains: Mapping[str, Array], claim: Mapping[str, fmpq], C: Array
 ) -> None:
     """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains."""
     if file.at("observer", "type") != request.type:
@@ -156,8 +157,9 @@ def require_request(
         if file.number("observer", name) != claim[name]:
             raise file.wrong(f"observer.{name}", "differs from that of the guarantee")
     if not request.gains:
-        if request.injections == ("hold",) and gains["H"].any():
-            raise file.wrong("observer.H", "not zero, and the spec asks for injection: hold")
+        tied = [tied_gain(name, gains["L"], C) for name in request.injections]
+        if all(H is not None and (gains["H"] != H).any() for H in tied):
+            raise file.wrong("observer.H", f"not that of {' or '.join(request.injections)}, which the spec asks for")
         delta, low, high = file.number("observer", "delta"), request.delta.low, request.delta.high
         if low == high and delta != printed(low):
             raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for")

@@ -17,6 +17,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.reach import judged
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.claim import Claim, held
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
@@ -132,6 +133,8 @@ class Designer:
         """
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
+        if made.diagnosis.get("condition") == "bounds":
+            return judged(made.diagnosis, decided=True, limit=limit)
         bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True}
         return Outcome(
             Verdict(made.status),
@@ -178,7 +181,7 @@ class Designer:
         if study.kappa is not None or study.cap is not None:
             limit = study.farthest(name, *interval, bounded=True)
             if limit is None:
-                return Outcome(Verdict.INFEASIBLE, diagnosis=out_of_bounds(name), **limits)
+                return judged(out_of_bounds(name), decided=True, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)

@@ -16,7 +16,7 @@ from obsdesign.dissipation.scan import Minimum
 from obsdesign.families.sporadic.certificate import SporadicCertificate, certify_sporadic
 from obsdesign.families.sporadic.landscape import LARGEST, Landscape, Optimum, root, solve_once
 from obsdesign.families.sporadic.relaxations import Given, WithGains
-from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.families.sporadic.theorem import Sporadic, tied_gain
 from obsdesign.lmi.formula import Array, Exact, Values, in_floats, printed, rational, rational_number
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
@@ -170,13 +170,15 @@ def smallest(
     return second if second and second.size < first.size else first
 
 
-def roundings(candidate: Candidate, kappa: float | None) -> Iterator[Gains]:
-    """Gains of a candidate in more and more digits, in rationals."""
+def roundings(setting: Setting, candidate: Candidate, kappa: float | None) -> Iterator[Gains]:
+    """Gains of a candidate in more and more digits, in rationals; H stays tied to L where it is."""
     L, H = candidate.relaxation.gains(candidate.values)
     for digits in DIGITS:
         rough = significant(L, digits)
         if kappa is None or float(np.linalg.norm(rough, 2)) <= kappa:
-            yield printed(rough), printed(significant(H, digits))
+            exact = printed(rough)
+            tied = tied_gain(candidate.relaxation.injection, exact, setting.plant.C)
+            yield exact, printed(significant(H, digits)) if tied is None else tied
 
 
 def prove(
@@ -242,7 +244,7 @@ def reaching(
     """
     made: tuple[Gains | None, SporadicCertificate | None] = (None, None)
     least = math.inf
-    for gains in roundings(candidate, kappa):
+    for gains in roundings(setting, candidate, kappa):
         certificate = prove(setting, gains, T2, decay, candidate.delta)
         proved = float(certificate.gamma) if certificate and certificate.holds else math.inf
         if proved < least or least == math.inf:

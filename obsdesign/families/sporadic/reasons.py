@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import Array, Exact, in_floats
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import text
@@ -82,21 +83,18 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
     }
 
 
-def too_small(kappa: float, T2: float) -> Diagnosis:
-    """Answer that no gain within the bound was found."""
-    return {
-        "condition": "bounds",
-        "reason": f"no gain with |L| <= {kappa:g} was found for T2 = {T2:g}, and there are larger ones that will do",
-        "feasible": {},
-        "suggestion": "allow a larger |L|, or ask for a smaller T2",
-    }
+def too_small(kappa: float, T2: float, decay: float, size: float | None) -> Diagnosis:
+    """Answer that no gain within the bound was found; `size`: a bound that does."""
+    enough = {"L": (size, "allow |L| up to")} if size else {}
+    where = f"for T2 = {T2:g} with decay {decay:g}"
+    return too_tight([f"|L| <= {kappa:g}"], where, enough, ["ask for a smaller T2"])
 
 
 def out_of_bounds(name: str) -> Diagnosis:
     """Answer that no value of a range is within the bounds."""
     return {
         "condition": "bounds",
-        "reason": f"no {name} of the range can be reached within the bounds",
+        "reason": f"no {name} of the range was reached",
         "feasible": {},
         "suggestion": "allow larger bounds",
     }

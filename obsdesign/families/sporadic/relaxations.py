@@ -108,6 +108,8 @@ class Relaxation(ABC):
 class WithGains(Relaxation):
     """A relaxation whose solutions hold the gains, as L and as J = X'L."""
 
+    injection: ClassVar[str] = "dynamic"
+
     @abstractmethod
     def gains(self, values: Values) -> Gains:
         """L and H of a solution."""
@@ -173,6 +175,8 @@ class Proposition2(WithGains):
 
 class Predictor(Proposition2):
     """Proposition 2 with Y = 0, that is H = -C L: theta + C xhat, the predicted output, is held (Remark 5)."""
+
+    injection = "predictor"
 
     @property
     def further(self) -> tuple[Unknown, ...]:

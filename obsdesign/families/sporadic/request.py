@@ -195,7 +195,9 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
 
 def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
-    return Demand(printed(ends(request_of(spec).decay)[0]), spec.multiplier, "decay")
+    request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
+    largest = None if request.gains else request.largest_gain
+    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none)
 
 
 def request_of(spec: Spec) -> SporadicRequest:

@@ -8,8 +8,9 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends, require_agreement
-from obsdesign.dissipation.decimals import round_down
-from obsdesign.dissipation.scan import zero
+from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.gain import CLOSELY
+from obsdesign.dissipation.scan import edge, strides, zero
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.gains import EDGE, ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
@@ -24,6 +25,8 @@ from obsdesign.lmi.solve import Status
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
+WIDER = 4.0  # between bounds on |L|, from one that does not do, until one does
+STRIDES = 10
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero
 Point = dict[str, Any]
 
@@ -193,7 +196,7 @@ class Study:
             landscape = self.landscape(self.scheme.gains, float(decay), self.kappa)
             start = within(landscape, float(T2), self.exponent if limit and self.around is None else self.around)
             if start is None:
-                return replace(made, diagnosis=too_small(float(self.request.largest_gain or 0), float(T2)))
+                return replace(made, diagnosis=self.out_of_bounds(float(T2), float(decay)))
             self.around = landscape.exponent
             made = replace(made, bounded=max(start.gamma, gamma))
         if self.cap is not None and made.level > self.cap:
@@ -211,6 +214,18 @@ class Study:
             if second[1] and second[1].holds and float(second[1].gamma) < proved:
                 gains, certificate = second
         return replace(made, gains=gains, certificate=certificate)
+
+    def out_of_bounds(self, T2: float, decay: float) -> Diagnosis:
+        """Answer that no gain within the bound was found, with a bound that does."""
+        asked = float(self.request.largest_gain or 0)
+
+        def reaches(kappa: float) -> bool:
+            return within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent) is not None
+
+        inside, outside = strides(reaches, asked, 1 / WIDER, STRIDES)
+        if inside is None or outside is None:
+            return too_small(asked, T2, decay, None)
+        return too_small(asked, T2, decay, round_up(edge(reaches, inside, outside, CLOSELY) * (1 + CLOSELY), 4))
 
     def small(
         self, made: Made, start: Candidate | None, T2: float, decay: float, target: float, thorough: bool

@@ -38,7 +38,7 @@ from typing import Any
 
 from flint import arb
 
-from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, symmetric
+from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, in_floats, printed, symmetric
 from obsdesign.lmi.spectrum import extremes
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -58,6 +58,12 @@ def extent(P1: Array, P2: Array, ratio: arb) -> tuple[arb, arb, arb]:
     (low1, high1), (low2, high2) = extremes(P1), extremes(P2)
     omega2 = high2 * ratio
     return low1.min(low2), high1.max(omega2), omega2
+
+
+def tied_gain(injection: str, L: Array, C: Array) -> Array | None:
+    """H that goes with L, in the decimals of doubles: 0 to hold, -C L to predict; None if H is free."""
+    product = C @ L
+    return {"hold": 0 * product, "predictor": printed(in_floats(-product))}.get(injection)
 
 
 @dataclass(frozen=True)
