@@ -414,3 +414,18 @@ def test_given_gains_that_prove_nothing_are_simulated_without_a_guarantee():
     assert "no guarantee" in outcome.stdout
     assert "holds" not in outcome.stdout
     assert files() == ["bad.run.csv", "bad.run.png", "bad.yaml"]
+
+
+@pytest.mark.parametrize("objective", ["min-gamma", "feasibility"])
+def test_a_far_coupling_is_designed_for(objective):
+    """x1' = -x1 + 1e10 x2 is seen by nothing, and stable."""
+    system, observer = "system: {A: [[-1, 1.0e10], [0, -2]], B: [0, 1], C: [0, 1]}", f"objective: {objective}"
+    head = "obsdesign: 1\nname: far\nobserver: {type: sporadic, T1: 0.1, T2: 0.3, decay: 0.05, "
+    Path("far.yaml").write_text(f"{head}{observer}}}\n{system}\n")
+    outcome = run("solve", "far.yaml", "-o", "far.gains.json")
+    assert outcome.exit_code == 0, outcome.output
+    assert run("verify", "far.gains.json").exit_code == 0
+    made = content_of("far.gains.json")
+    assert any("units that fit the data" in note for note in made["notes"])
+    if objective == "min-gamma":
+        assert 1 <= made["guarantee"]["gamma"] / made["guarantee"]["limit"]["gamma"] <= 1.05

@@ -407,6 +407,5 @@ def test_of_the_roundings_of_a_gain_a_proved_one_is_kept_and_the_first_that_reac
 ):
     proofs = iter([g and SimpleNamespace(holds=True, gamma=g) for g in gammas])
     monkeypatch.setattr("obsdesign.families.sporadic.gains.prove", lambda *_: next(proofs))
-    relaxation = SimpleNamespace(gains=lambda _: (np.eye(1) / 3, np.eye(1)))
-    _, made = reaching(None, SimpleNamespace(relaxation=relaxation, values={}, delta=1.0), 1, 0, 2.0, None)
+    _, made = reaching(None, SimpleNamespace(gains=(np.eye(1) / 3, np.eye(1)), delta=1.0), 1, 0, 2.0, None)
     assert (made and made.gamma) == kept

@@ -23,6 +23,7 @@ from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest, request_of
 from obsdesign.families.sporadic.study import Made, Point, Scheme, Study, schemes, within_slack
+from obsdesign.families.sporadic.units import SPEC, units
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -38,9 +39,10 @@ class Designer:
         self.request, self.engine = request, engine
         self.T2, self.decay = Range(*ends(request.T2)), Range(*ends(request.decay))
         self.lowest = printed(max(self.T2.low, request.T1)), printed(self.decay.low)
-        self.setting = Setting(engine, plant, multiplier, Cp, request.delta, printed(request.T1))
+        own = units(plant.doubles, in_floats(Cp), float(self.T2.low), bounded=request.largest_gain is not None)
+        self.setting = Setting(engine, plant, multiplier, Cp, request.delta, printed(request.T1), own)
         self.schemes = schemes(request)
-        self.notes: list[str] = []
+        self.notes = [] if own is SPEC else [own.told()]
         self.require()
         self.studies = [Study(self.setting, scheme, request) for scheme in self.schemes]
 

@@ -24,7 +24,7 @@ from obsdesign.lmi.solve import Status
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
-LEAST = 1e-6  # gamma that gains are searched for, where it is zero
+LEAST = 1e-6  # gamma that gains are searched for, where it is zero, beside its size by the data
 Point = dict[str, Any]
 
 
@@ -123,9 +123,7 @@ class Study:
         """A relaxation at one decay."""
         key = form, decay, kappa
         if key not in self.landscapes:
-            self.landscapes[key] = Landscape(
-                self.setting.engine, self.setting.family(decay), form, self.setting.delta, kappa
-            )
+            self.landscapes[key] = self.setting.landscape(form, decay, kappa)
         return self.landscapes[key]
 
     # Limits
@@ -218,8 +216,8 @@ class Study:
         """Gains of small norm that reach a gamma."""
         room = min(ROOM, max(target / made.level - 1, 0.0) / 3) if made.level else 0.0
         delta = start.delta if start else made.delta
-        size = self.kappa or self.size or float(np.linalg.norm(in_floats(self.setting.plant.A), 2)) or 1.0
         landscape = self.landscape(self.scheme.gains, decay)
+        size = self.kappa or self.size or float(np.linalg.norm(landscape.family.plant.A, 2)) or 1.0
         found = smallest(landscape, T2, target * (1 - room), delta, size, thorough=thorough)
         if found is None or (self.kappa is not None and found.size > self.kappa):
             found = start
@@ -236,7 +234,7 @@ class Study:
         wanted = 1 + float(self.request.slack)
         if self.request.objective not in {"min-gamma", "pareto"}:
             wanted = max(wanted, MODERATE)
-        target = max(base * wanted, LEAST)
+        target = max(base * wanted, LEAST * self.setting.units.gamma)
         return target if self.cap is None else min(target, self.cap)
 
     # Curves

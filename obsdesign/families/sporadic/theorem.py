@@ -36,6 +36,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from obsdesign.families.sporadic.units import SPEC, Units
 from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, symmetric
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -60,6 +61,7 @@ class Sporadic:
     decay: Any  # lambda_t, 1/s
     delta: Any  # 1/s
     ratio: Any
+    units: Units = SPEC  # of the plant and of both rates
 
     def flows(self, matrix: Callable[[Any], Array]) -> tuple[Inequality, Inequality]:
         """A matrix that is affine in s negative at both ends of the interval; definite if lambda_t = 0."""
