@@ -87,7 +87,8 @@ class Family:
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
         from obsdesign.families import frozen
 
-        return frozen.designed(spec, self.demand(spec), lambda: self.part("design").design(spec, engine))
+        made = frozen.designed(spec, self.demand(spec), lambda: self.part("design").design(spec, engine))
+        return made.within_limits(spec)
 
     def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
         """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""

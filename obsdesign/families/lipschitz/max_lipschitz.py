@@ -15,7 +15,7 @@ from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.reasons import too_small
 from obsdesign.families.lipschitz.study import Study, out_of_bounds
 from obsdesign.families.lipschitz.suprema import largest_constant
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Outcome, Verdict, bounded_kind
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.solve import Status
 
@@ -34,7 +34,7 @@ def largest(study: Study) -> Outcome:
         if found.status is not Status.OPTIMAL:
             raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.reason}")
         best = study.stretch().constant(found)
-        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
+        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed, **bounded_kind(study.bounds)}
     if best == math.inf:
         raise unlimited(study)
     constant = printed(round_down(best / (1 + study.slack), DIGITS))

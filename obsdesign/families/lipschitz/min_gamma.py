@@ -15,7 +15,7 @@ from obsdesign.families.lipschitz.reasons import out_of_reach, too_small
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
 from obsdesign.families.lipschitz.study import Study, out_of_bounds
 from obsdesign.families.lipschitz.suprema import cancels
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Outcome, Verdict, bounded_kind
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.solve import Status
 
@@ -36,7 +36,8 @@ def least_gamma(study: Study) -> Outcome:
         if answer.status is not Status.OPTIMAL:
             raise UndecidedError(f"the least gamma within the bounds was not found: {answer.reason}")
         limit = Level.of(answer, Vanishing(instead=limit.instead, attained=limit.attained))
-        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
+        attained = limit.attained or study.closed
+        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if asked < limit.gamma:
         reason = out_of_reach(asked, limit.gamma, float(study.declared))

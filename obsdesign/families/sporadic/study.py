@@ -10,7 +10,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Range, ends, require_agreement
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.scan import zero
-from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.outcome import Diagnosis, limited
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.gains import EDGE, ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
 from obsdesign.families.sporadic.landscape import Form, Landscape
@@ -268,7 +268,7 @@ class Study:
             status = "infeasible" if self.missing(float(T2), float(decay)) >= 0 else "undecided"
             return {name: float(value), "status": status}, Made()
         made = self.at(T2, decay, (delta, gamma))
-        return {name: float(value), "gamma": gamma, "delta": delta, **described(made)}, made
+        return {name: float(value), "gamma": gamma, "delta": delta} | described(made, {"gamma": gamma}), made
 
     def longest_point(self, decay: fmpq, interval: Range) -> tuple[Point, Made]:
         """Largest T2 for one decay, and certified gains for one within the slack of it."""
@@ -278,7 +278,7 @@ class Study:
             return {"decay": float(decay), "status": "infeasible"}, Made()
         T2 = within_slack(limit, low, self.request.slack)
         made = self.at(T2, decay)
-        return {"decay": float(decay), "T2": limit, "delta": made.delta, **described(made)}, made
+        return {"decay": float(decay), "T2": limit, "delta": made.delta} | described(made, {"T2": limit}), made
 
 
 def within_slack(limit: float, low: float, slack: fmpq) -> fmpq:
@@ -286,8 +286,8 @@ def within_slack(limit: float, low: float, slack: fmpq) -> fmpq:
     return rational_number(repr(max(round_down(limit / (1 + float(slack)), 6), low)))
 
 
-def described(made: Made) -> Point:
-    """Certified gains of a point."""
+def described(made: Made, limit: Point) -> Point:
+    """Certified gains of a point, and its limit, which they are not better than."""
     if made.diagnosis:
         return {"status": "optimal", "reason": made.diagnosis["reason"]}
     known: Point = {"status": made.status}
@@ -300,4 +300,5 @@ def described(made: Made) -> Point:
             "delta": float(c.family.delta),
             "L": made.size,
         }
+        known |= limited(limit, known["certified"])
     return known
