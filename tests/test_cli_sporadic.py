@@ -133,7 +133,7 @@ def test_a_result_file_holds_the_observer_its_guarantee_and_the_proof(made):
     assert all(number(guarantee[key]) for key in ("gamma", "mu", "decay", "T1", "T2", "noise", "jitter"))
     assert (guarantee["T1"], guarantee["T2"], guarantee["decay"], guarantee["jitter"]) == (0.1, 0.2, 0.05, 1.0)
     assert guarantee["mu"] <= guarantee["gamma"] ** 2 * (1 + 1e-12)
-    assert set(guarantee["limit"]) == set(guarantee["limit_bounded"]) == {"gamma", "attained"}
+    assert set(guarantee["limit"]) == set(guarantee["limit_bounded"]) == {"gamma", "attained", "kind"}
     assert guarantee["limit"]["gamma"] <= guarantee["limit_bounded"]["gamma"] <= guarantee["gamma"]
     assert guarantee["gamma"] <= 1.05 * guarantee["limit_bounded"]["gamma"]
     assert repr(guarantee["gamma"]) in guarantee["statement"]
