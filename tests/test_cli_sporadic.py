@@ -429,3 +429,11 @@ def test_a_far_coupling_is_designed_for(objective):
     assert any("units that fit the data" in note for note in made["notes"])
     if objective == "min-gamma":
         assert 1 <= made["guarantee"]["gamma"] / made["guarantee"]["limit"]["gamma"] <= 1.05
+
+
+def test_a_bound_in_far_units_that_is_not_reached_is_no_proof_that_it_cannot_be():
+    system = "system: {A: [[0, 1.0e+10], [-2.0e-10, -1]], B: [0, 1.0e-5], C: [1.0e-5, 0]}"
+    tail = "observer: {type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, delta: 3, bounds: {L: 1.0e-3}}"
+    Path("far.yaml").write_text(f"obsdesign: 1\nname: far\n{system}\n{tail}\n")
+    outcome = run("solve", "far.yaml", "-o", "far.gains.json")
+    assert (outcome.exit_code, "no gain was found" in outcome.stderr) == (4, True)

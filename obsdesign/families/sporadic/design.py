@@ -190,6 +190,8 @@ class Designer:
             self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
         if study.kappa is not None or study.cap is not None:
             limit = study.farthest(name, *interval, bounded=True)
+            if limit is None and self.setting.units is not SPEC:
+                raise UndecidedError(f"no {name} within the bounds was found, in units that are far from the data")
             if limit is None:
                 return Outcome(Verdict.INFEASIBLE, diagnosis=out_of_bounds(name), **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}

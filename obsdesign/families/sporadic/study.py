@@ -19,6 +19,7 @@ from obsdesign.families.sporadic.relaxations import Predictor, Proposition2, Red
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.slack import Held, Proposition3, Proposition4, Proposition5
 from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.families.sporadic.units import SPEC
 from obsdesign.lmi.formula import in_floats, printed, rational_number
 from obsdesign.lmi.solve import Status
 
@@ -190,6 +191,8 @@ class Study:
         if self.kappa is not None:
             landscape = self.landscape(self.scheme.gains, float(decay), self.kappa)
             start = within(landscape, float(T2), self.exponent if limit and self.around is None else self.around)
+            if start is None and self.setting.units is not SPEC:
+                return made  # |L| is in the units of the spec, in which this search decides nothing
             if start is None:
                 return replace(made, diagnosis=too_small(float(self.request.largest_gain or 0), float(T2)))
             self.around = landscape.exponent
