@@ -253,7 +253,7 @@ class Spec(metaclass=Called):
     def limits(self, i: int) -> list[str]:
         """What must hold for the type of one nonlinearity."""
         block = self.nonlinearities[i]
-        whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
+        whose = f" of nonlinearities[{i}]" if len(self.nonlinearities) > 1 else ""
         own = ("q",) if block.nq == 1 else numbered("q", block.nq)
         known = zip(own, block.region or (), strict=False)
         limited = [(f"{q}{whose} and its estimate stay", ends) for q, ends in known]

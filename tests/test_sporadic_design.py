@@ -407,7 +407,8 @@ def test_of_the_roundings_of_a_gain_a_proved_one_is_kept_and_the_first_that_reac
 ):
     proofs = iter([g and SimpleNamespace(holds=True, gamma=g) for g in gammas])
     monkeypatch.setattr("obsdesign.families.sporadic.gains.prove", lambda *_: next(proofs))
-    relaxation = SimpleNamespace(injection="dynamic", gains=lambda _: (np.eye(1) / 3, np.eye(1)))
+    relaxation = SimpleNamespace(injection="dynamic")
     setting = SimpleNamespace(plant=SimpleNamespace(C=rational(np.zeros((1, 1)))))
-    _, made = reaching(setting, SimpleNamespace(relaxation=relaxation, values={}, delta=1.0), 1, 0, 2.0, None)
+    candidate = SimpleNamespace(relaxation=relaxation, gains=(np.eye(1) / 3, np.eye(1)), delta=1.0)
+    _, made = reaching(setting, candidate, 1, 0, 2.0, None)
     assert (made and made.gamma) == kept

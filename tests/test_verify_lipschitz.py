@@ -107,7 +107,7 @@ def test_a_constant_that_no_double_holds_is_covered_by_the_next_one_above(outcom
 def test_where_the_types_hold_is_said(outcome_of):
     local = made(PAIR.replace("{lipschitz: 0.1}", "{lipschitz: 0.1}, region: {q: [-1, 2]}"), fmpq(3, 10), 0.72)
     assert (
-        "; local: as long as q of nonlinearity 2 and its estimate stay in [-1, 2]; assumed: "
+        "; local: as long as q of nonlinearities[1] and its estimate stay in [-1, 2]; assumed: "
         in (local["guarantee"]["statement"])
     )
     assert outcome_of(local).exit_code == 0

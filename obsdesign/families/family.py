@@ -89,7 +89,7 @@ class Family:
 
         demand = self.demand(spec)
         within = lambda: reach.designed(spec, demand, lambda: self.part("design").design(spec, engine))  # noqa: E731
-        return frozen.designed(spec, demand, within)
+        return frozen.designed(spec, demand, within).within_limits(spec)
 
     def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
         """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, product
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, complex_pair, described, finding, smaller_class
 from obsdesign.families.outcome import Diagnosis, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, rows
-from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.lmi.formula import Array, block_diagonal, in_floats
 from obsdesign.lmi.proof import Check
-from obsdesign.model.frozen import Hidden, hidden, proved
+from obsdesign.model.frozen import MOST, Hidden, blind, hidden, proved
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec, numbered
 
 KIND = "member"
@@ -40,13 +42,13 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     except UndecidedError:
         if not (found := hidden(spec.augmented, demand.multiplier, demand.rate)):
             raise
-        return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis(found, demand))
+        return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis(spec, found, demand))
     if outcome.status is Verdict.CERTIFIED:
         return outcome
     found = hidden(spec.augmented, demand.multiplier, demand.rate)
     if not found:
         return outcome
-    known, said = outcome.diagnosis, diagnosis(found, demand)
+    known, said = outcome.diagnosis, diagnosis(spec, found, demand)
     feasible = said["feasible"] | known.get("feasible", {})
     if "nonlinearity" in known:
         said["suggestion"] += f"; {smaller_class(known)}"
@@ -58,27 +60,43 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     return replace(outcome, status=Verdict.INFEASIBLE, gains=gains, claim=None, diagnosis={**known, **said})
 
 
-def diagnosis(found: Hidden, demand: Demand) -> Diagnosis:
+def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     """Answer that no observer makes the error decay as it must, with what proves it."""
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
     chosen = [FREE if K is None else rows(K) for K in found.slopes]
-    slower = f"ask for {demand.key} below {found.decay:g}"
+    if found.decay > 0:
+        instead = f"ask for {demand.key} below {found.decay:g}"
+    else:
+        instead = "measure another state" + (", or tighten the type of the nonlinearity" if helps(spec, demand) else "")
     return {
         "condition": "detectability",
-        "reason": f"{sentence(found)}, so no observer makes its error decay {must}",
+        "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}",
         "mode": described(found.mode),
         "slopes": slopes(found),
         "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
-        "suggestion": slower if found.decay > 0 else "measure another state, or tighten the type of the nonlinearity",
+        "suggestion": instead,
         "proof": "exact",
         "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), chosen, strict=True))},
     }
 
 
-def sentence(found: Hidden) -> str:
-    """Member and mode in words."""
+def sentence(spec: Spec, found: Hidden, demand: Demand) -> str:
+    """Member and mode in words, or that every f hides it."""
     named = members(found.member)
-    return f"at {named}, which the types allow, {found.mode.sentence}" if named else found.mode.sentence
+    if not named:
+        return found.mode.sentence
+    if always := blind(spec.augmented, demand.rate):
+        return f"whatever f is, {always.sentence}"
+    more = "" if helps(spec, demand) else ", and at every other member that was tried there is such a mode"
+    return f"at {named}, which the types allow, {found.mode.sentence}{more}"
+
+
+def helps(spec: Spec, demand: Demand) -> bool:
+    """Whether some member of the class, at its ends or within, hides no slow mode: a smaller class may hide none."""
+    blocks, plant = demand.multiplier.blocks, spec.augmented.doubles
+    chosen = product(*((block.member, *block.vertices) for block in blocks))
+    tried = (block_diagonal([in_floats(K) for K in each]) for each in islice(chosen, MOST))
+    return any(not undetectable(plant, K, float(demand.rate)) for K in tried)
 
 
 def members(chosen: Sequence[Array]) -> str:
@@ -104,7 +122,7 @@ def findings(spec: Spec, demand: Demand) -> list[Finding]:
     if not found:
         return []
     numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
-    return [finding("members", False, sentence(found), decides=True, **numbers)]
+    return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers)]
 
 
 def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
@@ -123,5 +141,5 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     found = proved(spec.augmented, demand.multiplier, chosen, demand.rate)
     name = "a member of the class hides a mode that does not decay at the rate that is asked for"
     check = Check(name, found is not None, 1.0 if found else -1.0)
-    said: dict[str, Any] = diagnosis(found, demand) if found else {"reason": name}
+    said: dict[str, Any] = diagnosis(spec, found, demand) if found else {"reason": name}
     return Proof(f"no solution: {said['reason']}", (check,))

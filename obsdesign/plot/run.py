@@ -67,7 +67,7 @@ def region_panels(run: "Run") -> Iterator[Panel]:
     """Panels of the arguments of f that have to stay in a region."""
     for i, k, column, region in list(limited(run.spec.nonlinearities))[:SINGLE]:
         curve = Curve(f"q{k + 1}", run.q[:, column], run.qhat[:, column], region)
-        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearity {i}", run.status == "escape").draw
+        yield Comparison(run.t, [curve], f"q{k + 1} of nonlinearities[{i - 1}]", run.status == "escape").draw
 
 
 def error_panels(run: "Run") -> Iterator[Panel]:

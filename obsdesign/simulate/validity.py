@@ -19,7 +19,7 @@ Side = Literal["plant", "estimate"]
 class Leaving:
     """The first instant at which an argument of f is outside the region on which its type holds."""
 
-    nonlinearity: int  # from 1, as in the spec
+    nonlinearity: int  # from 1
     argument: str  # q1, q2, .. of this nonlinearity, t, an output or an input
     of: Side
     time: float
@@ -28,7 +28,7 @@ class Leaving:
 
     def __str__(self) -> str:
         whose = {"plant": "of the plant", "estimate": "of the observer"}[self.of]
-        where = f"{self.argument} of nonlinearity {self.nonlinearity} {whose}"
+        where = f"{self.argument} of nonlinearities[{self.nonlinearity - 1}] {whose}"
         return f"{where} is {self.value:.4g}, outside {interval(self.region)}, at t = {self.time:.4g}"
 
 
@@ -75,7 +75,7 @@ def region(blocks: Sequence[Nonlinearity]) -> str:
     ends += [
         (name, i, outward(limits)) for i, block in enumerate(blocks, start=1) for name, limits in block.others.items()
     ]
-    return ", ".join(f"{name} of nonlinearity {i} in {interval(limits)}" for name, i, limits in ends)
+    return ", ".join(f"{name} of nonlinearities[{i - 1}] in {interval(limits)}" for name, i, limits in ends)
 
 
 def interval(limits: Sequence[float | None]) -> str:

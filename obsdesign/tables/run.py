@@ -16,6 +16,8 @@ def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, st
             rows += [("bound", bound_text(bound)) for bound in value]
         elif key == "ratio":
             rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}")]
+        elif key.endswith("_norm2") and value is not None:
+            rows.append((key.replace("_", " "), f"{plain(value)}   over the run"))
         elif key == "validity":
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):

@@ -27,7 +27,7 @@ from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.theorems import THEOREMS, Linf
-from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict, bounded_kind
 from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Status
@@ -127,7 +127,7 @@ class Designer:
         table = zero.table
         if answer.status is Status.OPTIMAL or table or zero.instead:
             level = Level.of_all(answer, zero)
-            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained}}
+            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained, **self.kind(alpha)}}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
             if not free:
@@ -144,7 +144,14 @@ class Designer:
                 raise unbounded(alpha, table)
             return limits, None
         level = Level.of(bounded, zero)
-        return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True}}, level
+        kind = {**self.kind(alpha), **bounded_kind(self.request.bounds)}
+        return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True, **kind}}, level
+
+    def kind(self, alpha: fmpq) -> dict[str, Any]:
+        """Where alpha was searched: at which one a limit of gamma is; the best found, unless a lower alpha has less."""
+        if not self.points:
+            return {}
+        return {"at": {"alpha": float(alpha)}, **({} if self.family.about.monotone else BEST_FOUND)}
 
     def target(self, search: Incremental, least: Level) -> float:
         """Gamma to be certified, within the slack of the limit; where the objective is not gamma, it is `moderate`."""
@@ -282,7 +289,8 @@ class Designer:
         made = self.completed(family, made)
         limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-        return replace(made, limit={**known, "attained": False}, search=self.search, notes=tuple(self.notes))
+        limits = {**known, "attained": False, **(self.kind(alpha) if known else {})}
+        return replace(made, limit=limits, search=self.search, notes=tuple(self.notes))
 
     # Answers without gains
 

@@ -196,4 +196,4 @@ def affine(constant: float, slope: float) -> str:
 def block_name(spec: Spec, index: int) -> str:
     """Nonlinearity that block `index` of the multiplier belongs to."""
     owners = [n for n in spec.nonlinearities for _ in n.multiplier.blocks]
-    return f"the nonlinearity {spec.nonlinearities.index(owners[index]) + 1} ({owners[index].type})"
+    return f"nonlinearities[{spec.nonlinearities.index(owners[index])}] ({owners[index].type})"

@@ -26,6 +26,7 @@ from obsdesign.families.lipschitz.min_gamma import small_gains
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
 from obsdesign.families.lipschitz.study import Study, recast
 from obsdesign.families.lipschitz.suprema import Supremum, largest_for_gamma
+from obsdesign.families.outcome import BEST_FOUND
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, in_floats
 from obsdesign.lmi.reduce import Reduced, between
 from obsdesign.lmi.solve import Answer, Status, reduction
@@ -46,6 +47,7 @@ class Optimum:
     gamma: float  # infinite at the weight 1
     attained: bool
     values: Values = field(default_factory=dict)
+    searched: bool = False  # on a grid of constants
 
     @property
     def objective(self) -> float:
@@ -58,7 +60,8 @@ class Optimum:
         determined = {"lipschitz": self.lipschitz} if self.weight else {}
         if self.weight < 1:
             determined["gamma"] = self.gamma
-        return {**determined, "objective": self.objective, "attained": self.attained}
+        kind = BEST_FOUND if self.searched else {}
+        return {**determined, "objective": self.objective, "attained": self.attained, **kind}
 
 
 def weighted(weight: float, lipschitz: float, gamma: float) -> float:
@@ -212,7 +215,8 @@ class Searched(Front):
         if weight and self.largest == math.inf and min(costs[best + 1 :], default=math.inf) == math.inf:
             return self.endless(weight, self.gamma(self.grid[best]))
         constant = self.grid[best] if not weight else self.between(weight, best)
-        return Optimum(weight, constant, self.gamma(constant), regular(self.at(constant).values["P"]))
+        attained = regular(self.at(constant).values["P"])
+        return Optimum(weight, constant, self.gamma(constant), attained, searched=bool(weight))
 
     def extreme(self) -> Optimum | Status:
         """Limit for the weight 1."""

@@ -14,7 +14,7 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import largest_constant
-from obsdesign.families.outcome import Outcome
+from obsdesign.families.outcome import Outcome, bounded_kind
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.solve import Status
 from obsdesign.tables.text import at_least, at_most
@@ -33,7 +33,7 @@ def largest(study: Study) -> Outcome:
             decided = found.status is Status.INFEASIBLE
             return study.out_of_bounds(study.stretch().least, decided=decided, **limits)
         best = study.stretch().constant(found)
-        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
+        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed, **bounded_kind(study.bounds)}
     if best == math.inf:
         raise unlimited(study)
     constant = printed(round_down(best / (1 + study.slack), DIGITS))

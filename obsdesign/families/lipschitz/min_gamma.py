@@ -15,7 +15,7 @@ from obsdesign.families.lipschitz.reasons import out_of_reach
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import cancels
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Outcome, Verdict, bounded_kind
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.solve import Status
 
@@ -36,7 +36,8 @@ def least_gamma(study: Study) -> Outcome:
             return study.out_of_bounds(solve, decided=answer.status is Status.INFEASIBLE, **limits)
         most = limit.gamma
         limit = Level.of(answer, Vanishing(instead=limit.instead, attained=limit.attained))
-        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
+        attained = limit.attained or study.closed
+        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if study.restricted and most <= asked < limit.gamma:
         return study.out_of_bounds(solve, decided=True, goal=asked**2, **limits)

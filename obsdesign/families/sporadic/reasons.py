@@ -24,12 +24,13 @@ def hiding_interval(plant: Plant[Exact], multiplier: Multiplier, decay: float, T
     """
     system = linear(plant.doubles, in_floats(multiplier.member))
     values, vectors = np.linalg.eig(system.A)
-    slow = values.real >= -decay - 1e-12 * np.abs(values).max(initial=1.0)
+    fastest = np.abs(values).max(initial=decay)
+    slow = values.real >= -decay - 1e-12 * fastest
     intervals = sorted(
         2 * math.pi / float(abs(a.imag - b.imag))
         for i, a in enumerate(values)
         for b in values[:i]
-        if abs(a.real - b.real) <= HIDDEN * max(1.0, abs(a)) and abs(a.imag - b.imag) > HIDDEN * max(1.0, abs(a))
+        if abs(a.real - b.real) <= HIDDEN * fastest < abs(a.imag - b.imag)
     )
     for T in (T for T in intervals if T <= T2):
         for i in np.flatnonzero(slow):

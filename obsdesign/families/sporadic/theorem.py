@@ -38,6 +38,7 @@ from typing import Any
 
 from flint import arb
 
+from obsdesign.families.sporadic.units import SPEC, Units
 from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, in_floats, printed, symmetric
 from obsdesign.lmi.spectrum import extremes
 from obsdesign.model.multiplier import Multiplier
@@ -79,6 +80,7 @@ class Sporadic:
     decay: Any  # lambda_t, 1/s
     delta: Any  # 1/s
     ratio: Any
+    units: Units = SPEC  # of the plant and of both rates
 
     def flows(self, matrix: Callable[[Any], Array]) -> tuple[Inequality, Inequality]:
         """A matrix that is affine in s negative at both ends of the interval; definite if lambda_t = 0."""
