@@ -122,7 +122,7 @@ class Designer:
             self.notes.append(
                 f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is nearest"
             )
-        return self.shipped(made, {"gamma": made.gamma, "attained": False})
+        return self.shipped(made, made.limit(made.gamma))
 
     def shipped(self, made: Made, limit: dict[str, Any]) -> Outcome:
         """Design of what was made.
@@ -131,7 +131,7 @@ class Designer:
         """
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
-        bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True}
+        bounded = {} if made.bounded is None else made.limit(made.bounded, attained=True)
         return Outcome(
             Verdict(made.status),
             in_doubles(made.gains),
@@ -233,7 +233,7 @@ class Designer:
         )
         again = study.at(T2, decay, (m.delta, m.gamma))
         best = again if again.status == "certified" else m
-        return self.shipped(best, {"gamma": best.gamma, "attained": False})
+        return self.shipped(best, best.limit(best.gamma))
 
     # Analysis
 

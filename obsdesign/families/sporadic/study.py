@@ -53,6 +53,11 @@ class Made:
         """Least gamma of the gains that are allowed."""
         return self.gamma if self.bounded is None else self.bounded
 
+    def limit(self, gamma: float, *, attained: bool = False) -> dict[str, Any]:
+        """Limit as computed, or what is proved where that is less: a solver does not tell small numbers from zero."""
+        proved = float(self.certificate.gamma) if self.certificate and self.certificate.holds else math.inf
+        return {"gamma": min(gamma, proved), "attained": attained or proved <= gamma}
+
     @property
     def size(self) -> float:
         """|L|."""
