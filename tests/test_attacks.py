@@ -27,7 +27,7 @@ CHANGES = {  # of a guarantee: its factor, and the least share of designs of eac
     "lipschitz": (1.3, {"lipschitz": 0.4}),
 }
 CODES = {"certified": 0, "infeasible": 3, "uncertified": 4}
-QUICK = [("l2", 6), ("linf", 0), ("lipschitz", 3), ("sporadic", 7), ("l2", 10)]
+QUICK = [("l2", 7), ("linf", 2), ("lipschitz", 3), ("sporadic", 0), ("l2", 2)]
 BROKEN_DOWN = """
 obsdesign: 1
 name: A solver breaks down, with a point near the largest double

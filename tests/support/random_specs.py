@@ -23,7 +23,7 @@ class Kind(NamedTuple):
 
 def decimals(x):
     """Numbers as a spec has them."""
-    return np.round(x, 2).tolist()
+    return (np.round(x, 2) + 0.0).tolist()
 
 
 def contraction(rng, rows, columns):
@@ -157,7 +157,7 @@ def drawn(rng, family):
     """A spec of a family, drawn so that about half of them have a solution."""
     n, nw, ny = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
     A = rng.normal(size=(n, n)) - rng.uniform(0.5, 2.5) * np.eye(n)
-    through = rng.integers(2, size=nw) if rng.integers(4) else np.ones(nw)  # a channel disturbs the states, or not
+    through = rng.integers(2, size=nw) | (np.arange(nw) == 0) * (rng.uniform() < 0.95)  # disturbs states, or is noise
     system = {
         "A": decimals(A),
         "B": decimals(rng.normal(size=(n, nw)) * through),
