@@ -14,7 +14,7 @@ from scipy.linalg import block_diag, expm
 from scipy.optimize import minimize
 
 ROUNDING = 1e-7  # relative, of what is computed here
-TINY = np.finfo(float).tiny
+TINY, HUGE = np.finfo(float).tiny, 1e30
 
 
 class Step(NamedTuple):
@@ -171,7 +171,7 @@ class Lifted(NamedTuple):
 
 
 def lifted(steps):
-    """Operators of a sequence of steps."""
+    """Operators of a sequence of steps, or of those that it takes to grow without end."""
     n, m = steps[0].G.shape
     k, N = steps[0].J.shape[1], len(steps)
     x = np.hstack([np.eye(n), np.zeros((n, N * (m + k)))])
@@ -184,12 +184,16 @@ def lifted(steps):
         x = s.F @ x + s.G @ u
         x[:, n + N * m + i * k : n + N * m + (i + 1) * k] += s.J
         states.append(x)
+        if np.abs(x).max() > HUGE:
+            break
     z, x = np.vstack(rows), np.array(states)
     roots = np.repeat(np.sqrt([s.time for s in steps]), m)
     inputs, noise = (
-        x[:, :, a : a + N * size].reshape(N, n, N, size).transpose(0, 2, 1, 3) for a, size in ((n, m), (n + N * m, k))
+        x[:, :, a : a + N * size].reshape(len(x), n, N, size).transpose(0, 2, 1, 3)
+        for a, size in ((n, m), (n + N * m, k))
     )
-    return Lifted(np.cumsum([s.time for s in steps]), x[:, :, :n], z[:, :n], z[:, n : n + N * m] / roots, inputs, noise)
+    t = np.cumsum([s.time for s in steps[: len(x)]])
+    return Lifted(t, x[:, :, :n], z[:, :n], z[:, n : n + N * m] / roots, inputs, noise)
 
 
 def norm(X):
