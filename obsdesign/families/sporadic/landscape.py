@@ -17,7 +17,7 @@ from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, matrices, probe
 from obsdesign.lmi.reduce import reduce
-from obsdesign.lmi.solve import Search, violation
+from obsdesign.lmi.solve import Search, unscaled, violation
 from obsdesign.lmi.solvers import Ending, call
 
 Form = Callable[[Sporadic], Relaxation]
@@ -52,9 +52,9 @@ def solve_once(engine: Engine, relaxation: Relaxation, problem: Problem, program
     search = Search(call(engine.solver))
     ending, y = search.solve(scaled)
     engine.solves += 1
-    if ending in {Ending.INFEASIBLE, Ending.IMPROPER} or not np.isfinite(y).all() or violation(scaled, y) > VIOLATION:
+    z = unscaled(T, y)
+    if ending in {Ending.INFEASIBLE, Ending.IMPROPER} or not np.isfinite(z).all() or violation(scaled, y) > VIOLATION:
         return Optimum()
-    z = T @ y
     objective = reduced.program.constant + float(reduced.program.cost @ z)
     return Optimum(objective, matrices(problem.unknowns, reduced.point(z)))
 
