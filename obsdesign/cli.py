@@ -240,10 +240,13 @@ def verify(
         proof = work.verify(gains, work.load(spec) if spec else None)
     rows = checks(proof.checks)
     if as_json:
-        typer.echo(as_text({"proved": proof.holds, "claim": proof.claim, "checks": rows}))
+        report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
+        typer.echo(as_text(report))
     elif not quiet:
         for row in rows:
             typer.echo(f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}")
+        if proof.numerical:
+            typer.echo(f"numerical, no part of what is proved: {', '.join(proof.numerical)}")
         typer.echo(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
     if not proof.holds:
         failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])

@@ -20,14 +20,15 @@ import numpy as np
 from obsdesign import __version__
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES
-from obsdesign.families.analysis import numerical, useless
+from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
+from obsdesign.families.analysis import useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json, write_whole
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
-from obsdesign.spec import PROVED, Spec
+from obsdesign.spec import Spec
 from obsdesign.tables.split import entry
 
 if TYPE_CHECKING:
@@ -95,26 +96,27 @@ class Design(Outcome):
         """What is computed of the gains in doubles, over frozen members of the class; nothing of it is proved."""
         return FAMILIES[self.spec.observer.type].analysis(self.spec, self)
 
+    def claimed(self) -> dict[str, Any]:
+        """Parts `observer`, `guarantee` and `certificate` of a result file."""
+        with np.errstate(all="ignore"):  # what is not finite is refused when it is written
+            observer = FAMILIES[self.spec.observer.type].written(self.spec, self)
+        entries = {"observer": {"type": self.spec.observer.type, **observer}} if observer else {}
+        if self.claim:
+            return entries | self.claim.written(self.spec, self.limits())
+        return entries | ({"guarantee": self.limits()} if self.limit else {})
+
     def contents(self) -> dict[str, Any]:
         """What is known of the design itself, as a result file holds it; of a file that was read, what is proved."""
-        spec = self.spec
-        entries: dict[str, Any] = {}
-        with np.errstate(all="ignore"):  # what is not finite is refused when it is written
-            observer = FAMILIES[spec.observer.type].written(spec, self)
-            analysis = self.analysis if observer else {}
-        if observer:
-            entries |= {"observer": {"type": spec.observer.type, **observer}, "analysis": analysis}
-        if self.claim:
-            entries |= self.claim.written(spec, self.limits())
-        elif self.limit:
-            entries["guarantee"] = self.limits()
+        spec, entries = self.spec, self.claimed()
+        if "observer" in entries:
+            with np.errstate(all="ignore"):
+                entries["analysis"] = self.analysis
         entries |= {"diagnosis": self.diagnosis} if self.diagnosis else {}
         entries |= {"search": self.search.written()} if self.search else {}
-        paths = numerical(entries, self.limits())
-        entries |= {"numerical": paths} if paths else {}
         entries |= {"assumed": spec.assumed} if spec.assumed else {}
         entries |= {"notes": notes} if (notes := self.remarks()) else {}
-        return {"status": str(self.status), **entries}
+        paths = numerical(entries, spec)
+        return {"status": str(self.status), **entries, **({"numerical": paths} if paths else {})}
 
     def remarks(self) -> list[str]:
         """Notes, and one on a design that is no better than none."""
@@ -240,8 +242,11 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
         raise file.wrong("status", "infeasible: this result has no gains")
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
-    verdict = Verdict.CERTIFIED if claim and claim.holds else Verdict.UNCERTIFIED
-    return Design.of(spec, Outcome(verdict, gains, claim), recorded=file)
+    proved = claim is not None and claim.holds
+    made = Design.of(spec, Outcome(Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED, gains, claim), recorded=file)
+    if proved:
+        require_agreement(file, made.claimed(), spec)
+    return made
 
 
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
@@ -258,26 +263,21 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     return spec
 
 
-def require_types(file: ResultFile, spec: Spec) -> None:
-    """Refuse a file that says that a type is proved from f, or leaves out what is assumed, where it is not so anew."""
-    notes = file.content.get("notes", [])
-    for i, note in enumerate(notes if isinstance(notes, list) else []):
-        if isinstance(note, str) and PROVED in note and note not in spec.notes:
-            raise file.wrong(f"notes[{i}]", "says that a type is proved from f, which is not proved anew")
-    if file.content.get("assumed", []) != spec.assumed:
-        raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec")
-
-
 def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     """Prove the claim of a result file: its guarantee, or that there is no solution. See `work.verify`."""
-    spec = spec_of(file, spec)
-    family, status = FAMILIES[spec.observer.type], file.at("status")
+    spec, status = spec_of(file, spec), file.at("status")
     if status in (Verdict.INFEASIBLE, Verdict.REFUTED):
-        return family.absence(spec, file)
-    if status != Verdict.CERTIFIED:
+        proof = FAMILIES[spec.observer.type].absence(spec, file)
+        if proof.holds and status == Verdict.INFEASIBLE:
+            require_agreement(file, {}, spec)
+            require_dual(file, proof)
+    elif status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
-    claim = family.claim(spec, file)
-    return Proof("; ".join([claim.headline(spec), *spec.provisos]), claim.checks)
+    else:
+        claim = design_of(file, spec).claim
+        assert claim
+        proof = Proof("; ".join([claim.headline(spec), *spec.provisos]), claim.checks)
+    return replace(proof, numerical=tuple(numerical(file.content, spec))) if proof.holds else proof
 
 
 def doubles(file: ResultFile, name: str, gain: Array) -> Array:

@@ -106,6 +106,8 @@ class ResultFile:
             raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
         if not right:
             raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
+        if further := self.table("spec").keys() - {"path", "sha256", "text"}:
+            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256 and text")
         return str(text)
 
     def number(self, *keys: str) -> fmpq:

@@ -20,6 +20,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
 from obsdesign.sections.document import compose
+from obsdesign.tables.text import at_least, at_most
 
 Vector = npt.NDArray[np.float64]
 PROVED = "is proved from f"  # of a type, in a note
@@ -271,9 +272,13 @@ class Spec(metaclass=Called):
     def limits(self, i: int) -> list[str]:
         """What must hold for the type of one nonlinearity."""
         block = self.nonlinearities[i]
-        whose = f" of nonlinearity {i + 1}" if len(self.nonlinearities) > 1 else ""
+        whose = f" of nonlinearities[{i}]" if len(self.nonlinearities) > 1 else ""
         own = ("q",) if block.nq == 1 else numbered("q", block.nq)
         known = ((block.argument(k, own[k] + whose), ends) for k, ends in enumerate(block.region or ()))
         limited = [(f"{q} and its estimate stay", ends) for q, ends in known]
         limited += [(f"{name} stays", ends) for name, ends in block.others.items()]
-        return ["{} in [{:g}, {:g}]".format(what, *outward(ends)) for what, ends in limited if ends != EVERYWHERE]
+        return [
+            f"{what} in [{'-inf' if low is None else at_most(low)}, {'inf' if high is None else at_least(high)}]"
+            for what, (low, high) in limited
+            if (low, high) != EVERYWHERE
+        ]

@@ -1,6 +1,7 @@
 """Poles, steps and gains over the frozen members of a class, and what a file says of itself to be no proof."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from support.commands import run
 import obsdesign as od
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.files import to_json
+from obsdesign.tables.text import at_least, at_most
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -63,7 +65,7 @@ FAMILIES = {
 }
 PROVED = {  # entries of a guarantee that may stand there and not be numerical
     "gamma", "alpha", "decay", "mu1", "mu2", "mu", "statement", "lipschitz", "margin", "admissible", "T1", "T2",
-    "T2_max", "local", "assumed",
+    "T2_max", "local", "assumed", "rate", "overshoot", "initial", "disturbance", "noise", "jitter",
 }  # fmt: skip
 
 
@@ -184,6 +186,20 @@ def test_the_gain_of_no_observer_is_that_of_the_plant_and_a_design_that_is_no_be
     assert not any("no better" in note for note in better.get("notes", []))
 
 
+@pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
+def test_a_claim_is_shown_on_the_safe_side(observer):
+    rates = {"alpha: 0.1,": "alpha: 0.0123456789,", "decay: 0.1,": "decay: 0.0123456789,", "0.05": "0.0123456789"}
+    for old, new in rates.items():
+        observer = observer.replace(old, new)
+    content, table = solved(ANY % ("{lipschitz: 0.2}", observer))
+    claimed = content["guarantee"]
+    decay = claimed.get("alpha", claimed.get("decay"))
+    for said in (table, run("verify", "spec.gains.json").stdout.splitlines()[-1]):
+        gamma, rate = (re.search(rf"{name} +([^ ,;]+)", said)[1] for name in ("gamma", "decay rate"))
+        assert claimed["gamma"] <= float(gamma) <= claimed["gamma"] * (1 + 2e-5)
+        assert decay * (1 - 2e-5) <= float(rate) <= decay
+
+
 def test_the_peak_gain_is_told_from_both_sides():
     content, table = solved(
         "obsdesign: 1\nname: first order\nsystem: {A: -1, B: [[1, 0]], C: 1, D: [[0, 1]]}\n"
@@ -192,7 +208,7 @@ def test_the_peak_gain_is_told_from_both_sides():
     peak = content["analysis"]["peak_gain"]  # e' = -2 e - [1, -1] v
     assert peak["least"] == pytest.approx(np.sqrt(2) / 2, rel=1e-4)
     assert peak["least"] <= peak["most"] <= content["guarantee"]["gamma"] * (1 + 1e-9)
-    assert f"at least {peak['least']:.4g}, at most {peak['most']:.4g}" in table
+    assert f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)}" in table
 
 
 def test_the_contraction_from_one_measurement_to_the_next_is_that_of_the_worst_slope():

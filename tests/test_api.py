@@ -149,7 +149,7 @@ def test_a_forged_file_is_not_proved(design):
     outcome = command("verify", "forged.json")
     assert outcome.exit_code == 4
     assert all(name in outcome.stdout for name in failed)
-    forged["guarantee"]["gamma"] = 1e-9
+    forged = scaled(json.loads(json.dumps(design.result)), ("guarantee", "limit_bounded", "gamma"), 2)
     Path("forged.json").write_text(json.dumps(forged))
     kind, message = said(lambda: od.verify("forged.json"))
     assert kind is od.UsageError

@@ -1,5 +1,6 @@
 """A file is held against what its spec asks: bounds, gamma, every alpha; and a verdict says only what it covers."""
 
+import copy
 import json
 from pathlib import Path
 
@@ -101,3 +102,67 @@ def test_a_refutation_at_the_upper_end_of_a_range_is_none():
     outcome = verified(of_another(asking, refuted))
     assert outcome.exit_code == 2
     assert "diagnosis.certificate.alpha" in outcome.stderr
+
+
+WEIGHED = BOUNDED.replace("{slope: [0, 1]}", "{lipschitz: 0.4}")
+COMPARED = WEIGHED % "{type: lipschitz, relaxation: compare, objective: min-gamma, bounds: {L: 20}}"
+
+
+def test_verify_says_what_of_a_file_it_does_not_prove():
+    code, content = solved(COMPARED)
+    assert code == 0
+    assert "certified" in content["guarantee"]["comparison"][0]
+    outcome = run("verify", "spec.gains.json")
+    said, last = outcome.stdout.splitlines()[-2:]
+    assert last.startswith("proved: ")
+    assert said == f"numerical, no part of what is proved: {', '.join(content['numerical'])}"
+    assert "guarantee.comparison" in said
+    assert json.loads(run("verify", "spec.gains.json", "--json").stdout)["numerical"] == content["numerical"]
+
+
+@pytest.mark.parametrize("path", ["guarantee.comparison", "guarantee.limit", "observer.poles", "analysis", "notes"])
+def test_what_is_not_proved_must_be_named(path):
+    _, content = solved(COMPARED)
+    content["notes"] = [*content.get("notes", []), "gamma = 1e-9 is certified"]
+    content["numerical"] = sorted({*content["numerical"], "notes"} - {path})
+    outcome = verified(content)
+    assert outcome.exit_code == 2
+    assert f"numerical: does not name {path}, which is not proved" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("observer.poles", [[-50.0, 0.0], [-60.0, 0.0]]),
+        ("observer.largest_step", 1e3),
+        ("observer.noise_gain", {"x1": 1e-9}),
+        ("observer.K", [[1.0]]),
+        ("guarantee.T2_max", 1e9),
+        ("guarantee.limit.gamma", 1e3),
+        ("certificate.theorem", "gamma = 1e-9"),
+        ("certificate.checks", [{"name": "gamma <= 1e-9", "holds": True, "margin": 1.0}]),
+        ("theorem", {"accepted": True}),
+        ("spec.set", ["observer.alpha=9"]),
+    ],
+)
+def test_what_contradicts_what_is_proved_or_is_not_proved_is_refused(key, value):
+    _, content = solved(BOUNDED % "{type: l2, alpha: 0.2, L2: 0}")
+    genuine = copy.deepcopy(content)
+    part = content
+    *path, last = key.split(".")
+    for name in path:
+        part = part[name]
+    part[last] = value
+    outcome = verified(content)
+    assert outcome.exit_code == 2
+    assert (key if key != "theorem" else "numerical") in outcome.stderr
+    assert verified(genuine).exit_code == 0
+
+
+def test_no_shipped_gamma_of_sporadic_measurements_is_better_than_its_limit():
+    """Of gains that Theorem 2 proves better than their relaxation can, the best that was found is told."""
+    text = (Path(FAST).parents[1] / "ferrante2019-robot-tradeoff.yaml").read_text()
+    code, content = solved(text)
+    limit = content["guarantee"]["limit"]
+    assert code == 0
+    assert (limit["gamma"], limit["kind"]) == (content["guarantee"]["gamma"], "best-found")

@@ -133,7 +133,7 @@ def test_a_result_file_holds_the_observer_its_guarantee_and_the_proof(made):
     assert all(number(guarantee[key]) for key in ("gamma", "mu", "decay", "T1", "T2", "noise", "jitter"))
     assert (guarantee["T1"], guarantee["T2"], guarantee["decay"], guarantee["jitter"]) == (0.1, 0.2, 0.05, 1.0)
     assert guarantee["mu"] <= guarantee["gamma"] ** 2 * (1 + 1e-12)
-    assert set(guarantee["limit"]) == set(guarantee["limit_bounded"]) == {"gamma", "attained"}
+    assert set(guarantee["limit"]) == set(guarantee["limit_bounded"]) == {"gamma", "attained", "kind"}
     assert guarantee["limit"]["gamma"] <= guarantee["limit_bounded"]["gamma"] <= guarantee["gamma"]
     assert guarantee["gamma"] <= 1.05 * guarantee["limit_bounded"]["gamma"]
     assert repr(guarantee["gamma"]) in guarantee["statement"]
@@ -238,7 +238,7 @@ def test_an_infeasible_spec_is_answered_with_a_diagnosis_and_exit_code_3(old, ne
     assert "certificate" not in content
     for command in ("verify", "simulate"):
         refused = run(command, "osc.gains.json")
-        if command == "verify" and condition == "detectability":  # that is proved
+        if command == "verify" and condition in {"detectability", "bounds"}:  # that is proved
             assert refused.exit_code == 0
             continue
         assert refused.exit_code == 2
@@ -414,3 +414,26 @@ def test_given_gains_that_prove_nothing_are_simulated_without_a_guarantee():
     assert "no guarantee" in outcome.stdout
     assert "holds" not in outcome.stdout
     assert files() == ["bad.run.csv", "bad.run.png", "bad.yaml"]
+
+
+@pytest.mark.parametrize("objective", ["min-gamma", "feasibility"])
+def test_a_far_coupling_is_designed_for(objective):
+    """x1' = -x1 + 1e10 x2 is seen by nothing, and stable."""
+    system, observer = "system: {A: [[-1, 1.0e10], [0, -2]], B: [0, 1], C: [0, 1]}", f"objective: {objective}"
+    head = "obsdesign: 1\nname: far\nobserver: {type: sporadic, T1: 0.1, T2: 0.3, decay: 0.05, "
+    Path("far.yaml").write_text(f"{head}{observer}}}\n{system}\n")
+    outcome = run("solve", "far.yaml", "-o", "far.gains.json")
+    assert outcome.exit_code == 0, outcome.output
+    assert run("verify", "far.gains.json").exit_code == 0
+    made = content_of("far.gains.json")
+    assert any("units that fit the data" in note for note in made["notes"])
+    if objective == "min-gamma":
+        assert 1 <= made["guarantee"]["gamma"] / made["guarantee"]["limit"]["gamma"] <= 1.05
+
+
+def test_a_bound_in_far_units_that_is_not_reached_is_no_proof_that_it_cannot_be():
+    system = "system: {A: [[0, 1.0e+10], [-2.0e-10, -1]], B: [0, 1.0e-5], C: [1.0e-5, 0]}"
+    tail = "observer: {type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, delta: 3, bounds: {L: 1.0e-3}}"
+    Path("far.yaml").write_text(f"obsdesign: 1\nname: far\n{system}\n{tail}\n")
+    outcome = run("solve", "far.yaml", "-o", "far.gains.json")
+    assert (outcome.exit_code, "no gain was found" in outcome.stderr) == (4, True)

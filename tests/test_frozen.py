@@ -160,3 +160,34 @@ def test_a_mode_that_no_slope_shows_is_reported_once():
     checked = run("check", "hidden.yaml")
     assert checked.exit_code == 3
     assert checked.stdout.count("the mode lambda = 0.1") == 1
+
+
+EVERY = """
+obsdesign: 1
+name: x1 is seen at no slope
+system: {A: [[1, 0], [0, -1]], B: [0, 1], C: [0, %s]}
+nonlinearities: [{f: 0.5*sin(q), type: {slope: [-0.5, 0.5]}, Bf: %s, Cq: %s}]
+observer: %s
+"""
+
+
+@pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
+@pytest.mark.parametrize(
+    ("places", "said"),
+    [
+        (("1", "[0, 1]", "[0, 1]"), "whatever f is, the mode lambda = 1 along x1"),
+        (("1", "[1, 0]", "[1, 0]"), "at every other member that was tried there is such a mode"),
+    ],
+)
+def test_a_mode_that_is_hidden_at_every_slope_is_told_as_that(observer, places, said):
+    observer = observer.replace("gains: {L1: [-3, 0], L2: 0}", "gains: {L1: [0, -3], L2: 0}")
+    Path("every.yaml").write_text(EVERY % (*places, observer))
+    outcome = run("solve", "every.yaml", "-o", "every.gains.json")
+    assert outcome.exit_code == 3
+    found = json.loads(Path("every.gains.json").read_text())["diagnosis"]
+    assert said in found["reason"]
+    assert "measure another state" in found["suggestion"]
+    assert "tighten" not in found["suggestion"]
+    checked = run("check", "every.yaml")
+    assert checked.exit_code == 3
+    assert "with f = 0" in checked.stdout

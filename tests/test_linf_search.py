@@ -124,7 +124,7 @@ observer: {type: linf, alpha: 0.3, bounds: {%s}%s}
 def test_the_storage_function_of_the_certificate_is_within_its_bound(bounds, rest):
     made = solve(loads(PLANE % (bounds, rest)))
     assert made.status == "certified"
-    assert np.linalg.eigvalsh(made.claim.certificate.guarantee.P).max() <= 20 * (1 + 1e-9)
+    assert np.linalg.eigvalsh(made.claim.certificate.guarantee.doubles).max() <= 20 * (1 + 1e-9)
 
 
 def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():

@@ -27,6 +27,7 @@ from obsdesign.lmi.probe import Block, Program, coordinates, matrices, probe
 from obsdesign.lmi.proof import complete, holds, margin, pivots, prove, rounded
 from obsdesign.lmi.reduce import balance, dense, diagonal, null_space, reduce, zero_diagonal
 from obsdesign.lmi.solve import MARGIN, Status, minimise, widest
+from obsdesign.lmi.spectrum import extremes, lower, upper
 
 TINY = fmpq(1, 10**30)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -431,3 +432,32 @@ def test_rounding_keeps_so_many_significant_digits():
 def test_the_identity_takes_the_numbers_of_its_model():
     assert identity(2, rational([[1]])).dtype == object
     assert identity(2, np.ones((1, 1))).dtype == float
+
+
+# Eigenvalues
+
+
+@examples(60)
+@given(SEEDS, SIZES, st.integers(0, 25))
+def test_extreme_eigenvalues_are_enclosed_whatever_the_condition(seed, n, power):
+    rng = np.random.default_rng(seed)
+    steep = np.diag([fmpq(10) ** int(k) for k in rng.integers(-power, power + 1, n)])
+    X = rational(integers(rng, n, n))
+    P = (X @ X.T + fmpq(int(rng.integers(0, 2))) * identity(n, X)) if seed % 2 else steep
+    P = steep @ P @ steep
+    low, high = (rational_number(repr(end(x))) for end, x in zip((lower, upper), extremes(P), strict=True))
+    eye = identity(n, P)
+    assert holds(Inequality("low", low * eye - P))
+    assert holds(Inequality("high", P - high * eye))
+    assert not holds(
+        Inequality("low is tight", low * (1 + fmpq(1, 10**12)) * eye + (TINY * eye if not low else 0 * eye) - P)
+    )
+    assert not holds(Inequality("high is tight", P - high * (1 - fmpq(1, 10**12)) * eye)) or not high
+
+
+@examples(30)
+@given(SEEDS, SIZES, st.integers(-60, 60))
+def test_powers_of_two_scale_eigenvalues_and_nothing_else(seed, n, power):
+    X = rational(integers(np.random.default_rng(seed), n, n))
+    for ball, scaled in zip(extremes(X @ X.T), extremes(fmpq(2) ** power * X @ X.T), strict=True):
+        assert upper(scaled) == pytest.approx(upper(ball) * 2.0**power, rel=1e-15)

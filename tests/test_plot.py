@@ -111,7 +111,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
     figure = run_sheet(run)
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
-    argument, storage = panels["q1 of nonlinearity 1"], panels["V(e) = e' P e"]
+    argument, storage = panels["q1 of nonlinearities[0]"], panels["V(e) = e' P e"]
     bounds = [line for line in argument.get_lines() if line.get_label() == "limit of the region"]
     assert sorted(line.get_ydata()[0] for line in bounds) == [-1.0, 1.0]
     assert "limit of the region" in [text.get_text() for text in figure.legends[0].get_texts()]

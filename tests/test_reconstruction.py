@@ -121,7 +121,7 @@ def test_a_matched_input_is_reconstructed_to_any_accuracy(mu, L1, limsup):
     c_w, c_w_rate, c_x_rate = map(float, bound_of(made).constants)
     assert c_x_rate == 0
     assert simulated <= 2 * c_w + 4 * c_w_rate <= float(made.claim.certificate.gamma) * 6
-    P = made.claim.certificate.guarantee.P
+    P = made.claim.certificate.guarantee.doubles
     assert np.linalg.eigvalsh(P).min() * float(made.claim.certificate.gamma) ** 2 >= 1 - 1e-9
 
 

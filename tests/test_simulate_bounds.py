@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from support.commands import files, run
@@ -58,7 +59,7 @@ def test_a_run_in_the_region_of_a_local_guarantee_names_it(tmp_path, family):
     write(tmp_path, LOCAL % (PLANT, FAMILIES[family], 0.2))
     outcome = run("simulate", "case.yaml")
     assert outcome.exit_code == 0
-    assert "the run stays in the region of the declared types, q1 of nonlinearity 1 in [-0.3, 0.3]" in outcome.stdout
+    assert "the run stays in the region of the declared types, q1 of nonlinearities[0] in [-0.3, 0.3]" in outcome.stdout
     assert "bound  " in outcome.stdout
 
 
@@ -72,8 +73,8 @@ def test_a_run_that_leaves_the_region_says_when_and_violates_nothing(tmp_path, f
     assert summary["bounds"] == []
     assert "the run left its region at t = 0" in summary["bounds_omitted"]
     note = summary["validity"]["note"]
-    assert "region of the declared types, q1 of nonlinearity 1 in [-0.3, 0.3]: " in note
-    assert "q1 of nonlinearity 1 of the plant is 3, outside [-0.3, 0.3], at t = 0; the guarantee is local" in note
+    assert "region of the declared types, q1 of nonlinearities[0] in [-0.3, 0.3]: " in note
+    assert "q1 of nonlinearities[0] of the plant is 3, outside [-0.3, 0.3], at t = 0; the guarantee is local" in note
 
 
 def test_a_bound_that_does_not_exist_is_left_out_and_said_so_without_a_warning(tmp_path):
@@ -119,3 +120,16 @@ def test_a_proved_bound_that_a_run_breaks_is_a_defect_to_report(tmp_path, monkey
     assert "is a defect of obsdesign: please report it with the spec and the gains file" in line
     assert "VIOLATED" in outcome.stdout
     assert {"case.run.csv", "case.run.png"} <= set(files())
+
+
+def test_a_w_that_jumps_at_once_is_told_so_and_no_norm_is_told_of_its_v():
+    Path("jump.yaml").write_text(
+        "obsdesign: 1\nname: jump\nsystem: {A: [[0, 1], [-2, -1]], B: [0, 1], C: [1, 0]}\ndisturbance: integrator\n"
+        "performance: w\nobserver: {type: l2, L2: 0, alpha: 0.1, bounds: {L1: 20}}\n"
+        'simulation: {horizon: 5, x0: [1, 0], w: "sign(sin(t))"}\n'
+    )
+    outcome = run("simulate", "jump.yaml")
+    assert outcome.exit_code == 0, outcome.output
+    assert "w jumps at t = 0, so that the v that generates it is not square integrable" in outcome.stdout
+    assert "over the run" in next(line for line in outcome.stdout.splitlines() if line.startswith("z norm2"))
+    assert not [line for line in outcome.stdout.splitlines() if line.startswith(("v norm2", "v sup", "ratio"))]

@@ -432,7 +432,7 @@ def test_the_validity_of_several_nonlinearities_names_each():
     one = "{type: cubic, Bf: [0, 1], Cq: [1, 0]}"
     two = f"{{type: {{lipschitz: 2, region: {{q2: [-3, 3]}}}}, {PLANE}}}"
     read = spec(nonlinearities=f"[{one}, {two}]")
-    assert read.validity == "as long as q2 of nonlinearity 2 and its estimate stay in [-3, 3]"
+    assert read.validity == "as long as q2 of nonlinearities[1] and its estimate stay in [-3, 3]"
     assert [block.region for block in read.nonlinearities] == [None, ((None, None), (-3, 3))]
 
 

@@ -424,6 +424,6 @@ def test_a_mode_that_is_hidden_or_too_slow_is_named_in_the_words_of_the_family()
     spec = spec_of("{A: [[-1, 0], [0, -0.3]], C: [1, 0]}", "decay: 0.5")
     found = findings(spec)
     assert not feasible(check(spec))
-    assert found["decay"]["sentence"] == "detectability limits decay to 0.3"
+    assert found["decay"]["sentence"] == "detectability limits decay to 0.3 with f = 0"
     assert "ceiling" not in found
     assert np.isclose(found["detectability"]["eigenvalue"][0], -0.3)

@@ -1,8 +1,18 @@
 """Results of observers of Lipschitz systems on a terminal: every number once, and few lines for many points."""
 
 import itertools
+from fractions import Fraction
+
+from flint import fmpq
+from hypothesis import given
+from hypothesis import strategies as st
+from support.sweep import examples
 
 from obsdesign.tables.design import design_rows
+from obsdesign.tables.run import bound_text
+from obsdesign.tables.text import at_least, at_most
+
+DIGITS = st.integers(1, 12)
 
 OBSERVER = {"type": "lipschitz", "relaxation": "compare", "L": [[3.0], [4.0]], "poles": [[-1.0, 2.0], [-1.0, -2.0]],
             "fastest": 2.236, "largest_step": 1.2, "noise_gain": {"x1": 0.5}, "condition_P": 7.0}  # fmt: skip
@@ -23,7 +33,7 @@ def texts(rows, key):
 
 def point(weight, decay, **numbers):
     """One certified point."""
-    certified = {"lipschitz": 0.5 + weight / 10 - decay, "gamma": 1 + weight, "L": 10 * weight + 1}
+    certified = {"lipschitz": round(0.5 + weight / 10 - decay, 6), "gamma": 1 + weight, "L": 10 * weight + 1}
     limit = {"lipschitz": 0.6 + weight / 10 - decay, "gamma": 1.1 + weight, "status": "optimal", "attained": True}
     return {"weight": weight, "decay": decay, **limit, "certified": certified, "corner": False, **numbers}
 
@@ -97,3 +107,37 @@ def test_a_surface_is_summed_up():
     assert texts(rows, "certified") == ["lipschitz 0.05 to 0.6, gamma 1 to 2, |L| 1 to 11"]
     assert texts(rows, "not attained") == ["at 10 of them"]
     assert texts(rows, "no solution") == ["at 21 of them, weight 0 to 1, decay 0.5"]
+
+
+# Bounds
+
+
+@examples(300)
+@given(st.floats(allow_nan=False, allow_infinity=False) | st.fractions(), DIGITS)
+def test_a_bound_is_shown_on_the_safe_side_and_as_tight_as_its_digits_allow(x, digits):
+    exact = Fraction(repr(x)) if isinstance(x, float) else x  # a double is the decimal that prints it
+    given_as = x if isinstance(x, float) else fmpq(x.numerator, x.denominator)
+    high, low = Fraction(at_most(given_as, digits)), Fraction(at_least(given_as, digits))
+    assert low <= exact <= high
+    assert high - low <= abs(exact) * Fraction(10) ** (1 - digits)
+    assert (high == low) == (low == exact)
+
+
+def test_what_has_few_digits_is_shown_as_it_is():
+    assert [at_most(x) for x in (0.1, 0.3, 20.0, 1e-7, -0.25, 0.0)] == ["0.1", "0.3", "20", "1e-07", "-0.25", "0"]
+    assert (at_most(46.617914909), at_least(46.617914909), at_most(float("inf"))) == ("46.618", "46.6179", "inf")
+
+
+def test_every_claim_of_a_table_is_rounded_to_the_safe_side():
+    claims = {"lipschitz": 0.51234567, "gamma": 0.75123411, "decay": 0.05432178, "margin": 0.10123456, "mu1": 1.0}
+    point = {"weight": 0.5, "decay": 0.1, "lipschitz": 0.6, "gamma": 0.7, "certified": claims | {"L": 2.0}}
+    search = {"parameter": "weight", "points": [point | {"status": "optimal", "attained": True}]}
+    rows = table(search, **claims, admissible=0.61234567, ceiling=1.23456712)
+    assert [text.split(" ")[0] for name, text in rows if name in {"lipschitz", "gamma", "decay rate", "margin"}] == [
+        "0.512345", "0.101234", "0.751235", "0.0543217",
+    ]  # fmt: skip
+    assert texts(rows, "tolerated") == ["a Lipschitz constant up to 0.612345"]
+    assert texts(rows, "ceiling") == ["lipschitz 1.23457   no gain tolerates more"]
+    assert "certified lipschitz 0.512345, gamma 0.751235, |L| = 2" in texts(rows, "curve")[0]
+    run = {"holds": True, "value": 1.0, "bound": 1.23456712, "accuracy": 0.0, "name": "|z| <= gamma"}
+    assert bound_text(run) == "holds: 1 <= 1.23457   |z| <= gamma"

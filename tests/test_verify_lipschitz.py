@@ -86,7 +86,7 @@ def test_without_w_there_is_no_gamma(quiet, outcome_of):
     quiet["guarantee"]["gamma"] = 0.1
     outcome = outcome_of(quiet)
     assert outcome.exit_code == 2
-    assert "the plant has no w" in outcome.stderr
+    assert "guarantee.gamma" in outcome.stderr
 
 
 def test_a_limit_that_is_infinite_is_called_unbounded(content):
@@ -107,7 +107,7 @@ def test_a_constant_that_no_double_holds_is_covered_by_the_next_one_above(outcom
 def test_where_the_types_hold_is_said(outcome_of):
     local = made(PAIR.replace("{lipschitz: 0.1}", "{lipschitz: 0.1}, region: {q: [-1, 2]}"), fmpq(3, 10), 0.72)
     assert (
-        "; local: as long as q of nonlinearity 2 and its estimate stay in [-1, 2]; assumed: "
+        "; local: as long as q of nonlinearities[1] and its estimate stay in [-1, 2]; assumed: "
         in (local["guarantee"]["statement"])
     )
     assert outcome_of(local).exit_code == 0
@@ -128,7 +128,7 @@ def test_a_larger_constant_is_not_proved_even_with_the_margin_and_the_statement_
     claiming(quiet, "|df| <= 1.0 |dq|", f"|df| <= {lipschitz!r} |dq|", lipschitz=lipschitz, margin=margin)
     statement = quiet["guarantee"]["statement"]
     quiet["guarantee"]["statement"] = statement.replace("|dh| <= 0.6 |dq|", f"|dh| <= {margin!r} |dq|")
-    assert outcome_of(quiet).exit_code == (2 if lipschitz > 1e200 else 4)
+    assert outcome_of(quiet).exit_code == 4
 
 
 @pytest.mark.parametrize("lipschitz", [0.29, 0.31])
@@ -229,7 +229,7 @@ def test_a_simulation_gets_the_gain_with_the_sign_of_the_paper_and_the_guarantee
     assert gains.keys() == {"L"}
     np.testing.assert_array_equal(gains["L"], L)
     assert (guarantee.rate, guarantee.gamma, guarantee.alpha, guarantee.mu1) == ("decay", 0.72, 0.05, 1)
-    assert np.linalg.eigvalsh(guarantee.P).min() > 0
+    assert np.linalg.eigvalsh(guarantee.doubles).min() > 0
 
 
 def test_a_claim_that_the_declared_constant_is_beyond_is_proved_but_guarantees_nothing_of_the_plant(

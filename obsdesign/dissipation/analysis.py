@@ -33,7 +33,6 @@ SAMPLES = 500  # of an impulse response, for each pole, and more where it oscill
 DIRECTIONS = 100  # of z in which its peak is sought
 STARTS = 8  # members from which extreme ones are sought, in as many steps as
 ASCENTS = 8
-METHODS = ("euler", "rk4", "exact")
 
 
 @dataclass(frozen=True)
@@ -147,12 +146,15 @@ class Errors:
         return [complex(worst).real, abs(complex(worst).imag)]
 
     @property
+    def explicit_step(self) -> dict[str, float | None]:
+        """Largest step in s with which Euler and Runge-Kutta 4 are stable."""
+        return explicit_steps(self.poles) if self.bounded else {"euler": None, "rk4": None}
+
+    @property
     def largest_step(self) -> dict[str, float | None]:
-        """Largest step in s with which Euler, Runge-Kutta 4, and the exact linear part with f held, are stable."""
-        if not self.bounded:
-            return dict.fromkeys(METHODS)
-        steps = explicit_steps(self.poles)
-        return {**steps, "exact": self.exact_step(steps["rk4"])}
+        """The same, and that with which the exact linear part is, with f held."""
+        steps = self.explicit_step
+        return {**steps, "exact": self.exact_step(steps["rk4"]) if self.bounded else None}
 
     def exact_step(self, unit: float | None) -> float | None:
         """Largest step of the discretisation that holds f and is exact otherwise; None: any, as far as was tried."""

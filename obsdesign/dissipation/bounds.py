@@ -42,11 +42,18 @@ class Bounds:
     P: fmpq | None = None  # P <= p I
     gamma: fmpq | None = None
     floor: fmpq | None = None  # P >= t I
+    necessary: bool = False  # what every gain within L1 satisfies, in place of what only such gains do
 
     @property
     def restricted(self) -> bool:
         """Whether anything but gamma is bounded."""
         return (self.L1, self.P, self.floor) != (None, None, None)
+
+    def words(self, gain: str) -> list[str]:
+        """What is bounded besides gamma, one phrase for each."""
+        named = {f"|{gain}|{'_F' if self.norm == 'frobenius' else ''} <= {{:g}}": self.L1}
+        named |= {"P <= {:g} I": self.P, "P >= {:g} I": self.floor}
+        return [phrase.format(float(bound)) for phrase, bound in named.items() if bound is not None]
 
 
 NO_BOUNDS = Bounds()

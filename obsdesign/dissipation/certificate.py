@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import Quadratic
-from obsdesign.dissipation.inequality import SMALL, Incremental
+from obsdesign.dissipation.inequality import LARGE, SMALL, Incremental
 from obsdesign.files import witness
-from obsdesign.lmi.formula import Array, Inequality, Values, approximate, identity, rational
+from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate, below, identity, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.model import loop
 
@@ -34,23 +34,24 @@ class Certificate(Proved):
 
     @property
     def guarantee(self) -> Quadratic:
-        """Guarantee in doubles."""
-        P = np.vectorize(approximate, otypes=[float])(self.P)
-        gamma, alpha, mu1, mu2 = map(approximate, (self.gamma, self.alpha, self.mu1, self.mu2))
-        return self.theorem.about.guarantee(gamma, alpha, mu1, mu2, P)
+        """Guarantee, its numbers in doubles on the safe side."""
+        mu1, mu2 = map(approximate, (self.mu1, self.mu2))
+        return self.theorem.about.guarantee(above(self.gamma), below(self.alpha), mu1, mu2, self.P)
 
 
 def certify(
-    family: Incremental, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values, largest: fmpq | None = None
+    family: Incremental, gamma: fmpq, mu1: fmpq, mu2: fmpq, values: Values, bounds: Bounds = NO_BOUNDS
 ) -> Certificate:
     """Check every condition of the claim exactly.
 
     `family`: plant, multiplier, alpha and both gains, in rationals; `gamma`, `mu1`, `mu2`: the claim, such as |z|_2 <=
     gamma |v|_2 from zero error, and the numbers that prove it; `values`: P and the multipliers, in rationals;
-    `largest`: bound on the eigenvalues of P, if the spec has one.
+    `bounds`: those of the spec on P.
     """
     P, plant, alpha, zero = values["P"], family.plant, family.alpha, family.about.zero_decay
-    bounded = [] if largest is None else [Inequality(SMALL, P - largest * identity(len(P), P))]
+    eye, largest, floor = identity(len(P), P), bounds.P, bounds.floor
+    bounded = [] if largest is None else [Inequality(SMALL, P - largest * eye)]
+    bounded += [] if floor is None else [Inequality(LARGE, floor * eye - P)]
     proved = prove([*family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}), *bounded])
     margin = family.about.margin(gamma, mu1, mu2)
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)

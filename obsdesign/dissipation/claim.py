@@ -4,6 +4,7 @@ import math
 
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.decimals import round_up, square_below
 from obsdesign.dissipation.engine import Engine
@@ -18,13 +19,13 @@ DIGITS = (12, 17)  # of the witness
 
 
 def claim(
-    engine: Engine, family: Incremental, gamma: float, start: Values | None = None, largest: fmpq | None = None
+    engine: Engine, family: Incremental, gamma: float, start: Values | None = None, bounds: Bounds = NO_BOUNDS
 ) -> Certificate | None:
     """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds.
 
-    `largest`: bound on the eigenvalues of P, if there is one.
+    `bounds`: those on P.
     """
-    problem = in_floats(family).witness(gamma, largest)
+    problem = in_floats(family).witness(gamma, bounds)
     wide = engine.widest(problem, start)
     if wide.objective <= MARGIN and start is not None:
         wide = engine.widest(problem)
@@ -41,7 +42,7 @@ def claim(
             lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
         )
         values = {name: value / solved["mu1"].item() for name, value in values.items()}
-        certificate = certify(family, level, fmpq(1), mu, values, largest)
+        certificate = certify(family, level, fmpq(1), mu, values, bounds)
         if certificate.holds:
             break
     return certificate

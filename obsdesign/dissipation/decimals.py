@@ -1,12 +1,10 @@
 """Numbers as a result file holds them: doubles that print as short decimals."""
 
-import decimal
-import math
-
 import numpy as np
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array, printed, rational_number
+from obsdesign.lmi.formula import Array, below, rational_number
+from obsdesign.tables.text import at_least, at_most
 
 
 def significant(matrix: Array, digits: int) -> Array:
@@ -19,20 +17,11 @@ def square_below(x: fmpq) -> fmpq:
     return rational_number(repr(below(x * x)))
 
 
-def below(x: fmpq) -> float:
-    """Largest double, read as the decimal that prints it, that is not above x."""
-    double = float(x)
-    while printed(double) > x:
-        double = math.nextafter(double, -math.inf)
-    return double
-
-
 def round_down(x: float, digits: int) -> float:
     """Largest decimal of so many significant digits that is not above x."""
-    with decimal.localcontext(prec=digits, rounding=decimal.ROUND_FLOOR):
-        return float(+decimal.Decimal(x))
+    return float(at_least(x, digits))
 
 
 def round_up(x: float, digits: int) -> float:
     """Smallest decimal of so many significant digits that is not below x."""
-    return -round_down(-x, digits)
+    return float(at_most(x, digits))

@@ -20,7 +20,7 @@ def figures(errors: Errors, P: Array | None) -> dict[str, Any]:
     poles = sorted(np.linalg.eigvals(A), key=lambda p: (-p.real, p.imag))
     found: dict[str, Any] = {"poles": [[float(p.real), float(p.imag)] for p in poles]}
     found["fastest"] = float(max(map(abs, poles)))
-    found["largest_step"] = errors.largest_step["rk4"]
+    found["largest_step"] = errors.explicit_step["rk4"]
     found["noise_gain"] = errors.noise_gain()
     if P is not None:
         found["condition_P"] = float(np.linalg.cond(P))

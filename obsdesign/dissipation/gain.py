@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.decimals import significant
+from obsdesign.dissipation.decimals import round_up, significant
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import edge, strides
@@ -24,6 +24,7 @@ DIGITS = (6, 9, 12, 17)  # of a shipped gain; more only where fewer will not do
 KAPPAS = 12  # bounds that are tried for the smallest gain
 STRIDE = 4  # down from a bound that will do, until one will not
 NEAR = 0.13  # relative, to which the smallest is found
+CLOSELY = 0.02  # .. and the least bound that will do
 NEARER = 0.005  # .. where the gain is not within its bound there
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
 ROUNDING = 1e-5  # of a bound on L1, likewise
@@ -49,12 +50,17 @@ def within(engine: Engine, family: Incremental, bounds: Bounds) -> Answer:
 
 
 def bounded(solve: Solve, bounds: Bounds) -> Answer:
-    """Least objective within bounds; the convex bound on |L1| is widened while the gain it gives stays inside."""
+    """Least objective within bounds; the convex bound on |L1| is widened while the gain it gives stays inside.
+
+    None is infeasible only if not even what every gain within the bound satisfies has a solution.
+    """
     if bounds.L1 is None:
         return solve(bounds, None)
     size = allowed = limit_of(bounds)
     best = solve(sized(bounds, size), None)
-    for _ in range(WIDENINGS if best.status is Status.OPTIMAL else 0):
+    if best.status is not Status.OPTIMAL:
+        return replace(best, status=Status.INFEASIBLE if excluded(solve, bounds) else Status.UNDECIDED)
+    for _ in range(WIDENINGS):
         found = norm(best.values, bounds)
         if not found:
             break
@@ -64,6 +70,26 @@ def bounded(solve: Solve, bounds: Bounds) -> Answer:
             break
         best = wider
     return best
+
+
+def excluded(solve: Solve, bounds: Bounds) -> bool:
+    """Whether there is no gain within bounds: what they all satisfy has no solution, numerically."""
+    return solve(replace(bounds, necessary=True), None).status is Status.INFEASIBLE
+
+
+def least_size(solve: Solve, bounds: Bounds, goal: float = math.inf) -> float | None:
+    """Bound on |L1| that is found to do for an objective of at most a goal, the least to `CLOSELY`; None if none is."""
+    if bounds.L1 is None:
+        return None
+
+    def reaches(size: float) -> bool:
+        answer = bounded(solve, sized(bounds, size))
+        return answer.status is Status.OPTIMAL and answer.objective <= goal
+
+    inside, outside = strides(reaches, float(bounds.L1), 1 / STRIDE, KAPPAS)
+    if inside is None or outside is None:
+        return None
+    return round_up(edge(reaches, inside, outside, CLOSELY) * (1 + CLOSELY), 4)
 
 
 def small_gains(
@@ -120,7 +146,8 @@ def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) 
 def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values | None:
     """P, Y, .. of a gain of small norm whose objective is at most a goal; None if none was found.
 
-    The smallest kappa is found to `NEAR`, from the gain of the widest margin down.
+    The smallest kappa is found to `NEAR`, from the gain of the widest margin down; or else from the bound, where a
+    solve with more room is lost because a finite gain reaches any level. The last resort is the least objective.
     """
     allowed = limit_of(bounds)
     values = wide if norm(wide, bounds) <= allowed and bounds.floor is None else None
@@ -136,10 +163,15 @@ def descended(solve: Solve, goal: float, wide: Values, bounds: Bounds) -> Values
         return True
 
     inside, outside = strides(reaches, min(norm(wide, bounds), WIDEST * allowed), 1 / STRIDE, KAPPAS)
+    if inside is None and allowed < math.inf and reaches(allowed):
+        inside, outside = strides(reaches, allowed, 1 / STRIDE, KAPPAS)
     for tolerance in (NEAR, NEARER):
         fits = start is not None and norm(start, bounds) <= allowed
         if inside is not None and outside is not None and (tolerance == NEAR or not fits):
             inside = edge(reaches, inside, outside, tolerance)
+    if values is None and bounds.L1 is not None:
+        best = bounded(solve, bounds)
+        values = best.values if best.status is Status.OPTIMAL and best.objective <= goal else None
     return values
 
 

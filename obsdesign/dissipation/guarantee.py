@@ -2,12 +2,14 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from obsdesign.families.guarantee import Bound, Course, InputBound, Rates, bound, envelope, largest_output, tightest
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Float, approximate, rational
+from obsdesign.lmi.spectrum import extremes, lower, upper
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Quadratic(ABC):
     alpha: float  # 1/s
     mu1: float
     mu2: float
-    P: Array  # (n, n), positive definite
+    P: Array  # (n, n), positive definite, in rationals
     reconstruction: InputBound | None = None
 
     @abstractmethod
@@ -34,12 +36,23 @@ class Quadratic(ABC):
         """Check what the inequality implies of a run."""
 
     def peak(self, H: Array) -> float | None:
-        """Bound on sup|H e| for sup|v| = 1 from zero error; None where V need not decay."""
-        return largest_output(self.rates(), self.P, H)
+        """Bound on sup|H e|, H in rationals, for sup|v| = 1 from zero error; None where V need not decay."""
+        return largest_output(self.rates(), rational(self.P), H)
+
+    @cached_property
+    def spectrum(self) -> tuple[float, float]:
+        """Numbers between which the eigenvalues of P lie, proved."""
+        low, high = extremes(rational(self.P))
+        return lower(low), upper(high)
+
+    @cached_property
+    def doubles(self) -> Float:
+        """P in doubles."""
+        return np.asarray(np.vectorize(approximate, otypes=[float])(self.P))
 
     def storage(self, course: Course) -> Array:
         """V(e(t)) = e' P e, (M,)."""
-        return np.asarray(np.einsum("ti,ij,tj->t", course.e, self.P, course.e))
+        return np.asarray(np.einsum("ti,ij,tj->t", course.e, self.doubles, course.e))
 
 
 @dataclass(frozen=True)
@@ -68,8 +81,7 @@ class EnergyGuarantee(Quadratic):
         right way up.
         """
         size = np.linalg.norm(course.e, axis=1)
-        spectrum = np.linalg.eigvalsh(self.P)
-        low, high = spectrum[0], spectrum[-1]
+        low, high = self.spectrum
         z, v = np.sqrt(course.z2[-1]), np.sqrt(course.v2)
         gain = self.gamma * v[-1]
         V = self.storage(course)

@@ -205,14 +205,17 @@ class Incremental(ABC):
         """The theorem for some gamma."""
         return self.problem([Unknown("mu", (1, 1))], self.weighted, injection=self.injection)
 
-    def witness(self, gamma: float | None, largest: Any = None) -> Problem:
-        """The theorem for a gamma, or for some gamma, with nothing projected out; and P <= p I for the largest p."""
+    def witness(self, gamma: float | None, bounds: Bounds = NO_BOUNDS) -> Problem:
+        """The theorem for a gamma, or for some gamma, with nothing projected out; and the bounds on P."""
         if gamma is None:
             return replace(self.feasible(), injection=None)
         mu = gamma**2 * ONE
 
         def bounded(v: Values) -> list[Inequality]:
-            return [] if largest is None else [self.storage_bound(v["P"], mu, float(largest))]
+            small = [] if bounds.P is None else [self.storage_bound(v["P"], mu, float(bounds.P))]
+            if bounds.floor is None:
+                return small
+            return [*small, Inequality(LARGE, float(bounds.floor) * self.weights(mu)["mu1"] * self.eye - v["P"])]
 
         return self.problem([], lambda v: {**v, **self.weights(mu)}, bounded)
 
@@ -268,12 +271,14 @@ class Incremental(ABC):
     def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
         """P >= floor I; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.
 
-        Then t L1'L1 <= L1'P L1 <= W, with W = s I or, for the Frobenius norm, tr W <= s.
+        Then t L1'L1 <= L1'P L1 <= W, with W = s I or, for the Frobenius norm, tr W <= s. What is necessary for it is
+        the same with P <= t I: L1'P L1 <= t L1'L1.
         """
         rows = [] if bounds.floor is None else [Inequality(LARGE, float(bounds.floor) * self.eye - v["P"])]
         if bounds.L1 is None:
             return rows
-        rows.append(Inequality(LARGE, v["t"] * self.eye - v["P"]))
+        gap = v["t"] * self.eye - v["P"]
+        rows.append(Inequality(SMALL, -gap) if bounds.necessary else Inequality(LARGE, gap))
         square = float(bounds.L1) ** 2 * v["t"]
         if bounds.norm == "spectral":
             W = square * np.eye(self.plant.C.shape[0])

@@ -1,20 +1,21 @@
 """Limits of zero: the least gamma falls without end as the gain grows."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
+from obsdesign.dissipation.decimals import round_down, round_up, significant
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.gain import DIGITS, gain, limit_of, size_of, sized
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.equilibrate import units
-from obsdesign.lmi.formula import rational_number
+from obsdesign.lmi.formula import Array, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Answer, Status
 
 TABLE = (
@@ -69,11 +70,14 @@ def cancelled(engine: Engine, family: Incremental, limit: Answer) -> float | Non
     least = max(limit.objective, 0.0)
     if limit.status is Status.INFEASIBLE or least > (SUSPECT * sizes(family)[1]) ** 2:
         return None
+    share = share_of_widest(engine, family)
+    return share if share is not None and math.sqrt(least) <= ROUNDED / SHARE * share else None
+
+
+def share_of_widest(engine: Engine, family: Incremental) -> float | None:
+    """Small share of the gamma of the solution of widest margin; None if there is none."""
     wide = engine.widest(family.witness(None))
-    if wide.status is not Status.OPTIMAL:
-        return None
-    reference = math.sqrt(wide.values["mu"].item())
-    return SHARE * reference if math.sqrt(least) <= ROUNDED * reference else None
+    return SHARE * math.sqrt(wide.values["mu"].item()) if wide.status is Status.OPTIMAL else None
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,13 @@ class Level:
         vanishes = zero.instead and gamma < SHARE * zero.instead
         return cls(0.0, zero.instead, zero.attained) if vanishes else cls(gamma)
 
+    @classmethod
+    def of_all(cls, answer: Answer, zero: Vanishing) -> Self:
+        """Least gamma over all gains: zero where it vanishes, whatever is left of it in an optimum."""
+        if zero.table or zero.attained:
+            return cls(0.0, zero.instead, zero.attained)
+        return cls.of(answer, zero)
+
     def target(self, slack: float) -> float:
         """Gamma to be certified, within the slack of the least, rounded down to 6 digits so that it stays there."""
         if self.instead:
@@ -114,7 +125,7 @@ def vanishing(engine: Engine, family: Incremental, limit: Answer) -> Vanishing:
     """
     silent = kept_out(family)
     attained = silent is not None and engine.widest(silent.feasible()).status is Status.OPTIMAL
-    instead = cancelled(engine, family, limit) if attained else None
+    instead = share_of_widest(engine, family) if attained else None
     table = () if instead else falling(engine, family, limit)
     return Vanishing(table, instead if attained or table else cancelled(engine, family, limit), attained and not table)
 
@@ -125,8 +136,7 @@ def kept_out(family: Incremental) -> Incremental | None:
     The output is N y then, in which there is no v either.
     """
     p, through = family.plant, family.plant.Dq if family.L2 is None else family.plant.Dq + family.L2 @ family.plant.D
-    back = np.linalg.pinv(p.D)
-    L, N = -p.B @ back, np.eye(len(p.D)) - p.D @ back
+    L, N = annihilators(family)
     rest, size = p.B + L @ p.D, np.abs(p.B).max(axis=1, initial=0.0, keepdims=True)
     if not p.B.any() or (np.abs(rest) > ROUNDED * size).any() or through.any():
         return None
@@ -134,9 +144,47 @@ def kept_out(family: Incremental) -> Incremental | None:
     return replace(family, plant=replace(p.undisturbed, A=A, Bf=Bf, C=C, Df=Df))
 
 
-def settled(engine: Engine, family: Incremental, answer: Answer) -> Answer:
-    """Same answer, with the objective 0 where a finite gain cancels the disturbance and the rest is rounding."""
-    if cancelled(engine, family, answer) is None:
+def annihilators(family: Incremental) -> tuple[Array, Array]:
+    """-B D^+ and N = I - D D^+."""
+    D, back = family.plant.D, np.linalg.pinv(family.plant.D)
+    return -family.plant.B @ back, np.eye(len(D)) - D @ back
+
+
+def silencing(engine: Engine, family: Incremental, bounds: Bounds) -> Array | None:
+    """L1 = Z N - B D^+ within bounds, with which v does not act on e; None if none is found.
+
+    |L1|^2 <= |Z|^2 + |B D^+|^2, since the rows of both are orthogonal.
+    """
+    silent = None if family.L2 is None else kept_out(family)
+    if silent is None:
+        return None
+    L, N = annihilators(family)
+    room = math.inf if bounds.L1 is None else limit_of(bounds) ** 2 - size_of(L, bounds) ** 2
+    if room <= 0:
+        return None
+    rank = len(N) if bounds.norm == "frobenius" else 1  # |Z|_F^2 <= ny |Z|^2
+    left = bounds if bounds.L1 is None else replace(sized(bounds, math.sqrt(room / rank)), norm="spectral")
+    found = engine.widest(silent.least_gamma(left))
+    return gain(found.values) @ N + L if found.status is Status.OPTIMAL else None
+
+
+def silent_gains(engine: Engine, family: Incremental, bounds: Bounds) -> Iterator[Incremental]:
+    """A family in rationals with the gain of `silencing`, in more and more digits."""
+    L1 = silencing(engine, in_floats(family), bounds)
+    if L1 is not None:
+        yield from (replace(family, L1=printed(significant(L1, digits))) for digits in DIGITS)
+
+
+def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds = NO_BOUNDS) -> Answer:
+    """Same answer, with the objective 0 where a finite gain cancels the disturbance and the rest is rounding.
+
+    Where the answer within bounds is none, such a gain within them is searched.
+    """
+    if answer.status is not Status.OPTIMAL and bounds.restricted:
+        attained = silencing(engine, family, bounds) is not None
+    else:
+        attained = cancelled(engine, family, answer) is not None
+    if not attained:
         return answer
     return replace(answer, status=Status.OPTIMAL, objective=0.0)
 

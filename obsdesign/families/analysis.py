@@ -1,18 +1,13 @@
-"""What is computed of a design in doubles, entry `analysis` of a result file, and what else in it is not proved."""
+"""What is computed of a design in doubles; entry `analysis` of a result file."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.spec import Spec, arguments
-
-NUMERICAL = {  # entries of a result file that prove nothing, besides its limits
-    "observer": ("poles", "fastest", "largest_step", "noise_gain", "condition_P", "multipliers", "contraction"),
-    "guarantee": ("rate", "overshoot", "initial", "disturbance", "noise", "jitter"),
-    "diagnosis": ("feasible",),
-}
+from obsdesign.tables.text import at_most
 
 
 def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, *, sampled: bool) -> dict[str, Any]:
@@ -24,7 +19,7 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, *, sampled
     """
     steps: dict[str, Any] = {"largest_step": errors.largest_step}
     if not sampled:
-        most = guarantee.peak(errors.H) if guarantee else None
+        most = guarantee.peak(spec.H) if guarantee else None
         steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.peak_gain(), "most": most}}
     unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
@@ -39,14 +34,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, list):
         return [finite(part) for part in value]
     return value if value is None or math.isfinite(value) else None
-
-
-def numerical(entries: Mapping[str, Any], limits: Iterable[str]) -> list[str]:
-    """Dotted paths of what is not proved in a result file with these entries; `limits`: what is so in its guarantee."""
-    named = {**NUMERICAL, "guarantee": (*limits, *NUMERICAL["guarantee"])}
-    paths = [f"{part}.{key}" for part, keys in named.items() for key in keys if key in entries.get(part, {})]
-    paths += ["certificate.checks.margin"] if "certificate" in entries else []
-    return paths + [name for name in ("analysis", "search") if name in entries]
 
 
 def rests(spec: Spec) -> bool:
@@ -70,6 +57,6 @@ def useless(gamma: float, found: Mapping[str, Any]) -> str | None:
     name = min(gains, key=lambda name: gains[name])
     how = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}[name]
     return (
-        f"gamma = {gamma:g} is no better than no observer at all: with {how} the gain is {gains[name]:.6g}, "
+        f"gamma = {at_most(gamma)} is no better than no observer at all: with {how} the gain is {gains[name]:.6g}, "
         "as far as frozen members of the class show it"
     )

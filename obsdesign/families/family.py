@@ -89,12 +89,14 @@ class Family:
 
     def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
-        from obsdesign.families import frozen
+        from obsdesign.families import frozen, reach
 
         if self.equations:
             outcome: Outcome = self.part("design").design(spec, engine)
             return outcome
-        return frozen.designed(spec, self.demand(spec), lambda: self.part("design").design(spec, engine))
+        demand = self.demand(spec)
+        within = lambda: reach.designed(spec, demand, lambda: self.part("design").design(spec, engine))  # noqa: E731
+        return frozen.designed(spec, demand, within).within_limits(spec)
 
     def written(self, spec: "Spec", outcome: "Outcome") -> dict[str, Any]:
         """Entry `observer` of a result file: gains, and what an engineer asks first of them; empty without gains."""
@@ -116,17 +118,19 @@ class Family:
 
         Raises `UsageError`: it holds none: its verdict is numerical or structural; or it is malformed.
         """
-        from obsdesign.families import frozen
+        from obsdesign.families import frozen, reach
+        from obsdesign.lmi import farkas
 
         if self.equations:
             refuted: Proof = self.part("absence").read(spec, file)
             return refuted
         if "certificate" not in file.table("diagnosis"):
             raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
-        if file.table("diagnosis", "certificate").get("kind") == frozen.KIND:
-            return frozen.read(spec, self.demand(spec), file)
-        if not self.refutes:
-            raise file.wrong("diagnosis.certificate", f"there is none for type {spec.observer.type}")
+        kinds = {frozen.KIND: frozen.read, reach.KIND: reach.read}
+        if (kind := str(file.table("diagnosis", "certificate").get("kind"))) in kinds:
+            return kinds[kind](spec, self.demand(spec), file)
+        if not self.refutes or kind != farkas.KIND:
+            raise file.wrong("diagnosis.certificate", f"there is none of this kind for type {spec.observer.type}")
         proof: Proof = self.part("absence").read(spec, file)
         return proof
 

@@ -44,13 +44,24 @@ def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list
     """Modes that no output shows, and the decay rate that they leave."""
     limit = decay_limit(plant, K)
     found = [
-        finding("detectability", False, mode.sentence, decides=True, eigenvalue=complex_pair(mode.eigenvalue))
+        finding(
+            "detectability", False, mode.sentence + frozen_at(K), decides=True, eigenvalue=complex_pair(mode.eigenvalue)
+        )
         for mode in undetectable(plant, K, rate)
-    ] or [finding("detectability", True, f"no hidden mode is slower than {name} = {rate:g}", decides=True)]
+    ] or [
+        finding("detectability", True, f"no hidden mode is slower than {name} = {rate:g}{frozen_at(K)}", decides=True)
+    ]
     if isfinite(limit):
-        said = f"detectability limits {name} to {limit + 0.0:g}"
+        said = f"detectability limits {name} to {limit + 0.0:g}{frozen_at(K)}"
         found.append(finding("decay", limit > rate, said, decides=True, limit=limit))
     return found
+
+
+def frozen_at(K: Array) -> str:
+    """Which plant is looked at, where f is taken as f = K q; nothing is said where there is no f."""
+    if not K.any():
+        return " with f = 0" if K.size else ""
+    return f" with f = {K.item():g} q" if K.size == 1 else " with f = K q, K of its class"
 
 
 def complex_pair(value: complex) -> list[float]:
@@ -67,11 +78,11 @@ def described(mode: Mode) -> dict[str, Any]:
 
 
 def smaller_class(blocks: Sequence[Nonlinearity], found: Diagnosis) -> str:
-    """Suggestion of the class of a `nonlinearity` that would be `feasible`."""
-    name = blocks[found["nonlinearity"] - 1].term or f"nonlinearity {found['nonlinearity']}"
+    """Suggestion of the class of a `nonlinearity` that would be `feasible`, as far as it is so `within` bounds."""
+    which = blocks[found["nonlinearity"] - 1].term or f"nonlinearities[{found['nonlinearity'] - 1}]"
     known = {name: value for name, value in found["feasible"].items() if name in {"lipschitz", "slope", "share"}}
     largest = ", ".join(f"{name} {shown(value)}" for name, value in known.items())
-    return f"{name} would be feasible at this alpha with {largest}"
+    return f"{which} would be feasible at this alpha with {largest}{found['within']}"
 
 
 def shown(value: Any) -> str:

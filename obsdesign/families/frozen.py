@@ -1,7 +1,8 @@
 """Answers that a frozen member of the class, f = K q, hides a mode: a reason, a finding and a proof, in any family."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, product
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, complex_pair, described, finding, smaller_class
 from obsdesign.families.outcome import Diagnosis, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, rows
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, block_diagonal, in_floats
 from obsdesign.lmi.proof import Check
-from obsdesign.model.frozen import Hidden, hidden, proved
+from obsdesign.model.frozen import MOST, Hidden, blind, hidden, proved
 from obsdesign.model.multiplier import Multiplier
+from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec, numbered
 
 KIND = "member"
@@ -28,6 +30,9 @@ class Demand:
     rate: fmpq  # the least that is asked for, 1/s; if it is zero, any decay
     multiplier: Multiplier
     key: str  # of the rate in a spec
+    gain: str  # key of the injection L1 in a spec
+    largest: fmpq | None = None  # what bounds its norm, unless it is given
+    L2: Array | None = None  # None: any
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
@@ -58,26 +63,47 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
 def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     """Answer that no observer makes the error decay as it must, with what proves it."""
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
-    members = [FREE if K is None else rows(K) for K in found.slopes]
-    slower = f"ask for {demand.key} below {found.decay:g}"
+    chosen = [FREE if K is None else rows(K) for K in found.slopes]
+    if found.decay > 0:
+        instead = f"ask for {demand.key} below {found.decay:g}"
+    else:
+        instead = "measure another state" + (", or tighten the type of the nonlinearity" if helps(spec, demand) else "")
     return {
         "condition": "detectability",
-        "reason": f"{sentence(spec, found)}, so no observer makes its error decay {must}",
+        "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}",
         "mode": described(found.mode),
         "slopes": slopes(found),
         "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
-        "suggestion": slower if found.decay > 0 else "measure another state, or tighten the type of the nonlinearity",
+        "suggestion": instead,
         "proof": "exact",
-        "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), members, strict=True))},
+        "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), chosen, strict=True))},
     }
 
 
-def sentence(spec: Spec, found: Hidden) -> str:
-    """Member and mode in words."""
+def sentence(spec: Spec, found: Hidden, demand: Demand) -> str:
+    """Member and mode in words, or that every f hides it."""
+    named = members(spec, found.member)
+    if not named:
+        return found.mode.sentence
+    if always := blind(spec.augmented, demand.rate):
+        return f"whatever f is, {always.sentence}"
+    more = "" if helps(spec, demand) else ", and at every other member that was tried there is such a mode"
+    return f"at {named}, which the types allow, {found.mode.sentence}{more}"
+
+
+def helps(spec: Spec, demand: Demand) -> bool:
+    """Whether some member of the class, at its ends or within, hides no slow mode: a smaller class may hide none."""
+    blocks, plant = demand.multiplier.blocks, spec.augmented.doubles
+    chosen = product(*((block.member, *block.vertices) for block in blocks))
+    tried = (block_diagonal([in_floats(K) for K in each]) for each in islice(chosen, MOST))
+    return any(not undetectable(plant, K, float(demand.rate)) for K in tried)
+
+
+def members(spec: Spec, chosen: Sequence[Array]) -> str:
+    """Members of the classes in words; nothing where there is no f."""
     terms = [block.term for block in spec.nonlinearities for _ in block.multiplier.blocks]
     names = (term or f"f{i}" for i, term in enumerate(terms, start=1))
-    named = " and ".join(slope(K, name) for K, name in zip(found.member, names, strict=False))
-    return f"at {named}, which the types allow, {found.mode.sentence}" if named else found.mode.sentence
+    return " and ".join(slope(K, name) for K, name in zip(map(in_floats, chosen), names, strict=False))
 
 
 def slope(K: Array, name: str) -> str:
@@ -98,7 +124,7 @@ def findings(spec: Spec, demand: Demand) -> list[Finding]:
     if not found:
         return []
     numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
-    return [finding("members", False, sentence(spec, found), decides=True, **numbers)]
+    return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers)]
 
 
 def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
@@ -107,11 +133,11 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     Raises `UsageError`: it is malformed, or has not one member for each nonlinearity.
     """
     root, shapes = ("diagnosis", "certificate", "members"), [b.member.shape for b in demand.multiplier.blocks]
-    names, members = numbered("f", len(shapes)), file.table(*root)
-    if set(members) != set(names):
+    names, table = numbered("f", len(shapes)), file.table(*root)
+    if set(table) != set(names):
         raise file.wrong(".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities")
     chosen = tuple(
-        None if members[name] == FREE else file.matrix(shape, *root, name)
+        None if table[name] == FREE else file.matrix(shape, *root, name)
         for name, shape in zip(names, shapes, strict=True)
     )
     found = proved(spec.augmented, demand.multiplier, chosen, demand.rate)

@@ -4,8 +4,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Literal, NamedTuple, NotRequired, Protocol, TypedDict
 
 import numpy as np
+from flint import arb, fmpq_mat
 
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, printed
+from obsdesign.lmi.spectrum import extremes, upper
 
 ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality
 RESOLVED = 1e-9  # of the largest error: what the integration tells from zero
@@ -136,10 +138,13 @@ class SampledGuarantee(Guarantee, Protocol):
 
 
 def largest_output(rates: Rates, P: Array, H: Array) -> float | None:
-    """Bound on |H e| that follows from e' P e <= V <= c / (2 alpha); None for alpha = 0."""
-    if not rates.alpha:
+    """Bound on |H e| that follows from e' P e <= V <= c / (2 alpha), P and H in rationals; None where there is none."""
+    if not rates.alpha or not np.isfinite(rates.c):
         return None
-    return float(np.sqrt(rates.c / (2 * rates.alpha) * np.linalg.norm(H @ np.linalg.solve(P, H.T), 2)))
+    HT = fmpq_mat(H.mT.tolist())
+    reach = np.array((HT.transpose() * fmpq_mat(P.tolist()).solve(HT)).tolist(), dtype=object)
+    c, alpha = printed(rates.c), printed(rates.alpha)
+    return upper((arb(c / (2 * alpha)) * extremes(reach)[1]).sqrt())
 
 
 def envelope(guarantee: Guarantee, course: Course, V: Array) -> Array:

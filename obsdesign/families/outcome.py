@@ -2,16 +2,20 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Protocol
 
+from obsdesign.dissipation.bounds import Bounds
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 
 Diagnosis = dict[str, Any]  # condition, reason, feasible, suggestion, and data of the condition
+BEST_FOUND = {"kind": "best-found"}  # of a limit: nothing better is known, and nothing says that there is none
+BETTER = {"gamma": -1, "lipschitz": 1, "T2": 1, "alpha": 1, "decay": 1}  # sense of what has a limit
+ACCURACY = 1e-4  # of a limit, relative
 
 
 class Verdict(StrEnum):
@@ -21,6 +25,9 @@ class Verdict(StrEnum):
     UNCERTIFIED = "uncertified"  # there are gains, and the proof failed
     INFEASIBLE = "infeasible"
     REFUTED = "refuted"  # what the observer rests on is false
+    UNDECIDED = (
+        "undecided"  # no gains were found, and nothing says that there are none: no design ends so, but an error
+    )
 
 
 class Claim(Protocol):
@@ -53,10 +60,11 @@ class Claim(Protocol):
 
 @dataclass(frozen=True)
 class Proof(Proved):
-    """What was claimed, in words, and the conditions that were checked of it."""
+    """What was claimed, in words, the conditions that were checked of it, and what of the file is not proved."""
 
     claim: str
     checks: tuple[Check, ...]
+    numerical: tuple[str, ...] = ()  # dotted paths
 
 
 @dataclass(frozen=True)
@@ -87,7 +95,7 @@ class Outcome:
         default_factory=dict
     )  # by name; doubles that print as the decimals that are proved
     claim: Claim | None = None  # what was proved of the gains, or tried to be
-    limit: dict[str, Any] = field(default_factory=dict)  # infimum or supremum over all gains, by its name; numerical
+    limit: dict[str, Any] = field(default_factory=dict)  # over all gains, by its name, with its `kind`; numerical
     limit_bounded: dict[str, Any] = field(default_factory=dict)  # .. within the bounds of the spec
     beyond: dict[str, Any] = field(default_factory=dict)  # what else is known of the limit, under the names of a file
     search: Search | None = None
@@ -104,7 +112,33 @@ class Outcome:
     def limits(self) -> dict[str, Any]:
         """Entries of a result file that are not proved."""
         bounded = {"limit_bounded": finite(self.limit_bounded)} if self.limit_bounded else {}
-        return {"limit": finite(self.limit or {"attained": False}), **bounded, **self.beyond}
+        known = self.limit if self.limit.keys() - {"attained"} else {"attained": False, "kind": "not-computed"}
+        return {"limit": finite(known), **bounded, **self.beyond}
+
+    def within_limits(self, spec: Spec) -> "Outcome":
+        """Same with limits that nothing that is proved is better than."""
+        if self.claim is None or not self.claim.holds:
+            return self
+        proved = self.claim.written(spec, {})["guarantee"]
+        return replace(self, limit=limited(self.limit, proved), limit_bounded=limited(self.limit_bounded, proved))
+
+
+def bounded_kind(bounds: Bounds) -> dict[str, Any]:
+    """Kind of a limit within bounds: a bound on a gain has sufficient conditions only."""
+    return {} if bounds.L1 is None else dict(BEST_FOUND)
+
+
+def limited(limit: Mapping[str, Any], proved: Mapping[str, Any]) -> dict[str, Any]:
+    """Limit, or what is proved where that is better in every number of both: it is the best found then."""
+    names = [name for name in BETTER if name in limit and name in proved]
+    ahead = [BETTER[name] * (proved[name] - limit[name]) for name in names]
+    if min(ahead, default=0) < 0 or max(ahead, default=0) <= 0:
+        return dict(limit)
+    found = {**limit, **{name: proved[name] for name in names}}
+    if all(abs(proved[name] - limit[name]) <= ACCURACY * abs(limit[name]) for name in names):
+        return found
+    reached = {"attained": True} if "attained" in limit else {}
+    return {**{name: value for name, value in found.items() if name != "objective"}, **reached, **BEST_FOUND}
 
 
 def finite(numbers: Mapping[str, Any]) -> dict[str, Any]:

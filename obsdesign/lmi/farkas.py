@@ -25,6 +25,7 @@ from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, ratio
 from obsdesign.lmi.probe import matrices
 from obsdesign.lmi.proof import Check, Formula, Proved, holds
 
+KIND = "farkas"
 CONSTANT = "1 > 0"  # the inequality s > 0, whose multiplier is c
 
 
@@ -55,9 +56,9 @@ class Refutation(Proved):
     checks: tuple[Check, ...]
 
     def written(self) -> dict[str, Any]:
-        """What a file holds: {"kind": "farkas", "multipliers": {name: rows of "p/q"}, "checks": [..]}."""
+        """What a file holds: {"kind": KIND, "multipliers": {name: rows of "p/q"}, "checks": [..]}."""
         return {
-            "kind": "farkas",
+            "kind": KIND,
             "multipliers": {name: [[str(z) for z in row] for row in Z] for name, Z in self.multipliers.items()},
             "checks": [{"name": c.name, "holds": c.holds} for c in self.checks],
         }

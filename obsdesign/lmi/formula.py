@@ -6,6 +6,8 @@ affine map), on float64 matrices (margins) and on rationals (the proof). Rationa
 `flint.fmpq`; a scalar unknown is a 1x1 matrix, so that `scale * M` broadcasts in all three readings.
 """
 
+import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
@@ -167,6 +169,19 @@ def approximate(value: fmpq) -> float:
         return float(value)
     except OverflowError:
         return float("inf") if value > 0 else float("-inf")
+
+
+def below(x: fmpq) -> float:
+    """Largest double, read as the decimal that prints it, that is not above x; minus infinity where there is none."""
+    double = min(approximate(x), sys.float_info.max)
+    while math.isfinite(double) and printed(double) > x:
+        double = math.nextafter(double, -math.inf)
+    return double
+
+
+def above(x: fmpq) -> float:
+    """Smallest double, read as the decimal that prints it, that is not below x; infinity where there is none."""
+    return -below(-x) + 0.0
 
 
 def in_floats(value: T) -> T:

@@ -145,8 +145,8 @@ class Search:
         z = np.zeros(len(program.cost))
         for _ in range(SWEEPS):
             ending, y = self.solve(scaled)
-            z = T @ y
-            if ending is Ending.SOLVED and violation(scaled, y) <= VIOLATION:
+            z = unscaled(T, y)
+            if ending is Ending.SOLVED and np.isfinite(z).all() and violation(scaled, y) <= VIOLATION:
                 found.append((float(program.cost @ z) + program.constant, z))
                 believed = len(found) > 1 and agree(found[-1][0], found[-2][0], AGREE)
                 if believed or (start is not None and self.solves == 1):
@@ -169,9 +169,9 @@ class Search:
             scaled, T = scale(lifted, center) if center.any() else balance(lifted)
             for sweep in range(SWEEPS):
                 ending, x = self.solve(with_margin(scaled))
-                if not np.isfinite(x).all() or not x[:-1].any():
+                t, center = float(x[-1]), unscaled(T, x[:-1])
+                if not np.isfinite([t, *center]).all() or not center.any():
                     break
-                t, center = float(x[-1]), T @ x[:-1]
                 improved = t > 1.5 * max(best, 0.0)
                 if t > best and (ending is Ending.SOLVED or (ending is Ending.INACCURATE and t > MARGIN)):
                     best, point = t, center
@@ -183,6 +183,12 @@ class Search:
         if best <= MARGIN and ending is Ending.FAILED:
             best = -np.inf
         return best, point[:-1] / point[-1] if point[-1] > 0 else point[:-1]
+
+
+def unscaled(T: Array, y: Array) -> Array:
+    """Coordinates T y of the program; infinite or not a number where a solver that broke down has left them so."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(T @ y)
 
 
 def violation(program: Program, z: Array) -> float:

@@ -94,6 +94,23 @@ def proved(plant: Plant[Exact], multiplier: Multiplier, slopes: Slopes, rate: fm
     return None
 
 
+def blind(plant: Plant[Exact], rate: fmpq) -> Mode | None:
+    """Slowest mode with dy = 0 and dq = 0, proved in rationals not to decay at a rate: f plays no part in it.
+
+    Then every member of every class hides it, and so does every f.
+    """
+    outputs, direct = np.vstack([plant.C, plant.Cq]), np.vstack([plant.Df, plant.Dqf])
+    none = zeros((len(plant.Bf.T), 0), [plant.A])
+    system = System(plant.A, plant.Bf @ none, outputs, direct @ none)
+    motion = unseen(plant, system, (zeros((len(none), plant.n), [plant.A]), none))
+    if motion is None or hurwitz(polynomial(motion.S + NEARLY * rate * identity(len(motion.S), motion.S))):
+        return None
+    values, vectors = np.linalg.eig(in_floats(motion.S))
+    slowest = int(np.argmax(values.real))
+    value = complex(values[slowest].real, abs(values[slowest].imag))
+    return mode(value, in_floats(motion.V) @ vectors[:, slowest], plant.states)
+
+
 def allowed(K: Array | None, block: Block) -> bool:
     """Whether a fixed K is in the class of its block; a free one is judged along the mode."""
     return bool(block.generators) if K is None else block.contains(K)

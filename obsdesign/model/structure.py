@@ -207,20 +207,20 @@ def accuracy(plant: Plant[Float], L2: Array | None, model: Generator) -> tuple[C
     unstable = [z for z in zeros.values if z.real >= 0]
     return (
         Condition("rank C B", seen == inputs, f"{product} has rank {seen} {verdict}", {"rank": seen, "needed": inputs}),
-        zeros_condition(zeros, unstable),
+        zeros_condition(zeros, unstable, "v to y with f = 0" if plant.Bf.size else "v to y"),
         *argument_condition(plant, L2),
     )
 
 
-def zeros_condition(zeros: Zeros, unstable: list[complex]) -> Condition:
+def zeros_condition(zeros: Zeros, unstable: list[complex], path: str) -> Condition:
     """No zero in the closed right half plane."""
     if not zeros.left_invertible:
         sentence = f"y determines {zeros.normal_rank} of the {zeros.inputs} components of v at most"
     elif unstable:
         at = ", ".join(map(text, unstable))
-        sentence = f"v to y has a zero in the right half plane at lambda = {at}: y need not show v = exp(lambda t)"
+        sentence = f"{path} has a zero in the right half plane at lambda = {at}: y need not show v = exp(lambda t)"
     else:
-        sentence = "v to y has no zero in the closed right half plane"
+        sentence = f"{path} has no zero in the closed right half plane"
     numbers = {"zeros": [[z.real, z.imag] for z in unstable], "normal_rank": zeros.normal_rank}
     return Condition("zeros", zeros.left_invertible and not unstable, sentence, numbers)
 

@@ -11,6 +11,7 @@ from obsdesign.plot.axis import time_axis
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
 from obsdesign.plot.run import ended, region_panels, titled, verdict
+from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,7 +137,8 @@ def heading(run: "Run") -> str:
     if guarantee is None:
         facts.append("no guarantee")
     else:
-        proved = rf"$\gamma$ = {guarantee.gamma:.4g}, {guarantee.symbol} = {guarantee.rates().alpha:.4g}"
+        gamma, decay = at_most(guarantee.gamma, 4), at_least(guarantee.rates().alpha, 4)
+        proved = rf"$\gamma$ = {gamma}, {guarantee.symbol} = {decay}"
         until = f" until t = {run.until:.4g}" if run.until < run.time else ""
         facts += [f"proved: {proved}", verdict(run, until)]
     return titled(run, facts)

@@ -13,6 +13,7 @@ from obsdesign.plot.axis import number, plain, with_unit
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
 from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Level, comparisons, draw_errors, draw_storage
 from obsdesign.spec import limited
+from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,7 +58,7 @@ def input_panels(run: "Run") -> Iterator[Panel]:
 def reconstruction_error(run: "Run", accuracy: Mapping[str, Any]) -> Panel:
     """Panel of |what - w|, with its proved limit if there is one, else with the one that the run shows."""
     limit, what = ("bound", "proved limit") if "bound" in accuracy else ("limsup", "at the end")
-    level = Level(accuracy[limit], LAST * run.time, f"{what} {number(accuracy[limit])}")
+    level = Level(accuracy[limit], LAST * run.time, f"{what} {number(float(at_most(accuracy[limit], 3)))}")
     curves = [(f"peak {number(accuracy['peak'])}", np.linalg.norm(run.steps.w_error, axis=1))]
     return partial(draw_errors, run=run, curves=curves, label=r"$\|\hat{w} - w\|$", level=level)
 
@@ -65,7 +66,7 @@ def reconstruction_error(run: "Run", accuracy: Mapping[str, Any]) -> Panel:
 def region_panels(run: "Run") -> Iterator[Panel]:
     """Panels of the arguments of f that have to stay in a region."""
     for i, k, column, region in list(limited(run.spec.nonlinearities))[:SINGLE]:
-        name = run.spec.nonlinearities[i - 1].argument(k, f"q{k + 1} of nonlinearity {i}")
+        name = run.spec.nonlinearities[i - 1].argument(k, f"q{k + 1} of nonlinearities[{i - 1}]")
         curve = Curve(name.partition(" of ")[0], run.q[:, column], run.qhat[:, column], region)
         yield Comparison(run.t, [curve], name, run.status == "escape").draw
 
@@ -120,8 +121,8 @@ def titled(run: "Run", facts: Sequence[str]) -> str:
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {alpha:.4g}" if alpha else r"$e \rightarrow 0$"
-    return decays if run.summary["gamma"] is None else rf"$\gamma$ = {guarantee.gamma:.4g}, {decays}"
+    decays = f"{guarantee.symbol} = {at_least(alpha, 4)}" if alpha else r"$e \rightarrow 0$"
+    return decays if run.summary["gamma"] is None else rf"$\gamma$ = {at_most(guarantee.gamma, 4)}, {decays}"
 
 
 def verdict(run: "Run", until: str) -> str:

@@ -46,7 +46,7 @@ def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str
     axes.set_xlabel(symbol(parameter))
     axes.set_ylabel(symbol(y))
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(title="line: limit, mark: certified gains", title_fontsize=8, alignment="left")
+        axes.legend(title="line: best found, mark: certified gains", title_fontsize=8, alignment="left")
     return figure
 
 

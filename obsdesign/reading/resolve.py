@@ -41,7 +41,9 @@ def resolve(document: Document) -> Spec:
     """
     reader = Reader(document, list(document.problems))
     if isinstance(document.root.value, dict) and document.root.value.keys() >= RESULT:
-        said = "is a result of `solve`, not a spec; `simulate` and `verify` take it, and spec.text in it is its spec"
+        piped = document.path == "-"
+        takers = "`verify -` takes it, and `simulate` as a file" if piped else "`simulate` and `verify` take it"
+        said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
         raise UsageError(Problem(said, document.path))
     file, named = read_file(reader), document.find(("observer", "type"))[1].value
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section

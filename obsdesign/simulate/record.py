@@ -158,7 +158,12 @@ class Record:
             return self.acting.unmodeled
         if self.acting.noise.any():
             return "the guarantee does not cover simulation.noise, which no v generates"
-        steps = (after for before, after in self.breaks if self.acting.steps_of_xm(before, after).any())
-        if (impulse := next(steps, None)) is not None:
-            return f"w jumps at t = {impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
+        if self.impulse is not None:
+            return f"w jumps at t = {self.impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
         return ""
+
+    @cached_property
+    def impulse(self) -> float | None:
+        """First instant at which w jumps and its disturbance model does not: v is no function there."""
+        steps = (before for before, after in self.breaks if self.acting.steps_of_xm(before, after).any())
+        return next(steps, None)

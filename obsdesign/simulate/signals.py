@@ -47,7 +47,7 @@ def jump_of(w: Sequence[Expression], breaks: Sequence[tuple[float, float]]) -> f
     for before, after in breaks:
         low, high = table(w, np.array([before, after]))
         if (np.abs(high - low) > JUMP * (1 + np.abs(low))).any():
-            return after
+            return before
     return None
 
 

@@ -34,7 +34,8 @@ def norms(record: Record) -> dict[str, Any]:
     course, acting, guarantee = record.course, record.acting, record.guarantee
     sup = guarantee is not None and guarantee.norm == "sup"
     z2, z_sup = (float(np.sqrt(course.z2[-1])), float(course.z.max())) if record.has_z else (None, None)
-    v2, v_sup = (None, None) if acting.unmodeled else (float(np.sqrt(course.v2[-1])), float(course.v_sup[-1]))
+    nothing = acting.unmodeled or record.impulse is not None  # no v of which a norm could be told
+    v2, v_sup = (None, None) if nothing else (float(np.sqrt(course.v2[-1])), float(course.v_sup[-1]))
     z, v = (z_sup, v_sup) if sup else (z2, v2)
     endless = None if sup or v2 is None else norm_to_infinity(acting.v, record.trajectory.time, course.v2[-1])
     return {

@@ -10,6 +10,7 @@ from obsdesign.errors import ViolatedError
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.restriction import outward
 from obsdesign.spec import Nonlinearity, limited
+from obsdesign.tables.text import at_most
 
 Side = Literal["plant", "estimate"]
 
@@ -18,7 +19,7 @@ Side = Literal["plant", "estimate"]
 class Leaving:
     """The first instant at which an argument of f is outside the region on which its type holds."""
 
-    nonlinearity: int  # from 1, as in the spec
+    nonlinearity: int  # from 1
     argument: str  # q1, q2, .. of this nonlinearity, t, an output or an input; of equations what it is of the states
     of: Side
     time: float
@@ -28,7 +29,7 @@ class Leaving:
 
     def __str__(self) -> str:
         whose = {"plant": "of the plant", "estimate": "of the observer"}[self.of]
-        which = f"{self.argument} of nonlinearity {self.nonlinearity}" if self.own else self.argument
+        which = f"{self.argument} of nonlinearities[{self.nonlinearity - 1}]" if self.own else self.argument
         where = f"{which} {whose}"
         return f"{where} is {self.value:.4g}, outside {interval(self.region)}, at t = {self.time:.4g}"
 
@@ -80,10 +81,10 @@ def leavings(
 
 def region(blocks: Sequence[Nonlinearity]) -> str:
     """Where the arguments of f must stay, in words."""
-    ends = [(f"q{k + 1} of nonlinearity {i}", i, k, limits) for i, k, _, limits in limited(blocks)]
+    ends = [(f"q{k + 1} of nonlinearities[{i - 1}]", i, k, limits) for i, k, _, limits in limited(blocks)]
     said = [f"{blocks[i - 1].argument(k, name)} in {interval(limits)}" for name, i, k, limits in ends]
-    for i, block in enumerate(blocks, start=1):
-        whose = "" if block.term else f" of nonlinearity {i}"
+    for i, block in enumerate(blocks):
+        whose = "" if block.term else f" of nonlinearities[{i}]"
         said += [f"{name}{whose} in {interval(outward(limits))}" for name, limits in block.others.items()]
     return ", ".join(dict.fromkeys(said))
 
@@ -121,6 +122,6 @@ def require_kept(summary: Mapping[str, Any], samples: str) -> None:
         first = broken[0]
         raise ViolatedError(
             f"{samples}: the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
-            f"below {first['bound']:.6g} in {first['name']}; this is a defect of obsdesign: please report it with the "
-            "spec and the gains file"
+            f"below {at_most(first['bound'])} in {first['name']}; this is a defect of obsdesign: please report it with "
+            "the spec and the gains file"
         )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from obsdesign.tables.text import aligned
+from obsdesign.tables.text import aligned, at_least, at_most
 
 Rows = list[tuple[str, str]]
 
@@ -33,7 +33,7 @@ def bounds(block: Mapping[str, Any]) -> Rows:
         ]
     if "declared" in block:
         said = "proved" if block["proved"] else "NOT proved, the guarantee assumes it"
-        rows += [("declared", f"{block['declared']:.7g}   {said}")]
+        rows += [("declared", f"{at_most(block['declared'], 7)}   {said}")]
     return rows
 
 
@@ -52,7 +52,7 @@ def scalings(found: Mapping[str, Any]) -> Rows:
 
 def within(found: Mapping[str, float]) -> str:
     """Both bounds."""
-    return f"{found['lower']:.7g} .. {found['upper']:.7g}"
+    return f"{at_least(found['lower'], 7)} .. {at_most(found['upper'], 7)}"
 
 
 def interval(ends: Sequence[float | None]) -> str:

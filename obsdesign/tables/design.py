@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from obsdesign.dissipation.decimals import round_down
 from obsdesign.families import FAMILIES
-from obsdesign.tables.text import UNBOUNDED, limit_text, pole_text
+from obsdesign.tables.text import UNBOUNDED, at_least, at_most, limit_text, pole_text
 
 QUANTITIES = ("lipschitz", "gamma")
+SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounded
 LONGEST = 60  # points that are listed one by one
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
 
@@ -47,10 +47,11 @@ def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("worst pole", said))
     steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
     known = {name: found["largest_step"][key] for name, key in steps.items()}
-    told = ", ".join(f"{round_down(step, 3):g} s ({name})" for name, step in known.items() if step is not None)
+    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step is not None)
     rows.append(("largest step", told or UNBOUNDED))
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
-    ends = [f"{word} {gain:.4g}" for word, gain in (("at least", low), ("at most", high)) if gain is not None]
+    ends = [] if low is None else [f"at least {at_least(low, 4)}"]
+    ends += [] if high is None else [f"at most {at_most(high, 4)}"]
     rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []
     gains = {"with 0 for z": found["no_observer"]["zero"], "without y": found["no_observer"]["open_loop"]}
     without = ", ".join(f"{gain:.6g} {name}" for name, gain in gains.items() if gain is not None)
@@ -64,7 +65,7 @@ def background(claimed: Mapping[str, Any]) -> Rows:
         wide = claimed["widened"]
         rows += [("widened", f"gamma {wide['gamma']:.6g} as if the Lipschitz constant were {wide['lipschitz']:.6g}")]
     if "ceiling" in claimed:
-        rows += [("ceiling", f"lipschitz {claimed['ceiling']:.6g}   no gain tolerates more")]
+        rows += [("ceiling", f"lipschitz {at_most(claimed['ceiling'])}   no gain tolerates more")]
     return rows + [("relaxation", compared(row)) for row in claimed.get("comparison", [])]
 
 
@@ -128,7 +129,7 @@ def reached(point: Mapping[str, Any]) -> str:
         return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
     proved = point.get("certified")
     return f"gamma {point['gamma']:.6g}" + (
-        f"   certified {proved['gamma']:.6g}, |L| = {proved['L']:.4g}" if proved else ""
+        f"   certified {at_most(proved['gamma'])}, |L| = {proved['L']:.4g}" if proved else ""
     )
 
 
@@ -165,12 +166,13 @@ def summary(points: Sequence[Mapping[str, Any]], parameters: Sequence[str]) -> R
 def between(points: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
     """Ranges of what points hold."""
     columns = {key: [point[key] for point in points if key in point] for key in keys}
-    return ", ".join(f"{label(key)} {span(min(c), max(c))}" for key, c in columns.items() if c)
+    return ", ".join(f"{label(key)} {span(key, min(c), max(c))}" for key, c in columns.items() if c)
 
 
-def span(low: float, high: float) -> str:
+def span(key: str, low: float, high: float) -> str:
     """Range in words."""
-    return f"{low:.4g} to {high:.4g}" if low < high else f"{low:.4g}"
+    ends = [SAFE[key](end, 4) if key in SAFE else f"{end:.4g}" for end in (low, high)]
+    return " to ".join(ends if low < high else ends[:1])
 
 
 def solvable(point: Mapping[str, Any]) -> bool:
@@ -180,7 +182,8 @@ def solvable(point: Mapping[str, Any]) -> bool:
 
 def certified(numbers: Mapping[str, float]) -> str:
     """What a gain is proved to achieve, and its size."""
-    return f"{quantities(numbers)}, |L| = {numbers['L']:.4g}"
+    proved = ", ".join(f"{key} {safe(numbers[key])}" for key, safe in SAFE.items() if key in numbers)
+    return f"{proved}, |L| = {numbers['L']:.4g}"
 
 
 def quantities(numbers: Mapping[str, float]) -> str:

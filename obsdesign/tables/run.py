@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from obsdesign.tables.text import aligned, plain
+from obsdesign.tables.text import aligned, at_most, plain
+
+BOUNDS = ("gamma", "bound")
 
 
 def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, str]) -> str:
@@ -14,23 +16,30 @@ def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, st
             rows += [("bound", bound_text(bound)) for bound in value]
         elif key == "ratio":
             rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}")]
+        elif key.endswith("_norm2") and value is not None:
+            rows.append((key.replace("_", " "), f"{plain(value)}   over the run"))
         elif key == "validity":
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
             rows.append((key.replace("_", " "), entries(value)))
         elif value is not None and key != "ratio_of":
-            rows.append((key.replace("_", " "), plain(value)))
+            rows.append((key.replace("_", " "), shown(key, value)))
     return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
 
 
 def entries(values: Mapping[str, Any]) -> str:
     """Keys and values in one line, and a note at its end."""
-    text = ", ".join(f"{key.replace('_', ' ')} {plain(value)}" for key, value in values.items() if key != "note")
+    text = ", ".join(f"{key.replace('_', ' ')} {shown(key, value)}" for key, value in values.items() if key != "note")
     return f"{text}; {values['note']}" if "note" in values else text
+
+
+def shown(key: str, value: Any) -> str:
+    """Value in a table; of what bounds a run an upper bound."""
+    return at_most(value) if key in BOUNDS and value is not None else plain(value)
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:
     """One bound of a guarantee against the run; where it is met by the accuracy of the run alone, with that."""
     verdict = "holds" if bound["holds"] else "VIOLATED"
-    within = f" + {bound['accuracy']:.2g}, the accuracy of the run" if bound["value"] > bound["bound"] else ""
-    return f"{verdict}: {bound['value']:.6g} <= {bound['bound']:.6g}{within}   {bound['name']}"
+    within = f" + {at_most(bound['accuracy'], 2)}, the accuracy of the run" if bound["value"] > bound["bound"] else ""
+    return f"{verdict}: {bound['value']:.6g} <= {at_most(bound['bound'])}{within}   {bound['name']}"

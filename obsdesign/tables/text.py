@@ -1,9 +1,11 @@
 """Rows, matrices and numbers as text."""
 
+import decimal
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 
 UNBOUNDED = "not told: slopes of f are not bounded, or not all their matrices are known"
 
@@ -12,6 +14,28 @@ def aligned(rows: list[tuple[str, str]]) -> str:
     """Two columns."""
     width = max(len(key) for key, _ in rows)
     return "\n".join(f"{key:<{width}}  {value}" for key, value in rows)
+
+
+def at_most(x: float | fmpq, digits: int = 6) -> str:
+    """Smallest decimal of so many significant digits that is not below x: how an upper bound is shown.
+
+    A double is the decimal that prints it.
+    """
+    return directed(x, digits, decimal.ROUND_CEILING)
+
+
+def at_least(x: float | fmpq, digits: int = 6) -> str:
+    """Largest decimal of so many significant digits that is not above x: how a lower bound is shown."""
+    return directed(x, digits, decimal.ROUND_FLOOR)
+
+
+def directed(x: float | fmpq, digits: int, rounding: str) -> str:
+    """Shortest text of a number that is rounded in one direction."""
+    with decimal.localcontext(prec=digits, rounding=rounding):
+        above, below = (x.p, x.q) if isinstance(x, fmpq) else (repr(float(x)), 1)
+        found = decimal.Decimal(str(above)) / decimal.Decimal(str(below))
+    text = f"{float(found):.{digits}g}"
+    return text if decimal.Decimal(text) == found else str(found)
 
 
 def plain(value: Any) -> str:
@@ -39,5 +63,8 @@ def spectral_norm(rows: list[list[float]]) -> float:
 
 def limit_text(limit: Mapping[str, Any]) -> str:
     """One limit."""
-    numbers = [f"{k} {v:.6g}" for k, v in limit.items() if k not in {"attained", "unbounded"}]
-    return ", ".join([*(["unbounded"] if limit.get("unbounded") else []), *numbers])
+    numbers = [f"{k} {v:.6g}" for k, v in limit.items() if k not in {"attained", "unbounded", "kind", "at"}]
+    said = [", ".join([*(["unbounded"] if limit.get("unbounded") else []), *numbers])]
+    said += [", ".join(f"at {key} {value:.6g}" for key, value in limit["at"].items())] if "at" in limit else []
+    said += ["the best that was found"] if limit.get("kind") == "best-found" else []
+    return "   ".join(said)

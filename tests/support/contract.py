@@ -62,6 +62,9 @@ def broken_rules(result, gains):
     else:
         rules |= rules_of_gains(result["observer"], gains)
         rules |= rules_of_guarantee(result["guarantee"])
+        search = result.get("search", {})
+        points = [p for curve in search.get("curves", [search]) for p in curve.get("points", []) if "certified" in p]
+        rules["a point of a search is not better than its limit"] = not any(ahead(p, p["certified"]) for p in points)
         rules |= rules_of_certificate(result["certificate"], result["status"])
     return broken + [rule for rule, kept in rules.items() if not kept]
 
@@ -74,18 +77,29 @@ def rules_of_gains(observer, gains):
 
 def rules_of_guarantee(guarantee):
     """It is said in words and in numbers, with a limit that no number is better than."""
-    gamma, limit = guarantee.get("gamma"), guarantee.get("limit", {})
-    best = (guarantee.get("limit_bounded") or limit).get("gamma")
+    limit, rows = guarantee.get("limit", {}), guarantee.get("comparison", [])
+    beside = [(guarantee.get(name, {}), guarantee) for name in ("limit", "limit_bounded")]
+    beside += [(row["limit"], row["certified"]) for row in rows if "certified" in row]
     return {
         "guarantee.statement says something": len(guarantee.get("statement", "")) > 20,
         "guarantee.limit says whether it is attained": isinstance(limit.get("attained"), bool),
         "the numbers of the guarantee are numbers": all(
             is_number(value) for key, value in guarantee.items() if not isinstance(value, dict | list | str)
         ),
-        "gamma is not below its limit": None in {gamma, best} or gamma >= best * (1 - 1e-6),
+        "guarantee.limit.kind": limit.get("kind", "infimum") in {"infimum", "best-found", "not-computed"},
+        "a limit that was not computed has no number": ("not-computed" in limit.values())
+        == (not limit.keys() - {"attained", "kind"}),
+        "nothing that is proved is better than the limit beside it": not any(ahead(*pair) for pair in beside),
         "gamma follows from mu1 and mu2": not {"gamma", "mu1", "mu2"} <= guarantee.keys()
-        or abs(math.sqrt(guarantee["mu2"] / guarantee["mu1"]) / gamma - 1) < 1e-6,
+        or abs(math.sqrt(guarantee["mu2"] / guarantee["mu1"]) / guarantee["gamma"] - 1) < 1e-6,
     }
+
+
+def ahead(limit, proved):
+    """Whether what is proved is better than a limit, in every number of both."""
+    signs = {"gamma": -1, "lipschitz": 1, "T2": 1, "alpha": 1, "decay": 1}
+    by = [sign * (proved[key] - limit[key]) for key, sign in signs.items() if key in limit and key in proved]
+    return bool(by) and min(by) >= 0 and max(by) > 0
 
 
 def rules_of_certificate(certificate, status):

@@ -5,13 +5,15 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
+from obsdesign.dissipation.bounds import Bounds, ends
+from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import hidden_mode
 from obsdesign.families.incremental.request import Request, request_of
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Diagnosis, Proof
+from obsdesign.families.reach import too_tight
 from obsdesign.files import ResultFile
 from obsdesign.lmi.faces import refutation
 from obsdesign.lmi.farkas import Refutation, check
@@ -20,6 +22,9 @@ from obsdesign.lmi.proof import Formula
 from obsdesign.model.pencil import System, invariant_zeros, text
 from obsdesign.model.structure import accuracy
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
+
+CLOSE = 1e-3  # relative, from the edge of what is feasible to what is suggested
 
 
 def question(family: Incremental, gamma: fmpq | None = None) -> tuple[Formula, tuple[Unknown, ...]]:
@@ -67,14 +72,16 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     if family.L2 is None:
         raise file.wrong("diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free")
     gamma = file.number(*root, "gamma") if "gamma" in file.table(*root) else None
-    if gamma is not None and (request.gains or request.level is None or gamma < request.level):
+    if gamma is not None and (request.gains or request.level is None):
+        raise file.wrong("diagnosis.certificate.gamma", "the spec asks for no gamma, so that one proves nothing of it")
+    if gamma is not None and request.level is not None and gamma < request.level:
         raise file.wrong("diagnosis.certificate.gamma", f"{approximate(gamma):g} is below what the spec asks for")
     if not covers(request, family, gamma):
         where = f"{approximate(alpha):g} is not what the spec asks for, or not all of it"
         raise file.wrong("diagnosis.certificate.alpha", where)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
-    level = "" if gamma is None else f" and gamma = {approximate(gamma):g}"
-    words = f"Theorem 1 has no solution at alpha = {approximate(alpha):g}{level}"
+    level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
+    words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
     return Proof(words + (", nor at a larger alpha" if falls(family, gamma) else ""), refutation.checks)
 
 
@@ -126,9 +133,10 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
     if largest_alpha is not None:
         return {
             "condition": "decay",
-            "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}",
+            "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}"
+            + within_bounds(spec),
             "feasible": {"alpha": largest_alpha},
-            "suggestion": f"ask for alpha at most {largest_alpha * (1 - 1e-4):.5g}{other(family)}",
+            "suggestion": f"ask for alpha at most {at_least(largest_alpha * (1 - 1e-4), 5)}{other(family)}",
         }
     return {
         "condition": "inequality",
@@ -136,6 +144,29 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
         "feasible": {},
         "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
+
+
+def within_bounds(spec: Spec) -> str:
+    """Bounds, besides that on gamma, that what is said to be feasible keeps; nothing where there are none."""
+    words = request_of(spec).bounds.words("L1")
+    return f" within the bounds ({' and '.join(words)})" if words else ""
+
+
+def beyond(
+    bounds: Bounds, alpha: float, gamma: float | None, size: float | None, reached: float | None, slower: float | None
+) -> Diagnosis:
+    """Answer that nothing within bounds was found at alpha, for a gamma or for any.
+
+    `size`: a bound on |L1| that does; `reached`, `slower`: a gamma, or an alpha, that the bounds do for.
+    """
+    inside = "within the bounds ask for"
+    enough = {"L1": (size, "allow |L1| up to")} if size else {}
+    if reached:
+        enough["gamma"] = round_up(reached * (1 + CLOSE), 4), f"{inside} gamma at least"
+    if slower:
+        enough["alpha"] = round_down(slower * (1 - CLOSE), 4), f"{inside} alpha at most"
+    where = f"at alpha = {alpha:g}" + ("" if gamma is None else f" for gamma = {gamma:g}")
+    return too_tight(bounds.words("L1"), where, enough)
 
 
 def other(family: Incremental) -> str:
@@ -158,7 +189,7 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float]) -> D
         "reason": f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": f"ask for gamma above {least:.6g}",
+        "suggestion": f"ask for gamma above {at_most(least)}",
     }
     if because:
         found["reason"] += f"; {'; '.join(because)}"

@@ -7,7 +7,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.finding import Finding, complex_pair, detectability, finding
+from obsdesign.families.finding import Finding, complex_pair, detectability, finding, frozen_at
 from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.incremental.theorems import THEOREMS
@@ -32,7 +32,8 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
         zeros = invariant_zeros(system)
         numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
-        findings.append(finding(f"zeros, {name}", zeros.left_invertible, f"{name}: {zeros.sentence}", **numbers))
+        said = f"{name}{frozen_at(K)}: {zeros.sentence}"
+        findings.append(finding(f"zeros, {name}", zeros.left_invertible, said, **numbers))
     findings += [*slopes(spec, alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
     if (L2 := request.feedback) is not None:

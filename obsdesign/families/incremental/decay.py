@@ -9,7 +9,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import searchable
+from obsdesign.dissipation.gain import excluded, least, least_size, searchable, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import Minimum, edge, strides
 from obsdesign.lmi.formula import rational_number
@@ -34,7 +34,7 @@ class Decay:
         """Points of the grid; nothing is solved above an infeasible one.
 
         The inequality is affine in alpha, so the reductions at both ends give those between. Every point is solved from
-        nothing, but in the scaling of its neighbor.
+        nothing, but in the scaling of its neighbor; a bound on L1 takes several solves, as it does at one alpha.
         """
         search, low, high = searchable(self.family), float(grid[0]), float(grid[-1])
         first = reduction(replace(search, alpha=low).least_gamma(self.bounds))
@@ -46,11 +46,14 @@ class Decay:
             if lost:
                 yield {"alpha": alpha, "status": str(Status.INFEASIBLE)}
                 continue
-            problem = replace(search, alpha=alpha).least_gamma(self.bounds)
-            reduced = between(first, last, (alpha - low) / (high - low))
-            answer = self.engine.minimise(problem, neighbor.values if neighbor else None, reduced)
-            if neighbor and not near(neighbor.objective, answer.objective):
-                answer = self.engine.minimise(problem, reduced=reduced)
+            if self.bounds.L1 is not None:
+                answer = within(self.engine, replace(search, alpha=alpha), self.bounds)
+            else:
+                problem = replace(search, alpha=alpha).least_gamma(self.bounds)
+                reduced = between(first, last, (alpha - low) / (high - low))
+                answer = self.engine.minimise(problem, neighbor.values if neighbor else None, reduced)
+                if neighbor and not near(neighbor.objective, answer.objective):
+                    answer = self.engine.minimise(problem, reduced=reduced)
             lost = answer.status is Status.INFEASIBLE
             neighbor = answer if answer.status is Status.OPTIMAL else neighbor
             yield point(alpha, answer)
@@ -58,7 +61,7 @@ class Decay:
     def at(self, alpha: float) -> Point:
         """One point."""
         family = replace(self.family, alpha=rational_number(repr(alpha)))
-        return point(alpha, self.engine.minimise(searchable(family).least_gamma(self.bounds)))
+        return point(alpha, within(self.engine, searchable(family), self.bounds))
 
     def lowest(self, points: Sequence[Point]) -> list[Point]:
         """Further points about the lowest of a curve that falls and then rises."""
@@ -77,7 +80,7 @@ class Decay:
         """Whether the inequality has a solution at alpha, and whether that stayed undecided."""
         family = searchable(replace(self.family, alpha=alpha))
         level = self.bounds.gamma
-        answer = self.engine.minimise(family.least_gamma(self.bounds))
+        answer = within(self.engine, family, self.bounds)
         if answer.status is Status.OPTIMAL:
             return level is None or answer.objective <= float(level) ** 2, False
         if level is None and not self.bounds.restricted:
@@ -99,6 +102,15 @@ class Decay:
         high = float(alpha)
         low, above = strides(lambda a: a < high and self.holds(a), high, 10.0, 4)
         return None if low is None or above is None else self.largest(low, above)
+
+    def instead(self, alpha: fmpq) -> tuple[bool, float | None, float | None]:
+        """What is known where nothing was found at alpha within the bounds.
+
+        Returns whether that is decided (for a gamma by the least that was found), a size of L1 and an alpha that do.
+        """
+        solve, level = least(self.engine, searchable(replace(self.family, alpha=alpha))), self.bounds.gamma
+        size = least_size(solve, self.bounds, math.inf if level is None else float(level) ** 2)
+        return level is not None or excluded(solve, self.bounds), size, self.largest_below(alpha)
 
 
 def point(alpha: float, answer: Answer) -> Point:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,10 @@ from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
+from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED, smaller_class
-from obsdesign.families.incremental.absence import why_not
+from obsdesign.families.incremental.absence import beyond, why_not, within_bounds
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point
@@ -26,8 +27,9 @@ from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.theorems import THEOREMS, Linf
-from obsdesign.families.outcome import Outcome, Search, Verdict
-from obsdesign.lmi.formula import Values, in_floats, rational_number
+from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict, bounded_kind
+from obsdesign.families.reach import judged
+from obsdesign.lmi.formula import Values, in_floats, printed, rational_number
 from obsdesign.lmi.solve import Status
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
@@ -98,14 +100,19 @@ class Designer:
         family = replace(self.family, alpha=alpha)
         search = searchable(family)
         self.engine.report(0.7, "limit")
-        limits, least = self.limits(search, alpha)
-        if least is None:
-            return self.infeasible(alpha, limits)
-        target = self.target(search, least)
+        limits, level = self.limits(search, alpha)
+        if level is None and not limits:
+            return self.infeasible(alpha)
+        if level is None:
+            return self.out_of_bounds(alpha, limits)
+        target = self.target(search, level)
         if self.request.bounds.gamma is not None:
             target = min(target, float(self.request.bounds.gamma))
-        if target < least.gamma:
-            return self.infeasible(alpha, {"gamma": {"asked": target, "least": least.gamma}, **limits})
+        if target < level.gamma:
+            most = limits["limit"].get("gamma", 0.0)
+            if target >= most and self.request.bounds.restricted:
+                return self.out_of_bounds(alpha, limits, target, level.gamma)
+            return self.infeasible(alpha, {"gamma": {"asked": target, "least": most}, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
         return replace(made, **limits, search=self.search, notes=tuple(self.notes))
@@ -119,8 +126,8 @@ class Designer:
         zero = vanishing(self.engine, search, answer)
         table = zero.table
         if answer.status is Status.OPTIMAL or table or zero.instead:
-            level = Level(0.0) if table else Level.of(answer, zero)
-            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained}}
+            level = Level.of_all(answer, zero)
+            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained, **self.kind(alpha)}}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
             if not free:
@@ -131,15 +138,20 @@ class Designer:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
             return limits, level
-        bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds))
-        if bounded.status is Status.INFEASIBLE:
-            return {"bounds": "no gain within the bounds satisfies the inequality", **limits}, None
+        bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
         if bounded.status is not Status.OPTIMAL:
-            if table and self.request.bounds.L1 is None:
+            if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
                 raise unbounded(alpha, table)
-            raise UndecidedError(f"the least gamma within the bounds was not found: {bounded.reason}")
+            return limits, None
         level = Level.of(bounded, zero)
-        return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True}}, level
+        kind = {**self.kind(alpha), **bounded_kind(self.request.bounds)}
+        return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True, **kind}}, level
+
+    def kind(self, alpha: fmpq) -> dict[str, Any]:
+        """Where alpha was searched: at which one a limit of gamma is; the best found, unless a lower alpha has less."""
+        if not self.points:
+            return {}
+        return {"at": {"alpha": float(alpha)}, **({} if self.family.about.monotone else BEST_FOUND)}
 
     def target(self, search: Incremental, least: Level) -> float:
         """Gamma to be certified, within the slack of the limit; where the objective is not gamma, it is `moderate`."""
@@ -166,8 +178,10 @@ class Designer:
         return math.sqrt(max(level, 0.0)) if search.plant.B.shape[1] else 1.0  # without a disturbance any gamma holds
 
     def gains(self, family: Incremental, gamma: float) -> Outcome:
-        """Gains of small norm that reach gamma, rounded and proved."""
-        made = self.proved(small_gains(self.engine, family, gamma, self.request.bounds), gamma)
+        """Gains of small norm that reach gamma, or else one that keeps v from the error, rounded and proved."""
+        bounds = self.request.bounds
+        silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
+        made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
         if not made.gains:
             raise UndecidedError(f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}")
         return made
@@ -176,7 +190,7 @@ class Designer:
         """Return the first of some candidates that is proved to reach gamma; or else the last of them, uncertified."""
         made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
-            certificate = claim(self.engine, candidate, gamma, values, self.request.bounds.P)
+            certificate = claim(self.engine, candidate, gamma, values, self.request.bounds)
             assert candidate.L1 is not None
             asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
             proof = Claim(certificate, asked=asked) if certificate else None
@@ -275,7 +289,8 @@ class Designer:
         made = self.completed(family, made)
         limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-        return replace(made, limit={**known, "attained": False}, search=self.search, notes=tuple(self.notes))
+        limits = {**known, "attained": False, **(self.kind(alpha) if known else {})}
+        return replace(made, limit=limits, search=self.search, notes=tuple(self.notes))
 
     # Answers without gains
 
@@ -291,6 +306,21 @@ class Designer:
             diagnosis = self.with_class(alpha, diagnosis)
         return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, search=self.search, notes=tuple(self.notes), **limits)
 
+    def out_of_bounds(
+        self, alpha: fmpq, limits: dict[str, Any], gamma: float | None = None, reached: float | None = None
+    ) -> Outcome:
+        """Answer that nothing within the bounds was found, with what would do instead.
+
+        `gamma`: what is asked for, if the bounds do for the larger one that was `reached`.
+        """
+        self.engine.report(0.9, "diagnosis")
+        bounds = self.request.bounds
+        capped = replace(bounds, gamma=None if gamma is None else printed(gamma))
+        decided, size, slower = replace(self.decay, bounds=capped).instead(alpha)
+        known: dict[str, Any] = {"search": self.search, "notes": tuple(self.notes), **limits}
+        found = beyond(bounds, float(alpha), gamma, size, reached, slower)
+        return judged(found, decided=decided, **known)
+
     def with_class(self, alpha: fmpq, diagnosis: dict[str, Any]) -> dict[str, Any]:
         """Diagnosis with the largest class of one nonlinearity that is feasible at alpha, if one is to blame."""
 
@@ -300,9 +330,11 @@ class Designer:
         found = largest_class(self.spec, feasible)
         if not found:
             return diagnosis
+        found["within"] = within_bounds(self.spec)
         return {
             **diagnosis,
             "nonlinearity": found["nonlinearity"],
+            "within": found["within"],
             "feasible": {**diagnosis["feasible"], **found["feasible"]},
             "suggestion": f"{diagnosis['suggestion']}; {smaller_class(self.spec.nonlinearities, found)}",
         }

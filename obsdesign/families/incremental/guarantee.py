@@ -82,7 +82,7 @@ class PeakGuarantee(Quadratic):
         also with lmax(P) |e(0)|^2 for V(e(0)). The sup is that over [0, t].
         """
         V = self.storage(course)
-        largest_V = np.linalg.eigvalsh(self.P)[-1] * (course.e[0] @ course.e[0])
+        largest_V = self.spectrum[1] * (course.e[0] @ course.e[0])
         left = np.exp(-2 * self.alpha * course.t)
         gain = self.gamma * course.v_sup
 

@@ -36,14 +36,16 @@ from obsdesign.lmi.formula import (
     Inequality,
     Unknown,
     Values,
+    above,
     approximate,
     identity,
+    printed,
     rational,
-    rational_number,
     symmetric,
     zeros,
 )
-from obsdesign.lmi.proof import Check, Proved, holds, prove
+from obsdesign.lmi.proof import Check, Proved, prove
+from obsdesign.lmi.spectrum import extremes, upper
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.spec import Spec, arguments
 
@@ -124,13 +126,7 @@ def norm_above(matrix: Array) -> fmpq:
         return fmpq(0)
     if matrix.size == 1:
         return abs(matrix.item())
-    above = float(np.linalg.norm(matrix.astype(float), 2))
-    gram = matrix.T @ matrix
-    while True:
-        above *= 1 + 1e-12
-        bound = rational_number(repr(above))
-        if holds(Inequality("norm", gram - bound * bound * identity(len(gram), gram))):
-            return bound
+    return printed(upper(extremes(matrix.T @ matrix)[1].sqrt()))
 
 
 # The proof
@@ -188,11 +184,11 @@ class Reconstructed:
 
     @property
     def bound(self) -> Reconstruction:
-        """Constants in doubles, with the sum of the storage functions and the slowest of their rates."""
-        w, w_rate, x_rate = map(approximate, self.constants)
+        """Constants in doubles, rounded up, with the sum of the storage functions and the slowest of their rates."""
+        w, w_rate, x_rate = map(above, self.constants)
         storages = [level.guarantee for level in self.levels.values()]
         alpha = min(storage.alpha for storage in storages)
-        return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.P for storage in storages], axis=0))
+        return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.doubles for storage in storages], axis=0))
 
 
 def inapplicable(spec: Spec, slope: fmpq | None) -> str | None:

@@ -171,7 +171,9 @@ def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
 
 def demand(spec: Spec) -> Demand:
     """Decay at the least alpha that is asked for, for every f of its type."""
-    return Demand(printed(ends(request_of(spec).alpha)[0]), spec.multiplier, "alpha")
+    request = request_of(spec).printed()
+    largest = None if request.gains else request.bounds.L1
+    return Demand(ends(request.alpha)[0], spec.multiplier, "alpha", "L1", largest, request.feedback)
 
 
 def request_of(spec: Spec) -> Request:

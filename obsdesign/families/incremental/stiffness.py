@@ -197,4 +197,4 @@ def block_name(spec: Spec, index: int) -> str:
     """Nonlinearity that block `index` of the multiplier belongs to."""
     owners = [n for n in spec.nonlinearities for _ in n.multiplier.blocks]
     owner = owners[index]
-    return f"the nonlinearity {owner.term or spec.nonlinearities.index(owner) + 1} ({owner.type})"
+    return f"{owner.term or f'nonlinearities[{spec.nonlinearities.index(owner)}]'} ({owner.type})"

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.incremental.theorems import THEOREMS
-from obsdesign.tables.text import matrix_text, pole_text, spectral_norm
+from obsdesign.tables.text import at_least, at_most, matrix_text, pole_text, spectral_norm
 
 
 def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved of the gains L1 and L2."""
     if "gamma" not in claimed:
         return []
-    rows = [("gamma", f"{claimed['gamma']:g}   {THEOREMS[observer['type']].about.gamma}")]
-    rows += [("decay rate", f"{claimed['alpha']:g} 1/s")]
+    rows = [("gamma", f"{at_most(claimed['gamma'])}   {THEOREMS[observer['type']].about.gamma}")]
+    rows += [("decay rate", f"{at_least(claimed['alpha'])} 1/s")]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
     return rows
@@ -36,4 +36,4 @@ def linear(made: Mapping[str, Any]) -> list[tuple[str, str]]:
 def reconstruction_text(bound: Mapping[str, float]) -> str:
     """Bound on the reconstruction error."""
     terms = zip(("w", "w_rate", "x_rate"), ("sup|w|", "sup|w'|", "sup|x'|"), strict=True)
-    return "limsup |what - w| <= " + " + ".join(f"{bound[key]:.4g} {norm}" for key, norm in terms if bound[key])
+    return "limsup |what - w| <= " + " + ".join(f"{at_most(bound[key], 4)} {norm}" for key, norm in terms if bound[key])

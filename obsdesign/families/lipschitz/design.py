@@ -25,7 +25,7 @@ from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, pro
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest, request_of
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling
-from obsdesign.families.outcome import Outcome, Verdict, finite
+from obsdesign.families.outcome import Outcome, Verdict, finite, limited
 from obsdesign.lmi.formula import Array, Exact, approximate, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -115,6 +115,7 @@ def row(relaxation: str, made: Outcome, disturbed: bool) -> dict[str, Any]:
             **({"gamma": approximate(made.claim.certificate.gamma)} if disturbed else {}),
             "L": float(np.linalg.norm(made.gains["L"], 2)),
         }
+        found["limit"] = limited(found["limit"], found["certified"])
     if made.diagnosis:
         found["reason"] = made.diagnosis["reason"]
     return found

@@ -24,8 +24,9 @@ from obsdesign.families.lipschitz.closed_forms import regular
 from obsdesign.families.lipschitz.max_lipschitz import unlimited
 from obsdesign.families.lipschitz.min_gamma import small_gains
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
-from obsdesign.families.lipschitz.study import Study, out_of_bounds, recast
+from obsdesign.families.lipschitz.study import Study, recast
 from obsdesign.families.lipschitz.suprema import Supremum, largest_for_gamma
+from obsdesign.families.outcome import BEST_FOUND
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, in_floats
 from obsdesign.lmi.reduce import Reduced, between
 from obsdesign.lmi.solve import Answer, Status, reduction
@@ -46,6 +47,7 @@ class Optimum:
     gamma: float  # infinite at the weight 1
     attained: bool
     values: Values = field(default_factory=dict)
+    searched: bool = False  # on a grid of constants
 
     @property
     def objective(self) -> float:
@@ -58,7 +60,8 @@ class Optimum:
         determined = {"lipschitz": self.lipschitz} if self.weight else {}
         if self.weight < 1:
             determined["gamma"] = self.gamma
-        return {**determined, "objective": self.objective, "attained": self.attained}
+        kind = BEST_FOUND if self.searched else {}
+        return {**determined, "objective": self.objective, "attained": self.attained, **kind}
 
 
 def weighted(weight: float, lipschitz: float, gamma: float) -> float:
@@ -144,7 +147,7 @@ class Direct(Front):
         if not weight:
             answer = settled(self.study.engine, self.family(self.declared), answer)
         if answer.status is not Status.OPTIMAL:
-            return Status.INFEASIBLE if out_of_bounds(answer) else answer.status
+            return answer.status
         mu = answer.values["mu"].item() if weight else max(answer.objective, 0.0)
         certain = (1 - weight) * mu > ROUNDED * answer.objective
         gamma = math.inf if weight == 1 else math.sqrt(mu) if certain else 0.0
@@ -176,7 +179,7 @@ class Searched(Front):
         """Least gamma^2 for a constant."""
         if constant not in self.known:
             engine, family = self.study.engine, self.family(constant)
-            self.known[constant] = settled(engine, family, within(engine, family, self.bounds))
+            self.known[constant] = settled(engine, family, within(engine, family, self.bounds), self.bounds)
         return self.known[constant]
 
     def gamma(self, constant: float) -> float:
@@ -208,18 +211,19 @@ class Searched(Front):
         costs = [weighted(weight, constant, self.gamma(constant)) for constant in self.grid]
         best = int(np.argmin(costs))
         if costs[best] == math.inf:
-            return Status.INFEASIBLE if out_of_bounds(self.at(self.grid[0])) else Status.UNDECIDED
+            return self.at(self.grid[0]).status
         if weight and self.largest == math.inf and min(costs[best + 1 :], default=math.inf) == math.inf:
             return self.endless(weight, self.gamma(self.grid[best]))
         constant = self.grid[best] if not weight else self.between(weight, best)
-        return Optimum(weight, constant, self.gamma(constant), regular(self.at(constant).values["P"]))
+        attained = regular(self.at(constant).values["P"])
+        return Optimum(weight, constant, self.gamma(constant), attained, searched=bool(weight))
 
     def extreme(self) -> Optimum | Status:
         """Limit for the weight 1."""
         if self.largest == math.inf:
             return self.endless(1.0, math.inf)
-        if self.bounds.restricted and out_of_bounds(self.at(self.largest)):
-            return Status.INFEASIBLE
+        if self.bounds.restricted and self.at(self.largest).status is not Status.OPTIMAL:
+            return self.at(self.largest).status
         return Optimum(1.0, self.largest, math.inf, attained=False)
 
     def between(self, weight: float, best: int) -> float:

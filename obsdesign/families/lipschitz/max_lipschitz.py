@@ -12,12 +12,12 @@ from obsdesign.dissipation.gain import ROOM, bounded, descended, rounded_gains
 from obsdesign.dissipation.zero import TABLE, tabulated
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.lipschitz.claim import Claim
-from obsdesign.families.lipschitz.reasons import too_small
-from obsdesign.families.lipschitz.study import Study, out_of_bounds
+from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import largest_constant
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Outcome, bounded_kind
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.solve import Status
+from obsdesign.tables.text import at_least, at_most
 
 DIGITS = 6  # of a shipped constant
 
@@ -29,12 +29,11 @@ def largest(study: Study) -> Outcome:
     best = supremum.value
     if study.restricted:
         found = bounded(study.stretch().least, study.bounds)
-        if out_of_bounds(found):
-            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
         if found.status is not Status.OPTIMAL:
-            raise UndecidedError(f"the largest Lipschitz constant within the bounds was not found: {found.reason}")
+            decided = found.status is Status.INFEASIBLE
+            return study.out_of_bounds(study.stretch().least, decided=decided, **limits)
         best = study.stretch().constant(found)
-        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed}
+        limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed, **bounded_kind(study.bounds)}
     if best == math.inf:
         raise unlimited(study)
     constant = printed(round_down(best / (1 + study.slack), DIGITS))
@@ -63,8 +62,8 @@ def short(study: Study, constant: fmpq) -> str:
     hints += ["allow a larger gain"] if study.restricted else []
     hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
     return (
-        f"warning: the certified Lipschitz constant {float(constant):g} is below the declared "
-        f"{float(study.declared):g}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
+        f"warning: the certified Lipschitz constant {at_least(constant)} is below the declared "
+        f"{at_most(study.declared)}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
     )
 
 

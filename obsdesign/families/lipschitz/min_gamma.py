@@ -6,16 +6,16 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.gain import rounded_gains, smallest, within
+from obsdesign.dissipation.gain import bounded, least, rounded_gains, smallest
 from obsdesign.dissipation.zero import Level, Vanishing, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
-from obsdesign.families.lipschitz.reasons import out_of_reach, too_small
+from obsdesign.families.lipschitz.reasons import out_of_reach
 from obsdesign.families.lipschitz.relaxations import Lipschitz, Theorem4
-from obsdesign.families.lipschitz.study import Study, out_of_bounds
+from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import cancels
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Outcome, Verdict, bounded_kind
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.solve import Status
 
@@ -30,14 +30,17 @@ def least_gamma(study: Study) -> Outcome:
     limit = limit_of(study, family)
     limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "beyond": widened(study)}
     if study.restricted:
-        answer = settled(study.engine, family, within(study.engine, family, study.bounds))
-        if out_of_bounds(answer):
-            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
+        solve = least(study.engine, family)
+        answer = settled(study.engine, family, bounded(solve, study.bounds), study.bounds)
         if answer.status is not Status.OPTIMAL:
-            raise UndecidedError(f"the least gamma within the bounds was not found: {answer.reason}")
+            return study.out_of_bounds(solve, decided=answer.status is Status.INFEASIBLE, **limits)
+        most = limit.gamma
         limit = Level.of(answer, Vanishing(instead=limit.instead, attained=limit.attained))
-        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": limit.attained or study.closed}
+        attained = limit.attained or study.closed
+        limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
+    if study.restricted and most <= asked < limit.gamma:
+        return study.out_of_bounds(solve, decided=True, goal=asked**2, **limits)
     if asked < limit.gamma:
         reason = out_of_reach(asked, limit.gamma, float(study.declared))
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
@@ -65,11 +68,9 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
             "gamma",
             rows,
         )
-    if rows:
-        return Level(0.0)
-    if answer.status is not Status.OPTIMAL and not zero.instead:
+    if answer.status is not Status.OPTIMAL and not rows and not zero.instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}")
-    return Level.of(answer, zero)
+    return Level.of_all(answer, zero)
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:

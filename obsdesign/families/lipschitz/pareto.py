@@ -11,15 +11,14 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, Range
 from obsdesign.dissipation.decimals import round_down
-from obsdesign.dissipation.gain import size_of
+from obsdesign.dissipation.gain import least, size_of
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.front import Front, Optimum, front, weighted
 from obsdesign.families.lipschitz.min_gamma import small_gains
-from obsdesign.families.lipschitz.reasons import too_small
 from obsdesign.families.lipschitz.study import Study
-from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.outcome import Outcome, Search, Verdict, bounded_kind, limited
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.solve import Status
 
@@ -65,10 +64,11 @@ def weighed(study: Study) -> Outcome:
     inner = front(study, study.bounds)
     if study.restricted:
         inside = inner.optimum(weight)
-        if inside is Status.INFEASIBLE:
-            return Outcome(Verdict.INFEASIBLE, diagnosis=too_small(study.bounds), **limits)
+        if isinstance(inside, Status):
+            solve = least(study.engine, inner.family(float(study.declared)))
+            return study.out_of_bounds(solve, decided=inside is Status.INFEASIBLE, **limits)
         best = certain(inside, weight)
-        limits["limit_bounded"] = {**best.numbers, "attained": study.closed}
+        limits["limit_bounded"] = {**best.numbers, "attained": study.closed, **bounded_kind(study.bounds)}
     constant, gamma = goal(inner, best)
     L, claim = study.first(small_gains(study, inner.family(float(constant)), constant, gamma))
     if L is None:
@@ -115,7 +115,7 @@ class Spot:
         if self.proved is None or self.L is None:
             return known
         claimed = {"lipschitz": float(self.proved.lipschitz), "gamma": float(self.proved.certificate.gamma)}
-        return {**known, "certified": {**claimed, "L": size_of(in_floats(self.L), norm)}}
+        return {**limited(known, claimed), "certified": {**claimed, "L": size_of(in_floats(self.L), norm)}}
 
 
 def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Outcome:
@@ -139,7 +139,8 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Ou
         f"shipped: the knee of the curve at the decay {best.decay:g}, weight {best.weight:g}, where gamma over the "
         "largest of the curve and the least lipschitz of the curve over lipschitz have the least sum"
     )
-    return study.outcome(best.L, best.proved, limit=best.optimum.numbers, search=search, notes=(note,))
+    limit = {**best.optimum.numbers, "at": {"weight": best.weight, "decay": best.decay}}
+    return study.outcome(best.L, best.proved, limit=limit, search=search, notes=(note,))
 
 
 def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
@@ -150,10 +151,13 @@ def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
 
 def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
     """Answer that no point has a solution. Raises `UndecidedError`: there may be one."""
-    if any(spot.optimum is not Status.INFEASIBLE for spots in curves for spot in spots):
+    decided = all(spot.optimum is Status.INFEASIBLE for spots in curves for spot in spots)
+    if blocked := study.obstacle() if decided else {}:
+        return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
+    if not study.restricted or any(isinstance(spot.optimum, Optimum) for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
-    blocked = study.obstacle()
-    return Outcome(Verdict.INFEASIBLE, diagnosis=blocked or too_small(study.bounds))
+    family = front(study, study.bounds).family(float(study.declared))
+    return study.out_of_bounds(least(study.engine, family), decided=decided)
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:

@@ -4,8 +4,6 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import Any
 
-from flint import fmpq
-
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.finding import hidden_mode
@@ -13,8 +11,10 @@ from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.pencil import text
+from obsdesign.tables.text import at_least, at_most
 
 ELSEWHERE = "; s-procedure and norm-bound need no such thing"
 
@@ -91,10 +91,10 @@ def too_large(engine: Engine, unit: Lipschitz, declared: float, relaxation: str)
         "feasible": {"lipschitz_below": supremum.value},
     }
     if most is not None and declared > most:
-        found["reason"] += f"; above {most:.8g} a linear f hides a mode, and no gain of any method can do it"
+        found["reason"] += f"; above {at_most(most, 8)} a linear f hides a mode, and no gain of any method can do it"
         found["ceiling"] = most
     rivals = others(engine, unit, declared, relaxation)
-    hints = [f"declare a constant below {supremum.value:.8g}"]
+    hints = [f"declare a constant below {at_least(supremum.value, 8)}"]
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
@@ -133,26 +133,17 @@ def out_of_reach(asked: float, least: float, lipschitz: float) -> Diagnosis:
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {least:.6g}, or ask for a smaller decay",
+        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller decay",
     }
 
 
-def too_small(bounds: Bounds) -> Diagnosis:
-    """Answer that nothing within the bounds on L and P was found."""
-    norm = "|L|_F" if bounds.norm == "frobenius" else "|L|"
-    named: dict[str, tuple[str, fmpq | None]] = {
-        "L": (f"{norm} <= {{:g}}", bounds.L1),
-        "P.min": ("P >= {:g} I", bounds.floor),
-    }
-    asked = {name: (words, float(bound)) for name, (words, bound) in named.items() if bound is not None}
-    said = " and ".join(words.format(bound) for words, bound in asked.values())
-    return {
-        "condition": "bounds",
-        "reason": f"no gain with {said} was found, and there are others that will do",
-        "bounds": {name: bound for name, (_, bound) in asked.items()},
-        "feasible": {},
-        "suggestion": "allow larger bounds, or ask for a smaller decay",
-    }
+def too_small(bounds: Bounds, decay: float = 0.0, size: float | None = None) -> Diagnosis:
+    """Answer that nothing within the bounds on L and P was found; `size`: a bound on |L| that will do."""
+    asked = {"L": bounds.L1, "P.min": bounds.floor}
+    enough = {"L": (size, "allow |L| up to")} if size else {}
+    hints = ["ask for a smaller decay"] if decay else []
+    found = too_tight(bounds.words("L"), f"for the decay {decay:g}", enough, hints)
+    return {**found, "bounds": {name: float(bound) for name, bound in asked.items() if bound is not None}}
 
 
 def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diagnosis:
@@ -175,6 +166,6 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         "reason": reason,
         "pole": [pole.real, pole.imag],
         "feasible": {"lipschitz": tolerated} if smaller else {"decay_below": -pole.real} if pole.real < 0 else {},
-        "suggestion": (f"declare a constant up to {tolerated:.6g}, or " if smaller else "")
+        "suggestion": (f"declare a constant up to {at_least(tolerated)}, or " if smaller else "")
         + "design new gains: leave `gains` out",
     }

@@ -88,6 +88,12 @@ class LipschitzRequest:
     gains: Mapping[str, Array] | None = None  # L (n, ny): analysis of this
     drive: str = "w"  # v where a disturbance model generates w
 
+    @property
+    def storage(self) -> Bounds:
+        """Bound on the P of the guarantee: of a design, with gamma, whose P has a scale."""
+        scaled = self.gains is None and self.objective != "max-lipschitz"
+        return Bounds(floor=self.bounds.floor) if scaled else NO_BOUNDS
+
     def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Keys that do not go with the objective or the relaxation, and why, with what to do instead."""
         if self.objective == "pareto" and self.gains is not None:
@@ -213,7 +219,8 @@ def demand(spec: Spec) -> Demand:
     request, sizes = request_of(spec), [(block.nq, block.nf) for block in spec.multiplier.blocks]
     part = 0 if request.objective == "max-lipschitz" else 1
     assumed = combine(lipschitz(part * k, *size) for k, size in zip(request.lipschitz, sizes, strict=True))
-    return Demand(printed(ends(request.decay)[0]), assumed, "decay")
+    largest, none = None if request.gains else request.bounds.L1, 0 * (spec.augmented.Cq @ spec.augmented.C.T)
+    return Demand(printed(ends(request.decay)[0]), assumed, "decay", "L", largest, none)
 
 
 def request_of(spec: Spec) -> LipschitzRequest:

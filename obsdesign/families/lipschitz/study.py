@@ -1,5 +1,6 @@
 """One request for an observer of a Lipschitz system, in the numbers of the design."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -12,16 +13,16 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.gain import Solve, least_size
 from obsdesign.families.lipschitz.claim import Claim, held, needed
-from obsdesign.families.lipschitz.reasons import gate
+from obsdesign.families.lipschitz.reasons import gate, too_small
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
 from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
+from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
-from obsdesign.lmi.solve import Answer, Status
-from obsdesign.lmi.solvers import Ending
 
 K = TypeVar("K", bound=Lipschitz)
 
@@ -104,7 +105,7 @@ class Study:
             _, certificate = best_claim(self.engine, family)
         else:
             found = self.at_once(family, gamma, values) if values else None
-            certificate = found or claim(self.engine, family, gamma)
+            certificate = found or claim(self.engine, family, gamma, bounds=self.request.storage)
         return Claim(constant, certificate) if certificate and certificate.holds else None
 
     def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
@@ -112,7 +113,8 @@ class Study:
         witness = {"P": values["P"], **self.scales(family, values)}
         level = printed(gamma)
         square = square_below(level)
-        tried = (certify(family, level, fmpq(1), square, rounded(witness, digits)) for digits in DIGITS)
+        rough = (rounded(witness, digits) for digits in DIGITS)
+        tried = (certify(family, level, fmpq(1), square, values, self.request.storage) for values in rough)
         return next((certificate for certificate in tried if certificate.holds), None)
 
     def scales(self, family: Lipschitz, values: Values) -> dict[str, Array]:
@@ -125,6 +127,14 @@ class Study:
         whole = fixed.lipschitz
         scale = np.linalg.norm(values["P"], 2) * into**2 / whole if whole else 1.0
         return {name: np.array([[scale]]) for name in names}
+
+    def out_of_bounds(self, solve: Solve, *, decided: bool, goal: float = math.inf, **known: Any) -> Outcome:
+        """Answer that nothing within the bounds was found, with the size of a gain that would do.
+
+        `solve`: least objective within bounds; `goal`: what is asked of it.
+        """
+        size = least_size(solve, self.bounds, goal)
+        return judged(too_small(self.bounds, float(self.unit.alpha), size), decided=decided, **known)
 
     def first(self, candidates: Iterable[tuple[Array, Claim | None]]) -> tuple[Array | None, Claim | None]:
         """The first gain with a proof; or else the last one, without."""
@@ -139,13 +149,6 @@ class Study:
         if claim:
             claim = replace(claim, bound=held(self.request, L, claim.certificate, disturbed=self.disturbed))
         return Outcome(Verdict.CERTIFIED if claim else Verdict.UNCERTIFIED, {"L": in_floats(L)}, claim, **further)
-
-
-def out_of_bounds(answer: Answer) -> bool:
-    """Whether no gain was found within bounds: phase I has no threshold for a set that is nearly empty."""
-    return answer.status is Status.INFEASIBLE or (
-        answer.status is Status.UNDECIDED and answer.ending is Ending.INFEASIBLE
-    )
 
 
 def recast(unit: Lipschitz, kind: type[K], L: Array | None = None) -> K:

@@ -5,7 +5,7 @@ from typing import Any
 
 from obsdesign.families.incremental.table import linear
 from obsdesign.families.lipschitz.claim import meaning
-from obsdesign.tables.text import matrix_text, spectral_norm
+from obsdesign.tables.text import at_least, at_most, matrix_text, spectral_norm
 
 Rows = list[tuple[str, str]]
 
@@ -16,16 +16,16 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
         return []
     margin = claimed["margin"]
     said = "left for an uncertainty of f" if margin >= 0 else "the declared constant is NOT covered"
-    rows = [("lipschitz", f"{claimed['lipschitz']:g}   for every f with this constant")]
-    rows += [("margin", f"{margin:.6g}   {said}")]
+    rows = [("lipschitz", f"{at_least(claimed['lipschitz'])}   for every f with this constant")]
+    rows += [("margin", f"{at_least(margin)}   {said}")]
     if "constants" in claimed:
-        rows += [("constants", ", ".join(f"{c:g}" for c in claimed["constants"]) + "   of its blocks")]
+        rows += [("constants", ", ".join(at_least(c) for c in claimed["constants"]) + "   of its blocks")]
     if "admissible" in claimed:
-        rows += [("tolerated", f"a Lipschitz constant up to {claimed['admissible']:g}")]
+        rows += [("tolerated", f"a Lipschitz constant up to {at_least(claimed['admissible'])}")]
     if "gamma" in claimed:
         drive = "v" if "norm2(v)" in claimed.get("statement", "") else "w"
-        rows += [("gamma", f"{claimed['gamma']:g}   {meaning(drive)}")]
-    return [*rows, ("decay rate", f"{claimed['decay']:g} 1/s")]
+        rows += [("gamma", f"{at_most(claimed['gamma'])}   {meaning(drive)}")]
+    return [*rows, ("decay rate", f"{at_least(claimed['decay'])} 1/s")]
 
 
 def figures(made: Mapping[str, Any]) -> Rows:

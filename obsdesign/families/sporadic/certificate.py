@@ -1,42 +1,28 @@
 """What proves the guarantees of an observer for sporadic measurements, and the proof; no solver takes part."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-import numpy as np
-from flint import arb, fmpq
+from flint import arb, ctx, fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
-from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic
+from obsdesign.families.sporadic.theorem import EQUATIONS, Sporadic, extent
 from obsdesign.files import witness
-from obsdesign.lmi.formula import Array, Exact, Values, approximate, in_floats, rational
+from obsdesign.lmi.formula import Array, Exact, Values, above, approximate, below, printed, rational
 from obsdesign.lmi.proof import Check, Proved, prove
+from obsdesign.lmi.spectrum import BITS, extremes
 from obsdesign.model import loop
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.tables.text import at_least, at_most
 
 MEANING = "norm2(z) <= gamma norm2(w) from zero error"  # of gamma
 LARGEST_EXPONENT = 100  # of exp(delta T2)
-
-
-@dataclass(frozen=True)
-class SporadicConstants:
-    """What holds for every sequence of measurements with T1 <= t_{k+1} - t_k <= T2; in doubles.
-
-    |(e, d)(t)| <= overshoot exp(-rate t) |(e, d)(0)| + disturbance sup|w| + noise sup|eta|, and
-    |z|_2 <= initial |(e, d)(0)| + gamma |w|_2 where eta = 0.
-    """
-
-    gamma: float
-    decay: float  # lambda_t that is proved, 1/s
-    rate: float  # lambda_t, or that of Corollary 2 where lambda_t = 0
-    overshoot: float
-    initial: float
-    disturbance: float
-    noise: float
-    jitter: float  # (T2 - T1) / T1
+CONSTANTS = ("rate", "overshoot", "initial", "disturbance", "noise")  # less of the first, and more of the others, holds
 
 
 @dataclass(frozen=True)
@@ -59,58 +45,90 @@ class SporadicCertificate(Proved):
         """Witness and checks, as a result file holds them."""
         return witness({"P1": self.P1, "P2": self.P2}, self.multipliers, self.checks)
 
+    @cached_property
+    def constants(self) -> dict[str, fmpq]:
+        """Constants of Theorem 1 with Lemma 2 for every sequence with T1 <= t_{k+1} - t_k <= T2, on the safe side.
+
+        |(e, d)(t)| <= overshoot exp(-rate t) |(e, d)(0)| + disturbance sup|w| + noise sup|eta|, and
+        |z|_2 <= initial |(e, d)(0)| + gamma |w|_2 where eta = 0. They are decimals that print doubles. Left out is what
+        doubles do not hold, and all where the certificate does not hold.
+        """
+        if not self.holds:
+            return {}
+        rate = below(self.fastest)
+        found = {"rate": rate, **{name: above(x) for name, x in self.least(printed(rate)).items()}}
+        return {name: printed(found[name]) for name in CONSTANTS if math.isfinite(found.get(name, math.inf))}
+
     @property
-    def constants(self) -> SporadicConstants:
-        """Constants of Theorem 1 with Lemma 2, in doubles; infinite where doubles do not reach."""
-        P1, P2 = (np.linalg.eigvalsh(in_floats(P)) for P in (self.P1, self.P2))
-        largest = float(P2[-1]) * approximate(self.family.ratio)
-        rho1, rho2 = min(float(P1[0]), float(P2[0])), max(float(P1[-1]), largest)
-        decay, T1, gamma = float(self.family.decay), float(self.T1), float(self.gamma)
-        rate = decay or self.slowest() / (2 * rho2)
-        if rho1 <= 0 or rate <= 0 or T1 <= 0:  # only where the certificate does not hold, or by rounding
-            return SporadicConstants(gamma, decay, max(rate, 0.0), *(math.inf,) * 4, self.jitter)
-        forgotten = -math.expm1(-2 * rate * T1)
-        return SporadicConstants(
-            gamma,
-            decay,
-            rate,
-            overshoot=math.sqrt(rho2 / rho1),
-            initial=math.sqrt(rho2),
-            disturbance=gamma / math.sqrt(2 * rate * rho1),
-            noise=math.sqrt(largest / (forgotten * rho1)),
-            jitter=self.jitter,
+    def jitter(self) -> fmpq:
+        """(T2 - T1) / T1."""
+        return (self.T2 - self.T1) / self.T1
+
+    @cached_property
+    def fastest(self) -> fmpq:
+        """Rate that is proved: lambda_t, or where that is zero beta / (2 rho2) of Corollary 2, rounded down."""
+        with ctx.workprec(BITS):
+            return self.family.decay or (self.slowest() / (2 * self.extent[1])).lower().fmpq()
+
+    @cached_property
+    def extent(self) -> tuple[arb, arb, arb]:
+        """rho1, rho2 and lmax(P2) exp(delta T2)."""
+        with ctx.workprec(BITS):
+            return extent(self.P1, self.P2, arb(self.family.ratio))
+
+    def least(self, rate: fmpq) -> dict[str, fmpq]:
+        """Least constants, rounded up, that are proved with a rate that is."""
+        with ctx.workprec(BITS):
+            rho1, rho2, omega2 = self.extent
+            forgotten = -arb(-2 * rate * self.T1).expm1()
+            found = {
+                "overshoot": (rho2 / rho1).sqrt(),
+                "initial": rho2.sqrt(),
+                "disturbance": arb(self.gamma) / (2 * rate * rho1).sqrt(),
+                "noise": (omega2 / (forgotten * rho1)).sqrt(),
+            }
+            return {name: ball.upper().fmpq() for name, ball in found.items() if ball.is_finite()}
+
+    def keep(self, stated: Mapping[str, fmpq]) -> tuple[Check, ...]:
+        """Whether constants that are stated are no better than what is proved, where the certificate holds."""
+        if not self.holds:
+            return ()
+        rate = stated.get("rate", fmpq(0))
+        room = {"rate": self.fastest - rate}
+        room |= {name: stated[name] - x for name, x in self.least(rate).items() if name in stated}
+        found = ((name, room.get(name, fmpq(-1))) for name in stated)
+        return tuple(Check(f"{name} is proved", left >= 0, approximate(left)) for name, left in found)
+
+    def statement(self, constants: Mapping[str, fmpq]) -> str:
+        """Guarantee in words, with the observer written out, and constants rounded to the safe side."""
+        c = {name: at_most(x) for name, x in constants.items()}
+        T1, T2 = above(self.T1), below(self.T2)
+        said = (
+            f"for every sequence of measurements that are {T1!r} to {T2!r} apart (a jitter of "
+            f"{at_least(100 * self.jitter, 4)} %), and a first one no later than {T2!r}: "
         )
+        parts = []
+        if {"rate", "overshoot"} <= c.keys():
+            decays = f"exp(-{below(constants['rate'])!r} t) |(e, d)(0)|"
+            parts.append(f"(P1) |(e, d)(t)| <= {c['overshoot']} {decays} where w = 0 and eta = 0")
+            if {"disturbance", "noise"} <= c.keys():
+                parts.append(f"(P2) otherwise plus {c['disturbance']} sup|w| + {c['noise']} sup|eta|")
+        if "initial" in c:
+            parts.append(f"(P3) |z|_2 <= {above(self.gamma)!r} |w|_2 + {c['initial']} |(e, d)(0)| where eta = 0")
+        return said + "; ".join([*parts, f"for {EQUATIONS}"])
 
     @property
     def guarantee(self) -> SporadicGuarantee:
-        """Claim and storage function in doubles, which a run is held against."""
-        P1, P2 = (np.vectorize(approximate, otypes=[float])(P) for P in (self.P1, self.P2))
-        gamma, decay, delta, T1, T2 = map(
-            approximate, (self.gamma, self.family.decay, self.family.delta, self.T1, self.T2)
-        )
-        return SporadicGuarantee(gamma, decay, delta, T1, T2, P1, P2)
+        """Claim and storage function, which a run is held against; its numbers in doubles."""
+        delta, T1, T2 = map(approximate, (self.family.delta, self.T1, self.T2))
+        gamma, decay = above(self.gamma), below(self.family.decay)
+        return SporadicGuarantee(gamma, decay, delta, T1, T2, self.P1, self.P2)
 
-    @property
-    def jitter(self) -> float:
-        """(T2 - T1) / T1."""
-        return float((self.T2 - self.T1) / self.T1) if self.T1 else math.inf
-
-    def slowest(self) -> float:
+    def slowest(self) -> arb:
         """Return beta of Corollary 2: minus the largest eigenvalue of M over tau, which one of the ends has."""
         v = {**self.multipliers, "P1": self.P1, "P2": self.P2, "mu": rational([[self.mu]]), "weight": rational([[1]])}
-        first, last, *_ = self.family.theorem(v, self.L, self.H)
-        return -max(float(np.linalg.eigvalsh(in_floats(flow.matrix))[-1]) for flow in (first, last))
-
-    def statement(self) -> str:
-        """Guarantee in words, with the observer written out."""
-        g, T1, T2 = self.constants, float(self.T1), float(self.T2)
-        return (
-            f"for every sequence of measurements that are {T1!r} to {T2!r} apart (a jitter of {100 * g.jitter:.4g} %), "
-            f"and a first one no later than {T2!r}: "
-            f"(P1) |(e, d)(t)| <= {g.overshoot:.6g} exp(-{g.rate!r} t) |(e, d)(0)| where w = 0 and eta = 0; "
-            f"(P2) otherwise plus {g.disturbance:.6g} sup|w| + {g.noise:.6g} sup|eta|; "
-            f"(P3) |z|_2 <= {g.gamma!r} |w|_2 + {g.initial:.6g} |(e, d)(0)| where eta = 0; for {EQUATIONS}"
-        )
+        last, first, *_ = self.family.theorem(v, self.L, self.H)
+        return -extremes(last.matrix)[1].max(extremes(first.matrix)[1])
 
 
 def exponential(exponent: fmpq) -> fmpq:

@@ -11,18 +11,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
-from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
+from obsdesign.families.reach import judged
 from obsdesign.families.sporadic.claim import Claim, held
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest, request_of
 from obsdesign.families.sporadic.study import Made, Point, Scheme, Study, schemes, within_slack
+from obsdesign.families.sporadic.units import SPEC, units
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -38,9 +41,10 @@ class Designer:
         self.request, self.engine = request, engine
         self.T2, self.decay = Range(*ends(request.T2)), Range(*ends(request.decay))
         self.lowest = printed(max(self.T2.low, request.T1)), printed(self.decay.low)
-        self.setting = Setting(engine, plant, multiplier, Cp, request.delta, printed(request.T1))
+        own = units(plant.doubles, in_floats(Cp), float(self.T2.low), bounded=request.largest_gain is not None)
+        self.setting = Setting(engine, plant, multiplier, Cp, request.delta, printed(request.T1), own)
         self.schemes = schemes(request)
-        self.notes: list[str] = []
+        self.notes = [] if own is SPEC else [own.told()]
         self.require()
         self.studies = [Study(self.setting, scheme, request) for scheme in self.schemes]
 
@@ -122,7 +126,18 @@ class Designer:
             self.notes.append(
                 f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is nearest"
             )
-        return self.shipped(made, {"gamma": made.gamma, "attained": False})
+        return self.shipped(made, self.limit_of(made, *self.lowest))
+
+    @property
+    def kind(self) -> dict[str, Any]:
+        """Of a limit: a range of delta is searched, where nothing says that there is one valley only."""
+        return BEST_FOUND if self.request.delta.low < self.request.delta.high else {}
+
+    def limit_of(self, made: Made, T2: fmpq, decay: fmpq) -> dict[str, Any]:
+        """Limit of gamma, and where it is, if that was searched."""
+        values = {"T2": (self.T2, T2), "decay": (self.decay, decay)}
+        at = {name: float(value) for name, (searched, value) in values.items() if searched.low < searched.high}
+        return {"gamma": made.gamma, "attained": False, **({"at": at} if at else {}), **self.kind}
 
     def shipped(self, made: Made, limit: dict[str, Any]) -> Outcome:
         """Design of what was made.
@@ -131,7 +146,9 @@ class Designer:
         """
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
-        bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True}
+        if made.diagnosis.get("condition") == "bounds":
+            return judged(made.diagnosis, decided=True, limit=limit)
+        bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True, **BEST_FOUND}
         return Outcome(
             Verdict(made.status),
             in_doubles(made.gains),
@@ -171,14 +188,16 @@ class Designer:
         study, limit = max(reached, key=lambda pair: -math.inf if pair[1] is None else pair[1])
         if limit is None:
             return self.infeasible(study, *map(float, self.lowest))
-        limits: dict[str, Any] = {"limit": {name: limit, "attained": limit == high}}
+        limits: dict[str, Any] = {"limit": {name: limit, "attained": limit == high, **self.kind}}
         if name == "T2" and limit == high:
             self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
         if study.kappa is not None or study.cap is not None:
             limit = study.farthest(name, *interval, bounded=True)
+            if limit is None and self.setting.units is not SPEC:
+                raise UndecidedError(f"no {name} within the bounds was found, in units that are far from the data")
             if limit is None:
-                return Outcome(Verdict.INFEASIBLE, diagnosis=out_of_bounds(name), **limits)
-            limits["limit_bounded"] = {name: limit, "attained": limit == high}
+                return judged(out_of_bounds(name), decided=True, **limits)
+            limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)
         found = study.at(near, other) if name == "T2" else study.at(other, near)
@@ -233,7 +252,7 @@ class Designer:
         )
         again = study.at(T2, decay, (m.delta, m.gamma))
         best = again if again.status == "certified" else m
-        return self.shipped(best, {"gamma": best.gamma, "attained": False})
+        return self.shipped(best, self.limit_of(best, T2, decay))
 
     # Analysis
 
@@ -263,7 +282,7 @@ class Designer:
             Verdict.CERTIFIED if certificate.holds else Verdict.UNCERTIFIED,
             in_doubles(gains),
             Claim(certificate, longest_proof(self.setting, gains, most or 0.0, decay)),
-            limit={**limit, "attained": False},
+            limit={**limit, "attained": False, **(self.kind if limit else {})},
         )
 
 

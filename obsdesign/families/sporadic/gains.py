@@ -14,9 +14,10 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS
 from obsdesign.dissipation.scan import Minimum
 from obsdesign.families.sporadic.certificate import SporadicCertificate, certify_sporadic
-from obsdesign.families.sporadic.landscape import LARGEST, Landscape, Optimum, root, solve_once
+from obsdesign.families.sporadic.landscape import LARGEST, Form, Landscape, Optimum, root, solve_once
 from obsdesign.families.sporadic.relaxations import Given, WithGains
-from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.families.sporadic.theorem import Sporadic, tied_gain
+from obsdesign.families.sporadic.units import SPEC, Units
 from obsdesign.lmi.formula import Array, Exact, Values, in_floats, printed, rational, rational_number
 from obsdesign.lmi.proof import complete, rounded
 from obsdesign.lmi.reduce import reduce
@@ -52,30 +53,45 @@ class Setting:
     Cp: Array
     delta: Range
     T1: fmpq
+    units: Units = SPEC  # of the search
 
     def family(self, decay: float) -> Sporadic:
-        """The family for a rate, in doubles, at no delta yet."""
-        return Sporadic(self.plant.doubles, in_floats(self.multiplier), in_floats(self.Cp), decay, 0.0, 1.0)
+        """The family for a rate, in doubles and in the units of the search, at no delta yet."""
+        plant, Cp = self.units.plant(self.plant.doubles), in_floats(self.Cp) * self.units.x / self.units.z
+        return Sporadic(plant, in_floats(self.multiplier), Cp, decay * self.units.time, 0.0, 1.0, self.units)
+
+    def landscape(self, form: Form, decay: float, kappa: float | None = None) -> Landscape:
+        """A relaxation at one decay."""
+        return Landscape(self.engine, self.family(decay), form, self.delta, kappa)
 
     def analysis(self, gains: Gains, decay: float) -> Landscape:
         """Theorem 2 for given gains, which needs delta > 0 only."""
-        L, H = in_floats(gains)
-        return Landscape(self.engine, self.family(decay), lambda family: Given(family, L, H), self.delta)
+        L, H = self.units.inside(*in_floats(gains))
+        return self.landscape(lambda family: Given(family, L, H), decay)
 
 
 @dataclass(frozen=True)
 class Candidate:
     """A solution of a relaxation with gains in it."""
 
-    delta: float
     gamma: float
     relaxation: WithGains
     values: Values
 
     @property
+    def delta(self) -> float:
+        """Delta, 1/s."""
+        return float(self.relaxation.family.delta / self.relaxation.family.units.time)
+
+    @property
+    def gains(self) -> Gains:
+        """L and H."""
+        return self.relaxation.family.units.outside(*self.relaxation.gains(self.values))
+
+    @property
     def size(self) -> float:
-        """|L|."""
-        return float(np.linalg.norm(self.relaxation.gains(self.values)[0], 2))
+        """|L|, as it is measured in the units of the search."""
+        return self.relaxation.family.units.size(self.relaxation.gains(self.values)[0])
 
 
 def bounded(engine: Engine, relaxation: WithGains, kappa: float, near: Values | None = None) -> Candidate | None:
@@ -96,7 +112,7 @@ def bounded(engine: Engine, relaxation: WithGains, kappa: float, near: Values | 
         best = better
         if settled:
             break
-    return Candidate(relaxation.family.delta, root(best), relaxation, best.values)
+    return Candidate(root(best), relaxation, best.values)
 
 
 def centered(engine: Engine, relaxation: WithGains, kappa: float, about: Values | None = None) -> Optimum:
@@ -170,13 +186,15 @@ def smallest(
     return second if second and second.size < first.size else first
 
 
-def roundings(candidate: Candidate, kappa: float | None) -> Iterator[Gains]:
-    """Gains of a candidate in more and more digits, in rationals."""
-    L, H = candidate.relaxation.gains(candidate.values)
+def roundings(setting: Setting, candidate: Candidate, kappa: float | None) -> Iterator[Gains]:
+    """Gains of a candidate in more and more digits, in rationals; H stays tied to L where it is."""
+    L, H = candidate.gains
     for digits in DIGITS:
         rough = significant(L, digits)
         if kappa is None or float(np.linalg.norm(rough, 2)) <= kappa:
-            yield printed(rough), printed(significant(H, digits))
+            exact = printed(rough)
+            tied = tied_gain(candidate.relaxation.injection, exact, setting.plant.C)
+            yield exact, printed(significant(H, digits)) if tied is None else tied
 
 
 def prove(
@@ -212,7 +230,7 @@ def claim(
     fixed = {"mu": rational([[mu]]), "weight": rational([[1]])}
     certificate = None
     for digits in WITNESS:
-        values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
+        values = rounded(setting.units.witness({u.name: wide.values[u.name] for u in problem.unknowns}), digits)
         values = complete(
             lambda v: exact.theorem({**v, **fixed}, *gains), problem.unknowns, values, reduced.rows, reduced.pivots
         )
@@ -242,7 +260,7 @@ def reaching(
     """
     made: tuple[Gains | None, SporadicCertificate | None] = (None, None)
     least = math.inf
-    for gains in roundings(candidate, kappa):
+    for gains in roundings(setting, candidate, kappa):
         certificate = prove(setting, gains, T2, decay, candidate.delta)
         proved = float(certificate.gamma) if certificate and certificate.holds else math.inf
         if proved < least or least == math.inf:

@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
+from flint import arb
 
 from obsdesign.families.guarantee import (
     Bound,
@@ -17,7 +18,9 @@ from obsdesign.families.guarantee import (
     largest_output,
     tightest,
 )
-from obsdesign.lmi.formula import Array
+from obsdesign.families.sporadic.theorem import extent
+from obsdesign.lmi.formula import Array, Float, approximate, printed, rational
+from obsdesign.lmi.spectrum import lower, upper
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,8 @@ class SporadicGuarantee:
     delta: float  # 1/s
     T1: float  # s
     T2: float  # s
-    P1: Array  # (n, n), positive definite
-    P2: Array  # (ny, ny), positive definite
+    P1: Array  # (n, n), positive definite, in rationals
+    P2: Array  # (ny, ny), positive definite, in rationals
 
     @property
     def reconstruction(self) -> InputBound | None:
@@ -54,23 +57,21 @@ class SporadicGuarantee:
         return None
 
     def peak(self, H: Array) -> float | None:
-        """Bound on sup|H eps| for sup|w| = 1 from zero error; None where V need not decay."""
-        return largest_output(self.rates(), self.P1, H)
+        """Bound on sup|H eps|, H in rationals, for sup|w| = 1 from zero error; None where V need not decay."""
+        return largest_output(self.rates(), rational(self.P1), H)
 
     @cached_property
-    def rho1(self) -> float:
-        """Smallest V of |x|_A = 1."""
-        return float(min(np.linalg.eigvalsh(P)[0] for P in (self.P1, self.P2)))
+    def extent(self) -> tuple[float, float, float]:
+        """rho1, rho2 and omega2, on the safe side."""
+        ratio = arb(printed(self.delta) * printed(self.T2)).exp()
+        rho1, rho2, omega2 = extent(rational(self.P1), rational(self.P2), ratio)
+        return lower(rho1), upper(rho2), upper(omega2)
 
     @cached_property
-    def omega2(self) -> float:
-        """Largest V of |theta~| = 1, eps = 0: what a noise of this size adds at most."""
-        return float(np.linalg.eigvalsh(self.P2)[-1] * np.exp(self.delta * self.T2))
-
-    @cached_property
-    def rho2(self) -> float:
-        """Largest V of |x|_A = 1."""
-        return max(float(np.linalg.eigvalsh(self.P1)[-1]), self.omega2)
+    def doubles(self) -> tuple[Float, Float]:
+        """P1 and P2 in doubles."""
+        P1, P2 = (np.vectorize(approximate, otypes=[float])(P) for P in (self.P1, self.P2))
+        return P1, P2
 
     def rates(self) -> Rates:
         """V' <= -2 decay V + gamma^2 |w|^2."""
@@ -78,17 +79,17 @@ class SporadicGuarantee:
 
     def added(self, eta: Array, timer: Array) -> Array:
         """What the noise (K, ny) of measurements adds to V, exp(delta tau) eta' P2 eta, (K,)."""
-        return np.asarray(np.exp(self.delta * timer) * np.einsum("ki,ij,kj->k", eta, self.P2, eta))
+        return np.asarray(np.exp(self.delta * timer) * np.einsum("ki,ij,kj->k", eta, self.doubles[1], eta))
 
     def storage(self, course: Course) -> Array:
         """V along a run, (M,)."""
         at = measurements(course)
-        V1 = np.einsum("ti,ij,tj->t", course.e, self.P1, course.e)
+        V1 = np.einsum("ti,ij,tj->t", course.e, self.doubles[0], course.e)
         return np.asarray(V1 + self.added(at.mismatch, at.timer))
 
     def distance_bound(self, V_bound: Array) -> Array:
         """What a bound on V says of |x|_A."""
-        return np.asarray(np.sqrt(V_bound / self.rho1))
+        return np.asarray(np.sqrt(V_bound / self.extent[0]))
 
     def bounds(self, course: Course) -> list[Bound]:
         """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest."""
@@ -126,7 +127,7 @@ class SporadicGuarantee:
         tight = bound(name, yp, float(np.sqrt(V0 + w**2 + at.added[-1])))
         if noise:
             return [tight]
-        size = float(np.sqrt(self.rho2) * size)
+        size = float(np.sqrt(self.extent[1]) * size)
         return [tight, bound("norm2(yp) <= sqrt(rho2) |x(0)|_A + gamma norm2(w)", yp, size + w)]
 
     def stays(self, course: Course, size: Array, early: Array) -> list[Bound]:
@@ -135,16 +136,16 @@ class SporadicGuarantee:
         `size`: |x|_A, (M,); `early`: instants to which the bound applies, (M,).
         """
         t, w_sup, eta_sup = (column[early] for column in (course.t, course.v_sup, measurements(course).eta_sup))
-        decay = self.decay or np.nan  # without it nothing bounds what w and eta add
-        limit = np.sqrt(self.rho2 / self.rho1) * np.exp(-self.decay * t) * size[0]
+        decay, (rho1, rho2, omega2) = self.decay or np.nan, self.extent  # without it nothing bounds what w and eta add
+        limit = np.sqrt(rho2 / rho1) * np.exp(-self.decay * t) * size[0]
         name = "|x(t)|_A <= sqrt(rho2/rho1) exp(-decay t) |x(0)|_A"
         if w_sup[-1]:
             name += " + gamma/sqrt(2 decay rho1) sup|w|"
-            limit = limit + self.gamma / np.sqrt(2 * decay * self.rho1) * w_sup
+            limit = limit + self.gamma / np.sqrt(2 * decay * rho1) * w_sup
         if eta_sup[-1]:
             name += " + sqrt(omega2/rho1/(1 - exp(-2 decay T1))) sup|eta|"
             forgotten = -np.expm1(-2 * decay * self.T1) or np.nan
-            limit = limit + np.sqrt(self.omega2 / self.rho1 / forgotten) * eta_sup
+            limit = limit + np.sqrt(omega2 / rho1 / forgotten) * eta_sup
         return [tightest(name, t, size[early], limit)]
 
 

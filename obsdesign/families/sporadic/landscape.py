@@ -17,7 +17,7 @@ from obsdesign.families.sporadic.theorem import Sporadic
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, matrices, probe
 from obsdesign.lmi.reduce import reduce
-from obsdesign.lmi.solve import Search, violation
+from obsdesign.lmi.solve import Search, unscaled, violation
 from obsdesign.lmi.solvers import Ending, call
 
 Form = Callable[[Sporadic], Relaxation]
@@ -52,9 +52,9 @@ def solve_once(engine: Engine, relaxation: Relaxation, problem: Problem, program
     search = Search(call(engine.solver))
     ending, y = search.solve(scaled)
     engine.solves += 1
-    if ending in {Ending.INFEASIBLE, Ending.IMPROPER} or not np.isfinite(y).all() or violation(scaled, y) > VIOLATION:
+    z = unscaled(T, y)
+    if ending in {Ending.INFEASIBLE, Ending.IMPROPER} or not np.isfinite(z).all() or violation(scaled, y) > VIOLATION:
         return Optimum()
-    z = T @ y
     objective = reduced.program.constant + float(reduced.program.cost @ z)
     return Optimum(objective, matrices(problem.unknowns, reduced.point(z)))
 
@@ -86,10 +86,10 @@ def combined(corners: tuple[Array, ...]) -> Array:
 
 @dataclass
 class Landscape:
-    """One relaxation as a function of delta, T2 and lambda_t; in doubles."""
+    """One relaxation as a function of delta and T2, in the units of the spec, which it takes to those of the search."""
 
     engine: Engine
-    family: Sporadic  # in doubles
+    family: Sporadic  # in doubles, in the units
     form: Form
     range: Range  # of delta
     kappa: float | None = None  # bound on |L|
@@ -101,11 +101,11 @@ class Landscape:
         """Where delta is searched."""
         low, high = float(self.range.low), float(self.range.high)
         above = self.form(self.family).delta_above_decay  # delta > 2 lambda_t is necessary
-        return (max(low, 2 * LEAST_DELTA * self.family.decay) if above else low), high
+        return (max(low, 2 * LEAST_DELTA * self.family.decay / self.family.units.time) if above else low), high
 
     def relaxation(self, delta: float, T2: float) -> Relaxation:
         """The relaxation at one point."""
-        return self.form(replace(self.family, delta=delta, ratio=math.exp(delta * T2)))
+        return self.form(replace(self.family, delta=delta * self.family.units.time, ratio=math.exp(delta * T2)))
 
     def with_gains(self, delta: float, T2: float) -> WithGains:
         """The relaxation at one point, of a form that has the gains in it."""
@@ -132,7 +132,10 @@ class Landscape:
             return math.inf
         if self.pieces is None:
             self.pieces = Pieces(lambda d, r: self.least(self.form(replace(self.family, delta=d, ratio=r))))
-        relaxation, program = self.relaxation(delta, T2), self.pieces.at(delta, math.exp(delta * T2))
+        relaxation, program = (
+            self.relaxation(delta, T2),
+            self.pieces.at(delta * self.family.units.time, math.exp(delta * T2)),
+        )
         return root(solve_once(self.engine, relaxation, self.pieces.problem, program))
 
     def missing(self, delta: float, T2: float) -> float:

@@ -5,11 +5,13 @@ import math
 import numpy as np
 
 from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import Array, Exact, in_floats
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.pencil import text
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import linear
+from obsdesign.tables.text import at_least, at_most
 
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
 
@@ -22,12 +24,13 @@ def hiding_interval(plant: Plant[Exact], multiplier: Multiplier, decay: float, T
     """
     system = linear(plant.doubles, in_floats(multiplier.member))
     values, vectors = np.linalg.eig(system.A)
-    slow = values.real >= -decay - 1e-12 * np.abs(values).max(initial=1.0)
+    fastest = np.abs(values).max(initial=decay)
+    slow = values.real >= -decay - 1e-12 * fastest
     intervals = sorted(
         2 * math.pi / float(abs(a.imag - b.imag))
         for i, a in enumerate(values)
         for b in values[:i]
-        if abs(a.real - b.real) <= HIDDEN * max(1.0, abs(a)) and abs(a.imag - b.imag) > HIDDEN * max(1.0, abs(a))
+        if abs(a.real - b.real) <= HIDDEN * fastest < abs(a.imag - b.imag)
     )
     for T in (T for T in intervals if T <= T2):
         for i in np.flatnonzero(slow):
@@ -60,7 +63,7 @@ def too_long(T2: float, decay: float, largest: float | None, fastest: float | No
     """Answer that the inequalities have no solution, with the largest T2 and decay that do."""
     reason = f"{form} has no solution for T2 = {T2:g} with decay {decay:g}, whatever the gain from w"
     feasible = {name: value for name, value in (("T2", largest), ("decay", fastest)) if value is not None}
-    hints = [f"ask for {name} at most {value * (1 - 1e-3):.4g}" for name, value in feasible.items()]
+    hints = [f"ask for {name} at most {at_least(value * (1 - 1e-3), 4)}" for name, value in feasible.items()]
     hints.append("try another range of delta, or another relaxation or injection")
     return {
         "condition": "inequality",
@@ -77,25 +80,22 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
         "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {least:.6g}, or ask for a smaller T2",
+        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller T2",
     }
 
 
-def too_small(kappa: float, T2: float) -> Diagnosis:
-    """Answer that no gain within the bound was found."""
-    return {
-        "condition": "bounds",
-        "reason": f"no gain with |L| <= {kappa:g} was found for T2 = {T2:g}, and there are larger ones that will do",
-        "feasible": {},
-        "suggestion": "allow a larger |L|, or ask for a smaller T2",
-    }
+def too_small(kappa: float, T2: float, decay: float, size: float | None) -> Diagnosis:
+    """Answer that no gain within the bound was found; `size`: a bound that does."""
+    enough = {"L": (size, "allow |L| up to")} if size else {}
+    where = f"for T2 = {T2:g} with decay {decay:g}"
+    return too_tight([f"|L| <= {kappa:g}"], where, enough, ["ask for a smaller T2"])
 
 
 def out_of_bounds(name: str) -> Diagnosis:
     """Answer that no value of a range is within the bounds."""
     return {
         "condition": "bounds",
-        "reason": f"no {name} of the range can be reached within the bounds",
+        "reason": f"no {name} of the range was reached",
         "feasible": {},
         "suggestion": "allow larger bounds",
     }
@@ -103,7 +103,7 @@ def out_of_bounds(name: str) -> Diagnosis:
 
 def useless(T2: float, decay: float, tolerated: float | None) -> Diagnosis:
     """Answer that given gains achieve nothing."""
-    shorter = f"ask for T2 at most {tolerated * (1 - 1e-3):.4g}" if tolerated else "ask for a smaller decay"
+    shorter = f"ask for T2 at most {at_least(tolerated * (1 - 1e-3), 4)}" if tolerated else "ask for a smaller decay"
     return {
         "condition": "gains",
         "reason": f"no storage function of Theorem 2 proves these gains for T2 = {T2:g} with decay {decay:g}",

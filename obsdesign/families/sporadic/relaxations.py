@@ -13,7 +13,8 @@ from typing import ClassVar
 import numpy as np
 
 from obsdesign.families.sporadic.theorem import Sporadic
-from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, he, symmetric
+from obsdesign.families.sporadic.units import SPEC
+from obsdesign.lmi.formula import Array, Formula, Inequality, Problem, Unknown, Values, he, symmetric
 from obsdesign.lmi.probe import Program
 from obsdesign.lmi.reduce import balance
 
@@ -67,14 +68,23 @@ class Relaxation(ABC):
 
     # Problems
 
+    @property
+    def data(self) -> Formula | None:
+        """What sets the units of f and of the multipliers, where there are units: all but |z|^2, which may be tiny."""
+        if self.family.units is SPEC:
+            return None
+        return lambda v: self.inequalities({"mu": ONE, **v, "weight": 0 * ONE})
+
     def least_gamma(self, bound: Bound = UNBOUNDED) -> Problem:
-        """Minimise mu = gamma^2, for a bound on |L| if that is given; P1, P2 >= 0 are closed by the solver."""
+        """Minimise gamma^2, for a bound on |L| if that is given; P1, P2 >= 0 are closed by the solver."""
+        scale = self.family.units.gamma**2
 
         def inequalities(v: Values) -> list[Inequality]:
             least = [] if self.family.plant.B.shape[1] else [Inequality("mu >= 0", -v["mu"])]
             return [*self.inequalities({**v, "weight": ONE}), *least, *bound.inequalities(v)]
 
-        return Problem((*self.unknowns, *bound.unknowns, Unknown("mu", (1, 1))), inequalities, lambda v: v["mu"])
+        unknowns = *self.unknowns, *bound.unknowns, Unknown("mu", (1, 1))
+        return Problem(unknowns, inequalities, lambda v: scale * v["mu"], data=self.data)
 
     def elastic(self, bound: Bound = UNBOUNDED) -> Problem:
         """Minimise what is missing for the inequalities without w and z (Corollary 1): feasible iff it is negative.
@@ -87,14 +97,15 @@ class Relaxation(ABC):
         def inequalities(v: Values) -> list[Inequality]:
             v = {**v, "weight": 0 * ONE, "mu": 0 * ONE}
             last, first, *rest = undisturbed.inequalities(v)
-            eye = np.eye(last.matrix.shape[-1])
+            order, f = last.matrix.shape[-1], np.ones(self.family.plant.Bf.shape[1])
+            eye = np.diag(np.append(np.ones(order - len(f)), f / self.family.units.f**2))
             relaxed = [Inequality(flow.name, flow.matrix - v["missing"] * eye) for flow in (last, first)]
             size = trace(v["P1"]) + root * trace(v["P2"])
             sizes = Inequality("size >= n", n * ONE - size), Inequality("size <= 2 n", size - 2 * n * ONE)
             return [*relaxed, *rest, *sizes, *bound.inequalities(v)]
 
         unknowns = *self.unknowns, *bound.unknowns, Unknown("missing", (1, 1))
-        return Problem(unknowns, inequalities, lambda v: v["missing"])
+        return Problem(unknowns, inequalities, lambda v: v["missing"], data=undisturbed.data)
 
     def scaled(self, problem: Problem, program: Program) -> tuple[Program, Array]:  # noqa: ARG002
         """Rows and coordinates of one of the problems in units in which a solver gets far; z = T scaled z."""
@@ -102,11 +113,14 @@ class Relaxation(ABC):
 
     def witness(self, gamma: float) -> Problem:
         """The inequalities for a gamma."""
-        return Problem(self.unknowns, lambda v: self.inequalities({**v, "weight": ONE, "mu": gamma**2 * ONE}))
+        mu = (gamma / self.family.units.gamma) ** 2 * ONE
+        return Problem(self.unknowns, lambda v: self.inequalities({**v, "weight": ONE, "mu": mu}), data=self.data)
 
 
 class WithGains(Relaxation):
     """A relaxation whose solutions hold the gains, as L and as J = X'L."""
+
+    injection: ClassVar[str] = "dynamic"
 
     @abstractmethod
     def gains(self, values: Values) -> Gains:
@@ -119,18 +133,19 @@ class WithGains(Relaxation):
     def bound(self, kappa: float, center: Array | None = None) -> Bound:
         """[S, J; J', kappa^2 I] >= 0 with S <= X'X and J = X'L, which implies L'L <= J'S^-1 J <= kappa^2 I.
 
-        X'X >= X'Z + Z'X - Z'Z for any center Z, with equality for Z = X. Without a center, Z = t I: the matrix is
-        divided by t, and t is an unknown; it is smaller than X + X', so that X is regular.
+        X'X >= X'Z + Z'X - Z'Z for any center Z, with equality for Z = X. Without a center, Z = t W, I in the units in
+        which L is measured: the matrix is divided by t, and t is an unknown, so small that X is regular.
         """
-        square, eye = kappa**2 * np.eye(len(self.family.plant.C)), np.eye(self.family.plant.n)
+        square = kappa**2 * np.eye(len(self.family.plant.C))
+        W = np.eye(self.family.plant.n) / self.family.units.left**2
 
         def inequalities(v: Values) -> list[Inequality]:
-            X = self.factor(v)
+            X, J = self.family.units.weighed(self.factor(v), v["J"])
             if center is None:
-                S, right = he(X) - v["t"] * eye, v["t"] * square
+                S, right = he(W @ X) - v["t"] * W @ W, v["t"] * square
             else:
                 S, right = he(center.T @ X) - center.T @ center, square
-            return [Inequality("|L| <= kappa", -symmetric([[S, v["J"]], [right]]))]
+            return [Inequality("|L| <= kappa", -symmetric([[S, J], [right]]))]
 
         return Bound(inequalities, (Unknown("t", (1, 1)),) if center is None else ())
 
@@ -173,6 +188,8 @@ class Proposition2(WithGains):
 
 class Predictor(Proposition2):
     """Proposition 2 with Y = 0, that is H = -C L: theta + C xhat, the predicted output, is held (Remark 5)."""
+
+    injection = "predictor"
 
     @property
     def further(self) -> tuple[Unknown, ...]:

@@ -1,7 +1,7 @@
 """What a spec asks where measurements arrive sporadically: its section, and the same in the numbers of the spec."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
 from flint import fmpq
@@ -21,7 +21,7 @@ INJECTIONS = {  # how the correction evolves between measurements, and its relax
     "hold": ("proposition-5",),
 }
 RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
-DELTA = Range(fmpq(1, 100), fmpq(1000), points=40, log=True)  # where the search looks if the spec does not say
+EXPONENTS = Range(fmpq(1, 1000), fmpq(100), points=40, log=True)  # delta T2 that are tried if the spec does not say
 ABOVE_DECAY = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
@@ -125,7 +125,7 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         T1=T1,
         T2=T2,
         decay=decay,
-        delta=read_delta(reader, section, decay, relaxations),
+        delta=read_delta(reader, section, T2, decay, relaxations),
         injections=listed(section.injection) or fitting(relaxations),
         relaxations=relaxations,
         objective=section.objective,
@@ -177,11 +177,14 @@ def fitting(relaxations: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name]) & set(wanted))
 
 
-def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, relaxations: tuple[str, ...]) -> Range:
+def read_delta(
+    reader: Reader, section: SporadicObserver, T2: fmpq | Range, decay: fmpq | Range, relaxations: tuple[str, ...]
+) -> Range:
     """Where delta is searched; the design cuts the range for a relaxation that needs delta > 2 decay."""
     loc: Loc = ("observer", "delta")
     if section.delta is None:
-        return DELTA
+        shortest = ends(T2)[0] or fmpq(1)  # zero is refused elsewhere
+        return replace(EXPONENTS, low=EXPONENTS.low / shortest, high=EXPONENTS.high / shortest)
     delta = asked.read_searched(reader, section.delta, loc, "> 0")
     low, high = ends(delta)
     least = 2 * ends(decay)[0]
@@ -195,7 +198,9 @@ def read_delta(reader: Reader, section: SporadicObserver, decay: fmpq | Range, r
 
 def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
-    return Demand(printed(ends(request_of(spec).decay)[0]), spec.multiplier, "decay")
+    request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
+    largest = None if request.gains else request.largest_gain
+    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none)
 
 
 def request_of(spec: Spec) -> SporadicRequest:

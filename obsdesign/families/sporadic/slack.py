@@ -144,6 +144,7 @@ class Proposition4(Proposition3):
 class Held(SlackedWithGains):
     """Proposition 5, H = 0, without its slack variables."""
 
+    injection = "hold"
     delta_above_decay = True
 
     @property

@@ -8,9 +8,10 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends, require_agreement
-from obsdesign.dissipation.decimals import round_down
-from obsdesign.dissipation.scan import zero
-from obsdesign.families.outcome import Diagnosis
+from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.gain import CLOSELY
+from obsdesign.dissipation.scan import edge, strides, zero
+from obsdesign.families.outcome import Diagnosis, limited
 from obsdesign.families.sporadic.certificate import SporadicCertificate
 from obsdesign.families.sporadic.gains import EDGE, ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
 from obsdesign.families.sporadic.landscape import Form, Landscape
@@ -19,12 +20,15 @@ from obsdesign.families.sporadic.relaxations import Predictor, Proposition2, Red
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.slack import Held, Proposition3, Proposition4, Proposition5
 from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.families.sporadic.units import SPEC
 from obsdesign.lmi.formula import in_floats, printed, rational_number
 from obsdesign.lmi.solve import Status
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
-LEAST = 1e-6  # gamma that gains are searched for, where it is zero
+WIDER = 4.0  # between bounds on |L|, from one that does not do, until one does
+STRIDES = 10
+LEAST = 1e-6  # gamma that gains are searched for, where it is zero, beside its size by the data
 Point = dict[str, Any]
 
 
@@ -123,9 +127,7 @@ class Study:
         """A relaxation at one decay."""
         key = form, decay, kappa
         if key not in self.landscapes:
-            self.landscapes[key] = Landscape(
-                self.setting.engine, self.setting.family(decay), form, self.setting.delta, kappa
-            )
+            self.landscapes[key] = self.setting.landscape(form, decay, kappa)
         return self.landscapes[key]
 
     # Limits
@@ -192,8 +194,10 @@ class Study:
         if self.kappa is not None:
             landscape = self.landscape(self.scheme.gains, float(decay), self.kappa)
             start = within(landscape, float(T2), self.exponent if limit and self.around is None else self.around)
+            if start is None and self.setting.units is not SPEC:
+                return made  # |L| is in the units of the spec, in which this search decides nothing
             if start is None:
-                return replace(made, diagnosis=too_small(float(self.request.largest_gain or 0), float(T2)))
+                return replace(made, diagnosis=self.out_of_bounds(float(T2), float(decay)))
             self.around = landscape.exponent
             made = replace(made, bounded=max(start.gamma, gamma))
         if self.cap is not None and made.level > self.cap:
@@ -212,14 +216,26 @@ class Study:
                 gains, certificate = second
         return replace(made, gains=gains, certificate=certificate)
 
+    def out_of_bounds(self, T2: float, decay: float) -> Diagnosis:
+        """Answer that no gain within the bound was found, with a bound that does."""
+        asked = float(self.request.largest_gain or 0)
+
+        def reaches(kappa: float) -> bool:
+            return within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent) is not None
+
+        inside, outside = strides(reaches, asked, 1 / WIDER, STRIDES)
+        if inside is None or outside is None:
+            return too_small(asked, T2, decay, None)
+        return too_small(asked, T2, decay, round_up(edge(reaches, inside, outside, CLOSELY) * (1 + CLOSELY), 4))
+
     def small(
         self, made: Made, start: Candidate | None, T2: float, decay: float, target: float, thorough: bool
     ) -> Candidate | None:
         """Gains of small norm that reach a gamma."""
         room = min(ROOM, max(target / made.level - 1, 0.0) / 3) if made.level else 0.0
         delta = start.delta if start else made.delta
-        size = self.kappa or self.size or float(np.linalg.norm(in_floats(self.setting.plant.A), 2)) or 1.0
         landscape = self.landscape(self.scheme.gains, decay)
+        size = self.kappa or self.size or float(np.linalg.norm(landscape.family.plant.A, 2)) or 1.0
         found = smallest(landscape, T2, target * (1 - room), delta, size, thorough=thorough)
         if found is None or (self.kappa is not None and found.size > self.kappa):
             found = start
@@ -236,7 +252,7 @@ class Study:
         wanted = 1 + float(self.request.slack)
         if self.request.objective not in {"min-gamma", "pareto"}:
             wanted = max(wanted, MODERATE)
-        target = max(base * wanted, LEAST)
+        target = max(base * wanted, LEAST * self.setting.units.gamma)
         return target if self.cap is None else min(target, self.cap)
 
     # Curves
@@ -270,7 +286,7 @@ class Study:
             status = "infeasible" if self.missing(float(T2), float(decay)) >= 0 else "undecided"
             return {name: float(value), "status": status}, Made()
         made = self.at(T2, decay, (delta, gamma))
-        return {name: float(value), "gamma": gamma, "delta": delta, **described(made)}, made
+        return {name: float(value), "gamma": gamma, "delta": delta} | described(made, {"gamma": gamma}), made
 
     def longest_point(self, decay: fmpq, interval: Range) -> tuple[Point, Made]:
         """Largest T2 for one decay, and certified gains for one within the slack of it."""
@@ -280,7 +296,7 @@ class Study:
             return {"decay": float(decay), "status": "infeasible"}, Made()
         T2 = within_slack(limit, low, self.request.slack)
         made = self.at(T2, decay)
-        return {"decay": float(decay), "T2": limit, "delta": made.delta, **described(made)}, made
+        return {"decay": float(decay), "T2": limit, "delta": made.delta} | described(made, {"T2": limit}), made
 
 
 def within_slack(limit: float, low: float, slack: fmpq) -> fmpq:
@@ -288,8 +304,8 @@ def within_slack(limit: float, low: float, slack: fmpq) -> fmpq:
     return rational_number(repr(max(round_down(limit / (1 + float(slack)), 6), low)))
 
 
-def described(made: Made) -> Point:
-    """Certified gains of a point."""
+def described(made: Made, limit: Point) -> Point:
+    """Certified gains of a point, and its limit, which they are not better than."""
     if made.diagnosis:
         return {"status": "optimal", "reason": made.diagnosis["reason"]}
     known: Point = {"status": made.status}
@@ -302,4 +318,5 @@ def described(made: Made) -> Point:
             "delta": float(c.family.delta),
             "L": made.size,
         }
+        known |= limited(limit, known["certified"])
     return known

@@ -4,16 +4,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.sporadic.certificate import MEANING
-from obsdesign.tables.text import UNBOUNDED, matrix_text, spectral_norm
+from obsdesign.lmi.formula import printed
+from obsdesign.tables.text import UNBOUNDED, at_least, at_most, matrix_text, spectral_norm
 
 
 def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved of the gains L and H."""
-    rows = [("gamma", f"{claimed['gamma']:g}   {MEANING}")]
-    rows += [("decay rate", f"{claimed['decay']:g} 1/s")]
-    rows += [("intervals", f"{claimed['T1']:g} to {claimed['T2']:g} s, a jitter of {100 * claimed['jitter']:.3g} %")]
-    rows += [("noise", f"{claimed['noise']:.4g} sup|eta| at most in |(e, d)|")] if "noise" in claimed else []
-    rows += [("tolerated", f"T2 up to {claimed['T2_max']:g} s")] if "T2_max" in claimed else []
+    rows = [("gamma", f"{at_most(claimed['gamma'])}   {MEANING}")]
+    rows += [("decay rate", f"{at_least(claimed['decay'])} 1/s")]
+    T1, T2 = (printed(claimed[name]) for name in ("T1", "T2"))
+    jitter = at_least(100 * (T2 - T1) / T1, 3)
+    rows += [("intervals", f"{at_most(T1)} to {at_least(T2)} s, a jitter of {jitter} %")]
+    rows += [("noise", f"{at_most(claimed['noise'], 4)} sup|eta| at most in |(e, d)|")] if "noise" in claimed else []
+    rows += [("tolerated", f"T2 up to {at_least(claimed['T2_max'])} s")] if "T2_max" in claimed else []
     return rows
 
 

@@ -36,7 +36,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, symmetric
+from flint import arb
+
+from obsdesign.families.sporadic.units import SPEC, Units
+from obsdesign.lmi.formula import Array, Inequality, Values, he, identity, in_floats, printed, symmetric
+from obsdesign.lmi.spectrum import extremes
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -45,6 +49,22 @@ EQUATIONS = (
     "theta+ = y - C xhat at a measurement, e = x - xhat, d = C e - theta, z = Cp e"
 )
 DECREASE = "V' + 2 lambda_t V + |z|^2 - mu |w|^2 <= 0"
+
+
+def extent(P1: Array, P2: Array, ratio: arb) -> tuple[arb, arb, arb]:
+    """rho1 and rho2, the smallest and largest V of |(e, d)| = 1, and omega2, that of e = 0, with ratio for s.
+
+    `P1`, `P2`: in rationals, positive definite.
+    """
+    (low1, high1), (low2, high2) = extremes(P1), extremes(P2)
+    omega2 = high2 * ratio
+    return low1.min(low2), high1.max(omega2), omega2
+
+
+def tied_gain(injection: str, L: Array, C: Array) -> Array | None:
+    """H that goes with L, in the decimals of doubles: 0 to hold, -C L to predict; None if H is free."""
+    product = C @ L
+    return {"hold": 0 * product, "predictor": printed(in_floats(-product))}.get(injection)
 
 
 @dataclass(frozen=True)
@@ -60,6 +80,7 @@ class Sporadic:
     decay: Any  # lambda_t, 1/s
     delta: Any  # 1/s
     ratio: Any
+    units: Units = SPEC  # of the plant and of both rates
 
     def flows(self, matrix: Callable[[Any], Array]) -> tuple[Inequality, Inequality]:
         """A matrix that is affine in s negative at both ends of the interval; definite if lambda_t = 0."""

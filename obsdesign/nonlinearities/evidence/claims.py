@@ -16,6 +16,7 @@ from obsdesign.model.multiplier import Multiplier, Scaled, Sum
 from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.proof import form_holds, in_hull, lipschitz_within, slope_within
 from obsdesign.nonlinearities.evidence.restriction import Restriction
+from obsdesign.tables.text import at_least, at_most
 
 NEGLIGIBLE = 1e-6  # part of the typical change of f in which rounding errors matter
 
@@ -129,7 +130,11 @@ class Gain(Quadratic):
             norm = norm_bound(f)
         except UsageError:  # f may jump, or its derivative is too large
             return ""
-        return f"; the constant is between {norm.attained:.7g} and {norm.bound:.7g}" if norm.bound < inf else ""
+        return (
+            f"; the constant is between {at_least(norm.attained, 7)} and {at_most(norm.bound, 7)}"
+            if norm.bound < inf
+            else ""
+        )
 
 
 @dataclass(frozen=True)

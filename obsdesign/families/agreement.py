@@ -1,0 +1,163 @@
+"""Whether a result file says no more than what is proved of it anew: what else stands in it is named under `numerical`.
+
+A result file holds what is proved (its observer, `guarantee` and `certificate`, or the certificate of a diagnosis) and
+what was computed in doubles. The first must be what is written of the claim when it is proved again; of the second,
+what is cheap to compute again must agree, a limit must not be worse than what is proved, and its path must be listed.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.errors import UsageError
+from obsdesign.families.outcome import Proof
+from obsdesign.files import ResultFile
+from obsdesign.lmi.formula import approximate
+from obsdesign.spec import PROVED, Spec
+
+LIMITS = ("limit", "limit_bounded", "widened", "ceiling", "comparison")  # found by a search, which is not repeated
+NUMERICAL = {  # entries of parts of a result file that prove nothing
+    "observer": ("poles", "fastest", "largest_step", "noise_gain", "condition_P", "multipliers", "contraction"),
+    "guarantee": LIMITS,
+}
+HELD = ("observer", "guarantee", "certificate")  # parts that are held against what is proved
+HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
+KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical")
+DUAL = ("kind", "alpha", "gamma", "multipliers", "members", "at", "size", "checks")  # of the certificate of a diagnosis
+CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
+BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
+
+
+def numerical(entries: Mapping[str, Any], spec: Spec) -> list[str]:
+    """Dotted paths of what is not proved in a result file with these entries.
+
+    Of notes, those on the types of the spec are proved, or say what is assumed.
+    """
+    held = {part: entries.get(part, {}) for part in NUMERICAL}
+    paths = [f"{part}.{key}" for part, keys in NUMERICAL.items() for key in keys if key in held[part]]
+    paths += margins(entries.get("certificate", {}), "certificate")
+    if "observer" in entries and "certificate" not in entries:
+        paths = ["observer", *(path for path in paths if not path.startswith("observer."))]
+    paths += [f"diagnosis.{key}" for key in entries.get("diagnosis", {}) if key not in {"proof", "certificate"}]
+    paths += [name for name in entries if name not in (*HELD, *KNOWN)]
+    return [*paths, *(["notes"] if any(note not in spec.notes for note in entries.get("notes", [])) else [])]
+
+
+def margins(certificate: Mapping[str, Any], path: str) -> list[str]:
+    """Paths of the margins of conditions, which are computed in doubles, in a certificate and in those within it."""
+    found = [f"{path}.checks.margin"] if "checks" in certificate else []
+    parts = ((key, part) for key, part in certificate.items() if isinstance(part, Mapping))
+    return found + [inner for key, part in parts for inner in margins(part, f"{path}.{key}")]
+
+
+def require_types(file: ResultFile, spec: Spec) -> None:
+    """Refuse a file that says that a type is proved from f, or leaves out what is assumed, where it is not so anew."""
+    notes = file.content.get("notes", [])
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise file.wrong("notes", "expected a list of sentences")
+    for i, note in enumerate(notes):
+        if PROVED in note and note not in spec.notes:
+            raise file.wrong(f"notes[{i}]", "says that a type is proved from f, which is not proved anew")
+    if file.content.get("assumed", []) != spec.assumed:
+        raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec")
+
+
+def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> None:
+    """Refuse a file that says more or other than is proved of it, or does not name what is not.
+
+    `anew`: the parts of a result file as they are written of the claim that was proved. Raises `UsageError`.
+    """
+    for part in (part for part in (*HELD, "diagnosis") if part in file.content):
+        for key, found in file.table(part).items():
+            if part in HELD:
+                require_entry(file, anew.get(part, {}), part, key, found)
+    for key in (key for key in anew.get("guarantee", {}) if key not in LIMITS):
+        file.at("guarantee", key)
+    for name in ("limit", "limit_bounded"):
+        require_limit(file, name)
+    listed = file.content.get("numerical", [])
+    for path in numerical(file.content, spec):
+        if not isinstance(listed, list) or path not in listed:
+            raise file.wrong("numerical", f"does not name {path}, which is not proved")
+
+
+def require_entry(file: ResultFile, anew: Mapping[str, Any], part: str, key: str, found: Any) -> None:
+    """Refuse an entry of a part that is not what is written of the claim."""
+    if key not in anew or key in LIMITS:
+        if key not in NUMERICAL.get(part, ()) and (part, anew) != ("observer", {}):
+            raise file.wrong(f"{part}.{key}", "is nothing that is proved anew; a result holds nothing else there")
+        return
+    close = part == "observer" and key in NUMERICAL[part]
+    same = decimal if part == "guarantee" else double
+    if not (meets(file, found, anew[key]) if close else agree(file, found, anew[key], same)):
+        raise file.wrong(f"{part}.{key}", f"is not what is {'computed' if close else 'proved'} anew")
+
+
+def meets(file: ResultFile, found: Any, anew: Any) -> bool:
+    """Whether a figure is met again, as near as doubles allow; `CLOSE` is relative to the largest number of a list."""
+    if isinstance(anew, Mapping):
+        return isinstance(found, dict) and all(key in anew and meets(file, found[key], anew[key]) for key in found)
+    within = CLOSE * max(map(abs, numbers(anew)), default=0.0)
+    return agree(file, found, anew, lambda one, other: abs(approximate(one) - approximate(other)) <= within)
+
+
+Same = Callable[[fmpq, fmpq], bool]  # whether a number says what one that is written anew says
+
+
+def decimal(found: fmpq, anew: fmpq) -> bool:
+    """Whether numbers are equal."""
+    return bool(found == anew)
+
+
+def double(found: fmpq, anew: fmpq) -> bool:
+    """Whether numbers are one double."""
+    return approximate(found) == approximate(anew)
+
+
+def agree(file: ResultFile, found: Any, anew: Any, same: Same) -> bool:
+    """Whether an entry as it was read, with its numbers as texts, says what is written anew, or less."""
+    if isinstance(anew, Mapping):
+        known = isinstance(found, dict) and found.keys() <= anew.keys()
+        return known and all(key == "margin" or agree(file, found[key], anew[key], same) for key in found)
+    if isinstance(anew, list):
+        if isinstance(found, list) and anew and isinstance(anew[0], Mapping):  # conditions that hold
+            return all(any(agree(file, one, other, same) for other in anew) for one in found)
+        fits = isinstance(found, list) and len(found) == len(anew)
+        return fits and all(agree(file, *pair, same) for pair in zip(found, anew, strict=True))
+    if anew is None or isinstance(anew, bool) or not isinstance(found, str):
+        return found is anew
+    try:
+        return same(file.exact(found, ""), file.exact(str(anew), ""))
+    except UsageError:  # words
+        return bool(found == anew)
+
+
+def numbers(value: Any) -> Sequence[float]:
+    """Every number in a list."""
+    if isinstance(value, list):
+        return [x for part in value for x in numbers(part)]
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+def require_limit(file: ResultFile, name: str) -> None:
+    """Refuse a limit that is worse than what is proved; one that weighs several numbers limits none by itself."""
+    if name not in file.content.get("guarantee", {}):
+        return
+    limit, proved = file.table("guarantee", name), file.table("guarantee")
+    if "objective" in limit or limit.get("kind") == "best-found":
+        return
+    for key in (limit.keys() & proved.keys()) - {"kind"}:
+        best, reached = (approximate(file.number(*path, key)) for path in (("guarantee", name), ("guarantee",)))
+        beyond = best - reached if key == "gamma" else reached - best
+        if beyond > BETTER * abs(best):
+            raise file.wrong(f"guarantee.{name}.{key}", f"{best:g} is no limit: {reached:g} is proved")
+
+
+def require_dual(file: ResultFile, proof: Proof) -> None:
+    """Refuse a certificate that there is no solution which says more than was checked of it."""
+    root = ("diagnosis", "certificate")
+    checks = [{"name": check.name, "holds": check.holds} for check in proof.checks]
+    for key, value in file.table(*root).items():
+        if key not in DUAL or (key == "checks" and not agree(file, value, checks, double)):
+            raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew")

@@ -1,0 +1,225 @@
+"""Bounds on what a design may use: an answer that says what would do, and files that keep them, in every family."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from support.commands import run
+
+pytestmark = pytest.mark.usefixtures("here")
+
+PENDULUM = """
+obsdesign: 1
+system: {A: [[0, 1], [0, -0.5]], B: [[0, 0], [1, 0]], C: [1, 0], D: [[0, 0.01]]}
+nonlinearities: [{type: sin, Bf: [0, -9.81], Cq: [1, 0]}]
+disturbance: [integrator, unknown]
+performance: [w1]
+observer: %s
+"""
+PLAIN = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -1]], B: [0, 1], C: [1, 0]}
+nonlinearities: [{type: {lipschitz: 0.3}, Bf: [0, 1], Cq: [1, 0]}]
+observer: %s
+"""
+NOISY = PLAIN.replace("B: [0, 1], C: [1, 0]", "B: [[0, 0], [1, 0]], C: [1, 0], D: [[0, 0.1]]")
+FREE = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -1]], B: [0, 1], C: [1, 0]}
+observer: %s
+"""
+TANKS = """
+obsdesign: 1
+parameters: {k: 0.01}
+system:
+  A: [[-k, 0, 0, 0], [k, -k, 0, 0], [0, k, -k, 0], [0, 0, k, -k]]
+  B: [[1, 0], [0, 0], [0, 0], [0, 0]]
+  C: [0, 0, 0, 1]
+  D: [[0, 0.1]]
+observer: {type: linf, alpha: %s, bounds: {L1: 0.05}}
+"""
+JARGON = re.compile(r"Primal|Dual|Almost|Solved|Insufficient|NumericalError|MaxIter|[Cc]larabel")
+
+
+def solved(text, name="spec"):
+    """Exit code, what was said, and the result if there is one."""
+    Path(f"{name}.yaml").write_text(text)
+    outcome, made = run("solve", f"{name}.yaml"), Path(f"{name}.gains.json")
+    said = outcome.stdout + outcome.stderr
+    assert not JARGON.search(said)
+    return outcome.exit_code, said, json.loads(made.read_text()) if made.exists() else None
+
+
+def forged(content, spec=None):
+    """Verdict of `verify` on a changed file."""
+    Path("forged.gains.json").write_text(json.dumps(content))
+    return run("verify", "forged.gains.json", *([spec] if spec else []))
+
+
+@pytest.mark.parametrize(
+    ("observer", "bound"),
+    [
+        (f"{{type: {family}, L2: {L2}, alpha: {alpha}, bounds: {{L1: %s}}}}", bound)
+        for family in ("l2", "linf")
+        for L2, alpha, bound in ((0, 0.5, "1"), (0, 50, "1000"), ("free", 0.5, "1"), (0, 0.5, "{frobenius: 1}"))
+    ],
+)
+def test_bounds_that_are_too_tight_are_proved_to_be_and_what_would_do_does(observer, bound):
+    code, said, result = solved(PENDULUM % (observer % bound))
+    found = result["diagnosis"]
+    assert (code, found["condition"], found["proof"]) == (3, "bounds", "exact")
+    assert "no solution within the bounds: |L1| <= " in said
+    assert "needs |L1| above" in said
+    proof = run("verify", "spec.gains.json")
+    assert proof.exit_code == 0
+    assert "no solution within the bounds" in proof.stdout
+    enough = bound.replace(bound.strip("{}").split()[-1], repr(found["feasible"]["L1"]))
+    code, _, wider = solved(PENDULUM % (observer % enough), "wider")
+    assert (code, wider["status"]) == (0, "certified")
+    if "alpha" in found["feasible"]:
+        slower = re.sub(r"alpha: [0-9.]+", f"alpha: {found['feasible']['alpha']}", observer % bound)
+        assert solved(PENDULUM % slower, "slower")[0] == 0
+
+
+def test_a_bound_that_is_too_tight_for_every_alpha_of_a_range_is_told_so():
+    code, said, _ = solved(PENDULUM % "{type: l2, bounds: {L1: 1}}")
+    assert code == 3
+    assert "at the slope -1 of f1, which the types allow, alpha = 0.001 needs |L1| above" in said
+
+
+def test_a_bound_between_what_is_needed_and_what_was_found_is_undecided_with_the_size_that_does():
+    code, said, result = solved(PENDULUM % "{type: l2, alpha: 0.5, bounds: {L1: 20}}")
+    assert (code, result) == (4, None)
+    size = float(re.search(r"allow \|L1\| up to (\S+),", said)[1])
+    assert solved(PENDULUM % f"{{type: l2, alpha: 0.5, bounds: {{L1: {size}}}}}")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "observer",
+    [
+        "{type: lipschitz, objective: min-gamma, decay: 2, bounds: {L: %s}}",
+        "{type: lipschitz, objective: max-lipschitz, decay: 2, bounds: {L: %s}}",
+        "{type: lipschitz, objective: pareto, weight: 0.5, decay: 2, bounds: {L: %s}}",
+        "{type: lipschitz, objective: pareto, weight: {min: 0, max: 1, points: 3}, decay: 2, bounds: {L: %s}}",
+        "{type: sporadic, T1: 0.05, T2: 0.1, decay: 2, bounds: {L: %s}}",
+        "{type: sporadic, T1: 0.05, T2: 0.1, decay: 2, injection: predictor, bounds: {L: %s}}",
+    ],
+)
+def test_the_other_families_prove_it_as_well_and_name_a_size_that_does(observer):
+    code, said, result = solved(PLAIN % (observer % 0.5))
+    found = result["diagnosis"]
+    assert (code, found["condition"], found["proof"]) == (3, "bounds", "exact")
+    assert "|L| <= 0.5 was asked for, and" in said
+    assert run("verify", "spec.gains.json").exit_code == 0
+    assert solved(PLAIN % (observer % found["feasible"]["L"]), "wider")[0] == 0
+
+
+def test_a_proof_of_a_bound_is_held_against_the_spec():
+    _, _, result = solved(PENDULUM % "{type: l2, alpha: 0.5, bounds: {L1: 1}}")
+    certificate = result["diagnosis"]["certificate"]
+    for change, code in (
+        ({"size": "100"}, 4),
+        ({"size": "1/2"}, 2),
+        ({"at": "-1"}, 4),
+        ({"at": "0"}, 4),
+        ({"members": {"f1": [["-2"]]}}, 4),
+        ({"members": {}}, 2),
+        ({"kind": ["injection"]}, 2),
+    ):
+        result["diagnosis"]["certificate"] = {**certificate, **change}
+        assert forged(result).exit_code == code, change
+
+
+def test_a_gamma_that_the_bounds_do_not_reach_is_told_with_the_size_that_does():
+    text = "{type: l2, alpha: 0.5, objective: {gamma: 0.5}, bounds: {L1: %s}}"
+    code, said, result = solved(PENDULUM % (text % 100))
+    found = result["diagnosis"]
+    assert (code, found["condition"]) == (3, "bounds")
+    assert "for gamma = 0.5" in said
+    assert solved(PENDULUM % (text % found["feasible"]["L1"]), "wider")[0] == 0
+    reached = text.replace("0.5}", f"{found['feasible']['gamma']!r}}}") % 100
+    assert solved(PENDULUM % reached, "reached")[0] == 0
+
+
+def test_a_curve_within_bounds_is_that_of_single_rates():
+    """What was said to be infeasible there is undecided, as it is at one alpha."""
+    code, _, result = solved(TANKS % "{min: 1.0e-3, max: 0.3, points: 5, log: true}")
+    assert code == 0
+    points = result["search"]["points"]
+    for point in points[:2]:
+        _, _, single = solved(TANKS % repr(point["alpha"]), "single")
+        assert single["guarantee"]["limit_bounded"]["gamma"] == pytest.approx(point["gamma"], rel=1e-3)
+    assert points[-1]["status"] != "optimal"
+    _, _, single = solved(TANKS % repr(points[-1]["alpha"]), "last")
+    assert points[-1]["status"] == "undecided" or single["status"] == "infeasible"
+
+
+@pytest.mark.parametrize("family", ["l2", "linf"])
+@pytest.mark.parametrize(
+    "plant",
+    [
+        "{A: [[-1]], B: [[-0.3]], C: [[-1], [-1.2]], D: [[0.1], [0]]}",
+        "{A: [[-1]], B: [[0.3, -0.2]], C: [[0.9], [-0.3]], D: [[0, -0.2], [0.1, 0]]}",
+        "{A: [[-2.5, 0.4], [-0.2, -1]], B: [[0.5], [1]], C: [[-0.4, 1.3]], D: [[0.1]]}",
+    ],
+)
+@pytest.mark.parametrize("bound", ["20", "{frobenius: 30}"])
+def test_a_finite_gain_that_keeps_v_out_is_found_within_bounds(family, plant, bound):
+    text = f"obsdesign: 1\nsystem: {plant}\nobserver: {{type: {family}, alpha: 0.05, bounds: {{L1: {bound}}}}}\n"
+    code, _, result = solved(text)
+    assert code == 0
+    assert result["guarantee"]["limit"]["gamma"] == 0
+    assert result["guarantee"]["gamma"] < 0.01
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
+def test_a_bound_below_the_gain_that_keeps_v_out_still_gives_the_best_within_it():
+    plant = (
+        "{A: [[-2.53, 0.38], [-0.16, -0.96]], B: [[-0.2], [0.7]], C: [[-0.4, 1.3], [-1.4, 0.2]], D: [[-0.1], [-0.1]]}"
+    )
+    f = "nonlinearities: [{type: tanh, Bf: [-1, 0], Cq: [-1, -1]}]"
+    code, _, result = solved(
+        f"obsdesign: 1\nsystem: {plant}\n{f}\nobserver: {{type: l2, alpha: 0.5, bounds: {{L1: 8}}}}\n"
+    )
+    guarantee = result["guarantee"]
+    assert (code, guarantee["limit"]["gamma"]) == (0, 0)
+    assert guarantee["gamma"] <= 1.05 * guarantee["limit_bounded"]["gamma"]
+
+
+def test_a_certificate_for_a_gamma_is_refused_in_words_where_the_spec_asks_for_none():
+    asked = "{type: l2, alpha: 0.5, L2: 0%s}"
+    _, _, plain = solved(PENDULUM % (asked % ""))
+    _, _, refuted = solved(PENDULUM % (asked % ", objective: {gamma: 0.01}"))
+    outcome = forged({**refuted, "spec": plain["spec"]})
+    assert outcome.exit_code == 2
+    assert "the spec asks for no gamma" in outcome.stderr
+
+
+def test_the_least_storage_function_and_the_gain_of_a_predictor_are_held_against_the_spec():
+    floor = "{type: lipschitz, objective: min-gamma, decay: 0.1, bounds: {P: {min: %s}}}"
+    code, _, small = solved(NOISY % (floor % 0.01))
+    assert code == 0
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+    code, _, large = solved(NOISY % (floor % 0.1), "large")
+    assert code == 0
+    outcome = forged({**small, "spec": large["spec"]})
+    assert outcome.exit_code == 4
+    assert "FAILS  P >= t I" in outcome.stdout
+    sampled = "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.6, injection: %s}"
+    _, _, predictor = solved(FREE % (sampled % "predictor"), "predictor")
+    assert run("verify", "predictor.gains.json", "-q").exit_code == 0
+    _, _, dynamic = solved(FREE % (sampled % "dynamic"), "dynamic")
+    outcome = forged({**dynamic, "spec": predictor["spec"]})
+    assert outcome.exit_code == 2
+    assert "observer.H: not that of predictor" in outcome.stderr
+
+
+def test_another_slope_is_suggested_with_the_bound_that_it_keeps():
+    plant = "{A: [[-1, 0], [0, -2]], B: [1, 0], C: [1, 0]}"
+    f = "nonlinearities: [{type: {lipschitz: 5}, Bf: [0, 1], Cq: [0, 1]}]"
+    code, said, _ = solved(
+        f"obsdesign: 1\nsystem: {plant}\n{f}\nobserver: {{type: l2, L2: 0, alpha: 0.5, bounds: {{L1: 20}}}}\n"
+    )
+    assert code == 3
+    assert "would be feasible at this alpha with lipschitz 1.5 within the bounds (|L1| <= 20)" in said
