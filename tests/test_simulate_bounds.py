@@ -98,7 +98,7 @@ def test_a_bound_that_is_met_by_the_accuracy_of_the_run_says_so():
     assert resolved["accuracy"] == 1e-9
     text = "holds: 3.55263e-16 <= 9.17981e-43 + 1e-09, the accuracy of the run   |e(t)| <= .."
     assert bound_text(resolved) == text
-    assert bound_text(bound("b", 2.0, 1.0, 1e-9)).startswith("VIOLATED: 2 <= 1 + 1e-06, the accuracy of the run")
+    assert bound_text(bound("b", 2.0, 1.0, 1e-9)).startswith("VIOLATED: 2 <= 1 + 1.1e-06, the accuracy of the run")
     assert bound_text(bound("b", 1.0, 2.0, 1e-9)) == "holds: 1 <= 2   b"
 
 

@@ -145,7 +145,7 @@ def require_limit(file: ResultFile, name: str) -> None:
     if name not in file.content.get("guarantee", {}):
         return
     limit, proved = file.table("guarantee", name), file.table("guarantee")
-    if "objective" in limit or limit.get("kind") == "best-found":
+    if "objective" in limit:
         return
     for key in (limit.keys() & proved.keys()) - {"kind"}:
         best, reached = (approximate(file.number(*path, key)) for path in (("guarantee", name), ("guarantee",)))

@@ -30,7 +30,7 @@ class Demand:
     rate: fmpq  # the least that is asked for, 1/s; if it is zero, any decay
     multiplier: Multiplier
     key: str  # of the rate in a spec
-    gain: str  # key of the injection L1 in a spec
+    gain: str = "L"  # key of the injection in a spec
     largest: fmpq | None = None  # what bounds its norm, unless it is given
     L2: Array | None = None  # None: any
 
