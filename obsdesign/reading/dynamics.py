@@ -121,24 +121,13 @@ def shown(seen: Split, names: Names) -> Iterator[tuple[str, tuple[str, fmpq]]]:
             yield state, (name, factor)
 
 
-def read_equations(
-    reader: Reader,
-    system: schema.Equations,
-    sections: Sequence[schema.Nonlinearity] | None,
-    *,
-    sampled: bool,
-    constants: bool,
-) -> Reading:
+def read_equations(reader: Reader, system: schema.Equations, *, sampled: bool, constants: bool) -> Reading:
     """Plant, known terms and nonlinearities of a plant as equations.
 
     `sampled`: y is known at instants only; `constants`: every term needs a Lipschitz constant.
 
     Where the equations are wrong, everything else is left open.
     """
-    if sections:
-        said = "are the terms of system.dynamics, which are found by themselves: leave this out"
-        reader.wrong(("nonlinearities",), f"{said}; the type of a term is declared under system.types", at_key=True)
-        return Reading(Layout())
     x, y = X.of(len(system.states or system.dynamics)), Y.of(len(system.outputs))
     w = W.of(len(system.disturbances or ()))
     for axis, what in ((x, "states"), (y, "outputs")):
