@@ -74,6 +74,8 @@ CASES = [
         "the term sin(b): slope [0, 1] is refuted by b = ",
         "give a smaller system.domain",
     ),
+    wrong(TYPES, "  types: {sin(b): {auto: {region: {q: [0, 1]}}}}", "system.types.sin(b)", "has no region here"),
+    wrong(TYPES, "  types: {sin(b): {slope: [-1, 1], region: {q: [0, 1]}}}", "system.types.sin(b)", "no region here"),
     wrong(TYPES, "  types: {sin(b): cubic}", "system.types.sin(b)", "differs from its type cubic"),
     wrong(DYNAMICS, instead("a*w"), "system.dynamics.b", "the term a*w", "it cannot be split: w enters it"),
     wrong(DYNAMICS, instead("-b + w**2"), "system.dynamics.b", "w**2 is not linear in the disturbance"),

@@ -170,6 +170,12 @@ def test_a_polynomial_of_an_output_is_a_term_of_it():
     }
 
 
+def test_the_domain_of_an_output_is_that_of_the_state_it_shows():
+    assert terms_of("-sqrt(x)", "2*x", "domain: {y: [2, 8]}") == {
+        "sqrt(x)": ("slope [0.25, 0.5]", "x and its estimate stay in [1, 4]")
+    }
+
+
 @pytest.mark.parametrize("measured", ["x", "2*x"])
 def test_a_product_with_a_state_that_is_measured_without_noise_is_known(measured):
     (term,) = loads(SPEC % ("-x*v", measured, ", domain: {x: [-1, 1]}")).nonlinearities

@@ -80,6 +80,8 @@ def read_types(
         if found is None:
             allowed = [term.text for term in terms] or ["none, for the plant is linear"]
             reader.wrong(place, unknown("term", key, allowed, {}), at_key=True)
+        elif not isinstance(value, str) and (value.region or getattr(value.data, "region", None)):
+            reader.wrong(place, "a type has no region here: a term stays where system.domain keeps what it depends on")
         elif found[0] in declared:
             reader.wrong(place, f"{found[1].text} has a type already; give one", at_key=True)
         else:
@@ -117,8 +119,9 @@ class Types:
         """
         region = self.region(term)
         known = {name: ends for name, ends in region.items() if not re.fullmatch(r"q\d+", name)}
+        places = {str(written(limits, term.f, len(term.arguments))): limits for limits in (region, known, {})}
         signs = (term, term.negated) if declared == AUTO and len(term.arguments) == 1 else (term,)
-        trials = [self.trial(signs, place, declared, limits) for limits in ({}, known, region)]
+        trials = [self.trial(signs, place, declared, limits) for limits in reversed(places.values())]
         found = [trial for trial in trials if trial.found is not None]
         if not found:
             self.reader.problems.append(self.renamed(trials[-1].problems[0], place, term, declared))
