@@ -164,6 +164,13 @@ def test_terms_as_a_user_types_them(side, further, terms):
     assert terms_of(side, further=further) == terms
 
 
+def test_a_type_that_is_only_assumed_is_so_on_the_domain():
+    further = "domain: {v: [-1, 100]}, types: {v*exp(-v**2): {lipschitz: 1}}"
+    spec = loads(SPEC % ("-v*exp(-v**2)", "x", f", {further}"))
+    assert spec.assumed[0].startswith("lipschitz 1 of v*exp(-v**2) (searched on ")
+    assert spec.validity == "as long as v and its estimate stay in [-1, 100]"
+
+
 def test_a_polynomial_of_an_output_is_a_term_of_it():
     assert terms_of("-x", "x**3 + x + 0.1*w", "domain: {x: [0, 2]}") == {
         "x**3": ("slope [0, 12]", "x and its estimate stay in [0, 2]")
