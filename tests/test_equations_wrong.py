@@ -96,6 +96,18 @@ CASES = [
     wrong("  inputs", "  time: discrete\n  inputs", "system.time", "belongs to discrete time, which is not available"),
     wrong(OUTPUTS, "  outputs: [y]", "system.outputs", "expected a mapping; found a list"),
     wrong(OUTPUTS, "", "system.outputs", "is required"),
+    wrong(OUTPUTS, "  outputs: {}", "system.outputs", "expected at least 1 entry"),
+    wrong(
+        OUTPUTS, "  outputs: {y: where(a > 0, 2*a, a) + w}", "system.outputs.2*a",
+        "is a part of a text, cut at a comma: write the whole text in quotes",
+    ),
+    wrong(
+        BASE[BASE.index(STATES) : BASE.index("disturbance: i")],
+        "  dynamics: {a: -a, q: -q}\n  outputs: {y: a}\n",
+        "system.dynamics.q",
+        "q is the argument of a nonlinearity; choose another name",
+        place=(4, 21),
+    ),
     wrong(
         "disturbance: integrator", "nonlinearities: [{type: monotone}]\ndisturbance: integrator", "nonlinearities",
         "are the terms of system.dynamics, which are found by themselves: leave this out",
