@@ -1,7 +1,7 @@
 """Plants as equations that are wrong: each is answered in one line, at its place, in the names of the plant."""
 
 import pytest
-from support.wrong_specs import problem_of, wrong_in
+from support.wrong_specs import problem_of, problems_of, wrong_in
 
 BASE = """\
 obsdesign: 1
@@ -124,3 +124,10 @@ CASES = [
 @pytest.mark.parametrize("case", CASES)
 def test_one_mistake_in_equations_gives_one_line_at_its_place(case):
     assert case.is_answered_by(problem_of(case.text.replace("\n\n", "\n")))
+
+
+def test_types_of_terms_are_refused_where_the_equations_are_not_split():
+    observer = "observer: {type: kkl, coordinates: [{phi: a, lambda: -1, B: 0}], left_inverse: {b: xi1}}\n"
+    text = BASE[: BASE.index("disturbance: i")] + observer
+    problems = [problem for problem in problems_of(text) if problem.key == "system.types"]
+    assert "is for designs that split the equations into terms" in problems[0].message
