@@ -1,7 +1,7 @@
 """Plants as equations that are wrong: each is answered in one line, at its place, in the names of the plant."""
 
 import pytest
-from support.wrong_specs import problem_of, wrong_in
+from support.wrong_specs import problem_of, problems_of, wrong_in
 
 BASE = """\
 obsdesign: 1
@@ -74,6 +74,8 @@ CASES = [
         "the term sin(b): slope [0, 1] is refuted by b = ",
         "give a smaller system.domain",
     ),
+    wrong(TYPES, "  types: {sin(b): {auto: {region: {q: [0, 1]}}}}", "system.types.sin(b)", "has no region here"),
+    wrong(TYPES, "  types: {sin(b): {slope: [-1, 1], region: {q: [0, 1]}}}", "system.types.sin(b)", "no region here"),
     wrong(TYPES, "  types: {sin(b): cubic}", "system.types.sin(b)", "differs from its type cubic"),
     wrong(DYNAMICS, instead("a*w"), "system.dynamics.b", "the term a*w", "it cannot be split: w enters it"),
     wrong(DYNAMICS, instead("-b + w**2"), "system.dynamics.b", "w**2 is not linear in the disturbance"),
@@ -94,6 +96,18 @@ CASES = [
     wrong("  inputs", "  time: discrete\n  inputs", "system.time", "belongs to discrete time, which is not available"),
     wrong(OUTPUTS, "  outputs: [y]", "system.outputs", "expected a mapping; found a list"),
     wrong(OUTPUTS, "", "system.outputs", "is required"),
+    wrong(OUTPUTS, "  outputs: {}", "system.outputs", "expected at least 1 entry"),
+    wrong(
+        OUTPUTS, "  outputs: {y: where(a > 0, 2*a, a) + w}", "system.outputs.2*a",
+        "is a part of a text, cut at a comma: write the whole text in quotes",
+    ),
+    wrong(
+        BASE[BASE.index(STATES) : BASE.index("disturbance: i")],
+        "  dynamics: {a: -a, q: -q}\n  outputs: {y: a}\n",
+        "system.dynamics.q",
+        "q is the argument of a nonlinearity; choose another name",
+        place=(4, 21),
+    ),
     wrong(
         "disturbance: integrator", "nonlinearities: [{type: monotone}]\ndisturbance: integrator", "nonlinearities",
         "are the terms of system.dynamics, which are found by themselves: leave this out",
@@ -110,3 +124,10 @@ CASES = [
 @pytest.mark.parametrize("case", CASES)
 def test_one_mistake_in_equations_gives_one_line_at_its_place(case):
     assert case.is_answered_by(problem_of(case.text.replace("\n\n", "\n")))
+
+
+def test_types_of_terms_are_refused_where_the_equations_are_not_split():
+    observer = "observer: {type: kkl, coordinates: [{phi: a, lambda: -1, B: 0}], left_inverse: {b: xi1}}\n"
+    text = BASE[: BASE.index("disturbance: i")] + observer
+    problems = [problem for problem in problems_of(text) if problem.key == "system.types"]
+    assert "is for designs that split the equations into terms" in problems[0].message

@@ -164,9 +164,22 @@ def test_terms_as_a_user_types_them(side, further, terms):
     assert terms_of(side, further=further) == terms
 
 
+def test_a_type_that_is_only_assumed_is_so_on_the_domain():
+    further = "domain: {v: [-1, 100]}, types: {v*exp(-v**2): {lipschitz: 1}}"
+    spec = loads(SPEC % ("-v*exp(-v**2)", "x", f", {further}"))
+    assert spec.assumed[0].startswith("lipschitz 1 of v*exp(-v**2) (searched on ")
+    assert spec.validity == "as long as v and its estimate stay in [-1, 100]"
+
+
 def test_a_polynomial_of_an_output_is_a_term_of_it():
     assert terms_of("-x", "x**3 + x + 0.1*w", "domain: {x: [0, 2]}") == {
         "x**3": ("slope [0, 12]", "x and its estimate stay in [0, 2]")
+    }
+
+
+def test_the_domain_of_an_output_is_that_of_the_state_it_shows():
+    assert terms_of("-sqrt(x)", "2*x", "domain: {y: [2, 8]}") == {
+        "sqrt(x)": ("slope [0.25, 0.5]", "x and its estimate stay in [1, 4]")
     }
 
 

@@ -14,7 +14,7 @@ from obsdesign.reading import schema
 from obsdesign.reading.blocks import read_range
 from obsdesign.reading.plant import Layout, Names, Reading, W, X, Y, read_matrices, read_names, refuse_outputs
 from obsdesign.reading.schema import AUTO
-from obsdesign.reading.terms import Typed, Types, read_types
+from obsdesign.reading.terms import Typed, Types, over, read_types
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Entries, Reader
@@ -121,24 +121,13 @@ def shown(seen: Split, names: Names) -> Iterator[tuple[str, tuple[str, fmpq]]]:
             yield state, (name, factor)
 
 
-def read_equations(
-    reader: Reader,
-    system: schema.Equations,
-    sections: Sequence[schema.Nonlinearity] | None,
-    *,
-    sampled: bool,
-    constants: bool,
-) -> Reading:
+def read_equations(reader: Reader, system: schema.Equations, *, sampled: bool, constants: bool) -> Reading:
     """Plant, known terms and nonlinearities of a plant as equations.
 
     `sampled`: y is known at instants only; `constants`: every term needs a Lipschitz constant.
 
     Where the equations are wrong, everything else is left open.
     """
-    if sections:
-        said = "are the terms of system.dynamics, which are found by themselves: leave this out"
-        reader.wrong(("nonlinearities",), f"{said}; the type of a term is declared under system.types", at_key=True)
-        return Reading(Layout())
     x, y = X.of(len(system.states or system.dynamics)), Y.of(len(system.outputs))
     w = W.of(len(system.disturbances or ()))
     for axis, what in ((x, "states"), (y, "outputs")):
@@ -153,10 +142,11 @@ def read_equations(
     if not reader.clean(("system",)) or (found := split(reader, dynamics, outputs, names, sampled=sampled)) is None:
         return Reading(Layout())
     whole, measured = found
+    seen = {state: over({y: 1 / c}, domain) for state, (y, c) in measured.items() if y in domain}
     layout = Layout(x, y, w, names=names)
     declared = read_types(reader, system.types, whole.terms, names)
     known = layout.known(*(() if sampled else ("outputs",)), "inputs") or ()
-    types = Types(reader, names, known, domain, measured, constants)
+    types = Types(reader, names, known, {**seen, **domain}, measured, constants)
     terms: list[Typed] = []
     for i, term in enumerate(whole.terms):
         one = types.typed(*declared.get(i, (term, equation(term, names), AUTO)))

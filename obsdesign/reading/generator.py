@@ -56,7 +56,7 @@ def read_disturbance(
     if section is None:
         return Exogenous()
     if section != "unknown" and layout.w.size == 0:
-        reader.wrong(loc, "there is no w to generate; give system.B or system.D")
+        reader.wrong(loc, "there is no w to generate; give system.B or system.D (with equations: system.disturbances)")
         return Exogenous()
     channels = read_channels(reader, section, loc, layout)
     if sum(len(channel.generator.Cm) for channel in channels) != layout.w.size:

@@ -284,8 +284,10 @@ def read_names(reader: Reader, system: InMatrices | Equations, states: Axis, out
         given = getattr(system, key)
         for i, name in enumerate(getattr(names, group) if given or group != "w" else ()):
             if reason := meaning(name) or (name in taken and f"is {taken[name]} already; choose another name"):
-                place = ("system", key, *([i] if isinstance(given, list) else [name] if given else []))
-                reader.wrong(place, f"{described(name)} {reason}", at_key=isinstance(given, dict))
+                place: Loc = ("system", key, *([i] if isinstance(given, list) else [name] if given else []))
+                if given is None and group == "states" and isinstance(system, Equations):
+                    place = ("system", "dynamics", name)
+                reader.wrong(place, f"{described(name)} {reason}", at_key=not isinstance(given, list))
             taken[name] = each
     for name in reader.parameters:
         if name in taken:

@@ -102,9 +102,16 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
     sampled, typed = (family is not None and getattr(family, name) for name in ("sampled", "equations"))
     identity = family is not None and family.unstructured
     if isinstance(file.system, Equations):
+        if file.nonlinearities:
+            said = "are the terms of system.dynamics, which are found by themselves: leave this out"
+            reader.wrong(("nonlinearities",), f"{said}; the type of a term is declared under system.types", at_key=True)
+            return Reading(Layout())
+        if typed and file.system.types:
+            said = "is for designs that split the equations into terms; this type of observer takes them as they are"
+            reader.wrong(("system", "types"), said, at_key=True)
         if typed:
             return read_typed(reader, file.system)
-        return read_equations(reader, file.system, file.nonlinearities, sampled=sampled, constants=identity)
+        return read_equations(reader, file.system, sampled=sampled, constants=identity)
     plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
     return in_equations(reader, plant) if typed else plant
 

@@ -135,8 +135,10 @@ class Equations(Signals):
         ),
     }
 
-    dynamics: dict[str, str] = required(MapOf(ENTRY), "derivative of each state: an expression of any signals and t")
-    outputs: dict[str, str] = required(MapOf(ENTRY), "each output: an expression of states, inputs, disturbances and t")
+    dynamics: dict[str, str] = required(MapOf(ENTRY, 1), "derivative of each state: an expression of any signals and t")
+    outputs: dict[str, str] = required(
+        MapOf(ENTRY, 1), "each output: an expression of states, inputs, disturbances and t"
+    )
     domain: dict[str, list[str]] | None = key(REGION, "[lo, hi] of signals: where the types of terms hold")
     types: dict[str, str | TypeData] = key(MapOf(TYPE), "types of terms, by their text or f1, f2, ..", default={})
 

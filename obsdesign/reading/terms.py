@@ -80,6 +80,8 @@ def read_types(
         if found is None:
             allowed = [term.text for term in terms] or ["none, for the plant is linear"]
             reader.wrong(place, unknown("term", key, allowed, {}), at_key=True)
+        elif not isinstance(value, str) and (value.region or getattr(value.data, "region", None)):
+            reader.wrong(place, "a type has no region here: a term stays where system.domain keeps what it depends on")
         elif found[0] in declared:
             reader.wrong(place, f"{found[1].text} has a type already; give one", at_key=True)
         else:
@@ -117,8 +119,9 @@ class Types:
         """
         region = self.region(term)
         known = {name: ends for name, ends in region.items() if not re.fullmatch(r"q\d+", name)}
+        places = {str(written(limits, term.f, len(term.arguments))): limits for limits in (region, known, {})}
         signs = (term, term.negated) if declared == AUTO and len(term.arguments) == 1 else (term,)
-        trials = [self.trial(signs, place, declared, limits) for limits in ({}, known, region)]
+        trials = [self.trial(signs, place, declared, limits) for limits in reversed(places.values())]
         found = [trial for trial in trials if trial.found is not None]
         if not found:
             self.reader.problems.append(self.renamed(trials[-1].problems[0], place, term, declared))
@@ -149,9 +152,9 @@ class Types:
         """Read a term as a block of its own; what is wrong is kept apart."""
         trial = Reader(self.reader.document, [])
         trial.parameters, trial.exact = self.reader.parameters, self.reader.exact
-        region_written = written(region, term.f, len(term.arguments))
-        section = schema.Function(type=declared, f=[term.f.text], region=region_written)
-        block = read_block(trial, section, place, len(term.arguments), 1)
+        nq = len(term.arguments)
+        section = schema.Function(type=declared, f=[term.f.text], region=written(region, term.f, nq))
+        block = read_block(trial, section, place, nq, 1)
         found = read_nonlinearity(trial, block, self.known)
         if found is not None and self.constants and not found.lipschitz:
             trial.wrong(place, f"{found.type} has no Lipschitz constant, which this type of observer needs")
@@ -186,9 +189,8 @@ class Types:
         signals = [name for name in (*self.names.states, *self.names.w, *self.names.inputs, *self.names.outputs, "t")
                    if name in {shown.get(each, each) for each in used}]  # fmt: skip
         missing = [name for name in signals if name not in self.domain]
-        kept = (
-            f"give system.domain of {', '.join(missing)}" if missing else "give a smaller system.domain, without that"
-        )
+        kept = f"give system.domain of {', '.join(missing)}"
+        kept = kept if missing else "give a smaller system.domain, without that"
         acting = [name for name in self.names.w if any(name in row for row in term.arguments)]
         if acting and len(term.arguments) > 1:
             said = f"it cannot be split: {acting[0]} enters it, and not by itself; write it as a disturbance of its own"
@@ -204,19 +206,17 @@ def near(match: re.Match[str]) -> str:
     name, low, high = match[1], float(match[2]), float(match[3])
     if low == -inf and high == inf:
         return f"any {name}"
-    return (
-        f"{name} near {low:.4g}"
-        if high - low <= NEAR * max(1.0, abs(low)) and abs(low) > NEAR
-        else (f"{name} near 0" if max(abs(low), abs(high)) <= NEAR else match[0])
-    )
+    if max(abs(low), abs(high)) <= NEAR:
+        return f"{name} near 0"
+    return f"{name} near {low:.4g}" if high - low <= NEAR * abs(low) else match[0]
 
 
 def same_type(wide: Trial, local: Trial) -> bool:
-    """Whether a type on a larger region is the one that is found on the domain, and is known as well there."""
+    """Whether a type on a larger region is the one on the domain, and is proved there: nothing more is assumed."""
     assert wide.found
     assert local.found
     same = (wide.found.type, wide.term.f) == (local.found.type, local.term.f)
-    return same and bool(wide.found.assumed) <= bool(local.found.assumed)
+    return wide is local or (same and not wide.found.assumed)
 
 
 def written(region: Mapping[str, Ends], f: Expression, nq: int) -> dict[str, list[str]] | None:

@@ -31,6 +31,7 @@ LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 DECIMAL = re.compile(r"([-+]?)(0+(?=[0-9]))?((\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?)")
 OTHER_BASE = re.compile(r"0o[0-7]{1,20}|0x[0-9a-fA-F]{1,16}")
 NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+OPERATOR = re.compile(r"[*/()+<>]")
 DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt \t].*)?|[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?")
 CONSTANTS = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
@@ -267,7 +268,9 @@ class Composer:
             parent.key = self.key(node, parent.values)
             return
         if node.value is None:
-            self.problems.append(self.empty(node))
+            problem, last = self.empty(node), self.problems[-1:]
+            if problem.message not in [one.message for one in last if one.line == node.line and "cut" in one.message]:
+                self.problems.append(problem)
         parent.size += node.size
         parent.height = max(parent.height, node.height + 1)
         if parent.key is None:
@@ -279,8 +282,10 @@ class Composer:
 
     def empty(self, node: Node) -> Problem:
         """Return what is wrong with a value that is not there."""
-        message = "has no value; give one, or leave it out"
-        return Problem(message, self.path, node.line, node.column, dotted(self.here()))
+        message, where = "has no value; give one, or leave it out", dotted(self.here())
+        if OPERATOR.search(str(self.here()[-1])):
+            message = "is a part of a text, cut at a comma: write the whole text in quotes"
+        return Problem(message, self.path, node.line, node.column, where)
 
     def key(self, node: Node, others: dict[str, tuple[Node, Node]]) -> Node:
         """Check a key. One that is wrong becomes None, and its value is dropped."""

@@ -121,16 +121,20 @@ class MapOf:
     """A mapping of any names to values of one form."""
 
     item: Form
+    least: int = 0
 
     def read(self, reader: Reader, value: Any, loc: Loc) -> Any:
         """Return the values by name."""
         if not isinstance(value, dict):
             return refuse(reader, "a mapping", value, loc)
+        if len(value) < self.least:
+            return refuse(reader, f"at least {self.least} entry", value, loc)
         return {name: self.item.read(reader, item, (*loc, name)) for name, item in value.items()}
 
     def schema(self, definitions: Schema) -> Schema:
         """An object with any keys."""
-        return {"type": "object", "additionalProperties": self.item.schema(definitions) or True}
+        least = {"minProperties": self.least} if self.least else {}
+        return {"type": "object", "additionalProperties": self.item.schema(definitions) or True, **least}
 
 
 @dataclass(frozen=True)
