@@ -164,7 +164,7 @@ def design_of(case):
 
 
 def test_every_family_is_held_to_its_contract():
-    assert SMALL.keys() == FAMILIES.keys()
+    assert SMALL.keys() == {name for name, family in FAMILIES.items() if not family.equations}
     assert all(case.observer["type"] == name for name, cases in SMALL.items() for case in cases)
 
 

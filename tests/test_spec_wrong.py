@@ -144,7 +144,7 @@ FORMS = [
     wrong(TYPE, TYPE + "\n    region: {q: [1]}", "nonlinearities[0].region.q", "expected at least 2 items"),
     wrong(TYPE, "  - type: {slope: [1]}", "nonlinearities[0].type.slope", "expected at least 2 items"),
     wrong(TYPE, "  - type: {slope: 1}", "nonlinearities[0].type.slope", "expected [lo, hi], or auto; found 1"),
-    wrong("  type: l2", "  type: kkl", "observer.type", "kkl is not available in this version; available: l2, linf"),
+    wrong("  type: l2", "  type: lqe", "observer.type", "lqe is not available in this version; available: l2, linf"),
     wrong("  type: l2", "  type: l3", "observer.type", "unknown observer l3; allowed: l2"),
     wrong(ALPHA, "  reconstruct: w", "observer.reconstruct", "not available for type l2; it needs type linf"),
     wrong(ALPHA, "  objective: min-gama", "observer.objective", "did you mean min-gamma?"),
@@ -323,7 +323,7 @@ OTHER_TONGUES = [  # what is written so elsewhere is told in what is written her
     wrong("  type: l2", "  type: H_infinity", "observer.type", "is called l2 here"),
     wrong("  type: l2", "  type: Kalman", "observer.type", "is not designed here; l2"),
     wrong("  type: l2", "  type: Luenberger", "observer.type", "is l2 here"),
-    wrong("  type: l2", "  type: high gain", "observer.type", "not available in this version"),
+    wrong("  type: l2", "  type: high gain", "observer.type", "did you mean high-gain"),
     wrong(
         DISTURBANCE, "disturbance: integrater", "disturbance", "integrator?", "{sinusoid: {omega: ..}}", "{model: ..}"
     ),

@@ -23,7 +23,7 @@ NUMERICAL = {  # entries of parts of a result file that prove nothing
 }
 HELD = ("observer", "guarantee", "certificate")  # parts that are held against what is proved
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
-KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical")
+KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 DUAL = ("kind", "alpha", "gamma", "multipliers", "members", "at", "size", "checks")  # of the certificate of a diagnosis
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding

@@ -56,7 +56,6 @@ def resolve(document: Document) -> Spec:
         )
     read_parameters(reader, file.parameters)
     sampled = family is not None and family.sampled
-    as_equations = isinstance(file.system, Equations)
     plant = read_system(reader, file, family)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
@@ -93,7 +92,7 @@ def resolve(document: Document) -> Spec:
         expect=expect,
         typed=plant.typed,
         notes=tuple(reader.notes),
-        as_equations=as_equations,
+        as_equations=isinstance(file.system, Equations) and plant.typed is None,
     )
 
 

@@ -1,0 +1,259 @@
+"""Observers without an LMI: what they rest on is proved or refuted, they run, and their files are believed no further."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.commands import result_of, run
+from support.shipped import SPECS, shipped, solved
+
+import obsdesign as od
+
+pytestmark = pytest.mark.usefixtures("here")
+
+CERTIFIED = [
+    "cuk-kkl", "cuk-pebo", "cuk-kkl-pebo", "cuk-immersion", "cuk-high-gain", "cuk-high-gain-linear",
+    "cuk-proportional", "exponential-drift",
+]  # fmt: skip
+REFUTED = {  # what the one line of the answer names, and the residual
+    "cuk-pebo-as-printed": ("regression 2", "-442530/229*i3"),
+    "cuk-kkl-pebo-as-printed": ("regression 1", "500000/11*u*v4"),
+    "cuk-immersion-as-printed": ("invariance: d/dt (c1", "100*u*y2"),
+    "cuk-immersion-estimate-as-printed": ("invariance: d/dt (c2", "-2*u*y1"),
+    "cuk-high-gain-as-printed": ("the error of hat_v4, hat_i3 is stable", "below 0"),
+    "cuk-high-gain-linear-as-printed": ("xi2: d/dt", "u**2*v2"),
+    "cuk-filtered-recast": ("condition (*)", "psi_xi1_1"),
+    "cuk-wrong-inverse": ("left inverse of i1", "-0.99*i1"),
+}
+TIMES = {  # ms at which |error| is last above 5 % and 1 % of its start: i1, then v4 at 5 %
+    "cuk-kkl": (55.0, 84.5, 1.52),
+    "cuk-pebo": (39.1, 45.1, 33.1),
+    "cuk-kkl-pebo": (39.1, 45.1, 1.52),
+    "cuk-immersion": (109.9, 168.9, 1.52),
+    "cuk-high-gain": (49.4, 74.1, 1.46),
+    "cuk-high-gain-linear": (2.0, 6.9, 7.0),
+}
+PLANT = """obsdesign: 1
+name: a plant
+system:
+  dynamics: {x1: x2, x2: mu*(1 - x1**2)*x2 - x1}
+  outputs: {y: x1}
+parameters: {mu: 1}
+simulation: {horizon: 1, x0: [1, 1]}
+observer: %s
+"""
+ONE = "{name: xi, phi: x2 - mu*(x1 - x1**3/3) - k*x1, lambda: -k, B: %s}"
+
+
+def last_above(run, name, share):
+    """Last time (ms) at which the error of an estimate is above a share of its start."""
+    error = abs(run[f"hat_{name}"] - run[name])
+    return 1e3 * run.t[np.flatnonzero(error > share * error[0])[-1]]
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+def test_an_observer_whose_statements_hold_is_certified_and_proved_again(name):
+    _, design = solved(name)
+    assert design.status == "certified"
+    design.save("a.gains.json")
+    outcome = run("verify", "a.gains.json")
+    assert outcome.exit_code == 0
+    assert "without disturbance and noise, as long as the plant stays in its domain" in outcome.stdout
+    assert od.read("a.gains.json").observer.dynamics == design.observer.dynamics
+
+
+@pytest.mark.parametrize(("name", "words"), REFUTED.items())
+def test_what_is_printed_wrong_is_refuted_with_its_residual(name, words):
+    outcome = run("solve", str(SPECS / "infeasible" / f"{name}.yaml"))
+    assert outcome.exit_code == 3
+    reason = next(line for line in outcome.stdout.splitlines() if line.startswith("reason"))
+    assert all(word in reason for word in words)
+    assert "guarantee" not in json.loads(Path(f"{name}.gains.json").read_text())
+    again = run("verify", f"{name}.gains.json")
+    assert again.exit_code == 0
+    assert "proved: refuted: " in again.stdout
+
+
+@pytest.mark.parametrize(("name", "times"), TIMES.items())
+def test_estimates_of_the_converter_settle_when_they_should(name, times):
+    made = solved(name)[1].simulate(horizon=0.25, points=25001)
+    found = last_above(made, "i1", 0.05), last_above(made, "i1", 0.01), last_above(made, "v4", 0.05)
+    assert found == pytest.approx(times, rel=0.02)
+
+
+def test_a_filtered_gradient_converges_as_exp_of_the_cube_of_time():
+    """e(t) = e(0) exp(-gamma M^2 alpha^2 t^3/3), M = (1-u)/C2, for slow filters and u constant."""
+    text = (SPECS / "cuk-kkl-pebo.yaml").read_text()
+    start = text.index("  u: ")
+    constant = text[:start] + '  u: "0.4545454545"' + text[text.index("\n", start) :]
+    made = od.solve(od.load(constant)).simulate(horizon=0.06, points=6001)
+    t, error = made.t, abs(made["hat_i1"] - made["i1"])
+    rate = 0.001 * ((1 - 0.4545454545) / 22e-6 * 0.5) ** 2 / 3
+    early = (t > 0.01) & (t < 0.045)
+    assert np.log(error[early] / error[0]) == pytest.approx(-rate * t[early] ** 3, rel=0.03)
+
+
+def states_of(text, **changes):
+    """Estimates of i1 and v4 in a run of a spec."""
+    made = od.solve(od.load(text)).simulate(horizon=0.02, points=201, **changes)
+    return np.array([made["hat_i1"], made["hat_v4"]])
+
+
+def test_a_coordinate_with_a_gain_is_immersion_and_invariance_with_this_gain():
+    text = (SPECS / "cuk-immersion.yaml").read_text().replace("g2: 1", "g2: 0")
+    head, tail = text[: text.index("observer:")], text[text.index("simulation:") :]
+    kkl = (
+        "observer:\n  type: kkl\n  coordinates:\n"
+        "    - {name: c1, phi: i1 - g1*C2*v2, lambda: -g1*(1-u),"
+        " B: -g1*(1-u)*g1*C2*y1 - g1*u*y2 + (E-(1-u)*y1)/L1}\n"
+        "    - {name: c2, phi: v4, lambda: -G/C4, B: y2/C4}\n"
+        "  left_inverse: {i1: c1 + g1*C2*y1, v4: c2}\n\n"
+    )
+    assert states_of(head + kkl + tail) == pytest.approx(states_of(text), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["cuk-kkl", "cuk-proportional"])
+def test_an_observer_that_is_recast_has_the_same_estimates(name):
+    text = (SPECS / f"{name}.yaml").read_text().replace("  recast: immersion-invariance\n", "")
+    recast = text.replace("\nsimulation:", "  recast: immersion-invariance\n\nsimulation:", 1)
+    assert od.solve(od.load(recast)).status == "certified"
+    assert states_of(recast) == pytest.approx(states_of(text), abs=1e-9)
+
+
+def test_what_depends_on_a_run_is_told_of_it():
+    summary = solved("exponential-drift")[1].simulate().summary
+    assert summary["excitation"]["least_eigenvalue"] > 10 * summary["excitation"]["least_eigenvalue_of_a_window"] > 0
+    assert summary["guard"] == {"theta_xi2": {"activations": 0, "share": 0.0}}
+
+
+def test_coordinates_and_constants_begin_where_a_simulation_says():
+    design = solved("exponential-drift")[1]
+    made = design.simulate(horizon=0.001, xi0={"xi1": 0.25, "xi2": 0.5}, theta0={"xi2": 2})
+    assert made["hat_x2"][0] == pytest.approx(0.25)
+    assert made["hat_x3"][0] == pytest.approx(2.5)
+    with pytest.raises(od.UsageError, match="nothing is no coordinate here; allowed: xi1, xi2"):
+        design.simulate(xi0={"nothing": 1})
+
+
+# Coordinates that are found
+
+
+@pytest.mark.parametrize("kind", ["kkl", "pebo", "kkl+pebo"])
+def test_found_coordinates_are_certified_and_read_from_the_file(kind):
+    text = (SPECS / "cuk-kkl.yaml").read_text()
+    estimator = "" if kind == "kkl" else ", estimator: {alpha: 50, gamma: 4.0e-7}"
+    section = f"observer: {{type: {kind}, coordinates: find{estimator}}}\n\n"
+    text = text[: text.index("observer:")] + section + text[text.index("simulation:") :]
+    result = result_of(".", text, "found")
+    assert result["status"] == "certified"
+    assert len(result["observer"]["coordinates"]) == 2
+    assert run("verify", "found.gains.json").exit_code == 0
+
+
+@pytest.mark.parametrize(("degree", "status", "code"), [(3, "certified", 0), (2, "infeasible", 3)])
+def test_an_oscillator_has_a_coordinate_of_degree_three(degree, status, code):
+    Path("vdp.yaml").write_text(PLANT % f"{{type: kkl, coordinates: find, degree: {degree}}}")
+    outcome = run("solve", "vdp.yaml")
+    assert outcome.exit_code == code
+    result = json.loads(Path("vdp.gains.json").read_text())
+    assert result["status"] == status
+    if code:
+        assert result["diagnosis"]["missing"] == ["x2"]
+        assert "no coordinate was found that gives x2; searched: sums of products" in outcome.stdout
+
+
+# Files, and what is written wrong
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        (("guarantee", "rates", "xi1"), 1e5),
+        (("guarantee", "statement"), "x is known at once"),
+        (("guarantee", "coordinates"), []),
+        (("observer", "dynamics", "xi1"), "0"),
+        (("observer", "estimates", "v4"), "xi1 + 1"),
+        (("observer", "coordinates", 0, "phi"), "2*v4"),
+    ],
+)
+def test_a_file_that_says_otherwise_is_not_proved(keys, value):
+    _, design = solved("cuk-kkl")
+    content = json.loads(design.text())
+    place = content
+    for key in keys[:-1]:
+        place = place[key]
+    place[keys[-1]] = value
+    Path("forged.gains.json").write_text(json.dumps(content))
+    assert run("verify", "forged.gains.json").exit_code in (2, 4)
+
+
+def test_found_coordinates_that_are_forged_are_not_proved():
+    Path("vdp.yaml").write_text(PLANT % "{type: kkl, coordinates: find}")
+    run("solve", "vdp.yaml")
+    content = json.loads(Path("vdp.gains.json").read_text())
+    for text in ("x2", "sign(x2)", "x1 +"):
+        content["observer"]["coordinates"][0]["phi"] = text
+        Path("forged.gains.json").write_text(json.dumps(content))
+        outcome = run("verify", "forged.gains.json")
+        assert outcome.exit_code in (2, 4)
+        assert "Traceback" not in outcome.output
+
+
+WRONG = {
+    "a coordinate with a jump": ("{name: xi, phi: sign(x2), lambda: 0, B: 0}", "has a kink or a jump"),
+    "a name that is taken": ("{name: x1, phi: x2, lambda: -1, B: 0}", "x1 is a signal already"),
+    "no left inverse": ("{name: xi, phi: x2, lambda: -1, B: 0}", "gives no x2, which no output shows"),
+    "an unknown name": ("{name: xi, phi: x3, lambda: -1, B: 0}", "unknown name 'x3'"),
+    "a lambda of a state": ("{name: xi, phi: x2, lambda: x2, B: 0}", "unknown name 'x2'"),
+}
+
+
+@pytest.mark.parametrize(("coordinate", "words"), WRONG.values(), ids=WRONG)
+def test_a_wrong_coordinate_is_one_line(coordinate, words):
+    inverse = (
+        "" if "gives no" in words else ", left_inverse: {x2: xi}" if "x1 is" not in words else ", left_inverse: {x2: y}"
+    )
+    estimator = ", estimator: {method: proportional, K: {xi: y}}" if "lambda: 0" in coordinate else ""
+    kind = "pebo" if estimator else "kkl"
+    Path("wrong.yaml").write_text(PLANT % f"{{type: {kind}, coordinates: [{coordinate}]{inverse}{estimator}}}")
+    outcome = run("solve", "wrong.yaml")
+    assert outcome.exit_code == 2
+    lines = outcome.stderr.strip().splitlines()
+    assert len(lines) == 1
+    assert words in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("lambda_", "domain", "code"),
+    [("-(1 - u)", "[0.1, 0.9]", 0), ("-(1 - u)", "[0.1, 1.5]", 3), ("-(1 - u)", "[0, 1]", 3)],
+)
+def test_a_lambda_must_be_negative_on_the_whole_domain(lambda_, domain, code):
+    text = f"""obsdesign: 1
+system:
+  inputs: [u]
+  dynamics: {{x: "-(1 - u)*x", z: 0}}
+  outputs: {{y: z}}
+  domain: {{u: {domain}}}
+observer: {{type: kkl, coordinates: [{{name: xi, phi: x, lambda: {lambda_}, B: 0}}], left_inverse: {{x: xi}}}}
+"""
+    Path("sign.yaml").write_text(text)
+    outcome = run("solve", "sign.yaml")
+    assert outcome.exit_code == code
+    if code:
+        assert "not below 0" in outcome.stdout
+
+
+def test_a_transform_that_is_singular_on_the_domain_is_refuted():
+    text = shipped("cuk-high-gain-linear").text.replace("u: [0.1, 0.9]", "u: [0.1, 1]")
+    Path("singular.yaml").write_text(text)
+    outcome = run("solve", "singular.yaml")
+    assert outcome.exit_code == 3
+    assert "1 - u is not 0 fails: 1 - u is 0 at u = 1" in outcome.stdout
+
+
+def test_ekf_and_others_that_are_not_designed_are_named():
+    Path("lqe.yaml").write_text(PLANT % "{type: lqe}")
+    outcome = run("solve", "lqe.yaml")
+    assert outcome.exit_code == 2
+    assert "lqe is not available" in outcome.stderr
