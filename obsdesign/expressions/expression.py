@@ -141,6 +141,13 @@ class Expression:
 
         return value
 
+    def rows(self, arguments: Sequence[str]) -> Callable[[Array], Array]:
+        """Fast function of a table with one row for each argument, to a row (or a number, if it is constant).
+
+        It is NaN or infinite outside the domain, of which numpy warns.
+        """
+        return compiled(self.order, arguments, rows=True)
+
     def scalar(self, arguments: Sequence[str]) -> Callable[..., float]:
         """Fast function of plain floats; where math raises it answers as `function` does, NaN or infinite."""
         fast, careful = compiled(self.order, arguments), self.function(arguments)
