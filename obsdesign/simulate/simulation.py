@@ -44,16 +44,13 @@ def run(
     simulation = spec.simulation
     if simulation is None:
         raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation"))
-    acting = scenario(spec, simulation, bool(observer.jump))
-    if observer.jump:
-        acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
-    system = System(acting, observer, spec.H.astype(float), guarantee)
-    start = initial(system, simulation, sampling)
+    system = system_of(spec, simulation, observer, guarantee, sampling)
+    acting, start, breaks = system.scenario, initial(system, simulation, sampling), system.breaks()
     if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
         name, _, condition = reason.partition(": ")
         raise UsageError(Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}"))
-    breaks = system.breaks()
-    trajectory = follow(system, start, breaks, simulation, progress)
+    samples = np.linspace(0, simulation.horizon, simulation.points)
+    trajectory = follow(system, start, breaks, samples, progress)
     record = Record(spec, system, breaks, trajectory)
     return Run(
         **vars(record.at_samples()),
@@ -74,25 +71,38 @@ def run(
     )
 
 
+def system_of(
+    spec: Spec,
+    simulation: Simulation,
+    observer: Observer,
+    guarantee: Guarantee | None = None,
+    sampling: Sampling | None = None,
+) -> System:
+    """Plant and observer in the scenario of a `simulation` section."""
+    acting = scenario(spec, simulation, bool(observer.jump))
+    if observer.jump:
+        acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
+    return System(acting, observer, spec.H.astype(float), guarantee)
+
+
 def follow(
     system: System,
     start: Vector,
     breaks: list[tuple[float, float]],
-    simulation: Simulation,
-    progress: Callable[[float], None] | None,
+    samples: Vector,
+    progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Follow the flow and its jumps from the start to the horizon.
+    """Follow the flow and its jumps from the start to the horizon, with its state at some samples (N,), increasing.
 
     A linear plant whose inputs are constant in each of many stretches, between measurements, jumps or samples of noise,
     is solved by matrix exponentials, any other flow by LSODA.
     """
-    samples = np.linspace(0, simulation.horizon, simulation.points)
     stretches = list(system.scenario.stretches(breaks))
     many = bool(system.observer.jump) or len(stretches) > MANY
     affine = system.constant() if many else None
     if affine is not None:
         return exact.follow(system, affine, start, stretches, samples)
-    told = progress and (lambda t: progress(t / simulation.horizon))
+    told = progress and (lambda t: progress(t / system.scenario.horizon))
     flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch, system.stopped)
     segments = (
         Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))
