@@ -6,9 +6,10 @@ where s is the run without noise, that the LSODA of a single run finds, and s + 
 inputs and s are shared; d, of all runs at once, goes by one step a period, the same for stiff observers.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,17 +18,16 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.collocation import NODES, SLOW, WEIGHTS, Step
 from obsdesign.simulate.definitions import after, error, first, noise, rate
 from obsdesign.simulate.groups import span
-from obsdesign.simulate.program import Program
+from obsdesign.simulate.program import UNIT, Program, needs, reach
 from obsdesign.simulate.scenario import measurement_noise, noise_samples
 from obsdesign.simulate.simulation import follow, initial, system_of
-from obsdesign.simulate.system import System
 from obsdesign.spec import Simulation, Spec
 
 ACCURATE = 1e-6  # of the size of d: error of a step, against two of half its length
 CHECKS = 8  # steps in which it is looked at
 FINEST = 64  # steps in a period, at most
 SAME = 1e-9  # relative difference of lengths of steps that are one
-LOOKS = 60  # instants at which the rates of an observer are looked at
+RESOLVED = 1e-6  # of the state: the least size of d, since s + d has no more digits
 CHUNK = 4096  # instants in one table
 
 
@@ -68,15 +68,23 @@ class Interval:
 
 
 class Reference:
-    """The run without noise at some instants, and rates and errors there."""
+    """The run without noise at some instants, and signals of it."""
 
     def __init__(self, ensemble: "Ensemble", instants: Float) -> None:
         system = ensemble.quiet
         start = initial(system, ensemble.simulation, None)
         found = follow(system, start, system.breaks(), instants)
         self.t, self.s, self.end = found.t, found.s[:, : system.width], found.time
-        chunks = [ensemble.table(self.t[i : i + CHUNK], self.s[i : i + CHUNK].T) for i in range(0, len(self.t), CHUNK)]
-        self.values = np.hstack([X[ensemble.wanted] for X in chunks])  # (wanted, instants)
+        names = (*ensemble.wanted, *ensemble.given)
+        program = Program(ensemble.inputs, ensemble.definitions, [n for n in names if n in ensemble.definitions])
+        still = np.zeros((len(ensemble.noisy.silent), CHUNK))
+        tables = []
+        for i in range(0, len(self.t), CHUNK):
+            s = self.s[i : i + CHUNK].T
+            X = program.table(np.vstack([self.t[None, i : i + CHUNK], s, still[:, : s.shape[1]]]))
+            tables.append(X[program.places(names)])
+        self.values, self.given = np.split(np.hstack(tables), [len(ensemble.wanted)])  # (signals, instants)
+        self.moving = self.s[:, [system.flowing.index(name) for name in ensemble.moving]].T
 
     def places(self, instants: Float) -> Array:
         """Numbers of some of the instants."""
@@ -101,14 +109,37 @@ class Ensemble:
             *map(error, system.scenario.plant.states[: self.acting.n]),
             *map(error, system.estimated.values()),
         ]
-        self.moving = system.flowing[len(system.integrated) :]  # what the noise moves
-        self.rates = [rate(name) for name in self.moving]
-        inputs = system.program.inputs[1:]
-        self.program = Program(inputs, system.program.definitions, [*self.rates, *self.signals])
-        self.wanted = self.program.places([*self.rates, *self.signals])
-        self.rows = slice(2 + len(system.integrated), 2 + system.end)
-        self.places_of_rates = span(self.wanted[: len(self.moving)])
-        self.X = np.zeros((len(self.program.slots), 3, len(seeds)))
+        self.definitions, self.inputs = system.program.definitions, system.program.inputs[1:]
+        noises = tuple(name for name in map(noise, observer.outputs) if name in self.inputs)
+        self.moving = self.reached({*noises, *observer.jump, *observer.initial})
+        self.wanted = (*map(rate, self.moving), *self.signals)
+        moved = self.moved({*self.moving, *noises}, self.wanted)
+        needed = {name for one in moved for name in needs(self.definitions[one])} | {*self.wanted}
+        self.given = tuple(sorted(needed - moved - {*self.moving, *noises, UNIT, "t"}))  # the same in every run
+        definitions = {name: self.definitions[name] for name in moved}
+        inputs = ("t", *self.moving, *noises, *self.given)
+        self.program = Program(inputs, definitions, [name for name in self.wanted if name in moved])
+        self.found = self.program.places(self.wanted)
+        self.rates = span(self.found[: len(self.moving)])
+        self.X = np.ones((len(self.program.slots), 3, len(seeds)))
+        ends = np.cumsum([2, len(self.moving), len(noises), len(self.given)])
+        self.rows, self.noise_rows, self.given_rows = (slice(*pair) for pair in pairwise(ends))
+
+    def reached(self, sources: set[str]) -> tuple[str, ...]:
+        """States that some signals move."""
+        states = self.noisy.flowing[len(self.noisy.integrated) :]
+        found = [name for name in states if name in sources or rate(name) in self.moved(sources, map(rate, states))]
+        return tuple(found) if sources.issuperset(found) else self.reached(sources | {*found})
+
+    def moved(self, sources: set[str], wanted: Iterable[str]) -> set[str]:
+        """Signals that depend on some, of those that others need."""
+        definitions = self.definitions
+        needed = reach(wanted, lambda name: needs(definitions[name]) if name in definitions else ())
+        found, before = set[str](), -1
+        while before < len(found):
+            before = len(found)
+            found |= {n for n in needed if n in definitions and not (sources | found).isdisjoint(needs(definitions[n]))}
+        return found
 
     def drawn(self, seed: int) -> Array:
         """Noise of a run, as it has it by itself: (samples or measurements, ny)."""
@@ -116,11 +147,6 @@ class Ensemble:
         if acting.eta is not None:
             return measurement_noise(simulation, acting.eta.shape)
         return noise_samples(simulation, len(acting.outputs))[0]
-
-    def table(self, t: Float, s: Float, held: Float | None = None) -> Float:
-        """Slots of the program, (slots, N), at states s (width, N) with noise (ny, N); without noise by default."""
-        still = np.zeros((len(self.noisy.silent), s.shape[1])) if held is None else held
-        return self.program.table(np.vstack([np.broadcast_to(t, s.shape[1]), s, still]))
 
     @cached_property
     def intervals(self) -> list[Interval]:
@@ -154,10 +180,11 @@ class Ensemble:
             for group in self.program.groups:
                 group.fill(flat)
 
-    def jacobian(self, t: float, s: Float) -> Float:
-        """Jacobian of the rates of what the noise moves, at a state s (width,), without noise."""
-        X = self.program.run(t, s, self.noisy.silent)
-        return np.asarray(self.program.derivatives(X, self.moving)[self.wanted[: len(self.moving)]])
+    def jacobian(self, t: float, moving: Float, given: Float) -> Float:
+        """Jacobian of the rates of what the noise moves, without noise."""
+        still = np.zeros(self.noise_rows.stop - self.noise_rows.start)
+        X = self.program.run(t, np.concatenate((moving, still, given)), still[:0])
+        return np.asarray(self.program.derivatives(X, self.moving)[self.rates])
 
 
 class Passage:
@@ -173,7 +200,7 @@ class Passage:
         self.reference = Reference(ensemble, np.unique(np.concatenate(instants)))
         count = ensemble.X.shape[2]
         self.d = np.zeros((len(ensemble.moving), count))
-        self.size = np.zeros(len(self.d))
+        self.size = RESOLVED * np.abs(self.reference.moving).max(axis=1, initial=0.0)
         self.squares, self.weight = np.zeros((len(ensemble.names), count)), 0.0
         self.J, self.made = np.zeros((len(self.d), len(self.d))), dict[float, Step]()
         self.slow = True  # with this J
@@ -204,7 +231,7 @@ class Passage:
         if not (names := list(ensemble.observer.initial)) or ensemble.observer.jump:
             return
         start = initial(ensemble.quiet, ensemble.simulation, None)[: system.width]
-        program = Program(ensemble.program.inputs[1:], ensemble.program.definitions, [first(name) for name in names])
+        program = Program(ensemble.inputs, ensemble.definitions, [first(name) for name in names])
         held = ensemble.noises[0]
         s = np.repeat(start[:, None], held.shape[1] + 1, axis=1)
         X = program.table(np.vstack([np.zeros(s.shape[1]), s, np.column_stack([np.zeros(len(held)), held])]))
@@ -216,11 +243,11 @@ class Passage:
         ensemble, system = self.ensemble, self.ensemble.noisy
         held = ensemble.noises[k]
         s = np.repeat(self.reference.s[self.reference.places(np.array([step.before]))].T, held.shape[1] + 1, axis=1)
-        s[len(system.integrated) : system.end, 1:] += self.d
+        s[[system.flowing.index(name) for name in ensemble.moving], 1:] += self.d
         t = np.full((1, s.shape[1]), step.start)
         X = system.jumps.table(np.vstack([t, s, np.column_stack([np.zeros(len(held)), held])]))
         found = X[system.jumps.places(map(after, ensemble.observer.jump))]
-        self.d[[leap - len(system.integrated) for leap in system.leaping]] = found[:, 1:] - found[:, :1]
+        self.d[[ensemble.moving.index(name) for name in ensemble.observer.jump]] = found[:, 1:] - found[:, :1]
 
     def accurate(self, step: Interval) -> bool:
         """Whether a step ends where two of half its length do."""
@@ -238,16 +265,14 @@ class Passage:
         """
         ensemble, X, rows, m = self.ensemble, self.ensemble.X, self.ensemble.rows, len(d)
         places = self.reference.places(step.nodes)
-        X[0], X[1] = 1.0, self.reference.t[places][:, None]
-        X[2 : 2 + ensemble.noisy.width] = self.reference.s[places].T[:, :, None]
-        held = 0.0 if ensemble.observer.jump else ensemble.noises[step.tick][:, None]
-        X[2 + ensemble.noisy.width : len(ensemble.program.inputs)] = held
-        quiet, base = self.reference.values[:, places, None], X[rows].copy()
+        X[1], X[ensemble.given_rows] = step.nodes[:, None], self.reference.given[:, places, None]
+        X[ensemble.noise_rows] = 0.0 if ensemble.observer.jump else ensemble.noises[step.tick][:, None]
+        quiet, base = self.reference.values[:, places, None], self.reference.moving[:, places, None]
 
         def rates(at: Float) -> Float:
             np.add(base, at, out=X[rows])
             ensemble.fill()
-            return np.asarray(X[ensemble.places_of_rates] - quiet[:m])
+            return np.asarray(X[ensemble.rates] - quiet[:m])
 
         fresh = self.renewed(step, d) if self.slow else False
         try:
@@ -258,14 +283,13 @@ class Passage:
             self.renewed(step, d)
             end, count = self.matrices(step.length).advance(d, rates, self.size)
         self.slow = count >= SLOW
-        return end, X[ensemble.wanted[m:]] - quiet[m:]
+        return end, X[ensemble.found[m:]] - quiet[m:]
 
     def renewed(self, step: Interval, d: Float) -> bool:
         """Take the Jacobian anew, in the middle of a step."""
-        ensemble = self.ensemble
-        s = self.reference.s[self.reference.places(step.nodes[1:2])[0]].copy()
-        s[len(ensemble.noisy.integrated) : ensemble.noisy.end] += d.mean(axis=1)
-        self.J, self.made = ensemble.jacobian(float(step.nodes[1]), s), {}
+        place = self.reference.places(step.nodes)[1]
+        moving = self.reference.moving[:, place] + d.mean(axis=1)
+        self.J, self.made = self.ensemble.jacobian(step.nodes[1], moving, self.reference.given[:, place]), {}
         return True
 
     def matrices(self, length: float) -> Step:
