@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError
+from obsdesign.errors import ObsdesignError, UndecidedError, UsageError
 from obsdesign.watch import INTERRUPTED, limited
 
 if TYPE_CHECKING:
@@ -179,6 +179,32 @@ def simulate(
 
 
 @app.command()
+def compare(
+    sources: Annotated[list[str], typer.Argument(metavar="SPEC|GAINS.json..", help="Specs and gains files.")],
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with noise of each observer.")] = 10,
+    output: Annotated[str, typer.Option("-o", "--output", help="Figure (PNG).")] = "compare.png",
+    solver: Solver = "clarabel",
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
+    from obsdesign import work
+    from obsdesign.files import require_writable
+
+    with limited(timeout):
+        require_writable(output)
+        designs = [tried(source, "", solver, quiet) for source in sources]
+        with progress(quiet) as report:
+            found = work.compare(designs, seeds, report)
+        found.plot(output)
+    if as_json:
+        typer.echo(as_text(found.report))
+    elif not quiet:
+        typer.echo(f"{found}\n\nfigure  {output}")
+
+
+@app.command()
 def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Say what the structure of a spec allows, before any design."""
     from obsdesign import work
@@ -301,19 +327,10 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
 
 def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
     """Design that is to be simulated; a spec without gains is solved first."""
-    from obsdesign.work import load, read
+    from obsdesign.work import trial
 
-    if source.endswith(".json"):
-        if gains:
-            raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
-        return read(source)
-    problem = load(source)
-    if gains:
-        return read(gains, problem)
-    design = solved(problem, solver, quiet)
-    if not design.built:
-        raise InfeasibleError(f"{source}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
-    return design
+    with progress(quiet) as report:
+        return trial(source, gains, solver, report)
 
 
 def ran(design: "Design", quiet: bool) -> "Run":

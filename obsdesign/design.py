@@ -69,10 +69,19 @@ class Design(Outcome):
         return cls(**{**vars(outcome), **further}, spec=spec, **origin)
 
     @property
+    def path(self) -> str:
+        """File that it was read from, or that of its spec."""
+        return self.recorded.path if self.recorded else self.spec.path
+
+    @property
+    def proved(self) -> bool:
+        """Whether its claim holds."""
+        return self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
+
+    @property
     def guarantee(self) -> Guarantee | None:
         """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
-        proved = self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
-        return self.claim.guarantee(self.spec) if proved and self.claim else None
+        return self.claim.guarantee(self.spec) if self.proved and self.claim else None
 
     @property
     def observer(self) -> Observer:

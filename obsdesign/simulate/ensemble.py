@@ -16,7 +16,7 @@ import numpy as np
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.collocation import NODES, SLOW, WEIGHTS, Step
-from obsdesign.simulate.definitions import after, error, first, noise, rate
+from obsdesign.simulate.definitions import after, error, noise, rate
 from obsdesign.simulate.groups import span
 from obsdesign.simulate.program import UNIT, Program, needs, reach
 from obsdesign.simulate.scenario import measurement_noise, noise_samples
@@ -228,15 +228,12 @@ class Passage:
     def begin(self) -> None:
         """Start with what the noise of the first sample adds to initial values that depend on y."""
         ensemble, system = self.ensemble, self.ensemble.noisy
-        if not (names := list(ensemble.observer.initial)) or ensemble.observer.jump:
+        if not ensemble.observer.initial or ensemble.observer.jump:
             return
         start = initial(ensemble.quiet, ensemble.simulation, None)[: system.width]
-        program = Program(ensemble.inputs, ensemble.definitions, [first(name) for name in names])
-        held = ensemble.noises[0]
-        s = np.repeat(start[:, None], held.shape[1] + 1, axis=1)
-        X = program.table(np.vstack([np.zeros(s.shape[1]), s, np.column_stack([np.zeros(len(held)), held])]))
-        found = X[program.places(map(first, names))]
-        self.d[[ensemble.moving.index(name) for name in names]] = found[:, 1:] - found[:, :1]
+        moving = [system.flowing.index(name) for name in ensemble.moving]
+        begun = [system.with_initial(start.copy(), held)[moving] for held in (system.silent, *ensemble.noises[0].T)]
+        self.d = np.column_stack(begun[1:]) - begun[0][:, None]
 
     def receive(self, step: Interval, k: int) -> None:
         """Let a measurement make its jump."""

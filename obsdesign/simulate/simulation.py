@@ -32,7 +32,18 @@ def run(
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
-    """Simulate the plant of a spec with an observer, up to the horizon, or to an event, an escape or a stall.
+    """Simulate the plant of a spec with an observer, up to the horizon, or to an event, an escape or a stall; see `recorded`."""
+    return run_of(recorded(spec, observer, guarantee, sampling, progress))
+
+
+def recorded(
+    spec: Spec,
+    observer: Observer,
+    guarantee: Guarantee | None,
+    sampling: Sampling | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Record:
+    """Record of a run.
 
     The signals of the observer have the same names as those of the plant with its disturbance model. Without a
     guarantee, what is proved of the observer, the bounds are left out. `sampling` says how measurements reach an
@@ -45,22 +56,26 @@ def run(
     if simulation is None:
         raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation"))
     system = system_of(spec, simulation, observer, guarantee, sampling)
-    acting, start, breaks = system.scenario, initial(system, simulation, sampling), system.breaks()
+    start, breaks = initial(system, simulation, sampling), system.breaks()
     if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
         name, _, condition = reason.partition(": ")
         raise UsageError(Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}"))
     samples = np.linspace(0, simulation.horizon, simulation.points)
-    trajectory = follow(system, start, breaks, samples, progress)
-    record = Record(spec, system, breaks, trajectory)
+    return Record(spec, system, breaks, follow(system, start, breaks, samples, progress))
+
+
+def run_of(record: Record) -> Run:
+    """Run of a record, with all that is said of it."""
+    acting, trajectory = record.acting, record.trajectory
     return Run(
         **vars(record.at_samples()),
         steps=record.at_steps(),
-        spec=spec,
-        guarantee=guarantee,
+        spec=record.spec,
+        guarantee=record.guarantee,
         schedule=acting.schedule,
         states=acting.plant.states,
         plant_states=acting.n,
-        exogenous=spec.plant.exogenous,
+        exogenous=record.spec.plant.exogenous,
         estimated=record.estimated,
         outputs=acting.outputs,
         status=trajectory.status,

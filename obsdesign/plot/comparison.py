@@ -1,0 +1,117 @@
+"""The figure of a comparison: states with the estimates of every observer, and errors with noise."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array
+from obsdesign.plot.axis import DECADES, plain, time_axis, with_unit
+from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_below
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from obsdesign.simulate.comparison import Comparison, Entrant
+
+LINES = ((0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)), (0, (2, 2)))  # of estimates that coincide
+CELLS = 400  # of time, in each of which the largest error is drawn
+FAST = 0.1  # of the horizon: where all settle sooner, time is drawn on a logarithmic axis
+ROOM = 0.5  # of the height of the truth, which estimates may take beyond it on each side
+
+
+@dataclass(frozen=True)
+class Look:
+    """How an observer is drawn."""
+
+    label: str
+    color: str
+    line: tuple[int, tuple[float, ...]]
+
+
+def looks(comparison: "Comparison") -> list[Look]:
+    """One for each observer; what nothing is proved of says so."""
+    return [
+        Look(
+            plain(one.label if one.design.proved else f"{one.label} (no guarantee)"),
+            COLORS[k % (len(COLORS) - 1)],
+            LINES[k % len(LINES)],
+        )
+        for k, one in enumerate(comparison.entrants)
+    ]
+
+
+def comparison_sheet(comparison: "Comparison") -> "Figure":
+    """Draw truth and estimates of each state without noise, and below them the errors, with noise if there is any."""
+    first = comparison.entrants[0]
+    names = list(first.run.summary["settling"])
+    estimates: list[Panel] = [states_panel(comparison, i) for i in range(first.run.plant_states)]
+    noise = "with noise" if first.spread else "no noise"
+    figure = compose(
+        f"{plain(first.design.spec.name)}: {len(comparison.entrants)} observers, errors {noise}",
+        [estimates, [error_panel(comparison, name) for name in names]],
+    )
+    legend_below(figure)
+    return figure
+
+
+comparison_figure = drawn(comparison_sheet)
+
+
+def states_panel(comparison: "Comparison", i: int) -> Panel:
+    """Panel of a state."""
+    first = comparison.entrants[0].run
+
+    def draw(axes: "Axes") -> None:
+        truth, name = first.xi[:, i], first.states[i]
+        axes.plot(first.t, truth, color="black", linewidth=1.8, label="true")
+        for look, one in zip(looks(comparison), comparison.entrants, strict=True):
+            run = one.run
+            axes.plot(
+                run.t, run.xihat[:, run.states.index(name)], color=look.color, linestyle=look.line, label=look.label
+            )
+        height = float(np.ptp(truth)) or abs(float(truth[0])) or 1.0
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(low, truth.min() - ROOM * height), min(high, truth.max() + ROOM * height))
+        time_axis(axes, first.t, settle_early(comparison))
+        axes.set_ylabel(with_unit(comparison.entrants[0].design.spec, name))
+
+    return draw
+
+
+def error_panel(comparison: "Comparison", name: str) -> Panel:
+    """Panel of the errors of an estimate, on a logarithmic axis."""
+
+    def draw(axes: "Axes") -> None:
+        top = 0.0
+        for look, (_, t, size) in zip(looks(comparison), sizes(comparison, name), strict=True):
+            seen = size > 0
+            axes.plot(t[seen], size[seen], color=look.color, linewidth=1.0, label=look.label)
+            top = max(top, float(size.max(initial=0.0)))
+        if top > 0:
+            axes.set_yscale("log")
+            axes.set_ylim(max(axes.get_ylim()[0], top * 10.0**-DECADES), 2 * top)
+        time_axis(axes, comparison.entrants[0].run.t, settle_early(comparison))
+        axes.set_ylabel(f"|e| of {with_unit(comparison.entrants[0].design.spec, name)}")
+
+    return draw
+
+
+def sizes(comparison: "Comparison", name: str) -> Iterator[tuple["Entrant", Array, Array]]:
+    """Largest |e| of each observer in cells of time; nothing of one that does not estimate it."""
+    for one in comparison.entrants:
+        t, e = one.errors.get(name, (np.zeros(0), np.zeros(0)))
+        size = np.abs(e)
+        if len(t) > 2 * CELLS:
+            cells = np.array_split(np.arange(len(t)), CELLS)
+            t, size = np.array([t[c].mean() for c in cells]), np.array([size[c].max() for c in cells])
+        yield one, t, size
+
+
+def settle_early(comparison: "Comparison") -> bool:
+    """Whether every error has settled so soon that time is better drawn on a logarithmic axis."""
+    runs = [one.run for one in comparison.entrants]
+    times = [times["t1"] for run in runs for times in run.summary["settling"].values()]
+    return all(t is not None and t < FAST * runs[0].time for t in times)
