@@ -266,6 +266,7 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
         raise file.wrong("split", "is not how the equations of the spec are split")

@@ -14,7 +14,7 @@ from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding
-from obsdesign.families.outcome import Proof, Verdict
+from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load
 from obsdesign.simulate.comparison import Comparison
@@ -108,6 +108,8 @@ def trial(
     problem = source if isinstance(source, Spec) else load(source)
     if gains:
         return read(gains, problem)
+    if not FAMILIES[problem.observer.type].proves:
+        return Design.of(problem, Outcome(Verdict.NO_GUARANTEE, form=problem.observer))
     design = solve(problem, solver, report)
     if not design.built:
         raise InfeasibleError(f"{problem.path}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")

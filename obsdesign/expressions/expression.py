@@ -68,6 +68,15 @@ class Expression:
     def __str__(self) -> str:
         return self.text
 
+    def __add__(self, other: "Expression") -> "Expression":
+        return Expression(self.root + other.root)
+
+    def __sub__(self, other: "Expression") -> "Expression":
+        return Expression(self.root - other.root)
+
+    def __mul__(self, other: "Expression") -> "Expression":
+        return Expression(self.root * other.root)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Expression) and self.text == other.text
 

@@ -18,9 +18,11 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.collocation import NODES, SLOW, WEIGHTS, Step
 from obsdesign.simulate.definitions import after, error, noise, rate
 from obsdesign.simulate.groups import span
+from obsdesign.simulate.integrate import Flow, Segment, integrate
 from obsdesign.simulate.program import UNIT, Program, needs, reach
-from obsdesign.simulate.scenario import measurement_noise, noise_samples
-from obsdesign.simulate.simulation import follow, initial, system_of
+from obsdesign.simulate.scenario import Stretch, measurement_noise, noise_samples
+from obsdesign.simulate.simulation import follow, initial, system_of, tolerance
+from obsdesign.simulate.sizes import sizes
 from obsdesign.spec import Simulation, Spec
 
 ACCURATE = 1e-6  # of the size of d: error of a step, against two of half its length
@@ -28,6 +30,7 @@ CHECKS = 8  # steps in which it is looked at
 FINEST = 64  # steps in a period, at most
 SAME = 1e-9  # relative difference of lengths of steps that are one
 RESOLVED = 1e-6  # of the state: the least size of d, since s + d has no more digits
+MOST_ALONE = 20  # steps in which each run may go by itself
 CHUNK = 4096  # instants in one table
 
 
@@ -75,14 +78,8 @@ class Reference:
         start = initial(system, ensemble.simulation, None)
         found = follow(system, start, system.breaks(), instants)
         self.t, self.s, self.end = found.t, found.s[:, : system.width], found.time
-        names = (*ensemble.wanted, *ensemble.given)
-        program = Program(ensemble.inputs, ensemble.definitions, [n for n in names if n in ensemble.definitions])
-        still = np.zeros((len(ensemble.noisy.silent), CHUNK))
-        tables = []
-        for i in range(0, len(self.t), CHUNK):
-            s = self.s[i : i + CHUNK].T
-            X = program.table(np.vstack([self.t[None, i : i + CHUNK], s, still[:, : s.shape[1]]]))
-            tables.append(X[program.places(names)])
+        chunks = [slice(i, i + CHUNK) for i in range(0, len(self.t), CHUNK)]
+        tables = [ensemble.table(self.t[k], self.s[k].T) for k in chunks]
         self.values, self.given = np.split(np.hstack(tables), [len(ensemble.wanted)])  # (signals, instants)
         self.moving = self.s[:, [system.flowing.index(name) for name in ensemble.moving]].T
 
@@ -111,11 +108,14 @@ class Ensemble:
         ]
         self.definitions, self.inputs = system.program.definitions, system.program.inputs[1:]
         noises = tuple(name for name in map(noise, observer.outputs) if name in self.inputs)
-        self.moving = self.reached({*noises, *observer.jump, *observer.initial})
+        started = (name for name, side in observer.initial.items() if side.names.intersection(observer.outputs))
+        self.moving = self.reached({*noises, *observer.jump, *started})
         self.wanted = (*map(rate, self.moving), *self.signals)
         moved = self.moved({*self.moving, *noises}, self.wanted)
         needed = {name for one in moved for name in needs(self.definitions[one])} | {*self.wanted}
         self.given = tuple(sorted(needed - moved - {*self.moving, *noises, UNIT, "t"}))  # the same in every run
+        known = [name for name in (*self.wanted, *self.given) if name in self.definitions]
+        self.whole = Program(self.inputs, self.definitions, known)
         definitions = {name: self.definitions[name] for name in moved}
         inputs = ("t", *self.moving, *noises, *self.given)
         self.program = Program(inputs, definitions, [name for name in self.wanted if name in moved])
@@ -124,6 +124,12 @@ class Ensemble:
         self.X = np.ones((len(self.program.slots), 3, len(seeds)))
         ends = np.cumsum([2, len(self.moving), len(noises), len(self.given)])
         self.rows, self.noise_rows, self.given_rows = (slice(*pair) for pair in pairwise(ends))
+
+    def table(self, t: Float, s: Float, held: Float | None = None) -> Float:
+        """What is wanted and given, one row a signal, at instants t (N,) and states s (width, N); by default quiet."""
+        noises = np.zeros(len(self.noisy.silent)) if held is None else held
+        X = self.whole.table(np.vstack([t, s, np.repeat(noises[:, None], len(t), axis=1)]))
+        return np.asarray(X[self.whole.places((*self.wanted, *self.given))])
 
     def reached(self, sources: set[str]) -> tuple[str, ...]:
         """States that some signals move."""
@@ -194,7 +200,7 @@ class Passage:
         self.ensemble, self.window = ensemble, window
         self.steps = [step for one in ensemble.intervals for step in one.parts(parts)]
         self.checked = {len(self.steps) * (2 * k + 1) // (2 * CHECKS) for k in range(CHECKS)}
-        instants = [step.nodes for step in self.steps]
+        instants = [np.array([step.start, *step.nodes]) for step in self.steps]
         instants += [half.nodes for k in self.checked for half in self.steps[k].parts(2)]
         instants.append(np.array([step.before for step in self.steps if step.measured is not None]))
         self.reference = Reference(ensemble, np.unique(np.concatenate(instants)))
@@ -204,6 +210,7 @@ class Passage:
         self.squares, self.weight = np.zeros((len(ensemble.names), count)), 0.0
         self.J, self.made = np.zeros((len(self.d), len(self.d))), dict[float, Step]()
         self.slow = True  # with this J
+        self.alone = 0  # steps in which each run goes by itself
         self.t, self.errors, self.done = list[float](), list[Float](), False
 
     def follow(self) -> bool:
@@ -219,7 +226,13 @@ class Passage:
                     return False
                 self.d, at = self.advance(step, self.d)
             except ArithmeticError:
-                return False
+                self.alone += 1
+                if self.alone > MOST_ALONE:
+                    return False
+                try:
+                    self.d, at = self.one_by_one(step, self.d)
+                except ArithmeticError:
+                    return False
             self.size = np.maximum(self.size, np.abs(self.d).max(axis=1))
             self.keep(step, at)
         self.done = True
@@ -263,7 +276,7 @@ class Passage:
         ensemble, X, rows, m = self.ensemble, self.ensemble.X, self.ensemble.rows, len(d)
         places = self.reference.places(step.nodes)
         X[1], X[ensemble.given_rows] = step.nodes[:, None], self.reference.given[:, places, None]
-        X[ensemble.noise_rows] = 0.0 if ensemble.observer.jump else ensemble.noises[step.tick][:, None]
+        X[ensemble.noise_rows] = self.held(step)[:, None]
         quiet, base = self.reference.values[:, places, None], self.reference.moving[:, places, None]
 
         def rates(at: Float) -> Float:
@@ -281,6 +294,37 @@ class Passage:
             end, count = self.matrices(step.length).advance(d, rates, self.size)
         self.slow = count >= SLOW
         return end, X[ensemble.found[m:]] - quiet[m:]
+
+    def one_by_one(self, step: Interval, d: Float) -> tuple[Float, Float]:
+        """As `advance`, by LSODA for each run, in steps that change too much for one Jacobian.
+
+        Raises `ArithmeticError` where one has no value.
+        """
+        ensemble, system, m = self.ensemble, self.ensemble.noisy, len(d)
+        start, end = self.reference.s[self.reference.places(np.array([step.start]))[0]], step.start + step.length
+        whole, still = np.concatenate((start, system.still)), np.zeros(len(system.silent))
+        samples = np.array([step.start, *step.nodes, end])
+        flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, whole), system.watch)
+        moving = [system.flowing.index(name) for name in ensemble.moving]
+        found = []
+        for held, added in zip((still, *self.held(step).T), (np.zeros(m), *d.T), strict=True):
+            s = whole.copy()
+            s[moving] += added
+            stretch = Stretch(step.start, end, np.zeros(0), None, held)
+            segment = Segment(step.start, end, lambda s: s, system.held(stretch))
+            got = integrate(flow, s, [segment], samples, tolerance(whole, system))
+            if got.status != "done":
+                raise FloatingPointError(got.reason)
+            found.append((got.s[-1, moving], ensemble.table(samples[1:-1], got.s[1:-1, : system.width].T, held)))
+        ends, signals = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
+        signals = signals[m : len(ensemble.wanted)]
+        return ends[:, 1:] - ends[:, :1], signals[..., 1:] - signals[..., :1]
+
+    def held(self, step: Interval) -> Float:
+        """Noise that acts on each run in a step, (outputs or none, runs)."""
+        ensemble = self.ensemble
+        quiet = ensemble.observer.jump
+        return np.zeros((len(ensemble.noisy.silent), ensemble.X.shape[2])) if quiet else ensemble.noises[step.tick]
 
     def renewed(self, step: Interval, d: Float) -> bool:
         """Take the Jacobian anew, in the middle of a step."""
