@@ -163,9 +163,10 @@ class Expression:
 
         def value(*values: float) -> float:
             try:
-                return fast(values)
+                found: float = fast(values)
             except (ArithmeticError, ValueError):
-                return float(careful(*values))
+                found = float(careful(*values))
+            return found
 
         return value
 

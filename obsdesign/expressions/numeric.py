@@ -107,7 +107,7 @@ def gathered(
         return pair(head, *others)
     functions = [closure(operand) for operand in others]
 
-    def value(a: Sequence[float]) -> float:
+    def value(a: Any) -> Any:
         result = head(a)
         for f in functions:
             result = step(result, f(a))

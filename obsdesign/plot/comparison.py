@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 LINES = ((0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)), (0, (2, 2)))  # of estimates that coincide
 CELLS = 400  # of time, in each of which the largest error is drawn
-FAST = 0.1  # of the horizon: where all settle sooner, time is drawn on a logarithmic axis
+WIDEST = 2.2
+FAST = 0.02  # of the horizon: where an error settles sooner, time is drawn on a logarithmic axis
 ROOM = 0.5  # of the height of the truth, which estimates may take beyond it on each side
 
 
@@ -29,6 +30,7 @@ class Look:
     label: str
     color: str
     line: tuple[int, tuple[float, ...]]
+    width: float  # of its errors: the first are the widest, to be seen below the others
 
 
 def looks(comparison: "Comparison") -> list[Look]:
@@ -38,6 +40,7 @@ def looks(comparison: "Comparison") -> list[Look]:
             plain(one.label if one.design.proved else f"{one.label} (no guarantee)"),
             COLORS[k % (len(COLORS) - 1)],
             LINES[k % len(LINES)],
+            max(WIDEST - 0.5 * k, 0.7),
         )
         for k, one in enumerate(comparison.entrants)
     ]
@@ -65,13 +68,12 @@ def states_panel(comparison: "Comparison", i: int) -> Panel:
     first = comparison.entrants[0].run
 
     def draw(axes: "Axes") -> None:
-        truth, name = first.xi[:, i], first.states[i]
-        axes.plot(first.t, truth, color="black", linewidth=1.8, label="true")
+        signals, name = comparison.entrants[0].record.signals, first.states[i]
+        truth = signals.xi[:, i]
+        axes.plot(signals.t, truth, color="black", linewidth=1.8, label="true")
         for look, one in zip(looks(comparison), comparison.entrants, strict=True):
-            run = one.run
-            axes.plot(
-                run.t, run.xihat[:, run.states.index(name)], color=look.color, linestyle=look.line, label=look.label
-            )
+            estimate = one.record.signals.xihat[:, one.run.states.index(name)]
+            axes.plot(one.record.t, estimate, color=look.color, linestyle=look.line, label=look.label)
         height = float(np.ptp(truth)) or abs(float(truth[0])) or 1.0
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, truth.min() - ROOM * height), min(high, truth.max() + ROOM * height))
@@ -88,7 +90,7 @@ def error_panel(comparison: "Comparison", name: str) -> Panel:
         top = 0.0
         for look, (_, t, size) in zip(looks(comparison), sizes(comparison, name), strict=True):
             seen = size > 0
-            axes.plot(t[seen], size[seen], color=look.color, linewidth=1.0, label=look.label)
+            axes.plot(t[seen], size[seen], color=look.color, linewidth=look.width, label=look.label)
             top = max(top, float(size.max(initial=0.0)))
         if top > 0:
             axes.set_yscale("log")
@@ -105,13 +107,14 @@ def sizes(comparison: "Comparison", name: str) -> Iterator[tuple["Entrant", Arra
         t, e = one.errors.get(name, (np.zeros(0), np.zeros(0)))
         size = np.abs(e)
         if len(t) > 2 * CELLS:
-            cells = np.array_split(np.arange(len(t)), CELLS)
-            t, size = np.array([t[c].mean() for c in cells]), np.array([size[c].max() for c in cells])
+            scale = np.log(np.maximum(t, t[1])) if settle_early(comparison) else t
+            cells = np.unique(np.searchsorted(scale, np.linspace(scale[0], scale[-1], CELLS)))
+            t, size = t[cells], np.maximum.reduceat(size, cells)
         yield one, t, size
 
 
 def settle_early(comparison: "Comparison") -> bool:
-    """Whether every error has settled so soon that time is better drawn on a logarithmic axis."""
+    """Whether an error settles so soon that time is better drawn on a logarithmic axis."""
     runs = [one.run for one in comparison.entrants]
     times = [times["t1"] for run in runs for times in run.summary["settling"].values()]
-    return all(t is not None and t < FAST * runs[0].time for t in times)
+    return any(t and t < FAST * runs[0].time for t in times)

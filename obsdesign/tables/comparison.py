@@ -24,8 +24,8 @@ def comparison_table(report: Mapping[str, Any]) -> str:
 def rows_of(observer: Mapping[str, Any]) -> list[Sequence[str]]:
     """Rows of an observer; only the first says which it is."""
     fastest = "-" if observer["fastest"] is None else f"{observer['fastest']:.4g}"
-    known = (observer["label"], observer["type"], observer["status"], str(observer["order"]), fastest)
-    rows = []
+    known: tuple[str, ...] = (observer["label"], observer["type"], observer["status"], str(observer["order"]), fastest)
+    rows: list[Sequence[str]] = []
     for name, state in observer["states"].items():
         times = [number(state[key], "never") for key in ("t5", "t1")]
         spread = f" +- {state['noise_rms_std']:.1e}" if state["noise_rms"] else ""
