@@ -126,8 +126,8 @@ def solve(
             typer.echo(aligned([*design.table(), ("file", target)]))
             if run:
                 typer.echo(f"\n{run_text(design, run.summary, paths)}")
-        if plot:
-            plot_search(design.result, str(beside / f"{name}.curve.png"), quiet)
+        if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
+            typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         if design.status == "uncertified":
             typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
         for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
@@ -154,6 +154,7 @@ def simulate(
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.files import newest, require_writable, write_all
     from obsdesign.simulate.validity import require_kept
+    from obsdesign.work import trial
 
     with limited(timeout):
         if not source:
@@ -163,7 +164,8 @@ def simulate(
         name = stem(source)
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
         require_writable(*(file for file in files if file != "-"))
-        design = tried(source, gains, solver, quiet)
+        with progress(quiet) as report:
+            design = trial(source, gains, solver, report)
         run = ran(design, quiet)
         samples, figure = drawn(run)
         if files[0] == "-":
@@ -194,9 +196,8 @@ def compare(
 
     with limited(timeout):
         require_writable(output)
-        designs = [tried(source, "", solver, quiet) for source in sources]
         with progress(quiet) as report:
-            found = work.compare(designs, seeds, report)
+            found = work.compare(sources, seeds, solver, report)
         found.plot(output)
     if as_json:
         typer.echo(as_text(found.report))
@@ -325,14 +326,6 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
         return solve(problem, solver, report)
 
 
-def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
-    """Design that is to be simulated; a spec without gains is solved first."""
-    from obsdesign.work import trial
-
-    with progress(quiet) as report:
-        return trial(source, gains, solver, report)
-
-
 def ran(design: "Design", quiet: bool) -> "Run":
     """Run of a design, with what is to be known of it before and after."""
     for warning in () if quiet else design.spec.starts_outside():
@@ -349,18 +342,6 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     from obsdesign.files import csv
 
     return csv(*run.table()), run.plot()
-
-
-def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:
-    """Figure of the points of a search."""
-    from obsdesign.files import write_whole
-    from obsdesign.plot import search_figure
-
-    figure = search_figure(result)
-    if figure is not None:
-        write_whole(path, figure)
-    elif not quiet:
-        typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
 
 
 def stem(path: str) -> str:

@@ -154,6 +154,15 @@ class Design(Outcome):
         """
         write_whole(os.fspath(path), self.text())
 
+    def plot_search(self, path: str) -> bool:
+        """Draw the points of its search as a PNG, at a path; False where there are none. Raises as `save`."""
+        from obsdesign.plot import search_figure
+
+        figure = search_figure(self.result)
+        if figure is not None:
+            write_whole(path, figure)
+        return figure is not None
+
     def text(self) -> bytes:
         """Result file as it is written, or as it was read; raises `UndecidedError` if a number is not finite."""
         if self.recorded is not None:

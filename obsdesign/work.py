@@ -75,7 +75,10 @@ def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | N
 
 
 def compare(
-    sources: Sequence[Design | Spec | str | os.PathLike[str]], seeds: int = 10, report: Report = lambda *_: None
+    sources: Sequence[Design | Spec | str | os.PathLike[str]],
+    seeds: int = 10,
+    solver: str = "clarabel",
+    report: Report = lambda *_: None,
 ) -> Comparison:
     """Run several observers on one plant, with one input and the noise of so many seeds; of any families.
 
@@ -85,7 +88,7 @@ def compare(
     """
     if not sources:
         raise UsageError("nothing to compare; give at least one design, spec or path")
-    return compared([trial(source, report=report) for source in sources], seeds, report)
+    return compared([trial(source, "", solver, report) for source in sources], seeds, report)
 
 
 def trial(

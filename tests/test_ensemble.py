@@ -14,7 +14,8 @@ from obsdesign.reading import load, loads
 from obsdesign.simulate import simulation
 from obsdesign.simulate.collocation import NODES, Step
 from obsdesign.simulate.definitions import error
-from obsdesign.simulate.ensemble import Ensemble
+from obsdesign.simulate.ensemble import spread
+from obsdesign.simulate.perturbation import Perturbation
 from obsdesign.simulate.simulation import follow, initial, system_of
 
 SCALAR = """
@@ -58,7 +59,7 @@ def fine(monkeypatch):
 def require_single_runs(spec, observer, accuracy=1e-6):
     """Hold the first seed of an ensemble, once and once more, against its own run."""
     for seed in (3, 4):
-        found = Ensemble(spec, observer, (seed, 8)).spread((0.0, spec.simulation.horizon))
+        found = spread(spec, observer, (seed, 8), (0.0, spec.simulation.horizon))
         alone = single(spec, observer, seed, found.t)
         assert len(found.t) > 10
         assert np.abs(found.errors[:, : alone.shape[1]] - alone).max() <= accuracy * np.abs(alone).max()
@@ -119,7 +120,7 @@ def test_the_noise_of_a_linear_observer_has_the_rms_of_its_closed_form(rate):
     """
     spec = loads(SCALAR)
     observer = FAMILIES["l2"].observer(spec, {"L1": np.array([[-rate]]), "L2": np.zeros((0, 1))})
-    rms = Ensemble(spec, observer, tuple(range(40))).spread((10.0, 40.0)).rms[:, 0]
+    rms = spread(spec, observer, tuple(range(40)), (10.0, 40.0)).rms[:, 0]
     h, size = 0.01, 0.3
     a = np.exp(-rate * h)
     inside = np.exp(-rate * h * (np.arange(1000) + 0.5) / 1000)
@@ -130,11 +131,10 @@ def test_the_noise_of_a_linear_observer_has_the_rms_of_its_closed_form(rate):
 def test_the_noise_that_is_drawn_gives_exactly_what_the_linear_recursion_gives():
     spec = loads(SCALAR)
     observer = FAMILIES["l2"].observer(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((0, 1))})
-    ensemble = Ensemble(spec, observer, (7, 9))
-    found = ensemble.spread((0.0, 40.0))
+    found = spread(spec, observer, (7, 9), (0.0, 40.0))
     d, a, middle = 0.0, np.exp(-2.0 * 0.01), np.exp(-2.0 * 0.005)
     expected = []
-    for n in ensemble.noises[:, 0, 0]:
+    for n in Perturbation(spec, observer, (7, 9)).noises[:, 0, 0]:
         expected.append(middle * d + (1 - middle) * n)
         d = a * d + (1 - a) * n
     assert found.errors[:, 0] == pytest.approx(np.array(expected), rel=1e-9, abs=1e-12)

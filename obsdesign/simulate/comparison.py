@@ -9,7 +9,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.definitions import rate
-from obsdesign.simulate.ensemble import Ensemble, Spread
+from obsdesign.simulate.ensemble import Spread, spread
 from obsdesign.simulate.problem import one_problem
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
@@ -48,7 +48,7 @@ class Entrant:
     @property
     def errors(self) -> Mapping[str, tuple[Array, Array]]:
         """Times and errors of each estimate, with the noise of the first run if there is any."""
-        if self.spread is not None:
+        if self.spread is not None and self.spread.t.size:
             return {name: (self.spread.t, e) for name, e in zip(self.spread.names, self.spread.errors.T, strict=True)}
         return self.quiet
 
@@ -182,7 +182,7 @@ def entrant(label: str, design: "Design", window: tuple[float, float], seeds: tu
     quiet = replace(spec, simulation=replace(spec.simulation, noise=None))
     record = recorded(quiet, observer, design.guarantee)
     noisy = spec.simulation.noise is not None and spec.simulation.noise.amplitude.any()
-    return Entrant(label, design, record, window, Ensemble(spec, observer, seeds).spread(window) if noisy else None)
+    return Entrant(label, design, record, window, spread(spec, observer, seeds, window) if noisy else None)
 
 
 def told_apart(designs: "Sequence[Design]") -> list[str]:
