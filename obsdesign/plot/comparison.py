@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
     from obsdesign.simulate.comparison import Comparison, Entrant
 
+PALETTE = (*COLORS[:-1], "#8C564B", "#7F7F7F", "#ADA200")  # the truth is black
 LINES = ((0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)), (0, (2, 2)))  # of estimates that coincide
 CELLS = 400  # of time, in each of which the largest error is drawn
 WIDEST = 2.2
 FAST = 0.02  # of the horizon: where an error settles sooner, time is drawn on a logarithmic axis
+BEFORE = 0.2  # of the first settling time, from which on a logarithmic axis is drawn
 ROOM = 0.5  # of the height of the truth, which estimates may take beyond it on each side
 
 
@@ -38,7 +40,7 @@ def looks(comparison: "Comparison") -> list[Look]:
     return [
         Look(
             plain(one.label if one.design.proved else f"{one.label} (no guarantee)"),
-            COLORS[k % (len(COLORS) - 1)],
+            PALETTE[k % len(PALETTE)],
             LINES[k % len(LINES)],
             max(WIDEST - 0.5 * k, 0.7),
         )
@@ -53,7 +55,7 @@ def comparison_sheet(comparison: "Comparison") -> "Figure":
     estimates: list[Panel] = [states_panel(comparison, i) for i in range(first.run.plant_states)]
     noise = "with noise" if first.spread else "no noise"
     figure = compose(
-        f"{plain(first.design.spec.name)}: {len(comparison.entrants)} observers, errors {noise}",
+        f"{plain(comparison.title)}: {len(comparison.entrants)} observers, errors {noise}",
         [estimates, [error_panel(comparison, name) for name in names]],
     )
     legend_below(figure)
@@ -77,7 +79,7 @@ def states_panel(comparison: "Comparison", i: int) -> Panel:
         height = float(np.ptp(truth)) or abs(float(truth[0])) or 1.0
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, truth.min() - ROOM * height), min(high, truth.max() + ROOM * height))
-        time_axis(axes, first.t, settle_early(comparison))
+        time_axis(axes, times(comparison), settle_early(comparison))
         axes.set_ylabel(with_unit(comparison.entrants[0].design.spec, name))
 
     return draw
@@ -95,7 +97,7 @@ def error_panel(comparison: "Comparison", name: str) -> Panel:
         if top > 0:
             axes.set_yscale("log")
             axes.set_ylim(max(axes.get_ylim()[0], top * 10.0**-DECADES), 2 * top)
-        time_axis(axes, comparison.entrants[0].run.t, settle_early(comparison))
+        time_axis(axes, times(comparison), settle_early(comparison))
         axes.set_ylabel(f"|e| of {with_unit(comparison.entrants[0].design.spec, name)}")
 
     return draw
@@ -107,14 +109,24 @@ def sizes(comparison: "Comparison", name: str) -> Iterator[tuple["Entrant", Arra
         t, e = one.errors.get(name, (np.zeros(0), np.zeros(0)))
         size = np.abs(e)
         if len(t) > 2 * CELLS:
-            scale = np.log(np.maximum(t, t[1])) if settle_early(comparison) else t
-            cells = np.unique(np.searchsorted(scale, np.linspace(scale[0], scale[-1], CELLS)))
+            scale = np.log(np.maximum(t, t[t > 0][0])) if settle_early(comparison) else t
+            cells = np.unique(np.searchsorted(scale, np.linspace(scale[0], scale[-1], CELLS, endpoint=False)))
             t, size = t[cells], np.maximum.reduceat(size, cells)
         yield one, t, size
 
 
+def settled(comparison: "Comparison", share: str) -> list[float]:
+    """Times at which errors that there were at first have settled, in order."""
+    times = [state[share] for one in comparison.entrants for state in one.run.summary["settling"].values()]
+    return sorted(t for t in times if t)
+
+
 def settle_early(comparison: "Comparison") -> bool:
     """Whether an error settles so soon that time is better drawn on a logarithmic axis."""
-    runs = [one.run for one in comparison.entrants]
-    times = [times["t1"] for run in runs for times in run.summary["settling"].values()]
-    return any(t and t < FAST * runs[0].time for t in times)
+    return any(t < FAST * comparison.entrants[0].run.time for t in settled(comparison, "t1"))
+
+
+def times(comparison: "Comparison") -> Array:
+    """Zero, what is seen first of a logarithmic axis, and the end."""
+    t = comparison.entrants[0].run.t
+    return np.array([0.0, min([t[1], *(BEFORE * time for time in settled(comparison, "t5"))]), t[-1]])

@@ -137,6 +137,12 @@ class Comparison:
             "observers": [one.written() for one in self.entrants],
         }
 
+    @property
+    def title(self) -> str:
+        """What the names of all have in common, or the first."""
+        names = [one.design.spec.name for one in self.entrants]
+        return shared(names) or names[0]
+
     def plot(self, path: str | None = None) -> bytes:
         """Draw states and errors as a PNG, and write it where a path is given; raises `UsageError` if it cannot be."""
         from obsdesign.files import write_whole
@@ -186,11 +192,23 @@ def entrant(label: str, design: "Design", window: tuple[float, float], seeds: tu
 
 
 def told_apart(designs: "Sequence[Design]") -> list[str]:
-    """A short name for each: that of its spec, its type, its file, whatever is the first that tells all apart."""
+    """A short name for each: that of its spec, its type, its file, whatever is the first that tells all apart.
+
+    What all names begin with is left out, up to a comma.
+    """
+    begin = len(shared([design.spec.name for design in designs]))
     choices = (
-        [design.spec.name for design in designs],
+        [design.spec.name[begin:].removeprefix(", ") for design in designs],
         [design.spec.observer.type for design in designs],
         [design.path for design in designs],
     )
     numbered = [f"{k}: {design.path}" for k, design in enumerate(designs, start=1)]
     return next((names for names in choices if len(set(names)) == len(names)), numbered)
+
+
+def shared(names: Sequence[str]) -> str:
+    """What several names begin with, up to a comma, after which each goes on."""
+    first, *others = (name.split(", ") for name in names)
+    count = min([len(first), *map(len, others)]) - 1 if others else 0
+    same = next((k for k in range(count) if any(other[k] != first[k] for other in others)), count)
+    return ", ".join(first[:same])
