@@ -25,6 +25,14 @@ simulation: {horizon: 40, x0: 0, noise: {type: gaussian, amplitude: 0.3, period:
 """
 
 
+def single(spec, observer, seed, instants):
+    """Errors of one run by itself at some instants, (N, n)."""
+    trial = replace(spec.simulation, seed=seed)
+    system = system_of(spec, trial, observer)
+    run = follow(system, initial(system, trial, None), system.breaks(), instants)
+    return system.table(run.t, run.s).of(map(error, spec.plant.states))
+
+
 @pytest.fixture
 def fine(monkeypatch):
     """Single runs with more digits than their noise needs."""

@@ -23,14 +23,6 @@ simulation:
 """
 
 
-def single(spec, observer, seed, instants):
-    """Errors of one run by itself at some instants, (N, n)."""
-    trial = replace(spec.simulation, seed=seed)
-    system = system_of(spec, trial, observer)
-    run = follow(system, initial(system, trial, None), system.breaks(), instants)
-    return system.table(run.t, run.s).of(map(error, spec.plant.states))
-
-
 def stiff(gamma):
     """The [KKL+PEB] observer of the converter, whose estimator has the rate gamma psi^2."""
     values = {"E": 12, "L1": fmpq(1, 100), "C2": fmpq(22, 10**6), "C4": fmpq(229, 10**7), "G": fmpq(447, 10**4)}
