@@ -54,8 +54,8 @@ class Step:
             driven[:, 3].reshape(m, 3 * m),
         )  # fmt: skip
 
-    def advance(self, d: Float, rates: Callable[[Float], Float], size: Array) -> tuple[Float, int]:
-        """Return what follows d (m, S), of S runs at once, and the number of iterations that it took.
+    def advance(self, d: Float, rates: Callable[[Float], Float], size: Array) -> tuple[Float, Float, int]:
+        """Return what follows d (m, S), of S runs at once, d at the nodes, and the number of iterations that it took.
 
         `rates`: of d (m, 3, S) at the nodes; `size` (m,) of each component. Raises `ArithmeticError` if the iteration
         does not converge.
@@ -70,7 +70,7 @@ class Step:
             change = np.abs(new - at).reshape(m, 3 * S).max(axis=1)
             at = new
             if (change <= limit + SMALL * np.abs(new).reshape(m, 3 * S).max(axis=1)).all():
-                return np.asarray(self.free_end @ d + self.driven_end @ N), k
+                return np.asarray(self.free_end @ d + self.driven_end @ N), at, k
             if not np.isfinite(change).all():
                 break
         raise FloatingPointError("the iteration does not converge")

@@ -100,17 +100,17 @@ class Passage:
             try:
                 if k in self.checked and not self.accurate(step):
                     return False
-                self.d, at = self.advance(step, self.d)
+                self.d, at, found = self.advance(step, self.d)
             except ArithmeticError:
                 self.alone += 1
                 if self.alone > MOST_ALONE:
                     return False
                 try:
-                    self.d, at = self.one_by_one(step, self.d)
+                    self.d, at, found = self.one_by_one(step, self.d)
                 except ArithmeticError:
                     return False
             self.size = np.maximum(self.size, np.abs(self.d).max(axis=1))
-            self.keep(step, at)
+            self.keep(step, at, found)
         self.done = True
         return True
 
@@ -138,14 +138,14 @@ class Passage:
     def accurate(self, step: Interval) -> bool:
         """Whether a step ends where two of half its length do."""
         whole = halves = self.d
-        whole, _ = self.advance(step, whole)
+        whole, _, _ = self.advance(step, whole)
         for half in step.parts(2):
-            halves, _ = self.advance(half, halves)
+            halves, _, _ = self.advance(half, halves)
         size = np.maximum(self.size, np.abs(halves).max(axis=1))
         return bool((np.abs(whole - halves).max(axis=1) <= ACCURATE * size).all())
 
-    def advance(self, step: Interval, d: Float) -> tuple[Float, Float]:
-        """Return what follows d, and errors of estimates less those of the run without noise, (estimates, 3, runs).
+    def advance(self, step: Interval, d: Float) -> tuple[Float, Float, Float]:
+        """Return what follows d, and at the nodes d (m, 3, runs) and errors less those without noise (errors, 3, runs).
 
         The Jacobian of an earlier step serves as long as the iteration is quick with it.
         """
@@ -162,16 +162,16 @@ class Passage:
 
         fresh = self.renewed(step, d) if self.slow else False
         try:
-            end, count = self.matrices(step.length).advance(d, rates, self.size)
+            end, at, count = self.matrices(step.length).advance(d, rates, self.size)
         except ArithmeticError:
             if fresh:
                 raise
             self.renewed(step, d)
-            end, count = self.matrices(step.length).advance(d, rates, self.size)
+            end, at, count = self.matrices(step.length).advance(d, rates, self.size)
         self.slow = count >= SLOW
-        return end, X[added.found[m:]] - quiet[m:]
+        return end, at, X[added.found[m:]] - quiet[m:]
 
-    def one_by_one(self, step: Interval, d: Float) -> tuple[Float, Float]:
+    def one_by_one(self, step: Interval, d: Float) -> tuple[Float, Float, Float]:
         """As `advance`, by LSODA for each run, in steps that change too much for one Jacobian.
 
         Raises `ArithmeticError` where one has no value.
@@ -191,10 +191,11 @@ class Passage:
             got = integrate(flow, s, [segment], samples, tolerance(whole, system))
             if got.status != "done":
                 raise FloatingPointError(got.reason)
-            found.append((got.s[-1, moving], added.table(samples[1:-1], got.s[1:-1, : system.width].T, held)))
-        ends, signals = (np.stack(part, axis=-1) for part in zip(*found, strict=True))
-        signals = signals[m : len(added.wanted)]
-        return ends[:, 1:] - ends[:, :1], signals[..., 1:] - signals[..., :1]
+            table = added.table(samples[1:-1], got.s[1:-1, : system.width].T, held)
+            found.append((got.s[-1, moving], got.s[1:-1, moving].T, table[m : len(added.wanted)]))
+        parts = [np.stack(part, axis=-1) for part in zip(*found, strict=True)]
+        ends, at, signals = (part[..., 1:] - part[..., :1] for part in parts)
+        return ends, at, signals
 
     def held(self, step: Interval) -> Float:
         """Noise that acts on each run in a step, (outputs or none, runs)."""
@@ -216,7 +217,7 @@ class Passage:
                 return made
         return self.made.setdefault(length, Step.of(self.J, length))
 
-    def keep(self, step: Interval, found: Float) -> None:
+    def keep(self, step: Interval, at: Float, found: Float) -> None:  # noqa: ARG002
         """Add to the squares of the window, and to what is drawn."""
         inside = (step.nodes >= self.window[0]) & (step.nodes <= self.window[1])
         weights = step.length * WEIGHTS * inside
