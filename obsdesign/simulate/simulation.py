@@ -32,7 +32,10 @@ def run(
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Run:
-    """Simulate the plant of a spec with an observer, up to the horizon, or to an event, an escape or a stall; see `recorded`."""
+    """Simulate the plant of a spec with an observer, up to the horizon, an event, an escape or a stall.
+
+    See `recorded`.
+    """
     return run_of(recorded(spec, observer, guarantee, sampling, progress))
 
 
