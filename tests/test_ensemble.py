@@ -109,7 +109,7 @@ def test_a_step_is_exact_for_a_linear_flow_with_a_constant_input(stiffness):
     J = np.array([[-stiffness, 1.0], [0.5, -1.0]])
     b, d = np.array([[stiffness], [1.0]]), np.array([[1.0], [-2.0]])
     step = Step.of(J, 0.1)
-    found, _, _ = step.advance(d, lambda at: np.einsum("ij,jks->iks", J, at) + b[:, None], np.ones(2))
+    found, _, _, _ = step.advance(d, lambda at: np.einsum("ij,jks->iks", J, at) + b[:, None], np.ones(2))
     rest = -np.linalg.solve(J, b)
     assert found == pytest.approx(rest + expm(0.1 * J) @ (d - rest), rel=1e-10, abs=1e-12)
 
@@ -119,7 +119,7 @@ def test_a_step_has_the_order_six_of_the_gauss_method_where_nothing_is_stiff():
         d, step = np.array([[1.0]]), Step.of(np.zeros((1, 1)), h)
         for k in range(round(1 / h)):
             t = k * h + h * NODES
-            d, _, _ = step.advance(d, lambda at, t=t: -at * np.cos(t)[None, :, None], np.ones(1))
+            d, _, _, _ = step.advance(d, lambda at, t=t: -at * np.cos(t)[None, :, None], np.ones(1))
         return d.item()
 
     errors = [abs(end(h) - np.exp(-np.sin(1))) for h in (0.5, 0.25)]

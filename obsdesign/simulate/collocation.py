@@ -27,18 +27,19 @@ class Step:
     """The matrices of a step of length h, for a given J (m, m)."""
 
     J: Float
+    unit: Float  # (m,) of each state, in which J is balanced
     free: Float  # (3 m, m): exp(c_i h J); rows run over states first, then nodes
     driven: Float  # (3 m, 3 m): h a_ij(h J)
     free_end: Float  # (m, m), the same at the end of the step
     driven_end: Float  # (m, 3 m)
 
     @classmethod
-    def of(cls, J: Float, h: float) -> "Step":
-        """Matrices of a step, in balanced units."""
+    def of(cls, J: Float, h: float, unit: Float | None = None) -> "Step":
+        """Matrices of a step, computed in balanced units."""
         from scipy.linalg import expm
 
         m, ends = len(J), np.append(NODES, 1.0)
-        unit = balanced(J)
+        unit = balanced(J) if unit is None else unit
         ratio = unit[:, None] / unit
         Z = np.zeros((len(ends), 4 * m, 4 * m))  # exp of [Z 1 0 0; 0 0 1 0; ..] has the phi_k(Z) in its first row
         Z[:, :m, :m] = ends[:, None, None] * h * J / ratio
@@ -50,12 +51,12 @@ class Step:
         driven = h * np.einsum("jk,ik,iakb->aibj", LAGRANGE, powers, phi[:, :, 1:])
         free = phi[:, :, 0].transpose(1, 0, 2)
         return cls(
-            J, free[:, :3].reshape(3 * m, m), driven[:, :3].reshape(3 * m, 3 * m), free[:, 3],
+            J, unit, free[:, :3].reshape(3 * m, m), driven[:, :3].reshape(3 * m, 3 * m), free[:, 3],
             driven[:, 3].reshape(m, 3 * m),
         )  # fmt: skip
 
-    def advance(self, d: Float, rates: Callable[[Float], Float], size: Array) -> tuple[Float, Float, int]:
-        """Return what follows d (m, S), of S runs at once, d at the nodes, and the number of iterations that it took.
+    def advance(self, d: Float, rates: Callable[[Float], Float], size: Array) -> tuple[Float, Float, Float, int]:
+        """Return what follows d (m, S), of S runs at once, d and N at the nodes, and the number of iterations.
 
         `rates`: of d (m, 3, S) at the nodes; `size` (m,) of each component. Raises `ArithmeticError` if the iteration
         does not converge.
@@ -70,7 +71,14 @@ class Step:
             change = np.abs(new - at).reshape(m, 3 * S).max(axis=1)
             at = new
             if (change <= limit + SMALL * np.abs(new).reshape(m, 3 * S).max(axis=1)).all():
-                return np.asarray(self.free_end @ d + self.driven_end @ N), at, k
+                return np.asarray(self.free_end @ d + self.driven_end @ N), at, N.reshape(at.shape), k
             if not np.isfinite(change).all():
                 break
         raise FloatingPointError("the iteration does not converge")
+
+    def between(self, d: Float, N: Float, h: float, part: float) -> Float:
+        """Return d (m, S) after a part of a step of length h, with N (m, 3, S) at its nodes: its polynomial goes on."""
+        weights = np.vander(part * NODES, 3, increasing=True) @ LAGRANGE.T  # (nodes of the part, nodes)
+        inner = np.einsum("ij,mjs->mis", weights, N).reshape(-1, d.shape[1])
+        step = Step.of(self.J, part * h, self.unit)
+        return np.asarray(step.free_end @ d + step.driven_end @ inner)

@@ -13,7 +13,7 @@ from obsdesign.simulate.ensemble import Spread, spread
 from obsdesign.simulate.problem import one_problem
 from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
-from obsdesign.simulate.simulation import recorded, run_of
+from obsdesign.simulate.running import recorded, run_of
 
 if TYPE_CHECKING:
     from obsdesign.design import Design

@@ -4,6 +4,7 @@ The run without noise is that of LSODA, as for a single run. What is added, of a
 period, the same for stiff observers (`collocation`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from obsdesign.simulate.integrate import Flow, Segment, integrate
 from obsdesign.simulate.perturbation import Interval, Perturbation
 from obsdesign.simulate.scenario import Stretch
 from obsdesign.simulate.simulation import follow, initial, tolerance
-from obsdesign.simulate.sizes import sizes
+from obsdesign.simulate.sizes import balanced, sizes
 from obsdesign.spec import Spec
 
 ACCURATE = 1e-6  # of the size of d: error of a step, against two of half its length
@@ -26,6 +27,7 @@ SAME = 1e-9  # relative difference of lengths of steps that are one
 RESOLVED = 1e-6  # of the state: the least size of d, since s + d has no more digits
 MOST_ALONE = 20  # steps in which each run may go by itself
 CHUNK = 4096  # instants in one table
+EMPTY = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ def spread(spec: Spec, observer: Observer, seeds: tuple[int, ...], window: tuple
     """
     added, parts = Perturbation(spec, observer, seeds), 1
     while True:
-        passage = Passage(added, parts, window)
+        passage = Passage(added, [step for one in added.intervals for step in one.parts(parts)], window)
         if passage.follow() or 2 * len(passage.steps) > MOST_STEPS:
             return passage.spread()
         parts *= 2
@@ -70,13 +72,15 @@ class Reference:
 
 
 class Passage:
-    """One passage through all steps, each period in so many parts."""
+    """One passage through all steps."""
 
-    def __init__(self, added: Perturbation, parts: int, window: tuple[float, float]) -> None:
-        self.added, self.window = added, window
-        self.steps = [step for one in added.intervals for step in one.parts(parts)]
+    def __init__(
+        self, added: Perturbation, steps: Sequence[Interval], window: tuple[float, float], samples: Float = EMPTY
+    ) -> None:
+        self.added, self.steps, self.window = added, steps, window
         self.checked = {len(self.steps) * (2 * k + 1) // (2 * CHECKS) for k in range(CHECKS)}
         instants = [np.array([step.start, *step.nodes]) for step in self.steps]
+        instants.append(np.append(samples, self.steps[-1].start + self.steps[-1].length))
         instants += [half.nodes for k in self.checked for half in self.steps[k].parts(2)]
         instants.append(np.array([step.before for step in self.steps if step.measured is not None]))
         self.reference = Reference(added, np.unique(np.concatenate(instants)))
@@ -85,7 +89,9 @@ class Passage:
         self.size = RESOLVED * np.abs(self.reference.moving).max(axis=1, initial=0.0)
         self.squares, self.weight = np.zeros((len(added.names), count)), 0.0
         self.J, self.made = np.zeros((len(self.d), len(self.d))), dict[float, Step]()
+        self.unit = np.ones(len(self.d))  # in which it is balanced
         self.slow = True  # with this J
+        self.N: Float | None = None  # at the nodes of the last step; None where it went one by one
         self.alone = 0  # steps in which each run goes by itself
         self.t, self.errors, self.done = list[float](), list[Float](), False
 
@@ -102,7 +108,7 @@ class Passage:
                     return False
                 self.d, at, found = self.advance(step, self.d)
             except ArithmeticError:
-                self.alone += 1
+                self.alone, self.N = self.alone + 1, None
                 if self.alone > MOST_ALONE:
                     return False
                 try:
@@ -162,12 +168,12 @@ class Passage:
 
         fresh = self.renewed(step, d) if self.slow else False
         try:
-            end, at, count = self.matrices(step.length).advance(d, rates, self.size)
+            end, at, self.N, count = self.matrices(step.length).advance(d, rates, self.size)
         except ArithmeticError:
             if fresh:
                 raise
             self.renewed(step, d)
-            end, at, count = self.matrices(step.length).advance(d, rates, self.size)
+            end, at, self.N, count = self.matrices(step.length).advance(d, rates, self.size)
         self.slow = count >= SLOW
         return end, at, X[added.found[m:]] - quiet[m:]
 
@@ -208,6 +214,7 @@ class Passage:
         place = self.reference.places(step.nodes)[1]
         moving = self.reference.moving[:, place] + d.mean(axis=1)
         self.J, self.made = self.added.jacobian(step.nodes[1], moving, self.reference.given[:, place]), {}
+        self.unit = balanced(self.J)
         return True
 
     def matrices(self, length: float) -> Step:
@@ -215,16 +222,18 @@ class Passage:
         for known, made in self.made.items():
             if abs(known - length) <= SAME * length:
                 return made
-        return self.made.setdefault(length, Step.of(self.J, length))
+        return self.made.setdefault(length, Step.of(self.J, length, self.unit))
 
     def keep(self, step: Interval, at: Float, found: Float) -> None:  # noqa: ARG002
         """Add to the squares of the window, and to what is drawn."""
         inside = (step.nodes >= self.window[0]) & (step.nodes <= self.window[1])
         weights = step.length * WEIGHTS * inside
-        self.squares += np.einsum("k,ekr->er", weights, found**2)
+        count = len(self.added.names)
+        self.squares += np.einsum("k,ekr->er", weights, found[:count] ** 2)
         self.weight += weights.sum()
         self.t.append(float(step.nodes[1]))
-        self.errors.append(found[:, 1, 0] + self.reference.values[len(self.d) :, self.reference.places(step.nodes)[1]])
+        quiet = self.reference.values[len(self.d) :, self.reference.places(step.nodes)[1]]
+        self.errors.append((found[:, 1, 0] + quiet)[:count])
 
     def spread(self) -> Spread:
         """What was found; nothing of a passage that was not finished."""

@@ -64,10 +64,8 @@ class Perturbation:
         self.noises = np.stack([self.drawn(seed) for seed in seeds], axis=-1)  # (K, ny, S)
         system = self.noisy
         self.names = (*system.scenario.plant.states[: self.acting.n], *system.estimated)
-        self.signals = [
-            *map(error, system.scenario.plant.states[: self.acting.n]),
-            *map(error, system.estimated.values()),
-        ]
+        states = tuple(map(error, system.scenario.plant.states))
+        self.signals = (*states[: self.acting.n], *map(error, system.estimated.values()), *states[self.acting.n :])
         self.definitions, self.inputs = system.program.definitions, system.program.inputs[1:]
         noises = tuple(name for name in map(noise, observer.outputs) if name in self.inputs)
         started = (name for name, side in observer.initial.items() if side.names.intersection(observer.outputs))
