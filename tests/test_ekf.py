@@ -146,6 +146,13 @@ def test_weights_that_are_none_are_refused(before, after, said):
     assert said in outcome.stderr
 
 
+def test_a_disturbance_model_beside_equations_is_refused():
+    Path("p.yaml").write_text(CURVED.replace("observer:", "disturbance: [integrator, unknown]\nobserver:"))
+    outcome = run("simulate", "p.yaml")
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "disturbance: type ekf takes it with a plant in matrices" in outcome.stderr
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -44,6 +44,7 @@ class Family:
     unstructured: bool = False  # f acts on every state through every state, unless Bf and Cq are given
     sampled: bool = False  # y is known at instants only, and `simulation:` may say at which
     equations: bool = False  # the plant is taken as it is typed, not in matrices
+    matrices: bool = False  # .. or in matrices, where it is written so
     proves: bool = True  # something can be proved of its observers; else they are there to compare with
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
@@ -155,7 +156,7 @@ class Family:
 
     def report(self, spec: "Spec", form: Any, t: "Array", signals: "Mapping[str, Array]") -> dict[str, Any]:
         """Entries of the summary of a run on what an observer of this form depends on, from its own states."""
-        if not self.equations:
+        if not (self.equations and self.proves):
             return {}
         entries: dict[str, Any] = self.part("report").report(spec, form, t, signals)
         return entries

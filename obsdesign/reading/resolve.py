@@ -93,7 +93,7 @@ def resolve(document: Document) -> Spec:
         expect=expect,
         typed=plant.typed,
         notes=tuple(reader.notes),
-        as_equations=as_equations,
+        as_equations=as_equations and plant.typed is None,
     )
 
 
@@ -113,7 +113,7 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
             return read_typed(reader, file.system)
         return read_equations(reader, file.system, sampled=sampled, constants=identity)
     plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
-    return in_equations(reader, plant) if typed else plant
+    return in_equations(reader, plant) if typed and family and not family.matrices else plant
 
 
 def read_observer(

@@ -40,6 +40,9 @@ def request(reader: Reader, section: FilterSection, problem: Estimation) -> Filt
     """Weights, which must be symmetric and not negative, and that of y positive."""
     plant, model = problem.plant, problem.generator
     nv = None if model is None else model.Bm.shape[1]
+    if problem.typed and model is not None and model.Am.size:
+        said = f"type {section.type} takes it with a plant in matrices; add its states to system.dynamics"
+        reader.wrong(("disturbance",), said)
     names: tuple[Sequence[str], ...] = ((), (), ())
     if plant is not None:
         names = plant.exogenous, plant.outputs, plant.states
