@@ -10,7 +10,7 @@ from support.cuk import CUK, stiff
 
 from obsdesign.families import FAMILIES
 from obsdesign.reading import load, loads
-from obsdesign.simulate import simulation
+from obsdesign.simulate import run, running, simulation
 from obsdesign.simulate.collocation import NODES, Step
 from obsdesign.simulate.definitions import error
 from obsdesign.simulate.ensemble import spread
@@ -124,3 +124,17 @@ def test_a_step_has_the_order_six_of_the_gauss_method_where_nothing_is_stiff():
 
     errors = [abs(end(h) - np.exp(-np.sin(1))) for h in (0.5, 0.25)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.5)
+
+
+@pytest.mark.usefixtures("fine")
+def test_a_run_with_many_noise_samples_is_the_one_that_lsoda_follows(monkeypatch):
+    spec = loads(CUK)
+    quick = run(spec, stiff(fmpq(1, 1000)), None)
+    monkeypatch.setattr(running, "applies", lambda _: False)
+    slow = run(spec, stiff(fmpq(1, 1000)), None)
+    assert len(quick.steps.t) > 4 * 600
+    assert quick.y == pytest.approx(slow.y, rel=1e-6, abs=1e-9)
+    assert quick.e == pytest.approx(slow.e, rel=1e-6, abs=1e-6)
+    assert quick.summary["z_norm2"] == pytest.approx(slow.summary["z_norm2"], rel=1e-6)
+    for name in ("i1", "v4"):
+        assert quick.summary["settling"][name] == pytest.approx(slow.summary["settling"][name], rel=1e-4)

@@ -18,7 +18,7 @@ from obsdesign.simulate.sizes import balanced
 NODES = 0.5 + np.sqrt(0.15) * np.array([-1, 0, 1])  # c
 WEIGHTS = np.array([5, 8, 5]) / 18  # of the quadrature
 LAGRANGE = np.linalg.inv(np.vander(NODES, increasing=True)).T  # row j: coefficients of l_j, from the constant on
-SMALL = 1e-9  # of a change between two iterates, against the size of d
+SMALL = 1e-8  # of a change between two iterates, against the size of d
 ITERATIONS, SLOW = 30, 5  # at most; from so many on, J is renewed
 
 
