@@ -36,24 +36,10 @@ class Step:
     @classmethod
     def of(cls, J: Float, h: float, unit: Float | None = None) -> "Step":
         """Matrices of a step, computed in balanced units."""
-        from scipy.linalg import expm
-
-        m, ends = len(J), np.append(NODES, 1.0)
-        unit = balanced(J) if unit is None else unit
-        ratio = unit[:, None] / unit
-        Z = np.zeros((len(ends), 4 * m, 4 * m))  # exp of [Z 1 0 0; 0 0 1 0; ..] has the phi_k(Z) in its first row
-        Z[:, :m, :m] = ends[:, None, None] * h * J / ratio
-        for k in range(3):
-            Z[:, k * m : (k + 1) * m, (k + 1) * m : (k + 2) * m] = np.eye(m)
-        phi = expm(Z)[:, :m].reshape(len(ends), m, 4, m) * ratio[:, None]
-        # integral of exp((c - s) Z) s^k ds = k! c^(k+1) phi_(k+1)(c Z)
-        powers = np.array([[factorial(k) * c ** (k + 1) for k in range(3)] for c in ends])
-        driven = h * np.einsum("jk,ik,iakb->aibj", LAGRANGE, powers, phi[:, :, 1:])
-        free = phi[:, :, 0].transpose(1, 0, 2)
-        return cls(
-            J, unit, free[:, :3].reshape(3 * m, m), driven[:, :3].reshape(3 * m, 3 * m), free[:, 3],
-            driven[:, 3].reshape(m, 3 * m),
-        )  # fmt: skip
+        m, unit = len(J), balanced(J) if unit is None else unit
+        free, driven = propagators(J, h, unit, np.append(NODES, 1.0))
+        inner = free[:, :3].reshape(3 * m, m), driven[:, :3].reshape(3 * m, 3 * m)
+        return cls(J, unit, *inner, free[:, 3], driven[:, 3].reshape(m, 3 * m))
 
     def advance(self, d: Float, rates: Callable[[Float], Float], size: Array) -> tuple[Float, Float, Float, int]:
         """Return what follows d (m, S), of S runs at once, d and N at the nodes, and the number of iterations.
@@ -77,8 +63,22 @@ class Step:
         raise FloatingPointError("the iteration does not converge")
 
     def between(self, d: Float, N: Float, h: float, part: float) -> Float:
-        """Return d (m, S) after a part of a step of length h, with N (m, 3, S) at its nodes: its polynomial goes on."""
-        weights = np.vander(part * NODES, 3, increasing=True) @ LAGRANGE.T  # (nodes of the part, nodes)
-        inner = np.einsum("ij,mjs->mis", weights, N).reshape(-1, d.shape[1])
-        step = Step.of(self.J, part * h, self.unit)
-        return np.asarray(step.free_end @ d + step.driven_end @ inner)
+        """Return d (m, S) after a part of a step of length h, with N (m, 3, S) at its nodes."""
+        free, driven = propagators(self.J, h, self.unit, np.array([part]))
+        return np.asarray(free[:, 0] @ d + driven.reshape(len(d), -1) @ N.reshape(-1, d.shape[1]))
+
+
+def propagators(J: Float, h: float, unit: Float, ends: Float) -> tuple[Float, Float]:
+    """Return exp(c h J), (m, ends, m), and h a_j(h J), (m, ends, m, 3), for parts c of a step."""
+    from scipy.linalg import expm
+
+    m, ratio = len(J), unit[:, None] / unit
+    Z = np.zeros((len(ends), 4 * m, 4 * m))  # exp of [Z 1 0 0; 0 0 1 0; ..] has the phi_k(Z) in its first row
+    Z[:, :m, :m] = ends[:, None, None] * h * J / ratio
+    for k in range(3):
+        Z[:, k * m : (k + 1) * m, (k + 1) * m : (k + 2) * m] = np.eye(m)
+    phi = expm(Z)[:, :m].reshape(len(ends), m, 4, m) * ratio[:, None]
+    # integral of exp((c - s) Z) s^k ds = k! c^(k+1) phi_(k+1)(c Z)
+    powers = np.array([[factorial(k) * c ** (k + 1) for k in range(3)] for c in ends])
+    driven = h * np.einsum("jk,ik,iakb->aibj", LAGRANGE, powers, phi[:, :, 1:])
+    return phi[:, :, 0].transpose(1, 0, 2), driven

@@ -8,7 +8,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Float
 from obsdesign.simulate.collocation import NODES, WEIGHTS
 from obsdesign.simulate.ensemble import MOST_STEPS, Passage
-from obsdesign.simulate.integrate import Trajectory
+from obsdesign.simulate.integrate import PATH, Trajectory
 from obsdesign.simulate.perturbation import Interval, Perturbation
 from obsdesign.simulate.simulation import MANY
 from obsdesign.simulate.system import System
@@ -81,7 +81,8 @@ class Path(Passage):
         energy = np.append(np.concatenate(self.energy), self.z2)
         path, samples = self.states(t, [*self.path_d, self.d]), self.states(self.samples, self.sampled)
         path[:, system.end], samples[:, system.end] = energy, np.interp(self.samples, t, energy)
-        return Trajectory(self.samples, samples, t, path, "done", float(self.samples[-1]), "")
+        kept = slice(None, None, -(-len(t) // PATH))
+        return Trajectory(self.samples, samples, t[kept], path[kept], "done", float(self.samples[-1]), "")
 
     def states(self, t: Float, added: Sequence[Float]) -> Float:
         """States (N, width) of the run without noise at instants, and what is added to them."""
