@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from obsdesign.families.outcome import Proof
     from obsdesign.reading import Spec
     from obsdesign.simulate import Run
-    from obsdesign.work import check, lipschitz, load, read, solve, verify
+    from obsdesign.simulate.comparison import Comparison
+    from obsdesign.work import check, compare, lipschitz, load, read, solve, verify
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Comparison",
     "Design",
     "Finding",
     "InfeasibleError",
@@ -36,6 +38,7 @@ __all__ = [
     "UndecidedError",
     "UsageError",
     "check",
+    "compare",
     "lipschitz",
     "load",
     "read",
@@ -44,10 +47,11 @@ __all__ = [
 ]
 
 HOMES = {
-    "work": ("check", "lipschitz", "load", "read", "solve", "verify"),
+    "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
     "design": ("Design",),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
+    "simulate.comparison": ("Comparison",),
     "families.finding": ("Finding",),
     "families.outcome": ("Proof",),
     "errors": ("InfeasibleError", "ObsdesignError", "TimeLimitError", "UndecidedError", "UsageError"),

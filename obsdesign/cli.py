@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import InfeasibleError, ObsdesignError, UndecidedError, UsageError
+from obsdesign.errors import ObsdesignError, UndecidedError, UsageError
 from obsdesign.watch import INTERRUPTED, limited
 
 if TYPE_CHECKING:
@@ -126,8 +126,8 @@ def solve(
             typer.echo(aligned([*design.table(), ("file", target)]))
             if run:
                 typer.echo(f"\n{run_text(design, run.summary, paths)}")
-        if plot:
-            plot_search(design.result, str(beside / f"{name}.curve.png"), quiet)
+        if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
+            typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         if design.status == "uncertified":
             typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
         for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
@@ -154,6 +154,7 @@ def simulate(
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.files import newest, require_writable, write_all
     from obsdesign.simulate.validity import require_kept
+    from obsdesign.work import trial
 
     with limited(timeout):
         if not source:
@@ -163,7 +164,8 @@ def simulate(
         name = stem(source)
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
         require_writable(*(file for file in files if file != "-"))
-        design = tried(source, gains, solver, quiet)
+        with progress(quiet) as report:
+            design = trial(source, gains, solver, report)
         run = ran(design, quiet)
         samples, figure = drawn(run)
         if files[0] == "-":
@@ -176,6 +178,31 @@ def simulate(
     elif not quiet:
         typer.echo(run_text(design, run.summary, files))
     require_kept(run.summary, files[0])
+
+
+@app.command()
+def compare(
+    sources: Annotated[list[str], typer.Argument(metavar="SPEC|GAINS.json..", help="Specs and gains files.")],
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with noise of each observer.")] = 10,
+    output: Annotated[str, typer.Option("-o", "--output", help="Figure (PNG).")] = "compare.png",
+    solver: Solver = "clarabel",
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
+    from obsdesign import work
+    from obsdesign.files import require_writable
+
+    with limited(timeout):
+        require_writable(output)
+        with progress(quiet) as report:
+            found = work.compare(sources, seeds, solver, report)
+        found.plot(output)
+    if as_json:
+        typer.echo(as_text(found.report))
+    elif not quiet:
+        typer.echo(f"{found}\n\nfigure  {output}")
 
 
 @app.command()
@@ -299,23 +326,6 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
         return solve(problem, solver, report)
 
 
-def tried(source: str, gains: str, solver: str, quiet: bool) -> "Design":
-    """Design that is to be simulated; a spec without gains is solved first."""
-    from obsdesign.work import load, read
-
-    if source.endswith(".json"):
-        if gains:
-            raise UsageError(f"{source}: already a gains file; --gains goes with a spec")
-        return read(source)
-    problem = load(source)
-    if gains:
-        return read(gains, problem)
-    design = solved(problem, solver, quiet)
-    if not design.built:
-        raise InfeasibleError(f"{source}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
-    return design
-
-
 def ran(design: "Design", quiet: bool) -> "Run":
     """Run of a design, with what is to be known of it before and after."""
     for warning in () if quiet else design.spec.starts_outside():
@@ -332,18 +342,6 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     from obsdesign.files import csv
 
     return csv(*run.table()), run.plot()
-
-
-def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:
-    """Figure of the points of a search."""
-    from obsdesign.files import write_whole
-    from obsdesign.plot import search_figure
-
-    figure = search_figure(result)
-    if figure is not None:
-        write_whole(path, figure)
-    elif not quiet:
-        typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
 
 
 def stem(path: str) -> str:

@@ -69,10 +69,19 @@ class Design(Outcome):
         return cls(**{**vars(outcome), **further}, spec=spec, **origin)
 
     @property
+    def path(self) -> str:
+        """File that it was read from, or that of its spec."""
+        return self.recorded.path if self.recorded else self.spec.path
+
+    @property
+    def proved(self) -> bool:
+        """Whether its claim holds."""
+        return self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
+
+    @property
     def guarantee(self) -> Guarantee | None:
         """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
-        proved = self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
-        return self.claim.guarantee(self.spec) if proved and self.claim else None
+        return self.claim.guarantee(self.spec) if self.proved and self.claim else None
 
     @property
     def observer(self) -> Observer:
@@ -144,6 +153,15 @@ class Design(Outcome):
         Raises `UsageError`: the folder does not exist or may not be written.
         """
         write_whole(os.fspath(path), self.text())
+
+    def plot_search(self, path: str) -> bool:
+        """Draw the points of its search as a PNG, at a path; False where there are none. Raises as `save`."""
+        from obsdesign.plot import search_figure
+
+        figure = search_figure(self.result)
+        if figure is not None:
+            write_whole(path, figure)
+        return figure is not None
 
     def text(self) -> bytes:
         """Result file as it is written, or as it was read; raises `UndecidedError` if a number is not finite."""
@@ -257,6 +275,7 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
         raise file.wrong("split", "is not how the equations of the spec are split")

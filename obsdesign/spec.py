@@ -209,9 +209,11 @@ class Spec(metaclass=Called):
         Raises `UsageError` if a nonlinearity has no f.
         """
         if self.typed:
-            driven = dict(zip(self.plant.exogenous, map(Expression.variable, plant.exogenous), strict=False))
+            taken = {"t", *plant.states, *self.inputs, *plant.outputs}
+            exogenous = tuple(free(name, taken) for name in plant.exogenous)
+            driven = dict(zip(self.plant.exogenous, map(Expression.variable, exogenous), strict=False))
             further = zip(plant.outputs[len(self.plant.outputs) :], driven.values(), strict=False)
-            made = self.typed.equations.substituted(driven, exogenous=plant.exogenous)
+            made = self.typed.equations.substituted(driven, exogenous=exogenous)
             return replace(made, outputs={**made.outputs, **dict(further)})
         width = len(plant.Cq)
         blocks: list[tuple[tuple[Expression, ...], int]] = []

@@ -11,15 +11,17 @@ from obsdesign.advice import advised
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding
-from obsdesign.families.outcome import Proof, Verdict
+from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load
+from obsdesign.simulate.comparison import Comparison
+from obsdesign.simulate.comparison import compare as compared
 from obsdesign.spec import Spec
 
-__all__ = ["check", "lipschitz", "load", "read", "solve", "verify"]
+__all__ = ["check", "compare", "lipschitz", "load", "read", "solve", "verify"]
 
 
 def require_spec(spec: object) -> None:
@@ -70,6 +72,51 @@ def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | N
         if (scaling or T) and not any("reason" in block for block in report["blocks"]):
             report["scaling"] = rescaled(spec, Engine(), None if T is None else [str(entry) for entry in T])
         return report
+
+
+def compare(
+    sources: Sequence[Design | Spec | str | os.PathLike[str]],
+    seeds: int = 10,
+    solver: str = "clarabel",
+    report: Report = lambda *_: None,
+) -> Comparison:
+    """Run several observers on one plant, with one input and the noise of so many seeds; of any families.
+
+    `sources`: designs, specs, which are solved first, or paths of spec and result files. Returns a comparison: `report`
+    (as `--json`), `plot(path)`, and a table as its text. Raises `UsageError`: their plants, or what acts on them,
+    differ; there are no gains; `InfeasibleError`: a spec has no solution.
+    """
+    if not sources:
+        raise UsageError("nothing to compare; give at least one design, spec or path")
+    return compared([trial(source, "", solver, report) for source in sources], seeds, report)
+
+
+def trial(
+    source: Design | Spec | str | os.PathLike[str],
+    gains: str = "",
+    solver: str = "clarabel",
+    report: Report = lambda *_: None,
+) -> Design:
+    """Design that is to be simulated: of a result file, or of a spec, with the gains of a file or solved first.
+
+    Raises `UsageError`: gains go with a spec; `InfeasibleError`: there are none.
+    """
+    if isinstance(source, Design):
+        return source
+    path = "" if isinstance(source, Spec) else os.fspath(source)
+    if path.endswith(".json"):
+        if gains:
+            raise UsageError(f"{path}: already a gains file; --gains goes with a spec")
+        return read(path)
+    problem = source if isinstance(source, Spec) else load(source)
+    if gains:
+        return read(gains, problem)
+    if not FAMILIES[problem.observer.type].proves:
+        return Design.of(problem, Outcome(Verdict.NO_GUARANTEE, form=problem.observer))
+    design = solve(problem, solver, report)
+    if not design.built:
+        raise InfeasibleError(f"{problem.path}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
+    return design
 
 
 def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:

@@ -1,4 +1,4 @@
-"""Observers without an LMI: what they rest on is proved or refuted, they run, and their files are believed no further."""
+"""Observers without an LMI: what they rest on is proved or refuted, they run, and their files are proved anew."""
 
 import json
 from pathlib import Path

@@ -68,6 +68,15 @@ class Expression:
     def __str__(self) -> str:
         return self.text
 
+    def __add__(self, other: "Expression") -> "Expression":
+        return Expression(self.root + other.root)
+
+    def __sub__(self, other: "Expression") -> "Expression":
+        return Expression(self.root - other.root)
+
+    def __mul__(self, other: "Expression") -> "Expression":
+        return Expression(self.root * other.root)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Expression) and self.text == other.text
 
@@ -141,15 +150,23 @@ class Expression:
 
         return value
 
+    def rows(self, arguments: Sequence[str]) -> Callable[[Array], Array]:
+        """Fast function of a table with one row for each argument, to a row (or a number, if it is constant).
+
+        It is NaN or infinite outside the domain, of which numpy warns.
+        """
+        return compiled(self.order, arguments, rows=True)
+
     def scalar(self, arguments: Sequence[str]) -> Callable[..., float]:
         """Fast function of plain floats; where math raises it answers as `function` does, NaN or infinite."""
         fast, careful = compiled(self.order, arguments), self.function(arguments)
 
         def value(*values: float) -> float:
             try:
-                return fast(values)
+                found: float = fast(values)
             except (ArithmeticError, ValueError):
-                return float(careful(*values))
+                found = float(careful(*values))
+            return found
 
         return value
 

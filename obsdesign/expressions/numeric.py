@@ -1,4 +1,4 @@
-"""Closures on plain floats, for the right-hand sides of differential equations.
+"""Closures on plain floats, or on rows of numbers, for the right-hand sides of differential equations.
 
 While a tree is compiled, an operand is a float (a constant), an int (the index of an argument), or a closure
 over the sequence of arguments; the forms below avoid a call for the first two.
@@ -6,31 +6,37 @@ over the sequence of arguments; the forms below avoid a call for the first two.
 
 import operator
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import pow
 from operator import itemgetter
+from typing import Any
 
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.functions import OPERATIONS
 from obsdesign.expressions.tree import Call, Node, fold
 
-Closure = Callable[[Sequence[float]], float]
+Closure = Callable[[Any], Any]  # from the sequence of arguments to the value: floats, or rows of them
 Operand = float | int | Closure
 
 
-def compiled(order: Sequence[Node], arguments: Sequence[str]) -> Closure:
-    """Closure of a tree; raises ArithmeticError or ValueError where math does."""
+def compiled(order: Sequence[Node], arguments: Sequence[str], *, rows: bool = False) -> Closure:
+    """Closure of a tree; raises ArithmeticError or ValueError where math does.
+
+    `rows`: of arguments that are rows of numbers; then it raises nothing, and is NaN or infinite where math raises.
+    """
     place = {name: i for i, name in enumerate(arguments)}
-    operand: Operand = fold(order, double, place.__getitem__, operation)
+    operand: Operand = fold(order, double, place.__getitem__, partial(operation, rows=rows))
     return closure(operand)
 
 
-def operation(node: Call, operands: list[Operand]) -> Operand:
+def operation(node: Call, operands: list[Operand], rows: bool) -> Operand:
     """Operand of an operation."""
-    if form := FORMS.get(node.operation):
-        return form(*operands)
-    scalar = OPERATIONS[node.operation].scalar
-    assert scalar is not None
-    function: Callable[..., float] = scalar
+    integer = node.operation == "**" and operands[1] in (2.0, 3.0)
+    if node.operation in FORMS and (not rows or node.operation in ARITHMETIC or integer):
+        return FORMS[node.operation](*operands)
+    rule = OPERATIONS[node.operation]
+    function = rule.array if rows else rule.scalar
+    assert function is not None
     match operands:
         case []:
             return function()
@@ -101,7 +107,7 @@ def gathered(
         return pair(head, *others)
     functions = [closure(operand) for operand in others]
 
-    def value(a: Sequence[float]) -> float:
+    def value(a: Any) -> Any:
         result = head(a)
         for f in functions:
             result = step(result, f(a))
@@ -142,4 +148,5 @@ def choice(condition: Operand, first: Operand, second: Operand) -> Closure:
     return lambda a: f(a) if c(a) != 0 else g(a)
 
 
+ARITHMETIC = ("+", "*", "/")  # which are the same for numbers and rows
 FORMS: dict[str, Callable[..., Closure]] = {"+": plus, "*": times, "/": over, "**": raised, "where": choice}

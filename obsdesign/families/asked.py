@@ -24,7 +24,7 @@ CALLED = {  # in other words
     **dict.fromkeys(
         ("l1", "peak-to-peak", "l-inf", "linfinity"), "is called linf here: it bounds the peak-to-peak gain"
     ),
-    **dict.fromkeys(("kalman", "ekf"), "is not designed here; l2 bounds the gain in energy from disturbance and noise"),
+    "kalman": "is called ekf here, to compare with; l2 bounds the gain in energy from disturbance and noise",
     **dict.fromkeys(("luenberger", "linear"), "is l2 here: without nonlinearities it is the observer of Luenberger"),
     **dict.fromkeys(("sampled", "sampled-data", "continuous-discrete"), "is called sporadic here"),
 }

@@ -34,7 +34,8 @@ class Family:
     observer.py   `observer`, `errors`
     table.py      `proved`, `figures`
 
-    A module is imported when it is first needed, so that a proof imports no solver.
+    Where nothing is proved, `request`, `check` and `observer` do. A module is imported when it is first needed, so that
+    a proof imports no solver.
     """
 
     names: tuple[str, ...]  # values of `observer.type`
@@ -43,6 +44,8 @@ class Family:
     unstructured: bool = False  # f acts on every state through every state, unless Bf and Cq are given
     sampled: bool = False  # y is known at instants only, and `simulation:` may say at which
     equations: bool = False  # the plant is taken as it is typed, not in matrices
+    matrices: bool = False  # .. or in matrices, where it is written so
+    proves: bool = True  # something can be proved of its observers; else they are there to compare with
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
     def part(self, name: str) -> Any:
@@ -87,10 +90,19 @@ class Family:
         seen = all(f.holds for f in found if f.name == "detectability")
         return [*found, *(frozen.findings(spec, self.demand(spec)) if seen else [])]
 
+    def require_claims(self, spec: "Spec") -> None:
+        """Refuse what nothing can be proved of; raises `UsageError`."""
+        if not self.proves:
+            from obsdesign.errors import Problem, UsageError
+
+            said = f"{spec.observer.type} has no guarantee: nothing is solved or proved; simulate and compare take it"
+            raise UsageError(spec.located(Problem(said, key="observer.type")))
+
     def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
         from obsdesign.families import frozen, reach
 
+        self.require_claims(spec)
         if self.equations:
             outcome: Outcome = self.part("design").design(spec, engine)
             return outcome
@@ -144,7 +156,7 @@ class Family:
 
     def report(self, spec: "Spec", form: Any, t: "Array", signals: "Mapping[str, Array]") -> dict[str, Any]:
         """Entries of the summary of a run on what an observer of this form depends on, from its own states."""
-        if not self.equations:
+        if not (self.equations and self.proves):
             return {}
         entries: dict[str, Any] = self.part("report").report(spec, form, t, signals)
         return entries

@@ -24,6 +24,7 @@ class Verdict(StrEnum):
     CERTIFIED = "certified"  # the claim is proved for the very gains
     UNCERTIFIED = "uncertified"  # there are gains, and the proof failed
     INFEASIBLE = "infeasible"
+    NO_GUARANTEE = "no guarantee"  # nothing can be proved of what runs
     REFUTED = "refuted"  # what the observer rests on is false
     UNDECIDED = (
         "undecided"  # no gains were found, and nothing says that there are none: no design ends so, but an error

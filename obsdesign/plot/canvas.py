@@ -132,7 +132,8 @@ def legend_below(figure: "Figure") -> None:
             if label not in own:
                 entries.setdefault(label, handle)
     if entries:
-        columns = -(-len(entries) // -(-len(entries) // MOST))
+        fitting = int(figure.get_figwidth() / (ENTRY + LETTER * max(map(len, entries))))
+        columns = -(-len(entries) // -(-len(entries) // max(1, min(MOST, fitting))))
         figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
 
 

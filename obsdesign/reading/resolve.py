@@ -112,7 +112,7 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
             return read_typed(reader, file.system)
         return read_equations(reader, file.system, sampled=sampled, constants=identity)
     plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
-    return in_equations(reader, plant) if typed else plant
+    return in_equations(reader, plant) if typed and family and not family.matrices else plant
 
 
 def read_observer(

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from obsdesign.simulate.run import Run
+from obsdesign.simulate.running import run
 from obsdesign.simulate.sampling import Sampling, Schedule
-from obsdesign.simulate.simulation import run
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
@@ -14,5 +14,5 @@ __all__ = ["Run", "Sampling", "Schedule", "run", "simulate"]
 
 
 def simulate(design: "Design", progress: Callable[[float], None] | None = None) -> Run:
-    """Simulate the plant of a design with its observer, against what is proved of it; see `simulation.run`."""
+    """Simulate the plant of a design with its observer, against what is proved of it; see `running.run`."""
     return run(design.spec, design.observer, design.guarantee, progress=progress)

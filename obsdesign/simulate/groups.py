@@ -78,15 +78,19 @@ class Terms(Group):
         rows, columns = (np.array([entry[k] for entry in found], dtype=int) for k in (0, 1))
         return rows, columns, vector_function([slope for _, _, slope in found], self.names)
 
+    @cached_property
+    def rows(self) -> list[Callable[[Array], Array]]:
+        """Each term as a function of a table."""
+        return [term.rows(self.names) for term in self.terms]
+
     def fill(self, X: Float) -> None:
-        """By closures on floats; a table by numpy."""
+        """By closures on floats, or on the rows of a table."""
         if X.ndim == 1:
             X[self.start : self.stop] = self.values(X[: self.start].tolist())
             return
-        place = {name: i for i, name in enumerate(self.names)}
-        for row, term in enumerate(self.terms, start=self.start):
-            names = sorted(term.names)
-            X[row] = term.function(names)(*(X[place[name]] for name in names))
+        with np.errstate(all="ignore"):
+            for row, term in enumerate(self.rows, start=self.start):
+                X[row] = term(X)
 
     def differentiate(self, X: Float, dX: Float) -> None:
         """Chain rule."""

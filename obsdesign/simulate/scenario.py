@@ -121,13 +121,19 @@ def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guara
 
     Raises `UsageError` if the law gives an interval that is not positive.
     """
-    intervals, loss, generator = (np.random.default_rng(s) for s in np.random.SeedSequence(simulation.seed).spawn(3))
+    intervals, loss, _ = map(np.random.default_rng, np.random.SeedSequence(simulation.seed).spawn(3))
     planned = schedule(sampling, simulation.horizon, intervals, loss)
     if guarantee is not None:
         proved = cast("SampledGuarantee", guarantee)
         planned = replace(planned, T1=proved.T1, T2=proved.T2)
-    eta = draw(simulation.noise, generator, (len(planned.received), len(acting.outputs)))
+    eta = measurement_noise(simulation, (len(planned.received), len(acting.outputs)))
     return replace(acting, schedule=planned, eta=eta)
+
+
+def measurement_noise(simulation: Simulation, size: tuple[int, int]) -> Array:
+    """Noise of each of K measurements, (K, ny), the same for the same seed."""
+    _, _, generator = map(np.random.default_rng, np.random.SeedSequence(simulation.seed).spawn(3))
+    return draw(simulation.noise, generator, size)
 
 
 def disturbance(spec: Spec, simulation: Simulation) -> tuple[tuple[Expression, ...], tuple[Expression, ...], str]:

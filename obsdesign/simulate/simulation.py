@@ -1,4 +1,4 @@
-"""Try an observer on the scenario of a spec."""
+"""Follow a plant and its observer from the start to the horizon."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,12 +10,9 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.simulate import exact
 from obsdesign.simulate.integrate import Flow, Segment, Tolerance, Trajectory, Vector, finite, integrate
-from obsdesign.simulate.record import Record
-from obsdesign.simulate.run import Run
 from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.scenario import received, scenario
 from obsdesign.simulate.sizes import sizes
-from obsdesign.simulate.summary import summarise
 from obsdesign.simulate.system import System
 from obsdesign.spec import Simulation, Spec
 
@@ -25,74 +22,38 @@ MANY = 100  # stretches in a run: they are short
 ATOL = 1e-12  # of the size of a state at the start
 
 
-def run(
+def system_of(
     spec: Spec,
+    simulation: Simulation,
     observer: Observer,
-    guarantee: Guarantee | None,
+    guarantee: Guarantee | None = None,
     sampling: Sampling | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Run:
-    """Simulate the plant of a spec with an observer, up to the horizon, or to an event, an escape or a stall.
-
-    The signals of the observer have the same names as those of the plant with its disturbance model. Without a
-    guarantee, what is proved of the observer, the bounds are left out. `sampling` says how measurements reach an
-    observer that jumps at each; None: as the spec says. `progress` is called now and then with the fraction done.
-
-    Raises `UsageError` if the spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or
-    measurements go back in time.
-    """
-    simulation = spec.simulation
-    if simulation is None:
-        raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation"))
+) -> System:
+    """Plant and observer in the scenario of a `simulation` section."""
     acting = scenario(spec, simulation, bool(observer.jump))
     if observer.jump:
         acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
-    system = System(acting, observer, spec.H.astype(float), guarantee)
-    start = initial(system, simulation, sampling)
-    if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
-        name, _, condition = reason.partition(": ")
-        raise UsageError(Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}"))
-    breaks = system.breaks()
-    trajectory = follow(system, start, breaks, simulation, progress)
-    record = Record(spec, system, breaks, trajectory)
-    return Run(
-        **vars(record.at_samples()),
-        steps=record.at_steps(),
-        spec=spec,
-        guarantee=guarantee,
-        schedule=acting.schedule,
-        states=acting.plant.states,
-        plant_states=acting.n,
-        exogenous=spec.plant.exogenous,
-        estimated=record.estimated,
-        outputs=acting.outputs,
-        status=trajectory.status,
-        time=trajectory.time,
-        left=record.left,
-        until=record.until,
-        summary=summarise(record),
-    )
+    return System(acting, observer, spec.H.astype(float), guarantee)
 
 
 def follow(
     system: System,
     start: Vector,
     breaks: list[tuple[float, float]],
-    simulation: Simulation,
-    progress: Callable[[float], None] | None,
+    samples: Vector,
+    progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Follow the flow and its jumps from the start to the horizon.
+    """Follow the flow and its jumps from the start to the horizon, with its state at some samples (N,), increasing.
 
     A linear plant whose inputs are constant in each of many stretches, between measurements, jumps or samples of noise,
     is solved by matrix exponentials, any other flow by LSODA.
     """
-    samples = np.linspace(0, simulation.horizon, simulation.points)
     stretches = list(system.scenario.stretches(breaks))
     many = bool(system.observer.jump) or len(stretches) > MANY
     affine = system.constant() if many else None
     if affine is not None:
         return exact.follow(system, affine, start, stretches, samples)
-    told = progress and (lambda t: progress(t / simulation.horizon))
+    told = progress and (lambda t: progress(t / system.scenario.horizon))
     flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch, system.stopped)
     segments = (
         Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))

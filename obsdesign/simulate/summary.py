@@ -13,6 +13,7 @@ from obsdesign.simulate.signals import jump_of, largest_rate, norm_to_infinity
 from obsdesign.simulate.validity import is_local, validity
 
 SETTLED = 0.01  # of the peak of |e|
+SHARES = {"t5": 0.05, "t1": 0.01}  # of the initial error of an estimate, by the name of the time at which it is reached
 
 
 def summarise(record: Record) -> dict[str, Any]:
@@ -25,6 +26,7 @@ def summarise(record: Record) -> dict[str, Any]:
         **(norms(record) if record.schedule is None else sampled_norms(record)),
         **checks(record),
         **convergence(record.course, record.acting.plant.states),
+        "settling": settling(record),
         **distances(record),
     }
 
@@ -160,14 +162,32 @@ def convergence(course: Course, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
+def settling(record: Record) -> dict[str, dict[str, float | None]]:
+    """Last times at which each estimate, of a state or of w, is off by more than 5 % and 1 % of its error at first."""
+    states = zip(record.acting.plant.states[: record.acting.n], record.e.T, strict=False)
+    inputs = zip((record.acting.inputs[i] for i in record.estimated), record.signals.w_error.T, strict=True)
+    return {
+        name: {key: last_above(record.t, e, share * abs(float(e[0]))) if e[0] else 0.0 for key, share in SHARES.items()}
+        for name, e in (*states, *inputs)
+    }
+
+
 def settling_time(t: Array, size: Array) -> float | None:
-    """Time after which |e| stays below 1 % of its peak, exponential between two steps."""
-    level = SETTLED * size.max()
-    above = np.flatnonzero(size > level)
+    """Time after which |e| stays below 1 % of its peak."""
+    return last_above(t, size, SETTLED * size.max())
+
+
+def last_above(t: Array, e: Array, level: float) -> float | None:
+    """Last time at which |e| is above a level, (N,) values at times t; None if it still is at the end.
+
+    Between two steps e is taken as exponential, as a straight line where it changes its sign.
+    """
+    above = np.flatnonzero(np.abs(e) > level)
     if not len(above):
         return float(t[0])
     last, after = above[-1], above[-1] + 1
-    if after == len(size):
+    if after == len(e):
         return None
-    low, high = np.log(np.maximum(size[[after, last]], 1e-300))
-    return float(t[after] - (t[after] - t[last]) * (np.log(level) - low) / (high - low))
+    values = e[[last, after]] * np.sign(e[last])
+    high, low, wanted = (*values, level) if values[1] <= 0 else np.log(np.maximum([*values, level], 1e-300))
+    return float(t[last] + (t[after] - t[last]) * (high - wanted) / (high - low))

@@ -161,18 +161,18 @@ class System:
         copied = [i for i, name in enumerate(acting.plant.states) if error(name) in self.copied]
         s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
-            return self.with_initial(s)
+            return self.with_initial(s, acting.held(0.0)[: len(self.silent)])
         X = self.program.run(0.0, s, self.silent)
         y, supposed = (
             self.program.places(names) for names in (self.observer.outputs, map(mismatch, self.observer.jump))
         )
         return np.concatenate((s, [0.0], X[y] - X[supposed]))
 
-    def with_initial(self, s: Vector) -> Vector:
-        """State with the further states of the observer where they begin: at functions of u and y at t = 0."""
+    def with_initial(self, s: Vector, held: Vector) -> Vector:
+        """State with the further states of the observer where they begin: at functions of u and noisy y at t = 0."""
         if not self.observer.initial:
             return s
-        X = self.program.run(0.0, s, self.scenario.held(0.0)[: len(self.silent)])
+        X = self.program.run(0.0, s, held)
         known = {"t": 0.0, **dict(zip(self.observer.outputs, X[self.program.places(self.seen)], strict=True))}
         known |= dict(zip(self.observer.inputs, X[self.program.places(self.observer.inputs)], strict=True))
         for name, side in self.observer.initial.items():

@@ -18,6 +18,8 @@ def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, st
             rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}")]
         elif key.endswith("_norm2") and value is not None:
             rows.append((key.replace("_", " "), f"{plain(value)}   over the run"))
+        elif key == "settling":
+            rows += [("settling", f"{name}: {settling_text(times)}") for name, times in value.items()]
         elif key == "validity":
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
@@ -36,6 +38,12 @@ def entries(values: Mapping[str, Any]) -> str:
 def shown(key: str, value: Any) -> str:
     """Value in a table; of what bounds a run an upper bound."""
     return at_most(value) if key in BOUNDS and value is not None else plain(value)
+
+
+def settling_text(times: Mapping[str, float | None]) -> str:
+    """When an estimate has come within 5 % and 1 % of its initial error for good, if it has."""
+    known = {key.removeprefix("t"): "not reached" if t is None else f"{t:.4g} s" for key, t in times.items()}
+    return ", ".join(f"{share} % {text}" for share, text in known.items()) + " (of the initial error)"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:

@@ -1,0 +1,99 @@
+"""What a spec asks of a filter: its weights, by matrix or by name."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from obsdesign.families.asked import Estimation, ObserverSection
+from obsdesign.lmi.formula import Array, in_floats
+from obsdesign.sections.document import Loc
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, MapOf, key, required, unknown
+from obsdesign.sections.values import Axis, Reader
+
+WEIGHT = Either("a number, a matrix, or a mapping of names to numbers", MATRIX, MATRIX, MATRIX, MapOf(ENTRY))
+
+
+class FilterSection(ObserverSection):
+    """Intensities of white noise that the filter supposes."""
+
+    Q: Entries | dict[str, str] | None = key(WEIGHT, "intensity of w: a number, a matrix, or one by name")
+    R: Entries | dict[str, str] = required(WEIGHT, "intensity of the noise of y: a number, a matrix, or one by name")
+    P0: Entries | dict[str, str] | None = key(WEIGHT, "covariance of x at first: likewise; default I")
+
+
+@dataclass(frozen=True)
+class FilterRequest:
+    """The same in numbers."""
+
+    type: str
+    Q: Array  # over what drives the augmented plant
+    R: Array  # (ny, ny)
+    P0: Array  # (n + nm, n + nm)
+    drive: ClassVar[str] = "w"
+    reconstruct: ClassVar[bool] = False
+    gains: ClassVar[None] = None
+
+
+def request(reader: Reader, section: FilterSection, problem: Estimation) -> FilterRequest:
+    """Weights, which must be symmetric and not negative, and that of y positive."""
+    plant, model = problem.plant, problem.generator
+    nv = None if model is None else model.Bm.shape[1]
+    if problem.typed and model is not None and model.Am.size:
+        said = f"type {section.type} takes it with a plant in matrices; add its states to system.dynamics"
+        reader.wrong(("disturbance",), said)
+    names: tuple[Sequence[str], ...] = ((), (), ())
+    if plant is not None:
+        names = plant.exogenous, plant.outputs, plant.states
+    if section.Q is None and nv:
+        reader.wrong(("observer", "Q"), "is required: how strong w is; a number, a matrix, or a mapping of names")
+    Q = read_weight(reader, section.Q, "Q", Axis(nv, "disturbance"), names[0], 0.0)
+    R = read_weight(reader, section.R, "R", problem.outputs, names[1], 0.0, positive=True)
+    P0 = read_weight(reader, section.P0, "P0", problem.states, names[2], 1.0)
+    return FilterRequest(section.type, Q, R, P0)
+
+
+def read_weight(
+    reader: Reader,
+    written: Entries | Mapping[str, str] | None,
+    what: str,
+    axis: Axis,
+    names: Sequence[str],
+    default: float,
+    *,
+    positive: bool = False,
+) -> Array:
+    """Weight over an axis, in doubles; a single number is a multiple of the identity."""
+    loc: Loc = ("observer", what)
+    size = axis.size or 0
+    if written is None:
+        return default * np.eye(size)
+    if isinstance(written, Mapping):
+        diagonal = np.full(size, default)
+        for name, text in written.items():
+            if name in names and names.index(name) < size:
+                diagonal[names.index(name)] = float(reader.number(text, (*loc, name), ">= 0"))
+            elif names:
+                reader.wrong((*loc, name), unknown("signal", name, tuple(names), {}), at_key=True)
+        found = np.diag(diagonal)
+    elif isinstance(written, str):
+        found = float(reader.number(written, loc, ">= 0")) * np.eye(size)
+    else:
+        found = in_floats(reader.matrix(reader.entries(written, loc), axis, axis))
+    if reader.clean(loc) and size:
+        require_weight(reader, found, loc, positive=positive)
+    return found
+
+
+def require_weight(reader: Reader, found: Array, loc: Loc, *, positive: bool) -> None:
+    """Refuse what is no covariance."""
+    least = float(np.linalg.eigvalsh(found)[0])
+    if (found != found.T).any():
+        reader.wrong(loc, "is not symmetric; a covariance is")
+    elif least < -1e-12 * np.abs(found).max() or (positive and least <= 0):
+        kind = "positive definite" if positive else "positive semidefinite"
+        reader.wrong(loc, f"has the eigenvalue {least:.4g}; it must be {kind}")
+
+
+SECTION = FilterSection

@@ -1,0 +1,112 @@
+"""Whether specs pose one problem, so that their observers can be compared: one plant, and what acts on it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from obsdesign.errors import Problem, UsageError
+from obsdesign.expressions import Expression, ExpressionError
+from obsdesign.expressions.algebra import identical
+from obsdesign.families import FAMILIES
+from obsdesign.spec import Simulation, Spec
+
+ZERO = Expression.number(0)
+LONGEST = 60  # characters of a value in a message
+Entry = tuple[str, str, Any]  # a key of a spec, what is meant there, its value; None: nothing is asked of it
+
+
+def one_problem(specs: Sequence[Spec]) -> list[Spec]:
+    """Return the specs; one that has no `simulation` with that of the first that has.
+
+    Raises `UsageError`: none has one, or two differ in the plant or in what acts on it.
+    """
+    tried = [spec for spec in specs if spec.simulation]
+    if not tried:
+        said = "is missing in every spec; a comparison needs a horizon, x0, and what acts on the plant"
+        raise UsageError(specs[0].located(Problem(said, key="simulation")))
+    first = next((spec for spec in tried if not FAMILIES[spec.observer.type].sampled), tried[0])
+    made = [spec if spec.simulation else adopted(spec, first) for spec in specs]
+    asked = list(entries(first))
+    for spec in made:
+        for (_, _, one), (key, what, other) in zip(asked, entries(spec), strict=False):
+            if None not in (one, other) and not same(one, other):
+                said = f"{what} is {shown(other)}, but {shown(one)} in {first.path}; a comparison needs one plant"
+                raise UsageError(spec.located(Problem(said, key=key)))
+    return made
+
+
+def adopted(spec: Spec, first: Spec) -> Spec:
+    """Spec with the simulation of another one, where its signals have the same names; its estimates start at zero."""
+    simulation = first.simulation
+    assert simulation
+    w = by_name(first, simulation)
+    found = replace(
+        simulation,
+        x0=np.array([value for _, value in sorted(starts(first), key=lambda pair: spec.plant.states.index(pair[0]))]),
+        xhat0=np.zeros(spec.augmented.n),
+        w=tuple(w.get(name, ZERO) for name in spec.plant.exogenous),
+        v=None,
+    )
+    return replace(spec, simulation=found)
+
+
+def entries(spec: Spec) -> Iterator[Entry]:
+    """What must be the same: names of signals, start, horizon, inputs, noise, right sides as they are driven."""
+    simulation = spec.simulation
+    assert simulation
+    plant = spec.equations(spec.plant)
+    for what, names in (("states", plant.states), ("inputs", plant.inputs), ("outputs", plant.outputs)):
+        yield f"system.{what}", f"the list of {what}", ", ".join(sorted(names)) or "empty"
+    yield "simulation.horizon", "the horizon", simulation.horizon
+    for name, value in sorted(starts(spec)):
+        yield "simulation.x0", f"{name}(0)", value
+    for name, side in sorted(zip(spec.inputs, simulation.u, strict=True)):
+        yield "simulation.u", name, side
+    yield from noises(spec, simulation)
+    yield "simulation.v", "v", ", ".join(side.text for side in simulation.v or ()) or "not given"
+    yield "disturbance", "the disturbance model", str(vars(spec.generator)) if simulation.v else None
+    sides, driven = dict(plant.sides()), by_name(spec, simulation)
+    inner = {name: sides[name] for name in (*plant.algebraic, *plant.outputs)}
+    for _ in inner:
+        sides = {name: side.substituted({k: e for k, e in inner.items() if k != name}) for name, side in sides.items()}
+    for name in (*sorted(plant.states), *sorted(plant.outputs)):
+        yield "system", f"{name}'" if name in plant.states else name, sides[name].substituted(driven)
+
+
+def starts(spec: Spec) -> list[tuple[str, float]]:
+    """Initial state of the plant."""
+    assert spec.simulation
+    return list(zip(spec.plant.states, map(float, spec.simulation.x0), strict=False))
+
+
+def by_name(spec: Spec, simulation: Simulation) -> Mapping[str, Expression]:
+    """Disturbances by the names that they have in the equations; none where v generates them."""
+    return dict(zip(spec.equations(spec.plant).exogenous, simulation.w or (), strict=False))
+
+
+def noises(spec: Spec, simulation: Simulation) -> Iterator[Entry]:
+    """What acts on the outputs, and how long it is held; it is not, where they are known at instants only."""
+    noise, ny = simulation.noise, len(spec.plant.outputs)
+    sizes = noise.amplitude if noise else np.zeros(ny)
+    for name, size in sorted(zip(spec.plant.outputs, sizes, strict=True)):
+        yield "simulation.noise", f"noise of {name}", f"{noise.type} {size:g}" if noise and size else "none"
+    held = noise is not None and not FAMILIES[spec.observer.type].sampled
+    yield "simulation.noise.period", "the period of the noise", noise.period if noise and held else None
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two values are equal, expressions identically."""
+    if isinstance(a, Expression) and isinstance(b, Expression) and a != b:
+        try:
+            return identical(a, b)
+        except ExpressionError:
+            return False
+    return bool(a == b)
+
+
+def shown(value: Any) -> str:
+    """Value in a message."""
+    text = f"{value:g}" if isinstance(value, float) else str(value) or "missing"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 2]}.."

@@ -1,0 +1,55 @@
+"""Observers side by side, as text."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+HEADER = ("observer", "type", "status", "order", "fastest 1/s", "estimate", "5 % s", "1 % s", "noise rms", "floor")
+NUMBERS = {"order", "fastest 1/s", "5 % s", "1 % s", "noise rms", "floor"}  # columns that are aligned to the right
+
+
+def comparison_table(report: Mapping[str, Any]) -> str:
+    """One row an estimate of each observer."""
+    rows = [row for observer in report["observers"] for row in rows_of(observer)]
+    low, high = report["window"]
+    seeds = len(report["seeds"])
+    notes = [
+        "5 %, 1 %: last time at which the error without noise is above that part of the initial one",
+        f"noise rms: what noise adds to the estimate, {low:.4g} to {high:.4g} s, mean of {seeds} seeds +- deviation",
+        "floor: rms of the error without noise there",
+        *(f"{one['label']}: {said_of(one)}" for one in report["observers"]),
+    ]
+    return "\n".join([*columns([HEADER, *rows]), "", *notes])
+
+
+def rows_of(observer: Mapping[str, Any]) -> list[Sequence[str]]:
+    """Rows of an observer; only the first says which it is."""
+    fastest = "-" if observer["fastest"] is None else f"{observer['fastest']:.4g}"
+    known: tuple[str, ...] = (observer["label"], observer["type"], observer["status"], str(observer["order"]), fastest)
+    rows: list[Sequence[str]] = []
+    for name, state in observer["states"].items():
+        times = [number(state[key], "never") for key in ("t5", "t1")]
+        spread = f" +- {state['noise_rms_std']:.1e}" if state["noise_rms"] else ""
+        rows.append((*known, name, *times, number(state["noise_rms"], "none") + spread, number(state["floor"], "none")))
+        known = ("",) * len(known)
+    return rows
+
+
+def number(value: float | None, missing: str) -> str:
+    """Number of a table."""
+    return missing if value is None else f"{value:.4g}"
+
+
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Aligned lines."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = [str.rjust if name in NUMBERS else str.ljust for name in rows[0]]
+    return [
+        "  ".join(side(cell, width) for side, cell, width in zip(sides, row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def said_of(observer: Mapping[str, Any]) -> str:
+    """What is proved of an observer, and whether its run reached the end."""
+    said = observer["claim"] or "no guarantee"
+    return said if observer["run"] == "done" else f"{said}; its run ended early: {observer['run']}"

@@ -1,0 +1,168 @@
+"""The command compare: several observers on one plant, of any families, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.commands import PNG, run
+
+import obsdesign as od
+
+PLANT = """obsdesign: 1
+name: {name}
+system:
+  inputs: [u]
+  disturbances: [push]
+  states: [angle, rate]
+  dynamics: {{angle: rate, rate: -sin(angle) - {damping}*rate + u + push}}
+  outputs: {{y: angle}}
+  domain: {{angle: [-2, 2], rate: [-3, 3], u: [-1, 1]}}
+  units: {{angle: rad, rate: rad/s}}
+observer: {observer}
+"""
+SIMULATION = """simulation:
+  horizon: 6
+  x0: [0.5, 0.2]
+  u: 0.3*sin(t)
+  w: ["0.1*cos(t)"]
+  noise: {type: uniform, amplitude: 0.01, period: 0.02}
+  seed: 3
+"""
+L2 = "{type: l2, alpha: 0.3, bounds: {L1: 20}}"
+EKF = "{type: ekf, Q: {push: 0.1}, R: 1.0e-4}"
+KKL = """
+  type: kkl
+  coordinates: [{name: xi, phi: rate - 4*angle, lambda: -4.1, B: -sin(y) - 16.4*y + u}]
+  left_inverse: {rate: xi + 4*y}"""
+KKL_PLANT = PLANT.replace("  disturbances: [push]\n", "").replace(" + push", "")
+STATE = {"t5", "t1", "noise_rms", "noise_rms_std", "floor"}
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def spec(name, observer, simulation=SIMULATION, plant=PLANT, damping="0.1"):
+    """Write a spec; its path."""
+    Path(f"{name}.yaml").write_text(plant.format(name=name, observer=observer, damping=damping) + simulation)
+    return f"{name}.yaml"
+
+
+def compared(*sources, seeds=3):
+    """Report of a comparison."""
+    outcome = run("compare", *sources, "--seeds", seeds, "--json", "-q")
+    assert outcome.exit_code == 0, outcome.output
+    return json.loads(outcome.stdout)
+
+
+def test_observers_with_and_without_an_lmi_are_compared_on_one_plant():
+    still = SIMULATION.replace("0.1*cos(t)", "0")
+    bare = still.replace('  w: ["0"]\n', "")
+    sources = [spec("l2", L2, still), spec("kkl", KKL, bare, KKL_PLANT), spec("filter", EKF, still)]
+    report = compared(*sources)
+    assert report["plant"] == {"name": "l2", "x0": [0.5, 0.2], "horizon": 6.0}
+    assert report["seeds"] == [3, 4, 5]
+    assert report["window"] == [1.0, 6.0]
+    assert [o["file"] for o in report["observers"]] == sources
+    assert [o["type"] for o in report["observers"]] == ["l2", "kkl", "ekf"]
+    assert [o["status"] for o in report["observers"]] == ["certified", "certified", "no guarantee"]
+    assert [o["order"] for o in report["observers"]] == [2, 1, 5]
+    assert [o["statement"] is None for o in report["observers"]] == [False, False, True]
+    for observer in report["observers"]:
+        assert set(observer["states"]) == {"angle", "rate"}
+        assert all(set(state) == STATE for state in observer["states"].values())
+    assert report["observers"][1]["fastest"] == pytest.approx(4.1)
+    assert report["observers"][1]["states"]["rate"]["t5"] == pytest.approx(np.log(20) / 4.1, rel=1e-4)
+    assert Path("compare.png").read_bytes().startswith(PNG)
+
+
+def test_a_spec_without_gains_is_solved_and_gains_are_taken_as_they_are():
+    source = spec("l2", L2)
+    assert run("solve", source, "-q").exit_code == 0
+    one, other = compared(source, "l2.gains.json")["observers"]
+    assert other["file"] == "l2.gains.json"
+    assert {**one, "file": "", "label": ""} == {**other, "file": "", "label": ""}
+
+
+def test_the_noise_is_that_of_single_runs():
+    source = spec("l2", L2)
+    report = compared(source, seeds=2)["observers"][0]["states"]["rate"]
+    design = od.solve(od.load(source))
+    quiet = design.simulate(noise=None, points=6001)
+    rms = []
+    for seed in (3, 4):
+        noisy = design.simulate(seed=seed, points=6001)
+        added = (noisy["hat_rate"] - quiet["hat_rate"])[noisy.t >= 1]
+        rms.append(np.sqrt(np.mean(added**2)))
+    assert report["noise_rms"] == pytest.approx(np.mean(rms), rel=2e-3)
+    assert report["noise_rms_std"] == pytest.approx(np.std(rms, ddof=1), rel=0.2)
+    assert report["floor"] == pytest.approx(np.sqrt(np.mean(quiet.e[quiet.t >= 1, 1] ** 2)), rel=2e-3)
+
+
+def test_a_run_without_noise_has_none():
+    report = compared(spec("l2", L2, SIMULATION.replace("0.01,", "0,")))["observers"][0]
+    assert {state["noise_rms"] for state in report["states"].values()} == {0.0}
+
+
+def test_a_spec_without_a_trial_takes_that_of_the_others():
+    first, other = compared(spec("l2", L2), spec("filter", EKF, ""))["observers"]
+    assert other["states"]["angle"]["noise_rms"] > 0
+    again = compared(spec("l2", L2), spec("filter", EKF))["observers"][1]
+    assert other["states"] == again["states"]
+    assert first["states"] != other["states"]
+
+
+def test_the_table_says_who_is_proved():
+    outcome = run("compare", spec("l2", L2), spec("filter", EKF), "--seeds", 1, "-o", "here.png")
+    assert outcome.exit_code == 0
+    lines = outcome.stdout.splitlines()
+    assert lines[0].split()[:2] == ["observer", "type"]
+    assert "filter: no guarantee" in lines
+    assert "no guarantee" in next(line for line in lines if line.startswith("filter "))
+    assert lines[-1] == "figure  here.png"
+    assert Path("here.png").exists()
+
+
+def test_python_has_it_too():
+    found = od.compare([spec("l2", L2), od.load(spec("filter", EKF))], seeds=1)
+    assert [o["type"] for o in found.report["observers"]] == ["l2", "ekf"]
+    assert found.plot("other.png") == Path("other.png").read_bytes()
+    with pytest.raises(od.UsageError, match="nothing to compare"):
+        od.compare([])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"damping": "0.2"}, "b.yaml:4:3: system: rate' is"),
+        ({"simulation": SIMULATION.replace("horizon: 6", "horizon: 7")}, "simulation.horizon: the horizon is 7, but 6"),
+        ({"simulation": SIMULATION.replace("0.5, 0.2", "0.5, 0")}, "simulation.x0: rate(0) is 0, but 0.2 in a.yaml"),
+        ({"simulation": SIMULATION.replace("0.3*sin", "0.2*sin")}, "simulation.u: u is"),
+        ({"simulation": SIMULATION.replace("0.1*cos", "0.2*cos")}, "rate' is"),
+        ({"simulation": SIMULATION.replace("0.01,", "0.02,")}, "simulation.noise: noise of y is uniform 0.02, but"),
+        ({"simulation": SIMULATION.replace("0.02}", "0.03}")}, "simulation.noise.period: the period of the noise is"),
+        ({"plant": PLANT.replace("{{y:", "{{z:")}, "system.outputs: the list of outputs is z, but y in a.yaml"),
+    ],
+)
+def test_what_is_another_problem_is_refused_in_one_line(change, said):
+    outcome = run("compare", spec("a", EKF), spec("b", EKF, **change))
+    assert outcome.exit_code == 2
+    assert said in outcome.stderr
+    assert outcome.stderr.count("\n") == 1
+    assert outcome.stderr.strip().endswith("a comparison needs one plant")
+    assert not Path("compare.png").exists()
+
+
+def test_the_same_plant_may_be_written_in_another_way():
+    other = PLANT.replace("-sin(angle) - {damping}*rate + u", "u - ({damping}*rate + 2*sin(angle/2)*cos(angle/2))")
+    assert len(compared(spec("a", EKF), spec("b", EKF, plant=other), seeds=1)["observers"]) == 2
+
+
+def test_no_trial_at_all_and_no_solution_are_told_apart():
+    outcome = run("compare", spec("a", EKF, ""), spec("b", EKF, ""))
+    assert (outcome.exit_code, "simulation: is missing in every spec" in outcome.stderr) == (2, True)
+    blind = PLANT.replace("{{y: angle}}", "{{y: 0*angle + t}}")
+    outcome = run("compare", spec("a", L2, plant=blind))
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (3, 1)
