@@ -261,7 +261,8 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
     proved = claim is not None and claim.holds
-    made = Design.of(spec, Outcome(Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED, gains, claim), recorded=file)
+    verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
+    made = Design.of(spec, Outcome(verdict, gains, claim, form=family.form(spec, file)), recorded=file)
     if proved:
         require_agreement(file, made.claimed(), spec)
     return made

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.commands import result_of, run
+from support.commands import run
 from support.shipped import SPECS, shipped, solved
 
 import obsdesign as od
+from obsdesign.expressions.algebra import identical
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -79,7 +80,7 @@ def test_what_is_printed_wrong_is_refuted_with_its_residual(name, words):
 def test_estimates_of_the_converter_settle_when_they_should(name, times):
     made = solved(name)[1].simulate(horizon=0.25, points=25001)
     found = last_above(made, "i1", 0.05), last_above(made, "i1", 0.01), last_above(made, "v4", 0.05)
-    assert found == pytest.approx(times, rel=0.02)
+    assert found == pytest.approx(times, rel=0.02, abs=0.05)  # they are known to .1 ms, or .01
 
 
 def test_a_filtered_gradient_converges_as_exp_of_the_cube_of_time():
@@ -94,10 +95,19 @@ def test_a_filtered_gradient_converges_as_exp_of_the_cube_of_time():
     assert np.log(error[early] / error[0]) == pytest.approx(-rate * t[early] ** 3, rel=0.03)
 
 
-def states_of(text, **changes):
-    """Estimates of i1 and v4 in a run of a spec."""
-    made = od.solve(od.load(text)).simulate(horizon=0.02, points=201, **changes)
-    return np.array([made["hat_i1"], made["hat_v4"]])
+def observer_of(text):
+    """Observer of a certified spec."""
+    design = od.solve(od.load(text))
+    assert design.status == "certified"
+    return design.observer
+
+
+def assert_same(one, other):
+    """Two observers with the same names whose equations are proved to be identical."""
+    assert one.dynamics.keys() == other.dynamics.keys()
+    for part in ("dynamics", "estimates"):
+        sides = getattr(one, part), getattr(other, part)
+        assert all(identical(sides[0][name], sides[1][name]) for name in sides[0])
 
 
 def test_a_coordinate_with_a_gain_is_immersion_and_invariance_with_this_gain():
@@ -110,15 +120,14 @@ def test_a_coordinate_with_a_gain_is_immersion_and_invariance_with_this_gain():
         "    - {name: c2, phi: v4, lambda: -G/C4, B: y2/C4}\n"
         "  left_inverse: {i1: c1 + g1*C2*y1, v4: c2}\n\n"
     )
-    assert states_of(head + kkl + tail) == pytest.approx(states_of(text), abs=1e-9)
+    assert_same(observer_of(head + kkl + tail), observer_of(text))
 
 
 @pytest.mark.parametrize("name", ["cuk-kkl", "cuk-proportional"])
-def test_an_observer_that_is_recast_has_the_same_estimates(name):
+def test_an_observer_that_is_recast_is_the_same(name):
     text = (SPECS / f"{name}.yaml").read_text().replace("  recast: immersion-invariance\n", "")
     recast = text.replace("\nsimulation:", "  recast: immersion-invariance\n\nsimulation:", 1)
-    assert od.solve(od.load(recast)).status == "certified"
-    assert states_of(recast) == pytest.approx(states_of(text), abs=1e-9)
+    assert_same(observer_of(recast), observer_of(text))
 
 
 def test_what_depends_on_a_run_is_told_of_it():
@@ -145,8 +154,9 @@ def test_found_coordinates_are_certified_and_read_from_the_file(kind):
     estimator = "" if kind == "kkl" else ", estimator: {alpha: 50, gamma: 4.0e-7}"
     section = f"observer: {{type: {kind}, coordinates: find{estimator}}}\n\n"
     text = text[: text.index("observer:")] + section + text[text.index("simulation:") :]
-    result = result_of(".", text, "found")
-    assert result["status"] == "certified"
+    Path("found.yaml").write_text(text)
+    assert run("solve", "found.yaml").exit_code == 0
+    result = json.loads(Path("found.gains.json").read_text())
     assert len(result["observer"]["coordinates"]) == 2
     assert run("verify", "found.gains.json").exit_code == 0
 

@@ -120,6 +120,10 @@ class Family:
         gains: Mapping[str, Array] = self.part("claim").read_gains(spec, file)
         return gains
 
+    def form(self, spec: "Spec", file: "ResultFile") -> Any:
+        """Observer of a result file that has no gains; None of a family whose observers have some."""
+        return self.part("claim").read_form(spec, file) if self.equations else None
+
     def claim(self, spec: "Spec", file: "ResultFile") -> "Claim":
         """Claim of a certified result file, checked with no solver."""
         claim: Claim = self.part("claim").read(spec, file)

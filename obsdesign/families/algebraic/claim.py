@@ -104,6 +104,8 @@ def built(plant: Plant, form: Form) -> Scheme:
 def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, every statement decided anew: what the file says of it must be what they say."""
     claim = Claim.of(spec, read_form(spec, file))
+    if claim.refuted:
+        return claim
     said = claim.written(spec, {})["guarantee"]
     found = file.table("guarantee")
     for name in said.keys() - {"rates"}:

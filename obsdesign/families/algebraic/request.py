@@ -184,7 +184,8 @@ def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) ->
         rate = texts.one(each.rate, (*loc, "lambda"), (*texts.outputs, *texts.inputs))
         B = texts.one(each.B, (*loc, "B"), (*texts.known, *earlier))
         found.append(Coordinate(texts.new(each.name, (*loc, "name")), phi, rate, B))
-    require_kind(reader, section.type, found)
+    if reader.clean(("observer", "coordinates")):
+        require_kind(reader, section.type, found)
     names = tuple(one.name for one in found)
     loc = ("observer", "left_inverse")
     inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*names, *texts.known))
@@ -196,7 +197,7 @@ def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) ->
         if not estimated:
             said = "estimates the constants of coordinates with lambda 0, and there are none; leave it out"
             reader.wrong(("observer", "estimator"), said, at_key=True)
-    elif estimated:
+    elif estimated and reader.clean(("observer", "coordinates")):
         said = f"is required: the constant of {', '.join(estimated)}, with lambda 0, must be estimated"
         reader.wrong(("observer", "estimator"), said)
     return Transformed(tuple(found), inverse, estimator, section.recast is not None)
