@@ -47,7 +47,7 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     says = [said(c) + cascade(form, c.B) for c in form.coordinates]
     says += ["the left inverse gives x"] if form.left_inverse else []
     depends = []
-    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated}
+    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not cascade(form, c.B)}
     if form.estimator and form.estimator.method == "proportional":
         found, more = attraction(plant, form, theta)
         statements, rates = [*statements, *found], {**rates, **more}
