@@ -1,6 +1,7 @@
 """Observers without an LMI: what they rest on is proved or refuted, they run, and their files are proved anew."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -300,3 +301,12 @@ def test_a_plant_whose_coordinates_are_found_is_estimated(name):
     assert design.status == "certified"
     summary = design.simulate().summary
     assert summary["final_error"] < 1e-4 * summary["initial_error"]
+
+
+def test_the_converter_of_readme_is_certified_and_runs():
+    blocks = re.findall(r"```yaml\n(.*?)```", (SPECS.parent / "README.md").read_text(), re.DOTALL)
+    (text,) = [block for block in blocks if "type: kkl+pebo" in block]
+    Path("converter.yaml").write_text(text)
+    outcome = run("solve", "converter.yaml", "--simulate")
+    assert outcome.exit_code == 0
+    assert "excitation" in outcome.stdout

@@ -372,7 +372,7 @@ def test_channels_of_w_have_names_in_a_plant_in_matrices_too():
 
 def test_the_equations_of_readme_solve_and_run(folder):
     blocks = re.findall(r"```yaml\n(.*?)```", (SPECS.parent / "README.md").read_text(), re.DOTALL)
-    (text,) = [block for block in blocks if "dynamics:" in block]
+    (text,) = [block for block in blocks if "dynamics:" in block and "type: l2" in block]
     (folder / "vehicle.yaml").write_text(text)
     outcome = run("solve", "vehicle.yaml", "--simulate", "--json")
     assert outcome.exit_code == 0, outcome.output
