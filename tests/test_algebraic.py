@@ -310,3 +310,34 @@ def test_the_converter_of_readme_is_certified_and_runs():
     outcome = run("solve", "converter.yaml", "--simulate")
     assert outcome.exit_code == 0
     assert "excitation" in outcome.stdout
+
+
+NOISY = {  # rms of the noise of the estimates of i1 (A) and v4 (V), over 20 seeds
+    "cuk-kkl": (5.7e-4, 7.9e-4),
+    "cuk-pebo": (2.3e-3, 5.2e-2),
+    "cuk-kkl-pebo": (2.3e-3, 7.9e-4),
+    "cuk-immersion": (7.9e-4, 7.9e-4),
+    "cuk-high-gain": (6.1e-4, 7.8e-4),
+    "cuk-high-gain-linear": (3.9e-4, 5.7e-3),
+}
+SET_POINT = "where(t < 0.2, 10, where(t < 0.4, 15, where(t < 0.6, 8, where(t < 0.8, 20, where(t < 1, 12, 6)))))"
+
+
+def noisy(name):
+    """A spec of the converter whose set point jumps five times, with noise that is held."""
+    text = (SPECS / f"{name}.yaml").read_text()
+    s = f"(G*{SET_POINT}*v2 + E*(i3 - i1))"
+    trial = (
+        f"simulation:\n  horizon: 1.2\n  x0: [1, -6, 20, -0.3]\n"
+        f'  u: "{SET_POINT}/({SET_POINT} + E) + lam*{s}/(1 + {s}**2)"\n'
+        "  noise: {type: uniform, amplitude: [0.02, 2.0e-4], period: 1.0e-4}\n"
+    )
+    return od.load(text[: text.index("simulation:")] + trial)
+
+
+@pytest.mark.slow
+def test_noise_of_the_estimates_of_the_converter():
+    report = od.compare([noisy(name) for name in NOISY], seeds=20).report
+    for each, known in zip(report["observers"], NOISY.values(), strict=True):
+        found = [each["states"][state]["noise_rms"] for state in ("i1", "v4")]
+        assert found == pytest.approx(known, rel=0.3), each["name"]

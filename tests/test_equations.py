@@ -51,6 +51,10 @@ def test_equations_say_what_the_matrices_of_a_spec_say(path):
         with pytest.raises(UsageError, match="has no `f`"):
             spec.equations(spec.augmented)
         return
+    if spec.typed:
+        written = spec.typed.equations
+        assert spec.equations(spec.augmented).dynamics == written.dynamics
+        return
     p = spec.augmented
     equations = spec.equations(p)
     random = np.random.default_rng(3)

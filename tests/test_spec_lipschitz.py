@@ -105,7 +105,7 @@ OTHERS = [
             ("injection", "sporadic"),
         )
     ),
-    asked("degree: 2", "degree", "not available in this version"),
+    asked("degree: 2", "degree", "does not belong to type lipschitz, but to kkl"),
     asked("relaxatoin: abbaszadeh", "relaxatoin", "did you mean relaxation?"),
     wrong(TYPE, "  type: lipshitz", "observer.type", "did you mean lipschitz?", place=(11, 9)),
     wrong(TYPE, "  type: l2\n  weight: 0.5", "observer.weight", "does not belong to type l2 or linf, but to lipschitz"),

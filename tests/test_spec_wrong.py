@@ -321,7 +321,7 @@ OTHER_TONGUES = [  # what is written so elsewhere is told in what is written her
     wrong(F, "    f: tanh(50*x2)", "nonlinearities[0].f", "unknown name 'x2'", "f is a function of q", "q = x2"),
     wrong("  type: l2", "  type: hinf", "observer.type", "is called l2 here"),
     wrong("  type: l2", "  type: H_infinity", "observer.type", "is called l2 here"),
-    wrong("  type: l2", "  type: Kalman", "observer.type", "is not designed here; l2"),
+    wrong("  type: l2", "  type: Kalman", "observer.type", "is called ekf here", "l2 bounds the gain"),
     wrong("  type: l2", "  type: Luenberger", "observer.type", "is l2 here"),
     wrong("  type: l2", "  type: high gain", "observer.type", "did you mean high-gain"),
     wrong(
