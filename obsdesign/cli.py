@@ -300,7 +300,7 @@ def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str
     """Summary of a run, and the files that it is in."""
     from obsdesign.tables.run import run_table
 
-    return run_table(summary, design.guarantee is not None, files)
+    return run_table(summary, bool(design.guarantee or (design.proved and design.form)), files)
 
 
 @contextmanager

@@ -34,6 +34,7 @@ class Observer:
     jump: Named = field(default_factory=dict)  # by the names of the states that a measurement changes
     initial: Named = field(default_factory=dict)  # of states that copy none, where not 0: of t, u and y at the start
     twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
+    proved: bool = False  # to estimate, by what bounds no run
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
 
     def __post_init__(self) -> None:

@@ -96,7 +96,8 @@ def heading(run: "Run") -> str:
         if run.summary[key] is not None:
             facts.append(f"{text} = {run.summary[key]:.4g}")
     if guarantee is None:
-        facts.append("no guarantee")
+        unproved = str(run.summary.get("bounds_omitted", "")).startswith("no guarantee")
+        facts.append("no guarantee" if unproved else "no bound is proved")
     else:
         facts += [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
     return titled(run, facts)

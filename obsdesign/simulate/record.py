@@ -152,6 +152,8 @@ class Record:
     @cached_property
     def uncovered(self) -> str:
         """Why no bound can be stated, or nothing."""
+        if self.guarantee is None and self.system.observer.proved:
+            return "what is proved of this observer is how it estimates without disturbance and noise, with no bound"
         if self.guarantee is None:
             return "no guarantee: nothing is proved of these gains with this plant"
         if self.acting.unmodeled:

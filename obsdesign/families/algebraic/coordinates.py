@@ -50,8 +50,9 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not cascade(form, c.B)}
     if form.estimator and form.estimator.method == "proportional":
         found, more = attraction(plant, form, theta)
-        statements, rates = [*statements, *found], {**rates, **more}
-        says.append("the estimates of theta decay to theta")
+        later = cascade(form, *(observer.dynamics[f"zeta_{name}"] for name in theta))
+        statements, rates = [*statements, *found], rates if later else {**rates, **more}
+        says.append(f"the estimates of theta decay to theta{later}")
     elif form.estimator:
         statements += regressions(plant, form.estimator, form.coordinates)
         exact = "exactly" if form.estimator.consistent else "up to an error that decays with the filters"

@@ -19,7 +19,8 @@ def observer(spec: Spec, form: Form) -> Observer:
 
     Raises `UsageError`: the simulation names a coordinate that there is none of.
     """
-    made = Claim.of(spec, form).scheme.observer
+    claim = Claim.of(spec, form)
+    made = replace(claim.scheme.observer, proved=claim.holds)
     if spec.simulation is None:
         return made
     begin = {name: Expression.number(value) for name, value in spec.simulation.xi0.items()}
