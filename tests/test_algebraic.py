@@ -341,3 +341,25 @@ def test_noise_of_the_estimates_of_the_converter():
     for each, known in zip(report["observers"], NOISY.values(), strict=True):
         found = [each["states"][state]["noise_rms"] for state in ("i1", "v4")]
         assert found == pytest.approx(known, rel=0.3), each["name"]
+
+
+@pytest.mark.parametrize(
+    ("alpha", "gamma", "swinging", "constant"),
+    [(1, 1, 4.78, 8.57), (5, 1, 3.38, 6.97), (1, 10, 1.47, 1.57), (5, 10, 0.73, 0.75), (20, 100, 0.115, 0.115)],
+)
+def test_an_exponential_drift_is_estimated_when_it_should(alpha, gamma, swinging, constant):
+    """Times after which |error| of x3 is below 1e-3, with u = -0.5 + 0.3 sin t and with u = -0.5; x2 takes ln 1000."""
+    text = shipped("exponential-drift").text
+    design = od.solve(od.load(text.replace("alpha: 5", f"alpha: {alpha}").replace("gamma: 10", f"gamma: {gamma}")))
+    for u, known in ((None, swinging), ("-0.5", constant)):
+        made = design.simulate(points=20001, **({"u": u} if u else {}))
+        error = abs(made["hat_x3"] - made["x3"])
+        assert made.t[np.flatnonzero(error > 1e-3)[-1]] == pytest.approx(known, rel=0.02, abs=0.006)
+        error = abs(made["hat_x2"] - made["x2"])
+        assert made.t[np.flatnonzero(error > 1e-3)[-1]] == pytest.approx(np.log(1000), rel=1e-3)
+
+
+def test_a_plant_that_escapes_stops_at_its_event():
+    made = solved("exponential-drift")[1].simulate(u="0.2", horizon=20, events={"escape": "x3 > 25"})
+    assert made.summary["status"] == "stopped"
+    assert made.summary["time"] == pytest.approx(9.5, rel=0.01)

@@ -107,7 +107,7 @@ def test_a_family_reads_its_own_section():
         ("{type: luenberger, poles: -2, speed: -1}", "speed", "give a number > 0"),
         ("{type: luenberger, poles: -2, alpha: 1}", "alpha", "does not belong to type luenberger, but to l2 or linf"),
         ("{type: l2, poles: -2}", "poles", "does not belong to type l2 or linf, but to luenberger"),
-        ("{type: luenbergr, poles: -2}", "type", "did you mean luenberger? allowed: l2, linf, sporadic, lipschitz, kkl"),
+        ("{type: luenbergr, poles: -2}", "type", "did you mean luenberger? allowed: l2, linf, sporadic, lipschitz"),
     ],
 )
 def test_what_is_wrong_with_its_section_is_answered_like_any_other(text, name, words):
