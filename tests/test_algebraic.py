@@ -172,6 +172,18 @@ def test_an_oscillator_has_a_coordinate_of_degree_three(degree, status, code):
     if code:
         assert result["diagnosis"]["missing"] == ["x2"]
         assert "no coordinate was found that gives x2; searched: sums of products" in outcome.stdout
+        assert "empirical" not in result["diagnosis"]  # there is no bounded domain to fit one on
+
+
+def test_where_no_coordinate_is_found_a_fitted_observer_is_told_as_empirical():
+    text = PLANT % "{type: kkl, coordinates: find, degree: 2}"
+    text = text.replace("  outputs: {y: x1}\n", "  outputs: {y: x1}\n  domain: {x1: [-3, 3], x2: [-3, 3]}\n")
+    Path("vdp.yaml").write_text(text)
+    outcome = run("solve", "vdp.yaml")
+    assert outcome.exit_code == 3
+    assert "empirical, no guarantee: rms error on runs that were not fitted" in outcome.stdout
+    numeric = json.loads(Path("vdp.gains.json").read_text())["diagnosis"]["empirical"]
+    assert numeric["errors"]["x2"]["transient"] < 1e-2
 
 
 # Files, and what is written wrong

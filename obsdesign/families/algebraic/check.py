@@ -18,7 +18,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
         assert spec.typed
         form, found, missing = sought(spec.typed, form)
         if form is None:
-            return [finding("coordinates", False, not_found(found, missing)["reason"], decides=True)]
+            return [finding("coordinates", False, not_found(spec, found, missing)["reason"], decides=True)]
     assert form is not None
     return [
         finding(

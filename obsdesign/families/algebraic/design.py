@@ -3,7 +3,9 @@
 from typing import Any
 
 from obsdesign.dissipation.engine import Engine
+from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.algebraic.claim import Claim
+from obsdesign.families.algebraic.empirical import Empirical, fit
 from obsdesign.families.algebraic.find import Found
 from obsdesign.families.algebraic.forms import Sought
 from obsdesign.families.algebraic.found import sought
@@ -25,7 +27,7 @@ def design(spec: Spec, engine: Engine) -> Outcome:
         engine.report(0.1, "coordinates")
         form, found, missing = sought(spec.typed, form)
         if form is None:
-            return Outcome(Verdict.INFEASIBLE, diagnosis=not_found(found, missing))
+            return Outcome(Verdict.INFEASIBLE, diagnosis=not_found(spec, found, missing))
         notes = (found.sentence, *found.remarks)
     engine.report(0.5, "statements")
     claim = Claim.of(spec, form)
@@ -44,19 +46,36 @@ def diagnosis(claim: Claim) -> dict[str, Any]:
     return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
 
 
-def not_found(found: Found, missing: tuple[str, ...]) -> dict[str, Any]:
-    """States that no coordinates of the ansatz give, or constants that no regression holds."""
+def not_found(spec: Spec, found: Found, missing: tuple[str, ...]) -> dict[str, Any]:
+    """States that no coordinates of the ansatz give, or constants that no regression holds; and a fitted observer."""
     reason = found.sentence
     if not found.missing:
-        reason = (
-            f"no derivative of an output is linear in the constant of {', '.join(missing)}, so nothing estimates it"
-        )
+        names = ", ".join(missing)
+        reason = f"no derivative of an output is linear in the constant of {names}, so that nothing estimates it"
+    numeric = fitted(spec) if found.missing else None
+    told = [
+        WIDER,
+        *found.remarks,
+        *([f"filters whose inverse is fitted are an observer, {numeric.sentence}"] if numeric else []),
+    ]
     return {
         "condition": "coordinates",
         "reason": reason,
         "missing": list(missing),
         "feasible": {},
-        "suggestion": "; ".join(
-            ["try observer.functions, a larger observer.degree, or observer.lambdas", *found.remarks]
-        ),
+        "suggestion": "; ".join(told),
+        **({"empirical": numeric.written()} if numeric else {}),
     }
+
+
+def fitted(spec: Spec) -> Empirical | None:
+    """Filters with a fitted inverse; None where the plant gives no bounded domain to fit it on."""
+    assert spec.typed
+    inputs = spec.typed.equations.inputs
+    u = dict(zip(inputs, spec.simulation.u, strict=True)) if spec.simulation else {}
+    if len(u) < len(inputs):
+        return None
+    try:
+        return fit(spec.typed, u)
+    except (UsageError, UndecidedError):
+        return None

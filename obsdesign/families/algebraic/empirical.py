@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations_with_replacement
 from math import comb, prod
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -62,6 +63,14 @@ class Empirical:
             f"{name}: {e.transient:.2g} in the transient, {e.settled:.2g} settled" for name, e in self.errors.items()
         )
         return f"empirical, no guarantee: rms error on runs that were not fitted, relative to the spread; {each}"
+
+    def written(self) -> dict[str, Any]:
+        """Entry of a diagnosis."""
+        return {
+            "dynamics": {name: side.text for name, side in self.dynamics.items()},
+            "left_inverse": {name: side.text for name, side in self.left_inverse.items()},
+            "errors": {name: {"transient": e.transient, "settled": e.settled} for name, e in self.errors.items()},
+        }
 
 
 @dataclass(frozen=True)
