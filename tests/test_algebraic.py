@@ -375,3 +375,16 @@ def test_a_plant_that_escapes_stops_at_its_event():
     made = solved("exponential-drift")[1].simulate(u="0.2", horizon=20, events={"escape": "x3 > 25"})
     assert made.summary["status"] == "stopped"
     assert made.summary["time"] == pytest.approx(9.5, rel=0.01)
+
+
+@pytest.mark.parametrize(("inverse", "words"), [("sqrt(xi)*sqrt(xi)", "xi >= 0"), ("exp(log(xi))", "xi > 0")])
+def test_a_left_inverse_that_has_no_value_on_a_part_of_the_domain_is_refuted(inverse, words):
+    text = f"""obsdesign: 1
+system: {{dynamics: {{x: -x, z: 0}}, outputs: {{y: z}}, domain: {{x: [%s, 1]}}}}
+observer: {{type: kkl, coordinates: [{{name: xi, phi: x, lambda: -1, B: 0}}], left_inverse: {{x: {inverse}}}}}
+"""
+    for low, code in (("-1", 3), ("0.1", 0)):
+        Path("branch.yaml").write_text(text % low)
+        outcome = run("solve", "branch.yaml")
+        assert outcome.exit_code == code, outcome.output
+        assert words in outcome.stdout or not code

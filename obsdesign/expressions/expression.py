@@ -119,6 +119,20 @@ class Expression:
         calls = [node for node in self.order if isinstance(node, Call) and node.operation == "/"]
         return [Expression(node.arguments[1]) for node in calls if not isinstance(node.arguments[1], Number)]
 
+    def requirements(self) -> list[tuple["Expression", bool]]:
+        """What must not be negative for it to have a value, beside its divisors, and whether it must be positive."""
+        found = []
+        for node in self.order:
+            if isinstance(node, Call) and node.operation in {"sqrt", "log"}:
+                found.append((Expression(node.arguments[0]), node.operation == "log"))
+            elif isinstance(node, Call) and node.operation in {"asin", "acos"}:
+                found.append((Expression(number(1) - node.arguments[0] ** number(2)), False))
+            elif isinstance(node, Call) and node.operation == "**":
+                base, exponent = node.arguments
+                if not (isinstance(exponent, Number) and exponent.value.q == 1 and exponent.value > 0):
+                    found.append((Expression(base), not (isinstance(exponent, Number) and exponent.value > 0)))
+        return found
+
     def summands(self) -> list[tuple[fmpq, "Expression"]]:
         """Terms c e of a sum, with c a number and e no sum; the e of a number is 1."""
         return [(c, Expression(node)) for c, node in summands(self.root, fmpq(1))]

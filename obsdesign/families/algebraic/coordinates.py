@@ -21,7 +21,6 @@ from obsdesign.families.algebraic.immersion import by_default
 from obsdesign.families.algebraic.scheme import (
     ZERO,
     Excitation,
-    Nonzero,
     Plant,
     Scheme,
     Statement,
@@ -31,6 +30,7 @@ from obsdesign.families.algebraic.scheme import (
     multiplied,
     scaled,
     slope,
+    values,
 )
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
@@ -96,8 +96,8 @@ def coordinate(plant: Plant, c: Coordinate, phi: dict[str, Expression]) -> list[
     found: list[Statement] = [Identity(name, residual)]
     if not c.estimated:
         found.append(Negative(decays(c), rate))
-    for side in (c.rate, c.B):
-        found += [Nonzero(f"{c.name}: {d} is not 0", plant.on(d, phi)) for d in side.divisors()]
+    for side in (c.phi, c.rate, c.B):
+        found += values(plant, c.name, side, phi)
     return found
 
 
@@ -111,6 +111,8 @@ def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordi
         sides = [multiplied(plant.on(m, xi), value[name]) for name, m in each.m.items()]
         residual = less(plant.along(plant.outputs[each.output]), plant.on(each.known, xi), *sides)
         terms = " + ".join(f"({m}) {'exp(theta)' if n in estimator.powers else 'theta'}" for n, m in each.m.items())
+        for side in (each.known, *each.m.values()):
+            found += values(plant, f"regression {k}", side, xi)
         found.append(Identity(f"regression {k}: d/dt {each.output} = {each.known} + {terms}", residual))
     return found
 

@@ -85,24 +85,27 @@ class Identity:
 
 @dataclass(frozen=True)
 class Negative:
-    """A function that must be below zero on the whole domain."""
+    """A function that must be below zero on the whole domain, or at most zero."""
 
     name: str
     value: Expression
+    strict: bool = True
 
     def decided(self, domain: Domain) -> Verdict:
         """Whether it is, with a bound on its supremum."""
         names = sorted(self.value.names)
         box = {name: outward(domain.get(name, EVERYWHERE)) for name in names}
-        found = supremum(self.value.enclose, box, WORK, target=-np.finfo(float).tiny if names else None)
-        if found.bound < 0:
+        target = (-np.finfo(float).tiny if self.strict else 0.0) if names else None
+        found = supremum(self.value.enclose, box, WORK, target=target)
+        if found.bound < 0 or (found.bound == 0 and not self.strict):
             tight = supremum(self.value.enclose, box, WORK)
             return Verdict(self.name, Answer.PROVED, bound=tight.bound)
+        wanted = "below 0" if self.strict else "at most 0"
         for point in points(self.value, domain):
             value = at(self.value, point)
-            if value is not None and value.is_finite() and value >= 0:
+            if value is not None and value.is_finite() and (value >= 0 if self.strict else value > 0):
                 shown = short(simplified(self.value))
-                return Verdict(self.name, Answer.REFUTED, shown, point, "below 0", float(value.mid()))
+                return Verdict(self.name, Answer.REFUTED, shown, point, wanted, float(value.mid()))
         return Verdict(self.name, Answer.OPEN, short(self.value))
 
 

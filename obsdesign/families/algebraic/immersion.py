@@ -16,7 +16,18 @@ from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import Immersion
 from obsdesign.families.algebraic.identity import Identity, Negative
-from obsdesign.families.algebraic.scheme import ZERO, Plant, Scheme, Statement, added, inverses, less, multiplied, slope
+from obsdesign.families.algebraic.scheme import (
+    ZERO,
+    Plant,
+    Scheme,
+    Statement,
+    added,
+    inverses,
+    less,
+    multiplied,
+    slope,
+    values,
+)
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
@@ -31,6 +42,7 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     estimates = {name: estimates[name] for name in plant.dynamics}
     dynamics = form.dynamics or by_default(plant, form, estimates)
     statements = inverses(plant, form.left_inverse, phi)
+    statements += [one for side in form.phi for one in values(plant, "phi", side)]
     statements += [invariance(plant, form, dynamics, estimates, i) for i in range(len(form.phi))]
     errors, rates = attraction(plant, form)
     statements += errors

@@ -120,7 +120,7 @@ def scaled(c: fmpq, e: Expression) -> Expression:
 
 
 def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Statement]:
-    """Statements that a left inverse gives every state back, and divides by nothing that vanishes on the domain.
+    """Statements that a left inverse gives every state back, and has a value on the whole domain.
 
     `transformed`: the coordinates in terms of the states.
     """
@@ -128,8 +128,16 @@ def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Stat
     for name, side in left_inverse.items():
         back = plant.on(side, transformed)
         found.append(Identity(f"left inverse of {name}: {side} = {name}", less(back, Expression.variable(name))))
-        found += [
-            Nonzero(f"left inverse of {name}: {divisor} is not 0", plant.on(divisor, transformed))
-            for divisor in side.divisors()
-        ]
+        found += values(plant, f"left inverse of {name}", side, transformed)
+    return found
+
+
+def values(plant: Plant, what: str, side: Expression, transformed: Named | None = None) -> list[Statement]:
+    """Statements that an expression has a value at every point of the domain: divisors, roots, logarithms, arcs."""
+    found: list[Statement] = [
+        Nonzero(f"{what}: {divisor} is not 0", plant.on(divisor, transformed)) for divisor in side.divisors()
+    ]
+    for least, strict in side.requirements():
+        value = scaled(fmpq(-1), plant.on(least, transformed))
+        found.append(Negative(f"{what}: {least} {'>' if strict else '>='} 0", value, strict))
     return found
