@@ -125,9 +125,10 @@ class Designer:
         if math.isinf(made.gamma):
             return self.infeasible(study, *self.lowest)
         goal = study.target(made.level)
-        if made.certificate and made.certificate.holds and float(made.certificate.gamma) > goal:
+        proof = made.certificate if self.request.objective == "min-gamma" else None
+        if proof and proof.holds and float(proof.gamma) > goal:
             self.notes.append(
-                f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is nearest"
+                f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is the nearest found"
             )
         return self.shipped(study, made, self.limit_of(made, *self.lowest), *self.lowest)
 
@@ -148,7 +149,9 @@ class Designer:
         Raises `UndecidedError`: there is a limit, and no gains were found near it.
         """
         if made.status == "undecided":
-            self.undecided(study, f"no gain was proved at any gamma, whose limit seems to be {made.level:g}", T2, decay)
+            self.undecided(
+                study, f"no gain was found with a proof; the limit of gamma seems to be {made.level:g}", T2, decay
+            )
         diagnosis = wider(study, made.diagnosis, T2, decay) if made.diagnosis else {}
         if diagnosis.get("condition") == "bounds":
             return judged(diagnosis, decided=True, limit=limit)

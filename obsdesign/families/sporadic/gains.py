@@ -187,12 +187,13 @@ def smallest(
     return second if second and second.size < first.size else first
 
 
-def closest(bounded: Callable[[float], Landscape], T2: float, begin: float) -> Iterator[Candidate]:
-    """Gains within larger and larger bounds on |L| until gamma settles, the least gamma first."""
+def closest(
+    bounded: Callable[[float], Landscape], T2: float, begin: float, largest: float = math.inf
+) -> Iterator[Candidate]:
+    """Gains within larger and larger bounds on |L|, up to the largest, until gamma settles; the least gamma first."""
     found: list[Candidate] = []
-    for kappa in begin * WIDER ** np.arange(STRIDES // 2):
-        landscape = bounded(float(kappa))
-        candidate = within(landscape, T2, found[-1].delta * T2 if found else None)
+    for kappa in (float(k) for k in begin * WIDER ** np.arange(STRIDES // 2) if k <= largest):
+        candidate = within(bounded(kappa), T2, found[-1].delta * T2 if found else None)
         if candidate is None or candidate.size > kappa * (1 + NEAR):
             continue
         if found and candidate.gamma > (1 - SETTLED) * found[-1].gamma:

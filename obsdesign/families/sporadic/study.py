@@ -42,6 +42,7 @@ ROOM = 2e-3  # of gamma, left to the rounding of the gains
 STRIDES = 10  # between bounds on |L|, from one that does not do, until one does
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero, beside its size by the data
 Point = dict[str, Any]
+Attempt = tuple[Gains | None, SporadicCertificate | None]
 
 
 @dataclass(frozen=True)
@@ -229,18 +230,19 @@ class Study:
                 gains, certificate = second
         return replace(made, gains=gains, certificate=certificate)
 
-    def proved(
-        self, chosen: Candidate | None, T2: fmpq, decay: fmpq, target: float
-    ) -> tuple[Gains | None, SporadicCertificate | None]:
+    def proved(self, chosen: Candidate | None, T2: fmpq, decay: fmpq, target: float) -> Attempt:
         """Chosen gains with their proof; where there are none, or it fails, the nearest with one, or any attempt."""
         first = (reaching(self.setting, chosen, T2, decay, target, self.kappa),) if chosen else ()
-        begin = float(np.linalg.norm(self.setting.family(0.0).plant.A, 2)) or 1.0
-        bounded = partial(self.landscape, self.scheme.gains, float(decay))
-        others = closest(bounded, float(T2), begin) if self.kappa is None else ()
-        made: tuple[Gains | None, SporadicCertificate | None] = (None, None)
-        for attempt in chain(first, (reaching(self.setting, c, T2, decay, c.gamma, None) for c in others)):
-            made = made if made[0] and not attempt[1] else attempt
-            if made[1] and made[1].holds:
+        most = self.kappa or math.inf
+        begin = min(float(np.linalg.norm(self.setting.family(0.0).plant.A, 2)) or 1.0, most)
+        others = closest(partial(self.landscape, self.scheme.gains, float(decay)), float(T2), begin, most)
+        made: Attempt = (None, None)
+        least = math.inf
+        for attempt in chain(first, (reaching(self.setting, c, T2, decay, c.gamma, self.kappa) for c in others)):
+            found = float(attempt[1].gamma) if attempt[1] and attempt[1].holds else math.inf
+            if found < least or not made[0]:
+                made, least = attempt, found
+            if least < MODERATE * target or (not first and least < math.inf):
                 break
         return made
 
