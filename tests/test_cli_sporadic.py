@@ -5,6 +5,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -268,7 +269,132 @@ def test_an_extreme_spec_is_answered_without_a_traceback(old, new):
         assert content_of("extreme.gains.json")["diagnosis"]["reason"]
 
 
+PENDULUM = """
+obsdesign: 1
+name: Pendulum
+system: {A: [[0, 1], [0, -.1]], B: [0, 1], C: [1, 0]}
+nonlinearities: [{f: 9.81*sin(q), type: {slope: [-9.81, 9.81]}, Bf: [0, 1], Cq: [1, 0]}]
+observer: {type: sporadic, T1: .5, T2: 1.5, decay: .5}
+"""
+
+
+def changed(*pairs):
+    """The pendulum with other texts."""
+    text = PENDULUM
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+STIFF = changed(("[0, -.1]", "[-9.81, -.1]"), ("9.81*", ".01*"), ("[-9.81, 9.81]", "[-.01, .01]"), ("1.5", ".9"))
+SOFT = changed(
+    ("[0, -.1]", "[0, .1]"),
+    ("9.81", ".5"),
+    ("T1: .5, T2: 1.5, decay: .5", "T1: .05, T2: .2, decay: .1, bounds: {L: .3}"),
+)
+KEYS = {"T2 at most": "T2", "decay at most": "decay", "|L| up to": "L", "gamma up to": "gamma"}
+
+
+@pytest.mark.parametrize("text", [PENDULUM, STIFF, SOFT], ids=["pendulum", "stiff", "soft"])
+def test_what_is_suggested_is_certified_when_it_is_followed(text):
+    Path("asked.yaml").write_text(text)
+    assert run("solve", "asked.yaml", "-q").exit_code == 3
+    advice = content_of("asked.gains.json")["diagnosis"]["suggestion"].split(", or ")
+    followed = 0
+    for part in advice:
+        for words, key in KEYS.items():
+            if found := re.search(re.escape(words) + r" ([0-9.e-]+)", part):
+                new = re.sub(rf"\b{key}: [0-9.]+", f"{key}: {found[1]}", text)
+                if key == "T2" and float(found[1]) < 0.5 and "T1: .5" in text:
+                    assert "T1, which is 0.5, no longer than T2" in part
+                    new = new.replace("T1: .5", f"T1: {found[1]}")
+                assert new != text
+                Path("followed.yaml").write_text(new)
+                assert run("solve", "followed.yaml", "-q").exit_code == 0, part
+                followed += 1
+    assert followed
+    assert "ask for a smaller T2" not in advice
+
+
+def test_where_no_gamma_is_found_the_advice_is_tried():
+    Path("edge.yaml").write_text(changed(("T1: .5, T2: 1.5", "T1: .05, T2: .1322")))
+    outcome = run("solve", "edge.yaml")
+    assert outcome.exit_code == 4
+    T2 = re.search(r"ask for T2 at most ([0-9.]+)", outcome.stderr)[1]
+    Path("edge.yaml").write_text(changed(("T1: .5, T2: 1.5", f"T1: .05, T2: {T2}")))
+    assert run("solve", "edge.yaml", "-q").exit_code == 0
+
+
+FULL = "system: {A: [[0, 1], [%s, -1]], B: [0, 1], C: [[1, 0], [0, 1]]}\nobserver: {type: sporadic, T1: .1, %s}"
+LAGS = "system: {A: [[0, 1], [-1, -1]], B: [0, 1], C: [1, 0]}\n"
+LAGS += "nonlinearities: [{f: .3*sin(q), type: {lipschitz: .3}, Bf: [0, 1], Cq: [1, 0]}]\n"
+APART = "system: {A: [[1, 0], [0, -2]], B: [0, 1], C: [1, 0]}\nperformance: {H: [[1, 0]]}\n"
+TIMES = "observer: {type: sporadic, T1: .05, T2: .1%s}"
+MOTOR = """
+system:
+  A: [[0, 1, 0, 0], [0, -1, 500, -10000], [0, -50, -1000, 0], [0, 0, 0, -.1]]
+  B: [0, 0, 0, 1]
+  C: [[1, 0, 0, 0], [0, 0, 1, 0]]
+nonlinearities: [{f: tanh(q), type: tanh, Bf: [0, -200, 0, 0], Cq: [0, 50, 0, 0]}]
+performance: {H: [[0, 0, 0, 1]]}
+observer: {type: sporadic, T1: .0005, T2: .0005, decay: 1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "most"),
+    [
+        (FULL % (0, "T2: .2"), 0.2245),
+        (FULL % (-1, "T2: .1, decay: .1"), 0.15),
+        (LAGS + TIMES % ", injection: predictor", 0.3),
+        (APART + TIMES % "", 1e-3),
+        (APART + TIMES % ", bounds: {L: 10}", 100),
+        (MOTOR, 0.05),
+    ],
+    ids=["every state", "periodic", "predictor", "no gain", "no gain within a bound", "motor"],
+)
+def test_where_gains_grow_without_bound_the_best_that_is_proved_is_shipped_and_said_so(text, most):
+    Path("near.yaml").write_text(f"obsdesign: 1\nname: near\n{text}\n")
+    outcome = run("solve", "near.yaml")
+    assert outcome.exit_code == 0, outcome.output
+    guarantee = content_of("near.gains.json")["guarantee"]
+    assert guarantee["gamma"] <= most
+    reached = guarantee.get("limit_bounded", guarantee["limit"])["gamma"]
+    missed = guarantee["gamma"] > max(1.05 * reached, 1e-6) * (1 + 1e-9)
+    assert missed == ("all that the slack allows" in outcome.stdout)
+    assert run("verify", "near.gains.json", "-q").exit_code == 0
+
+
 # check and verify
+
+
+def test_check_looks_at_the_ends_of_the_types_for_intervals_that_hide_modes():
+    Path("asked.yaml").write_text(PENDULUM)
+    outcome = run("check", "asked.yaml")
+    assert outcome.exit_code == 3
+    assert "at the slope -9.81 of f1, which the types allow, measurements every T = 1.00316" in outcome.stdout
+    Path("asked.yaml").write_text(changed(("T2: 1.5", "T2: .9")))
+    outcome = run("check", "asked.yaml")
+    assert "no interval up to T2 = 0.9 hides the difference of two modes with f = K q at the ends" in outcome.stdout
+
+
+def test_no_step_is_told_to_be_longer_than_the_gap_between_measurements():
+    Path("slow.yaml").write_text(
+        "obsdesign: 1\nname: slow\nsystem: {A: [[-.01, 0], [0, -.02]], B: [0, 1], C: [1, 0]}\n"
+        "observer: {type: sporadic, T1: .1, T2: .3, gains: {L: [0, 0], H: -1}}\n"
+    )
+    assert run("solve", "slow.yaml", "-q").exit_code == 0
+    steps = content_of("slow.gains.json")["analysis"]["largest_step"]
+    assert (steps["euler"], steps["rk4"]) == (0.3, 0.3)
+
+
+@pytest.mark.usefixtures("solved")
+def test_a_run_names_z_and_the_error_as_the_statement_does():
+    said = run("simulate", "osc.gains.json").stdout
+    assert "norm2(z) <= " in said
+    assert "|(e, d)(t)| <= " in said
+    assert "yp" not in said
 
 
 def test_check_says_what_the_structure_allows():

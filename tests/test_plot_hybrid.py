@@ -43,7 +43,7 @@ def test_every_panel_says_what_it_shows():
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[:3] == ["angle [rad]", "speed", "w1"]
     assert "theta" in labels[3]
-    assert "mathcal{A}" in labels[4]
+    assert "|(e, d)|" in labels[4]
     assert "interval" in labels[5]
     assert len(labels) == 6
     assert all(axes.get_xlabel() == "t [s]" for axes in figure.axes)

@@ -85,7 +85,7 @@ def test_a_bound_that_does_not_exist_is_left_out_and_said_so_without_a_warning(t
     summary = json.loads(outcome.stdout)
     assert len(summary["bounds"]) == 2
     assert all(entry["holds"] for entry in summary["bounds"])
-    assert "left out, for it has no finite limit: |x(t)|_A <= " in summary["bounds_omitted"]
+    assert "left out, for it has no finite limit: |(e, d)(t)| <= " in summary["bounds_omitted"]
     write(tmp_path, DROPPED % (PLANT, ", decay: 0.05"))
     summary = json.loads(run("simulate", "case.yaml", "--json").stdout)
     assert len(summary["bounds"]) == 3

@@ -10,15 +10,17 @@ from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
 
 
-def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, *, sampled: bool) -> dict[str, Any]:
+def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, gap: float | None = None) -> dict[str, Any]:
     """Worst pole, largest steps, and gains with and without the observer.
 
-    `errors`: of the observer as it runs; `sampled`: only between measurements, so that its poles say nothing of the
-    error, and only its steps are told. `peak_gain` is that from sup|v| to sup|z|: at least that of the worst frozen
-    member, at most what the guarantee says.
+    `errors`: of the observer as it runs; `gap`: in s, the longest time between measurements, where it runs so only
+    between these: then its poles say nothing of the error, and its steps are told up to that. `peak_gain` is that from
+    sup|v| to sup|z|: at least that of the worst frozen member, at most what the guarantee says.
     """
     steps: dict[str, Any] = {"largest_step": errors.largest_step}
-    if not sampled:
+    if gap is not None:
+        steps["largest_step"] = {k: None if h is None else min(h, gap) for k, h in steps["largest_step"].items()}
+    else:
         most = guarantee.peak(spec.H) if guarantee else None
         steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.peak_gain(), "most": most}}
     unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)

@@ -172,7 +172,9 @@ class Family:
         from obsdesign.families.analysis import analysis
 
         guarantee = outcome.claim.guarantee(spec) if outcome.claim and outcome.claim.holds else None
-        return analysis(spec, self.part("observer").errors(spec, outcome.gains), guarantee, sampled=self.sampled)
+        part = self.part("observer")
+        gap = part.gap(spec, guarantee) if self.sampled else None
+        return analysis(spec, part.errors(spec, outcome.gains), guarantee, gap)
 
     def proved(self, observer: Mapping[str, Any], guarantee: Mapping[str, Any]) -> Rows:
         """Lines of a table on what is proved, from the entries of these names of a result file."""

@@ -134,7 +134,7 @@ class SampledGuarantee(Guarantee, Protocol):
         """What the noise (K, ny) of measurements adds to V, (K,), for the times to the measurements after them."""
 
     def distance_bound(self, V_bound: Array) -> Array:
-        """What a bound on V says of |x|_A, the length of (e, theta~)."""
+        """What a bound on V says of |(e, d)|, the length of (e, theta~)."""
 
 
 def largest_output(rates: Rates, P: Array, H: Array) -> float | None:

@@ -26,7 +26,7 @@ SHADE = "#F3D9D2"
 
 
 def hybrid_sheet(run: "Run") -> "Figure":
-    """Draw states with their estimates at the measurements, w, theta, |x|_A against its bound, and the intervals.
+    """Draw states with their estimates at the measurements, w, theta, |(e, d)| against its bound, and the intervals.
 
     Where a measurement is overdue, so that nothing is guaranteed any more, the panels are shaded.
     """
@@ -70,12 +70,12 @@ def draw_injection(axes: "Axes", t: Array, curves: Sequence[Curve], escapes: boo
     if escapes:
         grow(axes, curves)
     time_axis(axes, t, log=False)
-    axes.set_ylabel(r"$\theta$ (held output error)")
+    axes.set_ylabel(r"correction $\theta$")
     legend_above(axes)
 
 
 def draw_distance(axes: "Axes", run: "Run") -> None:
-    """Draw |x|_A, the length of (eps, C eps - theta), with dots at the measurements, and what is proved of it."""
+    """Draw |(e, d)|, d = C e - theta, with dots at the measurements, and what is proved of it."""
     steps = run.steps
     floor = lowest(steps.distance)
     distance = np.maximum(steps.distance, floor)
@@ -90,7 +90,7 @@ def draw_distance(axes: "Axes", run: "Run") -> None:
     axes.set_yscale("log")
     axes.set_ylim(bottom=floor)
     time_axis(axes, steps.t, log=False)
-    axes.set_ylabel(r"$|x|_\mathcal{A} = |(\varepsilon, C\varepsilon - \theta)|$")
+    axes.set_ylabel(r"$|(e, d)|$, $d = C e - \theta$")
 
 
 def draw_intervals(axes: "Axes", schedule: "Schedule") -> None:
@@ -132,7 +132,7 @@ def heading(run: "Run") -> str:
     """Name of the spec; how the run ended, what it achieved and what is proved; what is wrong with the sampling."""
     summary, guarantee = run.summary, run.guarantee
     facts = ended(run, f"{run.time:.4g}")
-    facts += [rf"$\|y_p\|_2$ = {summary['z_norm2']:.4g}", rf"$\|w\|_2$ = {summary['v_norm2']:.4g}"]
+    facts += [rf"$\|z\|_2$ = {summary['z_norm2']:.4g}", rf"$\|w\|_2$ = {summary['v_norm2']:.4g}"]
     facts.append(f"{summary['sampling']['received']} measurements")
     if guarantee is None:
         facts.append("no guarantee")

@@ -25,7 +25,7 @@ class Samples:
     plant's states only, and v, V, V_bound and, if H needs xm, z are None.
 
     Where measurements arrive at instants, j distinguishes the rows before and after each, y is the one last received
-    (before the first: what the observer supposes), and |x|_A is the length of (e, theta~), with theta~ what a
+    (before the first: what the observer supposes), and |(e, d)| is the length of (e, theta~), with theta~ what a
     measurement without noise would add to the further states theta of the observer; elsewhere it is |e|.
     """
 
@@ -46,8 +46,8 @@ class Samples:
     V_bound: Array | None  # (N,)
     j: Array  # (N,), number of measurements received so far
     timer: Array  # (N,), s, to the next measurement, at most what T2 leaves; infinite where there is none
-    distance: Array  # (N,): |x|_A
-    distance_bound: Array | None  # (N,), that of V, read as a bound on |x|_A
+    distance: Array  # (N,): |(e, d)|
+    distance_bound: Array | None  # (N,), that of V, read as a bound on |(e, d)|
 
     def rows(self, which: Array) -> "Samples":
         """Return the same at some of the times."""

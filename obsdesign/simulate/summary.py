@@ -53,7 +53,7 @@ def norms(record: Record) -> dict[str, Any]:
 
 
 def sampled_norms(record: Record) -> dict[str, Any]:
-    """Sizes of yp and w, their ratio, and how the measurements arrived."""
+    """Sizes of z and w, their ratio, and how the measurements arrived."""
     course, guarantee, schedule = record.course, record.guarantee, record.schedule
     assert schedule
     z, v = float(np.sqrt(course.z2[-1])), float(np.sqrt(course.v2[-1]))
@@ -61,7 +61,7 @@ def sampled_norms(record: Record) -> dict[str, Any]:
         "z_norm2": z,
         "v_norm2": v,
         "ratio": z / v if v else None,
-        "ratio_of": "norm2(yp) / norm2(w)",
+        "ratio_of": "norm2(z) / norm2(w)",
         "gamma": guarantee.gamma if guarantee else None,
         "sampling": schedule.report(),
     }

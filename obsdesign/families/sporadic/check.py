@@ -16,6 +16,7 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     decay, T2 = (float(ends(v)[0]) for v in (request.decay, request.T2))
     hiding = hiding_interval(plant, multiplier, decay, max(T2, float(request.T1)))
     seen = f"no interval up to T2 = {T2:g} hides the difference of two modes"
+    seen += " with f = K q at the ends of the types" if multiplier.blocks else ""
     return [
         *detectability(plant.doubles, in_floats(multiplier.member), decay, "lambda_t"),
         finding("sampling", not hiding, hiding.get("reason", seen), decides=True),

@@ -8,7 +8,7 @@ digits, and the guarantee is proved for the rounded ones, with a delta of its ow
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from flint import fmpq
@@ -17,8 +17,9 @@ from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
-from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
+from obsdesign.families.outcome import BEST_FOUND, Diagnosis, Outcome, Search, Verdict
 from obsdesign.families.reach import judged
+from obsdesign.families.sporadic.advice import lower, wider
 from obsdesign.families.sporadic.claim import Claim, held
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
@@ -53,8 +54,10 @@ class Designer:
         plant, multiplier = self.setting.plant, self.setting.multiplier
         T2, decay = float(self.T2.low), float(self.decay.low)
         hidden = hidden_mode(plant.doubles, in_floats(multiplier.member), decay, "lambda_t = ")
-        if blocked := hidden or hiding_interval(plant, multiplier, decay, T2):
-            return self.completed(Outcome(Verdict.INFEASIBLE, diagnosis=blocked))
+        if hidden:
+            return self.completed(Outcome(Verdict.INFEASIBLE, diagnosis=hidden))
+        if hiding := hiding_interval(plant, multiplier, decay, T2):
+            return self.completed(self.hidden(hiding, *self.lowest))
         if self.request.gains:
             given = self.request.gains
             return self.completed(self.analysis((printed(given["L"]), printed(given["H"]))))
@@ -120,13 +123,14 @@ class Designer:
         found = [(study, study.at(*self.lowest)) for study in self.studies]
         study, made = min(found, key=lambda pair: pair[1].level)
         if math.isinf(made.gamma):
-            return self.infeasible(study, *map(float, self.lowest))
+            return self.infeasible(study, *self.lowest)
         goal = study.target(made.level)
-        if made.certificate and made.certificate.holds and float(made.certificate.gamma) > goal:
+        proof = made.certificate if self.request.objective == "min-gamma" else None
+        if proof and proof.holds and float(proof.gamma) > goal:
             self.notes.append(
-                f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is nearest"
+                f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is the nearest found"
             )
-        return self.shipped(made, self.limit_of(made, *self.lowest))
+        return self.shipped(study, made, self.limit_of(made, *self.lowest), *self.lowest)
 
     @property
     def kind(self) -> dict[str, Any]:
@@ -139,15 +143,18 @@ class Designer:
         at = {name: float(value) for name, (searched, value) in values.items() if searched.low < searched.high}
         return {"gamma": made.gamma, "attained": False, **({"at": at} if at else {}), **self.kind}
 
-    def shipped(self, made: Made, limit: dict[str, Any]) -> Outcome:
-        """Design of what was made.
+    def shipped(self, study: Study, made: Made, limit: dict[str, Any], T2: fmpq, decay: fmpq) -> Outcome:
+        """Design of what was made, or why not, with what would be possible.
 
         Raises `UndecidedError`: there is a limit, and no gains were found near it.
         """
         if made.status == "undecided":
-            raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
-        if made.diagnosis.get("condition") == "bounds":
-            return judged(made.diagnosis, decided=True, limit=limit)
+            self.undecided(
+                study, f"no gain was found with a proof; the limit of gamma seems to be {made.level:g}", T2, decay
+            )
+        diagnosis = wider(study, made.diagnosis, T2, decay) if made.diagnosis else {}
+        if diagnosis.get("condition") == "bounds":
+            return judged(diagnosis, decided=True, limit=limit)
         bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True, **BEST_FOUND}
         return Outcome(
             Verdict(made.status),
@@ -157,22 +164,40 @@ class Designer:
             else None,
             limit=limit,
             limit_bounded=bounded,
-            diagnosis=made.diagnosis,
+            diagnosis=diagnosis,
         )
 
-    def infeasible(self, study: Study, T2: float, decay: float) -> Outcome:
+    def undecided(self, study: Study, reason: str, T2: fmpq, decay: fmpq) -> NoReturn:
+        """Answer that nothing is known, with what would be possible."""
+        hints = lower(study, {"T2": float(T2), "decay": float(decay)}, T2, decay)
+        raise UndecidedError("; ".join([reason, *([said] if (said := ", or ".join(hints)) else [])]))
+
+    def infeasible(self, study: Study, T2: fmpq, decay: fmpq) -> Outcome:
         """Answer that there are no gains, with what would be feasible."""
         self.engine.report(0.9, "diagnosis")
-        if study.missing(T2, decay) < 0:
-            asked = f"T2 = {T2:g} with decay {decay:g}"
-            raise UndecidedError(
-                f"the least gamma at {asked} was not found: without w there is a solution, as far as a solver tells, "
-                "and with w none was found at any delta of the range; a smaller T2 or decay has more room"
+        values = float(T2), float(decay)
+        if study.missing(*values) < 0:
+            said = (
+                f"the least gamma at T2 = {values[0]:g} with decay {values[1]:g} was not found: without w there is a "
+                "solution, as far as a solver tells, and with w none was found at any delta of the range"
             )
-        largest = study.farthest("T2", SHORTER * T2, T2, decay)
-        fastest = study.farthest("decay", SHORTER * decay, decay, T2) if decay else None
+            self.undecided(study, said, T2, decay)
         form = f"{study.scheme.relaxation} with injection {study.scheme.injection}"
-        return Outcome(Verdict.INFEASIBLE, diagnosis=too_long(T2, decay, largest, fastest, form))
+        edges = self.edges(study, *values)
+        return Outcome(Verdict.INFEASIBLE, diagnosis=too_long(*values, edges, [*lower(study, edges, T2, decay)], form))
+
+    def edges(self, study: Study, T2: float, decay: float) -> dict[str, float]:
+        """Largest T2, and largest decay, below those that are asked for, at which there are solutions."""
+        asked = {"T2": (T2, decay), "decay": (decay, T2)}
+        found = {k: study.farthest(k, SHORTER * v, v, other) for k, (v, other) in asked.items() if v}
+        return {name: value for name, value in found.items() if value is not None}
+
+    def hidden(self, diagnosis: Diagnosis, T2: fmpq, decay: fmpq) -> Outcome:
+        """Answer that an interval hides modes, with a T2 that was tried."""
+        study = self.studies[0]
+        edges = {"T2": self.edges(study, float(T2), float(decay)).get("T2")}
+        hints = [*lower(study, edges, T2, decay), "measure another state"]
+        return Outcome(Verdict.INFEASIBLE, diagnosis={**diagnosis, "suggestion": ", or ".join(hints)})
 
     # Largest T2 or decay
 
@@ -187,7 +212,7 @@ class Designer:
         reached = [(study, study.farthest(name, *interval)) for study in self.studies]
         study, limit = max(reached, key=lambda pair: -math.inf if pair[1] is None else pair[1])
         if limit is None:
-            return self.infeasible(study, *map(float, self.lowest))
+            return self.infeasible(study, *self.lowest)
         limits: dict[str, Any] = {"limit": {name: limit, "attained": limit == high, **self.kind}}
         if name == "T2" and limit == high:
             self.notes.append(f"every T2 of the range is feasible, up to {high:g}")
@@ -200,10 +225,11 @@ class Designer:
             limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)
-        found = study.at(near, other) if name == "T2" else study.at(other, near)
+        at = (near, other) if name == "T2" else (other, near)
+        found = study.at(*at)
         if math.isinf(found.gamma):
             raise UndecidedError(f"solutions seem to end at {name} = {limit:g}, but no gains were found near it")
-        return replace(self.shipped(found, {}), **{"limit_bounded": {}, **limits})
+        return replace(self.shipped(study, found, {}, *at), **{"limit_bounded": {}, **limits})
 
     def blind(self) -> Outcome | None:
         """L = 0 and H = 0 for the largest T2, where the error decays without any measurement; None if it does not."""
@@ -237,7 +263,7 @@ class Designer:
         made = [(study, point, m) for study, points in found for point, m in points if m.status == "certified"]
         if made:
             return replace(self.farthest_point(made), search=search)
-        return replace(self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), search=search)
+        return replace(self.infeasible(self.studies[0], *self.lowest), search=search)
 
     def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> Outcome:
         """Design for the farthest point with a gamma within the slack of the least."""
@@ -252,7 +278,7 @@ class Designer:
         )
         again = study.at(T2, decay, (m.delta, m.gamma))
         best = again if again.status == "certified" else m
-        return self.shipped(best, self.limit_of(best, T2, decay))
+        return self.shipped(study, best, self.limit_of(best, T2, decay), T2, decay)
 
     # Analysis
 

@@ -1,7 +1,7 @@
 """Small gains, the proof for the rounded ones with a delta of their own, and what given gains tolerate."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,7 @@ SETTLED = 0.01  # relative change of gamma below which they end
 TIGHTER = 0.03  # relative change of gamma by them beyond which delta is searched again
 STRIDE = 2.0  # between bounds on |L|, until one will do and another will not
 STRIDES = 24
+WIDER = 4.0  # .. without a gamma to be reached
 AROUND = 0.8  # logarithm of the ratio of two of them, up to which a solution is of use to the other
 NEAR = 0.03  # relative, to which the smallest such bound is found
 TINY = 1e-300
@@ -184,6 +185,21 @@ def smallest(
     better, _ = sized.least_gamma(T2, delta * T2)
     second = smallest_at(landscape.engine, landscape.with_gains(better, T2), goal, first.size)
     return second if second and second.size < first.size else first
+
+
+def closest(
+    bounded: Callable[[float], Landscape], T2: float, begin: float, largest: float = math.inf
+) -> Iterator[Candidate]:
+    """Gains within larger and larger bounds on |L|, up to the largest, until gamma settles; the least gamma first."""
+    found: list[Candidate] = []
+    for kappa in (float(k) for k in begin * WIDER ** np.arange(STRIDES // 2) if k <= largest):
+        candidate = within(bounded(kappa), T2, found[-1].delta * T2 if found else None)
+        if candidate is None or candidate.size > kappa * (1 + NEAR):
+            continue
+        if found and candidate.gamma > (1 - SETTLED) * found[-1].gamma:
+            break
+        found.append(candidate)
+    yield from reversed(found)
 
 
 def roundings(setting: Setting, candidate: Candidate, kappa: float | None) -> Iterator[Gains]:

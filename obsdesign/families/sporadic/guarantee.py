@@ -27,16 +27,15 @@ from obsdesign.lmi.spectrum import lower, upper
 class SporadicGuarantee:
     """What holds of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2.
 
-    With the error eps = z - zhat, theta~ = C eps - theta, and the time tau that is left to the next measurement,
+    With the error e = x - xhat, d = C e - theta, z = Cp e, and the time tau that is left to the next measurement,
 
-        V = eps' P1 eps + exp(delta tau) theta~' P2 theta~
+        V = e' P1 e + exp(delta tau) d' P2 d
 
-    satisfies V' <= -2 decay V - |yp|^2 + gamma^2 |w|^2 between measurements, and V+ <= V + exp(delta tau) eta' P2 eta
+    satisfies V' <= -2 decay V - |z|^2 + gamma^2 |w|^2 between measurements, and V+ <= V + exp(delta tau) eta' P2 eta
     at each, where eta is its noise. This is Theorem 2 of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech on L2 state
     estimation in the presence of sporadic measurements. T1 plays a part in the bound on the effect of noise only.
 
-    Its constants are those of rho1 |x|_A^2 <= V <= rho2 |x|_A^2, where A is the set of the states with
-    eps = theta~ = 0, and |x|_A the length of (eps, theta~).
+    Its constants are those of rho1 |(e, d)|^2 <= V <= rho2 |(e, d)|^2.
     """
 
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
@@ -57,7 +56,7 @@ class SporadicGuarantee:
         return None
 
     def peak(self, H: Array) -> float | None:
-        """Bound on sup|H eps|, H in rationals, for sup|w| = 1 from zero error; None where V need not decay."""
+        """Bound on sup|H e|, H in rationals, for sup|w| = 1 from zero error; None where V need not decay."""
         return largest_output(self.rates(), rational(self.P1), H)
 
     @cached_property
@@ -88,13 +87,13 @@ class SporadicGuarantee:
         return np.asarray(V1 + self.added(at.mismatch, at.timer))
 
     def distance_bound(self, V_bound: Array) -> Array:
-        """What a bound on V says of |x|_A."""
+        """What a bound on V says of |(e, d)|."""
         return np.asarray(np.sqrt(V_bound / self.extent[0]))
 
     def bounds(self, course: Course) -> list[Bound]:
         """Check what the guarantee implies; a bound for all t is reported at the instant where it is tightest."""
         at, V = measurements(course), self.storage(course)
-        size = np.asarray(np.linalg.norm(np.hstack([course.e, at.mismatch]), axis=1))  # |x|_A
+        size = np.asarray(np.linalg.norm(np.hstack([course.e, at.mismatch]), axis=1))  # |(e, d)|
         zero_input = not course.v2[-1] and not at.eta_sup[-1]
         early = course.t < at.crowded if at.eta_sup[-1] else np.full(len(V), True)
         return [
@@ -119,26 +118,26 @@ class SporadicGuarantee:
         return tightest("sqrt(V) exp(decay t) never increases", t[1:], root[1:], limit, float(root.max()))
 
     def gains(self, course: Course, V0: float, size: float) -> list[Bound]:
-        """Bound norm2(yp), by (25) of the paper with noise, and by (ii) of its Theorem 1 with sqrt(rho2) for rho2."""
+        """Bound norm2(z), by (25) of the paper with noise, and by (ii) of its Theorem 1 with sqrt(rho2) for rho2."""
         at = measurements(course)
-        yp, w = float(np.sqrt(course.z2[-1])), self.gamma * float(np.sqrt(course.v2[-1]))
+        z, w = float(np.sqrt(course.z2[-1])), self.gamma * float(np.sqrt(course.v2[-1]))
         noise = " + sum exp(delta tau) eta' P2 eta" if at.eta_sup[-1] else ""
-        name = f"norm2(yp) <= sqrt(V(0) + gamma^2 norm2(w)^2{noise})"
-        tight = bound(name, yp, float(np.sqrt(V0 + w**2 + at.added[-1])))
+        name = f"norm2(z) <= sqrt(V(0) + gamma^2 norm2(w)^2{noise})"
+        tight = bound(name, z, float(np.sqrt(V0 + w**2 + at.added[-1])))
         if noise:
             return [tight]
         size = float(np.sqrt(self.extent[1]) * size)
-        return [tight, bound("norm2(yp) <= sqrt(rho2) |x(0)|_A + gamma norm2(w)", yp, size + w)]
+        return [tight, bound("norm2(z) <= sqrt(rho2) |(e, d)(0)| + gamma norm2(w)", z, size + w)]
 
     def stays(self, course: Course, size: Array, early: Array) -> list[Bound]:
-        """Bound |x|_A by the largest w and eta, by (23) of the paper with 1/rho1 and the tight sum of its Lemma 2.
+        """Bound |(e, d)| by the largest w and eta, by (23) of the paper with 1/rho1 and the tight sum of its Lemma 2.
 
-        `size`: |x|_A, (M,); `early`: instants to which the bound applies, (M,).
+        `size`: |(e, d)|, (M,); `early`: instants to which the bound applies, (M,).
         """
         t, w_sup, eta_sup = (column[early] for column in (course.t, course.v_sup, measurements(course).eta_sup))
         decay, (rho1, rho2, omega2) = self.decay or np.nan, self.extent  # without it nothing bounds what w and eta add
         limit = np.sqrt(rho2 / rho1) * np.exp(-self.decay * t) * size[0]
-        name = "|x(t)|_A <= sqrt(rho2/rho1) exp(-decay t) |x(0)|_A"
+        name = "|(e, d)(t)| <= sqrt(rho2/rho1) exp(-decay t) |(e, d)(0)|"
         if w_sup[-1]:
             name += " + gamma/sqrt(2 decay rho1) sup|w|"
             limit = limit + self.gamma / np.sqrt(2 * decay * rho1) * w_sup

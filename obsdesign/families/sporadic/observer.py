@@ -9,6 +9,7 @@ from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import ends
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
+from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.request import request_of
 from obsdesign.lmi.formula import Array, identity, in_floats, printed
 from obsdesign.model.equations import free, linear
@@ -49,6 +50,11 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         jump=dict(zip(theta, innovation, strict=True)),
         twins=copy.twins,
     )
+
+
+def gap(spec: Spec, guarantee: SporadicGuarantee | None) -> float:
+    """Longest time between measurements, s: that of the guarantee, or the least that is asked for."""
+    return guarantee.T2 if guarantee else float(ends(request_of(spec).T2)[0])
 
 
 def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:

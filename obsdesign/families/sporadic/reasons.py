@@ -1,14 +1,18 @@
 """Why there is no observer for sporadic measurements, in the terms of the model, and what would be possible."""
 
 import math
+from collections.abc import Mapping, Sequence
+from itertools import islice, product
 
 import numpy as np
 
+from obsdesign.families.frozen import members
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
-from obsdesign.lmi.formula import Array, Exact, in_floats
+from obsdesign.lmi.formula import Array, Exact, block_diagonal, in_floats
+from obsdesign.model.frozen import MOST
 from obsdesign.model.multiplier import Multiplier
-from obsdesign.model.pencil import text
+from obsdesign.model.pencil import System, text
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import linear
 from obsdesign.tables.text import at_least, at_most
@@ -17,12 +21,24 @@ HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a un
 
 
 def hiding_interval(plant: Plant[Exact], multiplier: Multiplier, decay: float, T2: float) -> Diagnosis:
+    """Answer of the shortest interval that hides modes of the plant with f = K q, for K inside and at the vertices."""
+    choices = [(b.member, *(K for K in b.vertices if b.contains(K))) for b in multiplier.blocks]
+    found = []
+    for chosen in islice(product(*choices), MOST):
+        K = block_diagonal([in_floats(K) for K in chosen]) if chosen else in_floats(multiplier.member)
+        found.append((hiding(linear(plant.doubles, K), decay, T2), chosen))
+    said, chosen = min(found, key=lambda pair: pair[0].get("interval", math.inf))
+    if said and (member := members(chosen)):
+        said["reason"] = f"at {member}, which the types allow, {said['reason']}"
+    return said
+
+
+def hiding(system: System, decay: float, T2: float) -> Diagnosis:
     """Answer that measurements at a constant interval of at most T2 cannot tell two modes apart; empty if none does.
 
     Modes with eigenvalues that differ by 2 pi i k / T grow alike from one measurement to the next. If a combination of
     them is not seen, C v = 0, no observer whatsoever makes it decay; and (28) speaks of every interval in (0, T2].
     """
-    system = linear(plant.doubles, in_floats(multiplier.member))
     values, vectors = np.linalg.eig(system.A)
     fastest = np.abs(values).max(initial=decay)
     slow = values.real >= -decay - 1e-12 * fastest
@@ -59,17 +75,14 @@ def hides(values: Array, T: float) -> Diagnosis:
     }
 
 
-def too_long(T2: float, decay: float, largest: float | None, fastest: float | None, form: str) -> Diagnosis:
-    """Answer that the inequalities have no solution, with the largest T2 and decay that do."""
+def too_long(T2: float, decay: float, feasible: Mapping[str, float], hints: Sequence[str], form: str) -> Diagnosis:
+    """Answer that the inequalities have no solution, with the largest T2 and decay that do, and what was tried."""
     reason = f"{form} has no solution for T2 = {T2:g} with decay {decay:g}, whatever the gain from w"
-    feasible = {name: value for name, value in (("T2", largest), ("decay", fastest)) if value is not None}
-    hints = [f"ask for {name} at most {at_least(value * (1 - 1e-3), 4)}" for name, value in feasible.items()]
-    hints.append("try another range of delta, or another relaxation or injection")
     return {
         "condition": "inequality",
-        "reason": reason + (f"; the largest T2 is {largest:.5g}" if largest is not None else ""),
-        "feasible": feasible,
-        "suggestion": ", or ".join(hints),
+        "reason": reason + (f"; the largest T2 is {feasible['T2']:.5g}" if "T2" in feasible else ""),
+        "feasible": dict(feasible),
+        "suggestion": ", or ".join(hints) or "try another range of delta, or another relaxation or injection",
     }
 
 
@@ -80,15 +93,13 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
         "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller T2",
+        "suggestion": f"allow gamma above {at_most(least)}",
     }
 
 
-def too_small(kappa: float, T2: float, decay: float, size: float | None) -> Diagnosis:
-    """Answer that no gain within the bound was found; `size`: a bound that does."""
-    enough = {"L": (size, "allow |L| up to")} if size else {}
-    where = f"for T2 = {T2:g} with decay {decay:g}"
-    return too_tight([f"|L| <= {kappa:g}"], where, enough, ["ask for a smaller T2"])
+def too_small(kappa: float, T2: float, decay: float) -> Diagnosis:
+    """Answer that no gain within the bound was found."""
+    return too_tight([f"|L| <= {kappa:g}"], f"for T2 = {T2:g} with decay {decay:g}", {})
 
 
 def out_of_bounds(name: str) -> Diagnosis:

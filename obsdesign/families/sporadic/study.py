@@ -2,18 +2,31 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends, require_agreement
-from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import CLOSELY
 from obsdesign.dissipation.scan import edge, strides, zero
 from obsdesign.families.outcome import Diagnosis, limited
 from obsdesign.families.sporadic.certificate import SporadicCertificate
-from obsdesign.families.sporadic.gains import EDGE, ROUNDING, Candidate, Gains, Setting, reaching, smallest, within
+from obsdesign.families.sporadic.gains import (
+    EDGE,
+    ROUNDING,
+    WIDER,
+    Candidate,
+    Gains,
+    Setting,
+    closest,
+    reaching,
+    smallest,
+    within,
+)
 from obsdesign.families.sporadic.landscape import Form, Landscape
 from obsdesign.families.sporadic.reasons import out_of_reach, too_small
 from obsdesign.families.sporadic.relaxations import Predictor, Proposition2, Reduced
@@ -26,10 +39,10 @@ from obsdesign.lmi.solve import Status
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least
 ROOM = 2e-3  # of gamma, left to the rounding of the gains
-WIDER = 4.0  # between bounds on |L|, from one that does not do, until one does
-STRIDES = 10
+STRIDES = 10  # between bounds on |L|, from one that does not do, until one does
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero, beside its size by the data
 Point = dict[str, Any]
+Attempt = tuple[Gains | None, SporadicCertificate | None]
 
 
 @dataclass(frozen=True)
@@ -137,7 +150,10 @@ class Study:
         landscape = self.landscape(self.scheme.limit, decay)
         delta, gamma = landscape.least_gamma(T2, self.exponent)
         if math.isfinite(gamma) and landscape.missing(delta, T2) >= 0:  # only with a singular P1
-            return delta, math.inf
+            if landscape.least_missing(T2) >= 0 or landscape.exponent is None:
+                return delta, math.inf
+            delta = landscape.exponent / T2
+            gamma = landscape.gamma(delta, T2)
         if math.isfinite(gamma):
             self.exponent = delta * T2 if delta < landscape.interval[1] else math.inf
             gamma = gamma if self.setting.plant.B.shape[1] else 0.0
@@ -197,7 +213,7 @@ class Study:
             if start is None and self.setting.units is not SPEC:
                 return made  # |L| is in the units of the spec, in which this search decides nothing
             if start is None:
-                return replace(made, diagnosis=self.out_of_bounds(float(T2), float(decay)))
+                return replace(made, diagnosis=too_small(float(self.kappa), float(T2), float(decay)))
             self.around = landscape.exponent
             made = replace(made, bounded=max(start.gamma, gamma))
         if self.cap is not None and made.level > self.cap:
@@ -205,9 +221,7 @@ class Study:
         target = self.target(made.level)
         report(0.7, f"gains for T2 = {float(T2):g}")
         chosen = start if start and limit else self.small(made, start, float(T2), float(decay), target, limit is None)
-        if chosen is None:
-            return made
-        gains, certificate = reaching(self.setting, chosen, T2, decay, target, self.kappa)
+        gains, certificate = self.proved(chosen, T2, decay, target)
         proved = float(certificate.gamma) if certificate and certificate.holds else target
         if proved > target and limit is None and (lower := target**2 / proved) > made.level:
             again = self.small(made, start, float(T2), float(decay), lower, True)  # a solve has overstated its gains
@@ -216,17 +230,31 @@ class Study:
                 gains, certificate = second
         return replace(made, gains=gains, certificate=certificate)
 
-    def out_of_bounds(self, T2: float, decay: float) -> Diagnosis:
-        """Answer that no gain within the bound was found, with a bound that does."""
+    def proved(self, chosen: Candidate | None, T2: fmpq, decay: fmpq, target: float) -> Attempt:
+        """Chosen gains with their proof; where there are none, or it fails, the nearest with one, or any attempt."""
+        first = (reaching(self.setting, chosen, T2, decay, target, self.kappa),) if chosen else ()
+        most = self.kappa or math.inf
+        begin = min(float(np.linalg.norm(self.setting.family(0.0).plant.A, 2)) or 1.0, most)
+        others = closest(partial(self.landscape, self.scheme.gains, float(decay)), float(T2), begin, most)
+        made: Attempt = (None, None)
+        least = math.inf
+        for attempt in chain(first, (reaching(self.setting, c, T2, decay, c.gamma, self.kappa) for c in others)):
+            found = float(attempt[1].gamma) if attempt[1] and attempt[1].holds else math.inf
+            if found < least or not made[0]:
+                made, least = attempt, found
+            if least < MODERATE * target or (not first and least < math.inf):
+                break
+        return made
+
+    def enough(self, T2: float, decay: float) -> float | None:
+        """Bound on |L| within which gains were found, about the least, if there is one."""
         asked = float(self.request.largest_gain or 0)
 
         def reaches(kappa: float) -> bool:
             return within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent) is not None
 
         inside, outside = strides(reaches, asked, 1 / WIDER, STRIDES)
-        if inside is None or outside is None:
-            return too_small(asked, T2, decay, None)
-        return too_small(asked, T2, decay, round_up(edge(reaches, inside, outside, CLOSELY) * (1 + CLOSELY), 4))
+        return None if inside is None or outside is None else edge(reaches, inside, outside, CLOSELY)
 
     def small(
         self, made: Made, start: Candidate | None, T2: float, decay: float, target: float, thorough: bool
