@@ -147,7 +147,7 @@ class Designer:
         if made.status == "undecided":
             raise UndecidedError(f"no gain was found near the limit of gamma, {made.level:g}")
         if made.diagnosis.get("condition") == "bounds":
-            return judged(made.diagnosis, decided=True, limit=limit)
+            return judged(made.diagnosis, decided=False, limit=limit)
         bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True, **BEST_FOUND}
         return Outcome(
             Verdict(made.status),
@@ -196,7 +196,7 @@ class Designer:
             if limit is None and self.setting.units is not SPEC:
                 raise UndecidedError(f"no {name} within the bounds was found, in units that are far from the data")
             if limit is None:
-                return judged(out_of_bounds(name), decided=True, **limits)
+                return judged(out_of_bounds(name), decided=study.kappa is None, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)
@@ -237,6 +237,9 @@ class Designer:
         made = [(study, point, m) for study, points in found for point, m in points if m.status == "certified"]
         if made:
             return replace(self.farthest_point(made), search=search)
+        tight = [m.diagnosis for _, points in found for _, m in points if m.diagnosis.get("condition") == "bounds"]
+        if tight:
+            return judged(tight[0], decided=False, search=search)
         return replace(self.infeasible(self.studies[0], float(self.T2.low), float(self.decay.low)), search=search)
 
     def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> Outcome:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from obsdesign.dissipation.decimals import round_up
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import Array, Exact, in_floats
@@ -13,6 +14,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.model.structure import linear
 from obsdesign.tables.text import at_least, at_most
 
+CLOSE = 1e-3  # relative, from a limit to what is suggested
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
 
 
@@ -84,10 +86,17 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
     }
 
 
-def too_small(kappa: float, T2: float, decay: float, size: float | None) -> Diagnosis:
-    """Answer that no gain within the bound was found; `size`: a bound that does."""
+def too_small(
+    kappa: float, T2: float, decay: float, size: float | None, gamma: float | None, reached: float | None
+) -> Diagnosis:
+    """Answer that no gain within the bound was found, for a `gamma` if one is asked for.
+
+    `size`: a bound that does; `reached`: a gamma that the bound does for.
+    """
     enough = {"L": (size, "allow |L| up to")} if size else {}
-    where = f"for T2 = {T2:g} with decay {decay:g}"
+    if gamma is not None and reached:
+        enough["gamma"] = round_up(reached * (1 + CLOSE), 4), "within the bounds ask for gamma at least"
+    where = f"for T2 = {T2:g} with decay {decay:g}" + ("" if gamma is None else f" and gamma at most {gamma:g}")
     return too_tight([f"|L| <= {kappa:g}"], where, enough, ["ask for a smaller T2"])
 
 

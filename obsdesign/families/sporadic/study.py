@@ -188,9 +188,9 @@ class Study:
         report = self.setting.engine.report if limit is None else lambda *_: None
         report(0.3, f"limit for T2 = {float(T2):g}")
         delta, gamma = limit or self.confirmed(float(T2), float(decay))
-        made, start = Made(gamma, delta), None
-        if math.isinf(gamma):
-            return made
+        made, start, cap = Made(gamma, delta), None, math.inf if self.cap is None else self.cap
+        if math.isinf(gamma) or gamma > cap:
+            return replace(made, diagnosis={} if math.isinf(gamma) else out_of_reach(cap, gamma))
         if self.kappa is not None:
             landscape = self.landscape(self.scheme.gains, float(decay), self.kappa)
             start = within(landscape, float(T2), self.exponent if limit and self.around is None else self.around)
@@ -200,8 +200,8 @@ class Study:
                 return replace(made, diagnosis=self.out_of_bounds(float(T2), float(decay)))
             self.around = landscape.exponent
             made = replace(made, bounded=max(start.gamma, gamma))
-        if self.cap is not None and made.level > self.cap:
-            return replace(made, diagnosis=out_of_reach(self.cap, made.level))
+        if made.level > cap:
+            return replace(made, diagnosis=self.out_of_bounds(float(T2), float(decay), made.level))
         target = self.target(made.level)
         report(0.7, f"gains for T2 = {float(T2):g}")
         chosen = start if start and limit else self.small(made, start, float(T2), float(decay), target, limit is None)
@@ -216,17 +216,17 @@ class Study:
                 gains, certificate = second
         return replace(made, gains=gains, certificate=certificate)
 
-    def out_of_bounds(self, T2: float, decay: float) -> Diagnosis:
-        """Answer that no gain within the bound was found, with a bound that does."""
-        asked = float(self.request.largest_gain or 0)
+    def out_of_bounds(self, T2: float, decay: float, reached: float | None = None) -> Diagnosis:
+        """Answer that no gain within the bounds was found, with a bound that does; `reached`: the gamma that was."""
+        asked, cap = float(self.request.largest_gain or 0), self.cap
 
         def reaches(kappa: float) -> bool:
-            return within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent) is not None
+            found = within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent)
+            return found is not None and (cap is None or found.gamma <= cap)
 
         inside, outside = strides(reaches, asked, 1 / WIDER, STRIDES)
-        if inside is None or outside is None:
-            return too_small(asked, T2, decay, None)
-        return too_small(asked, T2, decay, round_up(edge(reaches, inside, outside, CLOSELY) * (1 + CLOSELY), 4))
+        size = None if inside is None or outside is None else edge(reaches, inside, outside, CLOSELY) * (1 + CLOSELY)
+        return too_small(asked, T2, decay, size and round_up(size, 4), cap, reached)
 
     def small(
         self, made: Made, start: Candidate | None, T2: float, decay: float, target: float, thorough: bool
@@ -293,7 +293,8 @@ class Study:
         low, high = float(interval.low), float(interval.high)
         limit = self.farthest("T2", low, high, float(decay), bounded=self.cap is not None)
         if limit is None:
-            return {"decay": float(decay), "status": "infeasible"}, Made()
+            lost = self.cap is None or self.kappa is None  # a bound on |L| has sufficient conditions only
+            return {"decay": float(decay), "status": "infeasible" if lost else "undecided"}, Made()
         T2 = within_slack(limit, low, self.request.slack)
         made = self.at(T2, decay)
         return {"decay": float(decay), "T2": limit, "delta": made.delta} | described(made, {"T2": limit}), made
