@@ -63,7 +63,7 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # what a library would say of its own
     try:
-        if sys.stdout is None or sys.stderr is None:
+        if sys.stdout is None:
             raise OSError("it is closed")
         app()
     except KeyboardInterrupt:

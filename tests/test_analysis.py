@@ -150,6 +150,14 @@ def test_slopes_without_a_bound_leave_no_step_and_the_table_says_so():
     assert table.count("not told: slopes of f are not bounded") == 2
 
 
+def test_a_plant_without_f_whose_observer_has_no_stable_pole_is_not_said_to_have_slopes():
+    plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\n"
+    content, table = solved(f"{plant}observer: {{type: sporadic, T1: 0.1, T2: 0.1, decay: 0.1, injection: hold}}\n")
+    assert content["analysis"]["largest_step"] == {"euler": 0.0, "rk4": 0.0, "exact": None}
+    assert "largest step  not told: there is no stable pole to bound it" in table
+    assert "slopes" not in table
+
+
 @pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
 def test_every_design_has_its_analysis_and_says_what_of_its_file_is_not_proved(observer):
     content, table = solved(ANY % ("{lipschitz: 0.2}", observer))

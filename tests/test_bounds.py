@@ -134,12 +134,89 @@ def test_a_proof_of_a_bound_is_held_against_the_spec():
 def test_a_gamma_that_the_bounds_do_not_reach_is_told_with_the_size_that_does():
     text = "{type: l2, alpha: 0.5, objective: {gamma: 0.5}, bounds: {L1: %s}}"
     code, said, result = solved(PENDULUM % (text % 100))
-    found = result["diagnosis"]
-    assert (code, found["condition"]) == (3, "bounds")
-    assert "for gamma = 0.5" in said
-    assert solved(PENDULUM % (text % found["feasible"]["L1"]), "wider")[0] == 0
-    reached = text.replace("0.5}", f"{found['feasible']['gamma']!r}}}") % 100
+    assert (code, result, "for gamma = 0.5" in said) == (4, None, True)
+    size, level = (re.search(words, said)[1] for words in (r"allow \|L1\| up to (\S+),", r"gamma at least (\S+),"))
+    assert solved(PENDULUM % (text % size), "wider")[0] == 0
+    reached = text.replace("0.5}", f"{level}}}") % 100
     assert solved(PENDULUM % reached, "reached")[0] == 0
+
+
+ATTACKED = """
+obsdesign: 1
+system: {A: [[2, 2], [1, 1]], B: [-1, 0], C: [[2, 0], [2, 2]], D: [1, 1]}
+nonlinearities: [{type: {lipschitz: 0.5}, Bf: [0, 1], Cq: [1, 0]}]
+performance: x
+observer: %s
+"""
+MATRICES = "[[61.6344, -60.6344], [7.09863, -7.09863]]"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "{type: l2, alpha: 0.1, L2: 0, objective: {gamma: %s}, bounds: {L1: %s}}",
+        "{type: l2, alpha: {min: 0.1, max: 2}, L2: 0, objective: max-alpha, bounds: {gamma: %s, L1: %s}}",
+        "{type: linf, alpha: 0.1, L2: 0, objective: {gamma: %s}, bounds: {L1: %s}}",
+        "{type: lipschitz, decay: 0.1, objective: min-gamma, bounds: {gamma: %s, L: %s}}",
+    ],
+)
+def test_a_gamma_within_a_bound_that_some_gain_keeps_is_never_said_to_be_infeasible(asked):
+    """It was, by the least gamma of a condition that is more than the bound."""
+    code, said, result = solved(ATTACKED % (asked % (0.0027, 88)))
+    assert (code, result) == (4, None)
+    assert "was found" in said
+    code, _, result = solved(ATTACKED % (asked % (0.0027, 0.5)), "impossible")  # A - L C grows for every such L
+    assert (code, result["diagnosis"]["proof"]) == (3, "exact")
+
+
+def test_the_gain_that_a_bound_and_a_gamma_leave_is_proved_where_it_is_given():
+    text = f"{{type: l2, alpha: 0.1, L2: 0, objective: {{gamma: 0.0027}}, gains: {{L1: {MATRICES}, L2: [[0, 0]]}}}}"
+    code, _, result = solved(ATTACKED % text)
+    assert code == 0
+    assert result["guarantee"]["gamma"] <= 0.0027
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
+def test_a_gamma_that_a_bound_on_the_storage_function_excludes_is_infeasible():
+    """There the bound itself is convex: the least gamma is that of all gains."""
+    _, _, result = solved(NOISY % "{type: l2, L2: 0, alpha: 0.1, bounds: {P: 1}}")
+    level = 0.8 * result["guarantee"]["limit_bounded"]["gamma"]
+    assert level > result["guarantee"]["limit"]["gamma"]
+    asked = f"{{type: l2, L2: 0, alpha: 0.1, objective: {{gamma: {level}}}, bounds: {{P: 1}}}}"
+    code, said, result = solved(NOISY % asked)
+    assert (code, result["diagnosis"]["condition"], result["diagnosis"]["proof"]) == (3, "bounds", "numerical")
+    assert "no solution within the bounds: no gain with P <= 1 I was found" in said
+
+
+def test_of_a_bound_on_sporadic_gains_the_inequality_alone_is_said_to_have_no_solution():
+    """L = 0.9 with H = 20 does make the error decay at the rate, which no Theorem 2 with so small an L proves."""
+    plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\nperformance: x\n"
+    asked = "observer: {type: sporadic, T1: 0.1, T2: 0.1, decay: 0.1, bounds: {L: 0.9}}\n"
+    code, said, result = solved(plant + asked)
+    proof = run("verify", "spec.gains.json")
+    assert (code, result["diagnosis"]["proof"], proof.exit_code) == (3, "exact", 0)
+    for words in (said, proof.stdout, result["diagnosis"]["reason"]):
+        assert "the inequality of Theorem 2 has no solution with |L| at most 1.099 for decay = 0.1" in words
+        assert "needs |L| above" not in words
+    assert "at a member of the class Theorem 2 needs a larger gain" in proof.stdout
+
+
+@pytest.mark.parametrize(
+    ("objective", "code"),
+    [
+        ("T2: 0.1, objective: min-gamma, bounds: {L: 1.0995}", 4),
+        ("T2: 0.1, objective: min-gamma, bounds: {L: 30, gamma: 0.17}", 4),
+        ("T2: 0.1, objective: min-gamma, bounds: {L: 30, gamma: 0.16}", 3),
+        ("T2: {min: 0.1, max: 0.2}, objective: max-T2, bounds: {L: 30, gamma: 0.17}", 4),
+        ("T2: {min: 0.1, max: 0.2, points: 2}, objective: pareto, bounds: {L: 30, gamma: 0.17}", 4),
+    ],
+)
+def test_a_bound_that_sporadic_gains_were_not_found_within_is_undecided(objective, code):
+    plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\nperformance: x\n"
+    found, said, result = solved(f"{plant}observer: {{type: sporadic, T1: 0.1, decay: 0.1, {objective}}}\n")
+    assert found == code, said
+    assert (result is None) == (code == 4)
+    assert code == 3 or "was found" in said or "was reached" in said
 
 
 def test_a_curve_within_bounds_is_that_of_single_rates():

@@ -125,6 +125,7 @@ def test_a_bound_is_shown_on_the_safe_side_and_as_tight_as_its_digits_allow(x, d
 
 def test_what_has_few_digits_is_shown_as_it_is():
     assert [at_most(x) for x in (0.1, 0.3, 20.0, 1e-7, -0.25, 0.0)] == ["0.1", "0.3", "20", "1e-07", "-0.25", "0"]
+    assert (at_most(1e-320), at_least(1e-320), at_least(1.23e-318, 2)) == ("1e-320", "1e-320", "1.2e-318")
     assert (at_most(46.617914909), at_least(46.617914909), at_most(float("inf"))) == ("46.618", "46.6179", "inf")
 
 

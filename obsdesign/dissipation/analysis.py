@@ -265,10 +265,10 @@ def stable(poles: Array) -> bool:
 
 
 def explicit_steps(poles: Array) -> dict[str, float | None]:
-    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; None without one."""
+    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; zero if none is, None without a pole."""
     found = poles[poles.real < -INSIDE * np.abs(poles).max(initial=0.0)]
     if not found.size:
-        return {"euler": None, "rk4": None}
+        return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
     euler = -2 * found.real / np.abs(found) ** 2
     z = np.linspace(0, 4, 4001) * (found / np.abs(found)).reshape(-1, 1)
     outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE

@@ -33,6 +33,7 @@ class Demand:
     gain: str = "L"  # key of the injection in a spec
     largest: fmpq | None = None  # what bounds its norm, unless it is given
     L2: Array | None = None  # None: any
+    theorem: str = ""  # whose inequality alone asks a bounded gain for more, where the error is not that of a copy
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
@@ -142,4 +143,4 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     name = "a member of the class hides a mode that does not decay at the rate that is asked for"
     check = Check(name, found is not None, 1.0 if found else -1.0)
     said: dict[str, Any] = diagnosis(spec, found, demand) if found else {"reason": name}
-    return Proof(f"no solution: {said['reason']}", (check,))
+    return Proof(f"no solution: {said['reason']}", (check,), used=("kind", "members"))

@@ -16,6 +16,7 @@ from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
     ENTRY,
+    LINE,
     MATRIX,
     SIGNALS,
     TEXT,
@@ -61,7 +62,7 @@ class System(Section):
     states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
     outputs: list[str] | None = key(ListOf(TEXT), "names, default y1, y2, ..")
     inputs: list[str] = key(ListOf(TEXT), "names of known inputs, usable in gx, gy, gq and f", default=[])
-    units: dict[str, str] = key(MapOf(TEXT), "units of states, outputs and inputs, for axes and tables", default={})
+    units: dict[str, str] = key(MapOf(LINE), "units of states, outputs and inputs, for axes and tables", default={})
     A: Entries = required(MATRIX, "nx x nx")
     B: Entries | None = key(MATRIX, "nx x nw; w is disturbance and noise together")
     C: Entries = required(MATRIX, "ny x nx")
@@ -279,7 +280,7 @@ class File(Section):
     """A spec of obsdesign, format 1: one estimation problem."""
 
     obsdesign: str | None = required(ENTRY, "version of the format: 1")
-    name: str | None = key(TEXT)
+    name: str | None = key(LINE)
     source: str | None = key(TEXT)
     description: str | None = key(TEXT)
     parameters: dict[str, str] | None = key(

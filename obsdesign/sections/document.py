@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.files import content_of
 
 MAX_BYTES = 4 * 2**20
@@ -207,6 +207,9 @@ class Composer:
             self.stop(event.start_mark, "too much is wrong to read on")
         if isinstance(event, yaml.ScalarEvent):
             self.check(event)
+            if found := NOT_TEXT.search(event.value):  # by an escape
+                message = f"holds the character U+{ord(found[0]):04X}, which does not belong in a text"
+                self.problems.append(self.problem(event.start_mark, message))
             plain = event.implicit[0]
             self.add(placed(scalar(event.value) if plain else event.value, event.start_mark), event.anchor)
         elif isinstance(event, yaml.CollectionStartEvent):
@@ -287,6 +290,9 @@ class Composer:
         name = node.value
         if not isinstance(name, str) or isinstance(name, Number):
             message = f"a key must be text, found {described(name)}"
+        elif found := NOT_ONE_LINE.search(name):
+            message = f"a key is one line of text; this one holds the character U+{ord(found[0]):04X}"
+            name = None
         elif name == "<<":
             message = "merge keys (<<) are not read; write the keys out"
         elif name in others:

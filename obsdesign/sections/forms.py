@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 
+from obsdesign.errors import NOT_ONE_LINE
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.values import Reader
 
@@ -181,10 +182,17 @@ def auto(expected: str) -> Single:
     return Single(lambda value: value == "auto", expected, {"const": "auto"})
 
 
+def are_lines(value: Any) -> bool:
+    """Whether every text in a value is one line, as it is printed."""
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return not (isinstance(value, str) and NOT_ONE_LINE.search(value)) and all(map(are_lines, parts))
+
+
 ENTRY = Single(lambda value: isinstance(value, str), "a number or arithmetic", {"type": ["number", "string"]})
 TEXT = Single(lambda value: isinstance(value, str), "text", {"type": ["string", "number"]})
 FLAG = Single(lambda value: isinstance(value, bool), "true or false", {"type": "boolean"})
-ANYTHING = Single(lambda value: True, "anything", {})  # noqa: ARG005
+LINE = Single(lambda value: isinstance(value, str) and are_lines(value), "one line of text", TEXT.written)
+ANYTHING = Single(are_lines, "numbers and texts of one line", {})
 NUMBERS = ListOf(ENTRY)
 MATRIX = Named("Matrix", Either("a number, a vector or a list of rows", ENTRY, NUMBERS, ListOf(NUMBERS)))
 VECTOR = Named("Vector", Either("a number or a list of numbers", ENTRY, NUMBERS))

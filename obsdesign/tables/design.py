@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from obsdesign.families import FAMILIES
-from obsdesign.tables.text import UNBOUNDED, at_least, at_most, limit_text, pole_text
+from obsdesign.tables.text import UNBOUNDED, UNSTABLE, at_least, at_most, limit_text, pole_text
 
 QUANTITIES = ("lipschitz", "gamma")
 SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounded
@@ -47,8 +47,8 @@ def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("worst pole", said))
     steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
     known = {name: found["largest_step"][key] for name, key in steps.items()}
-    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step is not None)
-    rows.append(("largest step", told or UNBOUNDED))
+    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step)
+    rows.append(("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE)))
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)}"]

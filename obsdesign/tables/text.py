@@ -9,6 +9,8 @@ from flint import fmpq
 
 UNBOUNDED = "not told: slopes of f are not bounded, or not all their matrices are known"
 
+UNSTABLE = "not told: there is no stable pole to bound it"
+
 
 def aligned(rows: list[tuple[str, str]]) -> str:
     """Two columns."""
@@ -35,7 +37,7 @@ def directed(x: float | fmpq, digits: int, rounding: str) -> str:
         above, below = (x.p, x.q) if isinstance(x, fmpq) else (repr(float(x)), 1)
         found = decimal.Decimal(str(above)) / decimal.Decimal(str(below))
     text = f"{float(found):.{digits}g}"
-    return text if decimal.Decimal(text) == found else str(found)
+    return text if decimal.Decimal(text) == found else f"{found:g}"  # beyond the normal numbers of doubles
 
 
 def plain(value: Any) -> str:

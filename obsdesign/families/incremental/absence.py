@@ -82,7 +82,8 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
     words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
-    return Proof(words + (", nor at a larger alpha" if falls(family, gamma) else ""), refutation.checks)
+    words += ", nor at a larger alpha" if falls(family, gamma) else ""
+    return Proof(words, refutation.checks, used=("kind", "alpha", "gamma", "multipliers"))
 
 
 def falls(family: Incremental, gamma: fmpq | None) -> bool:

@@ -82,7 +82,9 @@ class Decay:
         level = self.bounds.gamma
         answer = within(self.engine, family, self.bounds)
         if answer.status is Status.OPTIMAL:
-            return level is None or answer.objective <= float(level) ** 2, False
+            goal = math.inf if level is None else float(level) ** 2
+            inside = answer.objective <= goal
+            return inside, not inside and not excluded(least(self.engine, family), self.bounds, goal)
         if level is None and not self.bounds.restricted:
             wide = self.engine.widest(family.feasible())
             return wide.status is Status.OPTIMAL, wide.status is Status.UNDECIDED
@@ -106,11 +108,11 @@ class Decay:
     def instead(self, alpha: fmpq) -> tuple[bool, float | None, float | None]:
         """What is known where nothing was found at alpha within the bounds.
 
-        Returns whether that is decided (for a gamma by the least that was found), a size of L1 and an alpha that do.
+        Returns whether there is none at this alpha, a size of L1 and an alpha that do.
         """
         solve, level = least(self.engine, searchable(replace(self.family, alpha=alpha))), self.bounds.gamma
-        size = least_size(solve, self.bounds, math.inf if level is None else float(level) ** 2)
-        return level is not None or excluded(solve, self.bounds), size, self.largest_below(alpha)
+        goal = math.inf if level is None else float(level) ** 2
+        return excluded(solve, self.bounds, goal), least_size(solve, self.bounds, goal), self.largest_below(alpha)
 
 
 def point(alpha: float, answer: Answer) -> Point:

@@ -18,7 +18,7 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED, smaller_class
-from obsdesign.families.incremental.absence import beyond, why_not, within_bounds
+from obsdesign.families.incremental.absence import beyond, covers, why_not, within_bounds
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point
@@ -257,9 +257,10 @@ class Designer:
         low, high = (self.range.low, self.range.high) if self.range else (self.lowest, self.lowest)
         feasible, unknown = self.decay.feasible(low)
         if not feasible:
-            if unknown:
+            if unknown and not self.request.bounds.restricted:
                 raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided")
-            return self.infeasible(low)
+            gamma = in_floats(self.request.bounds).gamma
+            return self.out_of_bounds(low, {}, gamma) if unknown else self.infeasible(low)
         attained, _ = self.decay.feasible(high)
         limit = float(high) if attained else self.decay.largest(float(low), float(high))
         if attained:
@@ -317,9 +318,9 @@ class Designer:
         bounds = self.request.bounds
         capped = replace(bounds, gamma=None if gamma is None else printed(gamma))
         decided, size, slower = replace(self.decay, bounds=capped).instead(alpha)
-        known: dict[str, Any] = {"search": self.search, "notes": tuple(self.notes), **limits}
+        decided = decided and covers(self.request, replace(self.family, alpha=alpha), capped.gamma)
         found = beyond(bounds, float(alpha), gamma, size, reached, slower)
-        return judged(found, decided=decided, **known)
+        return judged(found, decided=decided, search=self.search, notes=tuple(self.notes), **limits)
 
     def with_class(self, alpha: fmpq, diagnosis: dict[str, Any]) -> dict[str, Any]:
         """Diagnosis with the largest class of one nonlinearity that is feasible at alpha, if one is to blame."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.gain import bounded, least, rounded_gains, smallest
+from obsdesign.dissipation.gain import bounded, excluded, least, rounded_gains, smallest
 from obsdesign.dissipation.zero import Level, Vanishing, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
@@ -40,7 +40,8 @@ def least_gamma(study: Study) -> Outcome:
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if study.restricted and most <= asked < limit.gamma:
-        return study.out_of_bounds(solve, decided=True, goal=asked**2, **limits)
+        decided = excluded(solve, study.bounds, asked**2)
+        return study.out_of_bounds(solve, decided=decided, goal=asked**2, **limits)
     if asked < limit.gamma:
         reason = out_of_reach(asked, limit.gamma, float(study.declared))
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)

@@ -200,7 +200,7 @@ def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
     request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
     largest = None if request.gains else request.largest_gain
-    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none)
+    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none, "Theorem 2")
 
 
 def request_of(spec: Spec) -> SporadicRequest:
