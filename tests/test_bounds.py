@@ -142,6 +142,49 @@ def test_a_gamma_that_the_bounds_do_not_reach_is_told_with_the_size_that_does():
     assert solved(PENDULUM % reached, "reached")[0] == 0
 
 
+DAMPED = """
+obsdesign: 1
+system: {A: [[0, 1], [0, -2]], B: [[0, 0], [1, 0]], C: [[1, 0]], D: [[0, %s]]}
+nonlinearities: [{type: %s, Bf: [0, -1], Cq: [0, 1]}]
+observer: {type: linf, alpha: %s, %s}
+"""
+
+
+def test_where_neither_the_level_nor_the_bounds_do_both_that_do_are_told():
+    asked = "objective: {gamma: %s}, bounds: {L1: %s}"
+    code, said, result = solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % (0.05, 0.5)))
+    found = result["diagnosis"]["feasible"]
+    assert (code, list(found)) == (3, ["together"])
+    assert "allow |L1| up to " in said
+    enough = asked % (found["together"]["gamma"], found["together"]["L1"])
+    assert solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, enough), "followed")[0] == 0
+
+
+def test_a_level_out_of_reach_within_bounds_is_answered_with_one_that_they_allow():
+    asked = "objective: {gamma: %s}, bounds: {L1: 10}"
+    code, said, _ = solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % 0.05))
+    assert code == 3
+    level = float(re.search(r"ask for gamma above (\S+?),?(?: |$)", said, re.M)[1]) * (1 + 1e-3)
+    assert solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % level), "followed")[0] == 0
+
+
+def test_what_would_do_where_noise_forbids_the_injection_of_a_steep_f_does():
+    bounds = "bounds: {L1: 60}"
+    code, said, result = solved(DAMPED % (0.01, "monotone", 3, bounds))
+    assert code == 3
+    assert "L2 <= 2 - alpha; here (Cq + L2 C)(A + alpha I) Bf is -1" in said
+    slower = float(re.search(r"ask for alpha at most ([0-9.]+),", said)[1])
+    assert slower == pytest.approx(2, rel=2e-3)
+    assert "leave noise out of y (D = 0) with `L2: free`, with which" in said
+    steepest = result["diagnosis"]["feasible"]["slope"][1] * (1 - 1e-3)
+    for changed in (
+        (0.01, "monotone", slower, bounds),
+        (0, "monotone", 3, f"L2: free, {bounds}"),
+        (0.01, f"{{slope: [0, {steepest}]}}", 3, bounds),
+    ):
+        assert solved(DAMPED % changed, "followed")[0] == 0, changed
+
+
 def test_a_curve_within_bounds_is_that_of_single_rates():
     """What was said to be infeasible there is undecided, as it is at one alpha."""
     code, _, result = solved(TANKS % "{min: 1.0e-3, max: 0.3, points: 5, log: true}")
