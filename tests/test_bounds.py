@@ -113,6 +113,49 @@ def test_the_other_families_prove_it_as_well_and_name_a_size_that_does(observer)
     assert "|L| <= 0.5 was asked for, and" in said
     assert run("verify", "spec.gains.json").exit_code == 0
     assert solved(PLAIN % (observer % found["feasible"]["L"]), "wider")[0] == 0
+    if "decay" in found["feasible"]:
+        slower = (observer % 0.5).replace("decay: 2", f"decay: {found['feasible']['decay']}")
+        assert solved(PLAIN % slower, "slower")[0] == 0
+
+
+DRAG = """
+obsdesign: 1
+system: {A: [[0, 1], [0, -0.5]], B: [[0], [1]], C: [[1, 0]]}
+nonlinearities: [{type: {lipschitz: 0.8}, Bf: [0, 1], Cq: [0, 1]}]
+observer: {type: lipschitz, objective: min-gamma, decay: %s, bounds: {L: %s%s}}
+"""
+
+
+def test_a_smaller_decay_is_suggested_only_where_it_does():
+    code, said, result = solved(DRAG % (0.3, 0.4, ""))
+    assert (code, list(result["diagnosis"]["feasible"])) == (3, ["L"])
+    assert "decay at most" not in said
+    assert "smaller decay" not in said
+    assert solved(DRAG % (0, 0.4, ""), "slowest")[0] != 0
+
+
+def test_a_gain_that_is_suggested_beside_a_bound_on_gamma_reaches_it():
+    code, _, result = solved(DRAG % (0.3, 0.4, ", gamma: 0.5"))
+    size = result["diagnosis"]["feasible"]["L"]
+    assert (code, size > solved(DRAG % (0.3, 0.4, ""))[2]["diagnosis"]["feasible"]["L"]) == (3, True)
+    assert solved(DRAG % (0.3, size, ", gamma: 0.5"), "followed")[0] == 0
+
+
+SWING = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -0.1]], B: [[0], [1]], C: %s}
+nonlinearities: [{%stype: {lipschitz: 9.81}, Bf: [0, 1], Cq: [1, 0]}]
+observer: {type: lipschitz, objective: min-gamma%s}
+"""
+
+
+def test_a_constant_that_f_refutes_is_not_suggested_but_the_state_to_measure():
+    code, said, _ = solved(SWING % ("[[0, 1]]", "f: 9.81*sin(q), ", ""))
+    assert code == 3
+    assert "measure x1 as well, with which every constant will do" in said
+    assert "declare a constant" not in said
+    assert "declare a constant below 1, or measure x1" in solved(SWING % ("[[0, 1]]", "", ""))[1]
+    assert solved(SWING % ("[[0, 1], [1, 0]]", "", ", bounds: {L: 100}"), "measured")[0] == 0
 
 
 def test_a_proof_of_a_bound_is_held_against_the_spec():
