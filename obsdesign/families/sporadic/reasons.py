@@ -80,7 +80,7 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
         "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller T2",
+        "suggestion": f"allow gamma above {at_most(least)}",
     }
 
 
@@ -88,7 +88,7 @@ def too_small(kappa: float, T2: float, decay: float, size: float | None) -> Diag
     """Answer that no gain within the bound was found; `size`: a bound that does."""
     enough = {"L": (size, "allow |L| up to")} if size else {}
     where = f"for T2 = {T2:g} with decay {decay:g}"
-    return too_tight([f"|L| <= {kappa:g}"], where, enough, ["ask for a smaller T2"])
+    return too_tight([f"|L| <= {kappa:g}"], where, enough)
 
 
 def out_of_bounds(name: str) -> Diagnosis:

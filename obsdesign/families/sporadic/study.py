@@ -217,11 +217,12 @@ class Study:
         return replace(made, gains=gains, certificate=certificate)
 
     def out_of_bounds(self, T2: float, decay: float) -> Diagnosis:
-        """Answer that no gain within the bound was found, with a bound that does."""
+        """Answer that no gain within the bound was found, with a bound that does, for a gamma that is asked for too."""
         asked = float(self.request.largest_gain or 0)
 
         def reaches(kappa: float) -> bool:
-            return within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent) is not None
+            found = within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent)
+            return found is not None and (self.cap is None or found.gamma <= self.cap)
 
         inside, outside = strides(reaches, asked, 1 / WIDER, STRIDES)
         if inside is None or outside is None:
