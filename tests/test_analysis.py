@@ -219,6 +219,24 @@ def test_the_peak_gain_is_told_from_both_sides():
     assert f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)}" in table
 
 
+def test_the_peak_gain_has_a_lower_bound_beside_a_pole_that_is_much_faster():
+    system = {"A": [[-1, 1e8], [0, -2]], "B": [[0], [1]], "C": [[0, 1]], "D": [[1]]}
+    observer = {"type": "linf", "alpha": 0.1, "objective": "feasibility", "gains": {"L1": [[-3e7], [-1.5e9]], "L2": []}}
+    peak = od.solve(od.Spec(system=system, observer=observer)).analysis["peak_gain"]
+    assert peak["least"] == pytest.approx(1e8, rel=1e-3)  # 3e7 at once, and 7e7 by way of the fast state
+    assert peak["least"] <= peak["most"]
+
+
+@pytest.mark.parametrize("kind", ["l2", "linf"])
+def test_the_peak_gain_of_slopes_without_a_bound_is_at_least_that_of_the_member_without_slope(kind):
+    system = {"A": [[-1, 0], [0, -2]], "B": [[1], [0]], "C": [[0, 1]]}
+    blocks = [{"type": "monotone", "Bf": [[-1], [0]], "Cq": [[1, 0]]}]
+    observer = {"type": kind, "alpha": 0.5, "L2": 0}
+    peak = od.solve(od.Spec(system=system, nonlinearities=blocks, observer=observer)).analysis["peak_gain"]
+    assert peak["least"] == pytest.approx(1, rel=1e-3)  # e1' = -e1 - k e1 - v, k >= 0
+    assert peak["least"] <= peak["most"]
+
+
 def test_the_contraction_from_one_measurement_to_the_next_is_that_of_the_worst_slope():
     content, table = solved(ANY % ("{slope: [-0.4, 0.2]}", FAMILIES["sporadic"]))
     made = content["observer"]

@@ -180,3 +180,53 @@ def test_what_solve_certifies_verify_proves(tmp_path, request_, code):
         assert "(P4) limsup |z(t)|" in content["guarantee"]["statement"]
         verified = run("verify", gains, spec)
         assert verified.exit_code == 0, verified.output
+
+
+COUPLED = """
+obsdesign: 1
+system:
+  A: [[0, 1, 0, 0], [-48.6, -1.25, 48.6, 0], [0, 0, 0, 1], [19.5, 0, -19.5, 0]]
+  B: [[0], [1], [0], [0]]
+  C: [[1, 0, 0, 0], [0, 1, 0, 0]]
+  D: [[0.01], [0.1]]
+nonlinearities: [{type: {lipschitz: 3.33}, Bf: [0, 0, 0, 1], Cq: [0, 0, 1, 0]}]
+observer: {type: linf, %s}
+"""
+
+
+@pytest.mark.parametrize(
+    "asked",
+    ["alpha: {min: 0.01, max: 10}", "bounds: {L1: 200}", "objective: pareto, alpha: {min: 0.01, max: 10, points: 7}"],
+)
+def test_where_the_least_gamma_is_zero_alpha_is_that_of_the_least_that_is_certified_instead(asked):
+    made = solve(loads(COUPLED % asked))
+    fixed = solve(loads(COUPLED % "alpha: 3.1"))
+    assert made.limit["gamma"] == 0
+    assert made.claim.certificate.gamma < fixed.claim.certificate.gamma
+    points = {point["alpha"]: point for point in made.search.points}
+    assert len({f"{alpha:.4g}" for alpha in points}) == len(points)
+    assert points[made.limit["at"]["alpha"]]["gamma"] == 0
+    assert not any(0 < point.get("gamma", 0) < 1e-6 for point in points.values())
+    assert any("the least gamma is zero in the range" in note for note in made.notes)
+
+
+NOISY = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -1]], B: [[0, 0], [1, 0]], C: [1, 0], D: [[0, 0.1]]}
+observer: {type: linf, objective: pareto, alpha: {min: 0.05, max: 2, points: 5}%s}
+"""
+
+
+@pytest.mark.parametrize(("bounds", "limit"), [("", "limit"), (", bounds: {L1: 30}", "limit_bounded")])
+def test_a_limit_that_is_the_best_found_is_the_best_of_its_curve(bounds, limit):
+    made = solve(loads(NOISY % bounds))
+    best = min(made.search.points, key=lambda point: point["gamma"])
+    known = getattr(made, limit)
+    assert (known["gamma"], known["at"], known["kind"]) == (best["gamma"], {"alpha": best["alpha"]}, "best-found")
+    assert float(made.claim.certificate.alpha) > best["alpha"]
+
+
+def test_pareto_takes_no_faster_decay_than_a_bound_on_gamma_allows():
+    made = solve(loads(NOISY % ", bounds: {gamma: 0.46}"))
+    assert made.status == "certified"
+    assert float(made.claim.certificate.gamma) <= 0.46

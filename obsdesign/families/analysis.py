@@ -22,7 +22,7 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, gap: float
         steps["largest_step"] = {k: None if h is None else min(h, gap) for k, h in steps["largest_step"].items()}
     else:
         most = guarantee.peak(spec.H) if guarantee else None
-        steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.peak_gain(), "most": most}}
+        steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.least_peak(), "most": most}}
     unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
