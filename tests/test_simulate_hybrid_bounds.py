@@ -127,7 +127,7 @@ def test_a_guarantee_with_a_wrong_storage_function_is_denied(changes, broken):
 def test_a_gain_that_is_too_small_is_denied():
     run = simulate_sporadic(read(OSCILLATOR), DESIGN, paper(0.205, 0.41), replace(OSCILLATOR_V, gamma=0.9))
     broken = [bound["name"] for bound in run.summary["bounds"] if not bound["holds"]]
-    assert "norm2(yp) <= sqrt(V(0) + gamma^2 norm2(w)^2)" in broken
+    assert "norm2(z) <= sqrt(V(0) + gamma^2 norm2(w)^2)" in broken
 
 
 def test_the_same_seed_gives_the_same_run_and_another_seed_another():

@@ -410,6 +410,14 @@ YAML = [
 ]
 
 
+def test_a_whole_w_without_a_model_is_answered_once():
+    text = BASE.replace(B, "  B: [[0, 0], [1, 1]]").replace(D, "  D: [[b, 0]]").replace(W, "  w: [sin(t), 0]")
+    (problem,) = problems_of(text.replace(DISTURBANCE + "\n", "").replace(PERFORMANCE, "performance: w"))
+    assert problem.message.startswith(
+        "each of w1, w2 is no function of the augmented state; give it a disturbance model"
+    )
+
+
 def test_the_spec_that_the_wrong_ones_are_made_from_is_right():
     assert loads(BASE).plant.n == 2
 

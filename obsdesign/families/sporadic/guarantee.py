@@ -119,16 +119,16 @@ class SporadicGuarantee:
         return tightest("sqrt(V) exp(decay t) never increases", t[1:], root[1:], limit, float(root.max()))
 
     def gains(self, course: Course, V0: float, size: float) -> list[Bound]:
-        """Bound norm2(yp), by (25) of the paper with noise, and by (ii) of its Theorem 1 with sqrt(rho2) for rho2."""
+        """Bound norm2(z), by (25) of the paper with noise, and by (ii) of its Theorem 1 with sqrt(rho2) for rho2."""
         at = measurements(course)
         yp, w = float(np.sqrt(course.z2[-1])), self.gamma * float(np.sqrt(course.v2[-1]))
         noise = " + sum exp(delta tau) eta' P2 eta" if at.eta_sup[-1] else ""
-        name = f"norm2(yp) <= sqrt(V(0) + gamma^2 norm2(w)^2{noise})"
+        name = f"norm2(z) <= sqrt(V(0) + gamma^2 norm2(w)^2{noise})"
         tight = bound(name, yp, float(np.sqrt(V0 + w**2 + at.added[-1])))
         if noise:
             return [tight]
         size = float(np.sqrt(self.extent[1]) * size)
-        return [tight, bound("norm2(yp) <= sqrt(rho2) |x(0)|_A + gamma norm2(w)", yp, size + w)]
+        return [tight, bound("norm2(z) <= sqrt(rho2) |x(0)|_A + gamma norm2(w)", yp, size + w)]
 
     def stays(self, course: Course, size: Array, early: Array) -> list[Bound]:
         """Bound |x|_A by the largest w and eta, by (23) of the paper with 1/rho1 and the tight sum of its Lemma 2.
