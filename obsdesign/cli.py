@@ -127,7 +127,7 @@ def solve(
             if run:
                 typer.echo(f"\n{run_text(design, run.summary, paths)}")
         if plot:
-            plot_search(design.result, str(beside / f"{name}.curve.png"), quiet)
+            plot_search(design, str(beside / f"{name}.curve.png"), quiet)
         if design.status == "uncertified":
             typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
         for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
@@ -271,7 +271,7 @@ def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str
     """Summary of a run, and the files that it is in."""
     from obsdesign.tables.run import run_table
 
-    return run_table(summary, design.guarantee is not None, files)
+    return run_table(summary, design.spec, design.guarantee is not None, files)
 
 
 @contextmanager
@@ -332,12 +332,12 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     return csv(*run.table()), run.plot()
 
 
-def plot_search(result: Mapping[str, Any], path: str, quiet: bool) -> None:
+def plot_search(design: "Design", path: str, quiet: bool) -> None:
     """Figure of the points of a search."""
     from obsdesign.files import write_whole
     from obsdesign.plot import search_figure
 
-    figure = search_figure(result)
+    figure = search_figure(design.result, design.spec.conditions)
     if figure is not None:
         write_whole(path, figure)
     elif not quiet:

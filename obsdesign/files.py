@@ -172,8 +172,10 @@ class ResultFile:
 
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
+        if isinstance(text, str) and len(text) > LONGEST:
+            raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read")
         try:
-            if not isinstance(text, str) or len(text) > LONGEST or not NUMBER.fullmatch(text):
+            if not isinstance(text, str) or not NUMBER.fullmatch(text):
                 raise ValueError
             if "/" in text:
                 return fmpq(*(fmpz(part) for part in text.split("/")))

@@ -186,7 +186,7 @@ def test_the_gain_of_no_observer_is_that_of_the_plant_and_a_design_that_is_no_be
     content, table = solved(text % "")
     assert content["analysis"]["no_observer"] == {"zero": pytest.approx(0.5), "open_loop": pytest.approx(0.5)}
     assert "is no better than no observer at all: with z estimated by 0 the gain is 0.5" in content["notes"][-1]
-    assert "0.5 with 0 for z, 0.5 without y" in table
+    assert "0.5 with z estimated by 0, 0.5 with a copy of the plant that uses no y" in table
     moved, _ = solved(text % ', gx: ["sin(t)", 0]')
     assert moved["analysis"]["no_observer"] == {"zero": None, "open_loop": pytest.approx(0.5)}
     shown = (text % "").replace("C: [0, 1]", "C: [1, 1]").replace("alpha: 0.1", "alpha: 0.1, bounds: {L1: 9}")

@@ -9,6 +9,8 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
 
+UNAIDED = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}
+
 
 def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, gap: float | None = None) -> dict[str, Any]:
     """Worst pole, largest steps, and gains with and without the observer.
@@ -57,8 +59,7 @@ def useless(gamma: float, found: Mapping[str, Any]) -> str | None:
     if not gains or gamma < min(gains.values()):
         return None
     name = min(gains, key=lambda name: gains[name])
-    how = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}[name]
     return (
-        f"gamma = {at_most(gamma)} is no better than no observer at all: with {how} the gain is {gains[name]:.6g}, "
-        "as far as frozen members of the class show it"
+        f"gamma = {at_most(gamma)} is no better than no observer at all: with {UNAIDED[name]} the gain is "
+        f"{gains[name]:.6g}, as far as frozen members of the class show it"
     )

@@ -209,6 +209,11 @@ class Key:
     name: str | None = None  # as it is written, where that is no name of Python
     required: bool = False
 
+    @property
+    def asked(self) -> str:
+        """What to give where it is missing, if one of several forms."""
+        return f"; give {self.form.expected}" if isinstance(self.form, Either) else ""
+
     def schema(self, definitions: Schema) -> Schema:
         """JSON Schema of the value, with what is said of it."""
         said = {"description": self.description} if self.description else {}
@@ -274,7 +279,7 @@ class Section:
         misspelt = {nearest(name, tuple(keys)) for name in others}
         for name, one in keys.items():
             if one.required and name not in value and name not in misspelt:
-                reader.wrong((*loc, name), "is required")
+                reader.wrong((*loc, name), f"is required{one.asked}")
         for name in others:
             reader.wrong((*loc, name), unknown("key", name, tuple(keys), cls.hinted()), at_key=True)
         return {name: one.form.read(reader, value[name], (*loc, name)) for name, one in keys.items() if name in value}
