@@ -63,7 +63,7 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # what a library would say of its own
     try:
-        if sys.stdout is None or sys.stderr is None:
+        if sys.stdout is None:
             raise OSError("it is closed")
         app()
     except KeyboardInterrupt:
@@ -300,7 +300,7 @@ def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str
     """Summary of a run, and the files that it is in."""
     from obsdesign.tables.run import run_table
 
-    return run_table(summary, bool(design.guarantee or (design.proved and design.form)), files)
+    return run_table(summary, design.spec, bool(design.guarantee or (design.proved and design.form)), files)
 
 
 @contextmanager

@@ -130,7 +130,7 @@ class Design(Outcome):
     def remarks(self) -> list[str]:
         """Notes, and one on a design that is no better than none."""
         said = useless(self.guarantee.gamma, self.analysis) if self.guarantee and self.spec.disturbed else None
-        return [*self.notes, *([said] if said else [])]
+        return [*self.notes, *self.spec.idle, *([said] if said else [])]
 
     def written(self) -> dict[str, Any]:
         """Everything about the design, as a result file holds it; numbers are finite."""
@@ -158,7 +158,7 @@ class Design(Outcome):
         """Draw the points of its search as a PNG, at a path; False where there are none. Raises as `save`."""
         from obsdesign.plot import search_figure
 
-        figure = search_figure(self.result)
+        figure = search_figure(self.result, self.spec.conditions)
         if figure is not None:
             write_whole(path, figure)
         return figure is not None
@@ -215,7 +215,7 @@ class Design(Outcome):
         from obsdesign.tables.design import design_rows
 
         local = {"local": self.spec.validity} if self.claim and self.spec.validity else {}
-        return design_rows({"name": self.spec.name, **self.contents(), **local})
+        return design_rows({"name": self.spec.name, "signals": self.spec.signals, **self.contents(), **local})
 
     def __repr__(self) -> str:
         return f"<design of {self.spec.name!r}: {self.status}>"

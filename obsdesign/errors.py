@@ -10,7 +10,11 @@ ObsdesignError            anything a person can act on; never a traceback
 An infeasible design is an answer, not an error: `solve` writes it with its diagnosis and exits with 3.
 """
 
+import re
 from dataclasses import dataclass
+
+# Characters that end a line, change what stands in it, or cannot be printed: in a text of a user they would forge lines
+NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from typing import Any, Self
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
@@ -62,7 +62,21 @@ class ResultFile:
             raise UsageError(f"{self.path}: not JSON: {error}") from None
         if not isinstance(content, dict):
             raise UsageError(f"{self.path}: not a result file: an object is expected")
+        self.require_lines(content)
         return content
+
+    def require_lines(self, content: dict[str, Any]) -> None:
+        """Refuse a key, or a text besides that of the spec, of more than one line: it would forge what is printed."""
+        parts: list[tuple[str, Any]] = [("", content)]
+        while parts:
+            path, value = parts.pop()
+            if isinstance(value, str) and path != "spec.text" and (found := NOT_ONE_LINE.search(value)):
+                raise self.wrong(path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line")
+            keys = value if isinstance(value, dict) else ()
+            if found := next(filter(None, map(NOT_ONE_LINE.search, keys)), None):
+                raise self.wrong(path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line")
+            parts += [(f"{path}.{key}".removeprefix("."), value[key]) for key in keys]
+            parts += [(path, part) for part in value] if isinstance(value, list) else []
 
     def plain(self) -> dict[str, Any]:
         """JSON with numbers as doubles and integers, as it is written and nothing more."""
@@ -158,8 +172,10 @@ class ResultFile:
 
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
+        if isinstance(text, str) and len(text) > LONGEST:
+            raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read")
         try:
-            if not isinstance(text, str) or len(text) > LONGEST or not NUMBER.fullmatch(text):
+            if not isinstance(text, str) or not NUMBER.fullmatch(text):
                 raise ValueError
             if "/" in text:
                 return fmpq(*(fmpz(part) for part in text.split("/")))

@@ -119,6 +119,10 @@ class Request(Protocol):
     def gains(self) -> Mapping[str, Array] | None:
         """Gains to be analyzed instead of designed."""
 
+    @property
+    def restrictions(self) -> Sequence[str]:
+        """Bounds on what a design may use, in words."""
+
 
 class Called(type):
     """Type of `Spec`: with the parts of a spec it makes the dataclass, with sections of a file it reads them."""
@@ -242,11 +246,42 @@ class Spec(metaclass=Called):
         return f"as long as {' and '.join(clauses)}" if clauses else None
 
     @property
+    def idle(self) -> list[str]:
+        """Nonlinearities that act on nothing, in sentences."""
+        plant, column, found = self.augmented, 0, []
+        for i, block in enumerate(self.nonlinearities):
+            columns = slice(column, column := column + block.multiplier.member.shape[0])
+            if not any(M[:, columns].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
+                found.append(f"nonlinearities[{i}] acts on nothing: its columns of Bf, Df and Dqf are zero")
+        return found
+
+    @property
     def assumed(self) -> list[str]:
         """Types that are not proved, in words, with what was searched."""
         names = ["f"] if len(self.nonlinearities) == 1 else numbered("f", len(self.nonlinearities))
         blocks = zip(names, self.nonlinearities, strict=True)
         return [f"{block.type} of {block.term or name} ({block.assumed})" for name, block in blocks if block.assumed]
+
+    @property
+    def conditions(self) -> list[str]:
+        """What every design keeps to, and where it holds: for the title of a figure."""
+        local = [f"local: {self.validity}"] if self.validity else []
+        return [*(self.observer.restrictions if not self.observer.gains else ()), *local]
+
+    @property
+    def signals(self) -> str | None:
+        """What z and v are, or w where the family calls it so; None where nothing drives the plant."""
+        if not self.disturbed:
+            return None
+        x = (*self.plant.states, *self.model_states)
+        named = {*x, *self.plant.exogenous}.issuperset(self.H_names)
+        z = f"error of the estimated {', '.join(self.H_names if named else x)}"
+        modelled = len(self.generator.Am) > 0
+        w, v = (", ".join(names) for names in (self.plant.exogenous, self.drives))
+        driven = (
+            f"{self.observer.drive}: {v}, which drives the model of {w}" if modelled else f"{self.observer.drive}: {w}"
+        )
+        return f"z: {z if named else f'H e, e the {z}'}; {driven}"
 
     @property
     def provisos(self) -> list[str]:

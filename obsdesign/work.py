@@ -13,7 +13,7 @@ from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
 from obsdesign.families import FAMILIES, rescaled
-from obsdesign.families.finding import Finding
+from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load
@@ -56,7 +56,8 @@ def check(spec: Spec) -> list[Finding]:
     """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
     require_spec(spec)
     with spec.placed():
-        return FAMILIES[spec.observer.type].check(spec, Engine())
+        idle = [finding("acts", False, said) for said in spec.idle]
+        return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]
 
 
 def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | None = None) -> Mapping[str, Any]:

@@ -150,6 +150,14 @@ def test_slopes_without_a_bound_leave_no_step_and_the_table_says_so():
     assert table.count("not told: slopes of f are not bounded") == 2
 
 
+def test_a_plant_without_f_whose_observer_has_no_stable_pole_is_not_said_to_have_slopes():
+    plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\n"
+    content, table = solved(f"{plant}observer: {{type: sporadic, T1: 0.1, T2: 0.1, decay: 0.1, injection: hold}}\n")
+    assert content["analysis"]["largest_step"] == {"euler": 0.0, "rk4": 0.0, "exact": None}
+    assert "largest step  not told: there is no stable pole to bound it" in table
+    assert "slopes" not in table
+
+
 @pytest.mark.parametrize("observer", FAMILIES.values(), ids=FAMILIES)
 def test_every_design_has_its_analysis_and_says_what_of_its_file_is_not_proved(observer):
     content, table = solved(ANY % ("{lipschitz: 0.2}", observer))
@@ -178,7 +186,7 @@ def test_the_gain_of_no_observer_is_that_of_the_plant_and_a_design_that_is_no_be
     content, table = solved(text % "")
     assert content["analysis"]["no_observer"] == {"zero": pytest.approx(0.5), "open_loop": pytest.approx(0.5)}
     assert "is no better than no observer at all: with z estimated by 0 the gain is 0.5" in content["notes"][-1]
-    assert "0.5 with 0 for z, 0.5 without y" in table
+    assert "0.5 with z estimated by 0, 0.5 with a copy of the plant that uses no y" in table
     moved, _ = solved(text % ', gx: ["sin(t)", 0]')
     assert moved["analysis"]["no_observer"] == {"zero": None, "open_loop": pytest.approx(0.5)}
     shown = (text % "").replace("C: [0, 1]", "C: [1, 1]").replace("alpha: 0.1", "alpha: 0.1, bounds: {L1: 9}")
@@ -209,6 +217,24 @@ def test_the_peak_gain_is_told_from_both_sides():
     assert peak["least"] == pytest.approx(np.sqrt(2) / 2, rel=1e-4)
     assert peak["least"] <= peak["most"] <= content["guarantee"]["gamma"] * (1 + 1e-9)
     assert f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)}" in table
+
+
+def test_the_peak_gain_has_a_lower_bound_beside_a_pole_that_is_much_faster():
+    system = {"A": [[-1, 1e8], [0, -2]], "B": [[0], [1]], "C": [[0, 1]], "D": [[1]]}
+    observer = {"type": "linf", "alpha": 0.1, "objective": "feasibility", "gains": {"L1": [[-3e7], [-1.5e9]], "L2": []}}
+    peak = od.solve(od.Spec(system=system, observer=observer)).analysis["peak_gain"]
+    assert peak["least"] == pytest.approx(1e8, rel=1e-3)  # 3e7 at once, and 7e7 by way of the fast state
+    assert peak["least"] <= peak["most"]
+
+
+@pytest.mark.parametrize("kind", ["l2", "linf"])
+def test_the_peak_gain_of_slopes_without_a_bound_is_at_least_that_of_the_member_without_slope(kind):
+    system = {"A": [[-1, 0], [0, -2]], "B": [[1], [0]], "C": [[0, 1]]}
+    blocks = [{"type": "monotone", "Bf": [[-1], [0]], "Cq": [[1, 0]]}]
+    observer = {"type": kind, "alpha": 0.5, "L2": 0}
+    peak = od.solve(od.Spec(system=system, nonlinearities=blocks, observer=observer)).analysis["peak_gain"]
+    assert peak["least"] == pytest.approx(1, rel=1e-3)  # e1' = -e1 - k e1 - v, k >= 0
+    assert peak["least"] <= peak["most"]
 
 
 def test_the_contraction_from_one_measurement_to_the_next_is_that_of_the_worst_slope():

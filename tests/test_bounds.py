@@ -113,6 +113,49 @@ def test_the_other_families_prove_it_as_well_and_name_a_size_that_does(observer)
     assert "|L| <= 0.5 was asked for, and" in said
     assert run("verify", "spec.gains.json").exit_code == 0
     assert solved(PLAIN % (observer % found["feasible"]["L"]), "wider")[0] == 0
+    if "decay" in found["feasible"]:
+        slower = (observer % 0.5).replace("decay: 2", f"decay: {found['feasible']['decay']}")
+        assert solved(PLAIN % slower, "slower")[0] == 0
+
+
+DRAG = """
+obsdesign: 1
+system: {A: [[0, 1], [0, -0.5]], B: [[0], [1]], C: [[1, 0]]}
+nonlinearities: [{type: {lipschitz: 0.8}, Bf: [0, 1], Cq: [0, 1]}]
+observer: {type: lipschitz, objective: min-gamma, decay: %s, bounds: {L: %s%s}}
+"""
+
+
+def test_a_smaller_decay_is_suggested_only_where_it_does():
+    code, said, result = solved(DRAG % (0.3, 0.4, ""))
+    assert (code, list(result["diagnosis"]["feasible"])) == (3, ["L"])
+    assert "decay at most" not in said
+    assert "smaller decay" not in said
+    assert solved(DRAG % (0, 0.4, ""), "slowest")[0] != 0
+
+
+def test_a_gain_that_is_suggested_beside_a_bound_on_gamma_reaches_it():
+    code, _, result = solved(DRAG % (0.3, 0.4, ", gamma: 0.5"))
+    size = result["diagnosis"]["feasible"]["L"]
+    assert (code, size > solved(DRAG % (0.3, 0.4, ""))[2]["diagnosis"]["feasible"]["L"]) == (3, True)
+    assert solved(DRAG % (0.3, size, ", gamma: 0.5"), "followed")[0] == 0
+
+
+SWING = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -0.1]], B: [[0], [1]], C: %s}
+nonlinearities: [{%stype: {lipschitz: 9.81}, Bf: [0, 1], Cq: [1, 0]}]
+observer: {type: lipschitz, objective: min-gamma%s}
+"""
+
+
+def test_a_constant_that_f_refutes_is_not_suggested_but_the_state_to_measure():
+    code, said, _ = solved(SWING % ("[[0, 1]]", "f: 9.81*sin(q), ", ""))
+    assert code == 3
+    assert "measure x1 as well, with which every constant will do" in said
+    assert "declare a constant" not in said
+    assert "declare a constant below 1, or measure x1" in solved(SWING % ("[[0, 1]]", "", ""))[1]
+    assert solved(SWING % ("[[0, 1], [1, 0]]", "", ", bounds: {L: 100}"), "measured")[0] == 0
 
 
 def test_a_proof_of_a_bound_is_held_against_the_spec():
@@ -134,12 +177,132 @@ def test_a_proof_of_a_bound_is_held_against_the_spec():
 def test_a_gamma_that_the_bounds_do_not_reach_is_told_with_the_size_that_does():
     text = "{type: l2, alpha: 0.5, objective: {gamma: 0.5}, bounds: {L1: %s}}"
     code, said, result = solved(PENDULUM % (text % 100))
-    found = result["diagnosis"]
-    assert (code, found["condition"]) == (3, "bounds")
-    assert "for gamma = 0.5" in said
-    assert solved(PENDULUM % (text % found["feasible"]["L1"]), "wider")[0] == 0
-    reached = text.replace("0.5}", f"{found['feasible']['gamma']!r}}}") % 100
+    assert (code, result, "for gamma = 0.5" in said) == (4, None, True)
+    size, level = (re.search(words, said)[1] for words in (r"allow \|L1\| up to (\S+),", r"gamma at least (\S+),"))
+    assert solved(PENDULUM % (text % size), "wider")[0] == 0
+    reached = text.replace("0.5}", f"{level}}}") % 100
     assert solved(PENDULUM % reached, "reached")[0] == 0
+
+
+ATTACKED = """
+obsdesign: 1
+system: {A: [[2, 2], [1, 1]], B: [-1, 0], C: [[2, 0], [2, 2]], D: [1, 1]}
+nonlinearities: [{type: {lipschitz: 0.5}, Bf: [0, 1], Cq: [1, 0]}]
+performance: x
+observer: %s
+"""
+MATRICES = "[[61.6344, -60.6344], [7.09863, -7.09863]]"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "{type: l2, alpha: 0.1, L2: 0, objective: {gamma: %s}, bounds: {L1: %s}}",
+        "{type: l2, alpha: {min: 0.1, max: 2}, L2: 0, objective: max-alpha, bounds: {gamma: %s, L1: %s}}",
+        "{type: linf, alpha: 0.1, L2: 0, objective: {gamma: %s}, bounds: {L1: %s}}",
+        "{type: lipschitz, decay: 0.1, objective: min-gamma, bounds: {gamma: %s, L: %s}}",
+    ],
+)
+def test_a_gamma_within_a_bound_that_some_gain_keeps_is_never_said_to_be_infeasible(asked):
+    """It was, by the least gamma of a condition that is more than the bound."""
+    code, said, result = solved(ATTACKED % (asked % (0.0027, 88)))
+    assert (code, result) == (4, None)
+    assert "was found" in said
+    code, _, result = solved(ATTACKED % (asked % (0.0027, 0.5)), "impossible")  # A - L C grows for every such L
+    assert (code, result["diagnosis"]["proof"]) == (3, "exact")
+
+
+def test_the_gain_that_a_bound_and_a_gamma_leave_is_proved_where_it_is_given():
+    text = f"{{type: l2, alpha: 0.1, L2: 0, objective: {{gamma: 0.0027}}, gains: {{L1: {MATRICES}, L2: [[0, 0]]}}}}"
+    code, _, result = solved(ATTACKED % text)
+    assert code == 0
+    assert result["guarantee"]["gamma"] <= 0.0027
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
+def test_a_gamma_that_a_bound_on_the_storage_function_excludes_is_infeasible():
+    """There the bound itself is convex: the least gamma is that of all gains."""
+    _, _, result = solved(NOISY % "{type: l2, L2: 0, alpha: 0.1, bounds: {P: 1}}")
+    level = 0.8 * result["guarantee"]["limit_bounded"]["gamma"]
+    assert level > result["guarantee"]["limit"]["gamma"]
+    asked = f"{{type: l2, L2: 0, alpha: 0.1, objective: {{gamma: {level}}}, bounds: {{P: 1}}}}"
+    code, said, result = solved(NOISY % asked)
+    assert (code, result["diagnosis"]["condition"], result["diagnosis"]["proof"]) == (3, "bounds", "numerical")
+    assert "no solution within the bounds: no gain with P <= 1 I was found" in said
+
+
+def test_of_a_bound_on_sporadic_gains_the_inequality_alone_is_said_to_have_no_solution():
+    """L = 0.9 with H = 20 does make the error decay at the rate, which no Theorem 2 with so small an L proves."""
+    plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\nperformance: x\n"
+    asked = "observer: {type: sporadic, T1: 0.1, T2: 0.1, decay: 0.1, bounds: {L: 0.9}}\n"
+    code, said, result = solved(plant + asked)
+    proof = run("verify", "spec.gains.json")
+    assert (code, result["diagnosis"]["proof"], proof.exit_code) == (3, "exact", 0)
+    for words in (said, proof.stdout, result["diagnosis"]["reason"]):
+        assert "the inequality of Theorem 2 has no solution with |L| at most 1.099 for decay = 0.1" in words
+        assert "needs |L| above" not in words
+    assert "at a member of the class Theorem 2 needs a larger gain" in proof.stdout
+
+
+@pytest.mark.parametrize(
+    ("objective", "code"),
+    [
+        ("T2: 0.1, objective: min-gamma, bounds: {L: 1.0995}", 4),
+        ("T2: 0.1, objective: min-gamma, bounds: {L: 30, gamma: 0.17}", 4),
+        ("T2: 0.1, objective: min-gamma, bounds: {L: 30, gamma: 0.16}", 3),
+        ("T2: {min: 0.1, max: 0.2}, objective: max-T2, bounds: {L: 30, gamma: 0.17}", 4),
+        ("T2: {min: 0.1, max: 0.2, points: 2}, objective: pareto, bounds: {L: 30, gamma: 0.17}", 4),
+    ],
+)
+def test_a_bound_that_sporadic_gains_were_not_found_within_is_undecided(objective, code):
+    plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\nperformance: x\n"
+    found, said, result = solved(f"{plant}observer: {{type: sporadic, T1: 0.1, decay: 0.1, {objective}}}\n")
+    assert found == code, said
+    assert (result is None) == (code == 4)
+    assert code == 3 or "was found" in said or "was reached" in said
+
+
+DAMPED = """
+obsdesign: 1
+system: {A: [[0, 1], [0, -2]], B: [[0, 0], [1, 0]], C: [[1, 0]], D: [[0, %s]]}
+nonlinearities: [{type: %s, Bf: [0, -1], Cq: [0, 1]}]
+observer: {type: linf, alpha: %s, %s}
+"""
+
+
+def test_where_neither_the_level_nor_the_bounds_do_both_that_do_are_told():
+    asked = "objective: {gamma: %s}, bounds: {L1: %s}"
+    code, said, result = solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % (0.05, 0.5)))
+    found = result["diagnosis"]["feasible"]
+    assert (code, list(found)) == (3, ["together"])
+    assert "allow |L1| up to " in said
+    enough = asked % (found["together"]["gamma"], found["together"]["L1"])
+    assert solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, enough), "followed")[0] == 0
+
+
+def test_a_level_out_of_reach_within_bounds_is_answered_with_one_that_they_allow():
+    asked = "objective: {gamma: %s}, bounds: {L1: 10}"
+    code, said, _ = solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % 0.05))
+    assert code == 3
+    level = float(re.search(r"ask for gamma above (\S+?),?(?: |$)", said, re.M)[1]) * (1 + 1e-3)
+    assert solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % level), "followed")[0] == 0
+
+
+def test_what_would_do_where_noise_forbids_the_injection_of_a_steep_f_does():
+    bounds = "bounds: {L1: 60}"
+    code, said, result = solved(DAMPED % (0.01, "monotone", 3, bounds))
+    assert code == 3
+    assert "L2 <= 2 - alpha; here (Cq + L2 C)(A + alpha I) Bf is -1" in said
+    slower = float(re.search(r"ask for alpha at most ([0-9.]+),", said)[1])
+    assert slower == pytest.approx(2, rel=2e-3)
+    assert "leave noise out of y (D = 0) with `L2: free`, with which" in said
+    steepest = result["diagnosis"]["feasible"]["slope"][1] * (1 - 1e-3)
+    for changed in (
+        (0.01, "monotone", slower, bounds),
+        (0, "monotone", 3, f"L2: free, {bounds}"),
+        (0.01, f"{{slope: [0, {steepest}]}}", 3, bounds),
+    ):
+        assert solved(DAMPED % changed, "followed")[0] == 0, changed
 
 
 def test_a_curve_within_bounds_is_that_of_single_rates():

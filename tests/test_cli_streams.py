@@ -106,14 +106,28 @@ def test_output_that_cannot_be_written_is_one_line_and_a_failure(arguments):
     assert stream == "stderr" or err == "standard output or standard error cannot be written: No space left on device\n"
 
 
-@pytest.mark.parametrize("number", [1, 2])
-def test_a_closed_stream_is_no_success(gains, number):
-    code, out, err = ended("verify", gains, preexec_fn=lambda: os.close(number))
-    assert code == 1
-    assert (out, err) == (
-        "",
-        "standard output or standard error cannot be written: it is closed\n" if number == 1 else "",
-    )
+def test_a_closed_output_is_no_success(gains):
+    code, out, err = ended("verify", gains, preexec_fn=lambda: os.close(1))
+    said = "standard output or standard error cannot be written: it is closed\n"
+    assert (code, out, err) == (1, "", said)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["verify", "cart.gains.json", "-q"], 0),
+        (["verify", "cart.gains.json"], 0),
+        (["verify", "absent.json"], 2),
+        (["nonesuch"], 2),
+        (["verify", "huge.json", "--timeout", "0.3"], 4),
+    ],
+)
+def test_a_closed_stream_of_errors_leaves_the_exit_code_as_it_is(gains, arguments, code):
+    if "huge.json" in arguments:
+        Path("huge.json").write_text(huge(gains, 49_900))
+    found, out, err = ended(*arguments, preexec_fn=lambda: os.close(2))
+    assert (found, err) == (code, "")
+    assert out.startswith("holds") == (arguments == ["verify", "cart.gains.json"])
 
 
 def test_a_reader_that_left_is_one_line_and_a_failure():

@@ -66,14 +66,15 @@ STANCES = {
     " guarantee.constants"
     " guarantee.margin guarantee.admissible guarantee.T1 guarantee.T2 guarantee.statement guarantee.reconstruction"
     " guarantee.rate guarantee.overshoot guarantee.initial guarantee.disturbance guarantee.noise guarantee.jitter"
-    " certificate diagnosis.certificate diagnosis.certificate.kind diagnosis.certificate.alpha",
+    " certificate certificate.checks diagnosis.certificate diagnosis.certificate.kind diagnosis.certificate.alpha"
+    " diagnosis.certificate.checks diagnosis.proof",
     # what proves it: other matrices or gains may prove the same claim
     "witness": "observer.L1 observer.L2 observer.L observer.H observer.delta guarantee.mu guarantee.mu1 guarantee.mu2"
     " certificate.P certificate.P1 certificate.P2 certificate.multipliers certificate.reconstruction"
     " certificate.admissible certificate.T2_max diagnosis.certificate.multipliers diagnosis.certificate.members"
     " diagnosis.certificate.gamma",
     # a part of it
-    "part": "certificate.kind certificate.checks diagnosis.certificate.checks",
+    "part": "certificate.kind",
     # a smaller number
     "smaller": "guarantee.T2_max",
     # more than in the genuine file: it says what is not proved
@@ -87,7 +88,7 @@ STANCES = {
     " diagnosis.suggestion diagnosis.feasible diagnosis.mode diagnosis.slopes diagnosis.value diagnosis.nonlinearity"
     " diagnosis.gamma diagnosis.accuracy diagnosis.interval diagnosis.within",
     # anything; it says nothing of the observer
-    "label": "name created solver tool spec.path diagnosis.proof",
+    "label": "name created solver tool spec.path",
 }
 STANCE = {path: stance for stance, paths in STANCES.items() for path in paths.split()}
 NESTED = {"observer", "guarantee", "certificate", "diagnosis", "spec"}  # whose keys are decided one by one
@@ -332,6 +333,53 @@ def test_no_field_that_is_forged_proves_anything_that_is_false(case, outcome_of)
             shown = design_of(ResultFile("forged.json", text.encode()))
             assert shown._repr_html_() == read_back(case), text
     assert found == ({False} if genuine(case) is None else {False, True})
+
+
+REFUSED = {  # by certificate: keys that stand in those of another kind, or in none
+    "infeasible/bearing-too-fast": ("members", "at", "size", "forged"),
+    "infeasible/hidden-sensor-bias": ("alpha", "gamma", "multipliers", "at", "size", "forged"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_certificate_that_there_is_no_solution_holds_what_proves_it_and_nothing_else(case, outcome_of):
+    content = content_of(case)
+    assert outcome_of(content).exit_code == 0
+    for key in REFUSED[case]:
+        outcome = outcome_of(put(copy.deepcopy(content), ("diagnosis", "certificate", key), "1"))
+        assert outcome.exit_code == 2
+        assert f"diagnosis.certificate.{key}: is nothing that is proved anew" in outcome.stderr
+    outcome = outcome_of(put(copy.deepcopy(content), ("diagnosis", "proof"), "exact, and of every other observer too"))
+    assert outcome.exit_code == 2
+    assert "diagnosis.proof: is not what is proved anew; expected exact" in outcome.stderr
+
+
+@pytest.mark.parametrize("case", ["l2 gamma", "lipschitz least gamma", "infeasible/bearing-too-fast"])
+def test_the_conditions_in_a_file_are_those_that_are_proved(case, outcome_of):
+    content = content_of(case)
+    place = (*(("diagnosis",) if "diagnosis" in content else ()), "certificate", "checks")
+    checks = at(content, place)
+    for forged in (
+        [{**checks[0], "name": "the observer is stable for every f"}, *checks[1:]],
+        checks[1:],
+        [*checks, checks[0]],
+        [{"name": checks[0]["name"]}, *checks[1:]],
+        [],
+    ):
+        outcome = outcome_of(put(copy.deepcopy(content), place, forged))
+        assert (outcome.exit_code, ".".join(place) in outcome.stderr) == (2, True), forged
+
+
+@pytest.mark.parametrize("character", ["\n", "\r", "\x1b", "\x85", "\u2028", "\u202e", "\ud800"])
+def test_texts_and_keys_of_a_file_that_would_forge_lines_are_refused(character, outcome_of):
+    content, forged = content_of("l2 gamma"), f"x{character}proved: everything"
+    changes = [put(copy.deepcopy(content), (key,), forged) for key in ("name", "created", "search")]
+    changes += [put(copy.deepcopy(content), ("notes",), [forged]), {**content, forged: 1}]
+    changes += [put(copy.deepcopy(content), ("analysis", forged), 1)]
+    for change in changes:
+        outcome = outcome_of(change)
+        assert (outcome.exit_code, len(outcome.stderr.splitlines()), outcome.stdout) == (2, 1, "")
+        assert f"holds the character U+{ord(character):04X}" in outcome.stderr
 
 
 @cache

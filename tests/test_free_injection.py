@@ -80,11 +80,13 @@ def test_noise_in_y_is_named_where_it_forbids_the_injection_that_a_steep_f_needs
     assert code == 3
     assert "Dq + L2 D = 0, which noise in y makes L2 = [[0]]" in content["diagnosis"]["reason"]
     assert "leave noise out of y (D = 0)" in content["diagnosis"]["suggestion"]
-    assert "L2: free" not in output
+    assert ("D = 0) with `L2: free`, with which" in output) == (L2 in ("", ", L2: 0"))
     assert "another type" not in output
     assert run("check", tmp_path / "s.yaml").exit_code == 3
-    code, output, _ = solved(tmp_path, VAN_DER_POL.format(D="0, 0", type="monotone", Dq="", L2=L2))
-    assert code == 3 if L2 in ("", ", L2: 0") else "Dq" not in output
+    free = ", L2: free" if "with `L2: free`" in output else L2
+    for followed, done in ((free, 0), (L2, 0 if free == L2 else 3)):
+        quiet = VAN_DER_POL.format(D="0, 0", type="monotone", Dq="", L2=f"{followed}, bounds: {{L1: 1000}}")
+        assert solved(tmp_path, quiet)[0] == done
 
 
 def test_what_v_does_at_once_to_the_argument_of_a_steep_f_is_named(tmp_path):

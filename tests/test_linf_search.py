@@ -11,6 +11,7 @@ from support.commands import run
 from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
 
 from obsdesign.dissipation.engine import Engine
+from obsdesign.errors import UndecidedError
 from obsdesign.families.incremental.decay import Decay
 from obsdesign.lmi.formula import rational_number
 from obsdesign.reading import loads
@@ -129,7 +130,8 @@ def test_the_storage_function_of_the_certificate_is_within_its_bound(bounds, res
 
 def test_a_bound_on_gamma_caps_what_is_shipped_and_below_the_limit_nothing_is():
     assert solve(loads(PLANE % ("L1: 5, gamma: 0.45", ""))).claim.certificate.gamma <= rational_number("0.45")
-    assert solve(loads(PLANE % ("L1: 5, gamma: 0.3", ""))).status == "infeasible"
+    with pytest.raises(UndecidedError, match=r"was found at alpha = .* for gamma = 0.3; allow"):
+        solve(loads(PLANE % ("L1: 5, gamma: 0.3", "")))
 
 
 @pytest.mark.parametrize("family", ["l2", "linf"])
@@ -156,7 +158,7 @@ def test_a_disturbance_that_a_finite_gain_decouples_is_answered(family, rest):
         ("alpha: 0.2, objective: {gamma: 0.5}, bounds: {L1: 5}", 0),
         ("alpha: 0.2, gains: {L1: [[-10/3], [-1], [0]], L2: [[0]]}", 0),
         ("alpha: 0.2, gains: {L1: [[10], [0], [0]], L2: [[0]]}", 3),
-        ("alpha: 0.2, bounds: {L1: 20, gamma: 1e-4}", 3),
+        ("alpha: 0.2, bounds: {L1: 20, gamma: 1e-4}", 4),
         ("alpha: 0.2", 2),
         ("alpha: 0.2, objective: max-alpha", 2),
     ],
@@ -178,3 +180,53 @@ def test_what_solve_certifies_verify_proves(tmp_path, request_, code):
         assert "(P4) limsup |z(t)|" in content["guarantee"]["statement"]
         verified = run("verify", gains, spec)
         assert verified.exit_code == 0, verified.output
+
+
+COUPLED = """
+obsdesign: 1
+system:
+  A: [[0, 1, 0, 0], [-48.6, -1.25, 48.6, 0], [0, 0, 0, 1], [19.5, 0, -19.5, 0]]
+  B: [[0], [1], [0], [0]]
+  C: [[1, 0, 0, 0], [0, 1, 0, 0]]
+  D: [[0.01], [0.1]]
+nonlinearities: [{type: {lipschitz: 3.33}, Bf: [0, 0, 0, 1], Cq: [0, 0, 1, 0]}]
+observer: {type: linf, %s}
+"""
+
+
+@pytest.mark.parametrize(
+    "asked",
+    ["alpha: {min: 0.01, max: 10}", "bounds: {L1: 200}", "objective: pareto, alpha: {min: 0.01, max: 10, points: 7}"],
+)
+def test_where_the_least_gamma_is_zero_alpha_is_that_of_the_least_that_is_certified_instead(asked):
+    made = solve(loads(COUPLED % asked))
+    fixed = solve(loads(COUPLED % "alpha: 3.1"))
+    assert made.limit["gamma"] == 0
+    assert made.claim.certificate.gamma < fixed.claim.certificate.gamma
+    points = {point["alpha"]: point for point in made.search.points}
+    assert len({f"{alpha:.4g}" for alpha in points}) == len(points)
+    assert points[made.limit["at"]["alpha"]]["gamma"] == 0
+    assert not any(0 < point.get("gamma", 0) < 1e-6 for point in points.values())
+    assert any("the least gamma is zero in the range" in note for note in made.notes)
+
+
+NOISY = """
+obsdesign: 1
+system: {A: [[0, 1], [-1, -1]], B: [[0, 0], [1, 0]], C: [1, 0], D: [[0, 0.1]]}
+observer: {type: linf, objective: pareto, alpha: {min: 0.05, max: 2, points: 5}%s}
+"""
+
+
+@pytest.mark.parametrize(("bounds", "limit"), [("", "limit"), (", bounds: {L1: 30}", "limit_bounded")])
+def test_a_limit_that_is_the_best_found_is_the_best_of_its_curve(bounds, limit):
+    made = solve(loads(NOISY % bounds))
+    best = min(made.search.points, key=lambda point: point["gamma"])
+    known = getattr(made, limit)
+    assert (known["gamma"], known["at"], known["kind"]) == (best["gamma"], {"alpha": best["alpha"]}, "best-found")
+    assert float(made.claim.certificate.alpha) > best["alpha"]
+
+
+def test_pareto_takes_no_faster_decay_than_a_bound_on_gamma_allows():
+    made = solve(loads(NOISY % ", bounds: {gamma: 0.46}"))
+    assert made.status == "certified"
+    assert float(made.claim.certificate.gamma) <= 0.46

@@ -57,7 +57,7 @@ def size(png: bytes) -> tuple[int, int]:
 
 def test_a_run_is_a_png_that_is_the_same_every_time(mass):
     first = run_figure(mass)
-    assert size(first) == (1575, int(150 * (1.0 + 3 * 2.35)))
+    assert size(first) == (1575, int(150 * (1.2 + 3 * 2.35)))
     assert run_figure(mass) == first
     assert b"Software" not in first
 
@@ -74,7 +74,9 @@ def test_every_panel_says_what_it_shows(mass):
     assert [axes.get_yscale() for axes in panels] == ["linear"] * 3 + ["symlog", "linear", "log"]
     title = figure.get_suptitle()
     assert title.startswith(r"Cost \$5")
-    assert r"$\gamma$ = 2" in title
+    assert r"$\gamma$ = 2 from zero error (this run begins with an error)" in title
+    assert [text.get_text() for text in panels[3].texts] == [r"logarithmic beyond ±0.1"]
+    assert not panels[4].texts
 
 
 def test_the_truth_is_solid_and_the_estimate_dashed(mass):
@@ -140,7 +142,7 @@ def test_without_a_guarantee_there_is_no_bound_and_the_title_says_so(mass):
 @pytest.mark.parametrize(("status", "word"), [("escape", "ESCAPE"), ("stall", "STALLED")])
 def test_a_run_that_ended_early_says_so(mass, status, word):
     title = run_sheet(replace(mass, status=status, time=1.25)).get_suptitle()
-    assert f"{word} at t = 1.25 s" in title
+    assert f"{word} at t = 1.25 s: valid until then" in title
 
 
 def damped(n):

@@ -252,6 +252,7 @@ def test_the_figure_follows_from_what_was_searched(searched, figure, points):
     search = {"parameter": "weight", "points": points, **searched}
     result = {"name": "Example", "search": search, "guarantee": SHIPPED}
     assert search_figure(result) == figure(points, SHIPPED, "Example")
+    assert search_figure(result, ["|L| <= 20"]) == figure(points, SHIPPED, "Example\n|L| <= 20")
 
 
 def test_a_signal_that_escapes_is_readable_where_it_begins():

@@ -54,6 +54,7 @@ def test_every_panel_says_what_it_shows():
     assert title.startswith("Cost \\$5")
     assert f"{len(run.schedule.received)} measurements" in title
     assert "all 4 bounds hold" in title
+    assert "from zero error" in title
 
 
 def test_a_figure_is_a_png_that_is_the_same_every_time():

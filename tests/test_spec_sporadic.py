@@ -87,7 +87,9 @@ INTERVALS = [
     wrong(T2, "  T2: {max: 0.2}", "observer.T2.min", "is required"),
     wrong(T2, "  T2: {min: 0.2, max: 0.3, points: 1}", "observer.T2.points", "whole number from 2"),
     wrong(T2, "  T2: {min: 0.2, max: 0.3, step: 1}", "observer.T2.step", "unknown key step", "points"),
-    wrong(T2 + "\n", "", "observer.T2", "is required"),
+    wrong(
+        T2 + "\n", "", "observer.T2", "is required; give a number, or a range {min: .., max: .., points: .., log: ..}"
+    ),
     wrong(DECAY, "  decay: -0.05", "observer.decay", "give a number >= 0"),
     wrong(DECAY, "  decay: {min: 0, max: 1}", "observer.decay.min", "give a number > 0"),
     wrong(DECAY, "  decay: {min: 1, max: 0.5}", "observer.decay", "min 1 is not below max 0.5"),

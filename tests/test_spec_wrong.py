@@ -335,9 +335,37 @@ OTHER_TONGUES = [  # what is written so elsewhere is told in what is written her
     ),
     wrong(ALPHA, ALPHA + "\n  objective: foo", "observer.objective", "feasibility, pareto, {gamma: ..}"),
     wrong(
-        HORIZON, "  horizon: 500 ms", "simulation.horizon", "a number has no unit, found 500ms; write 0.5 for so many s"
+        HORIZON,
+        "  horizon: 500 ms",
+        "simulation.horizon",
+        "a number has no unit, found 500 ms; write 0.5 for so many s",
     ),
-    wrong(HORIZON, "  horizon: 10 V", "simulation.horizon", "write 10"),
+    wrong(HORIZON, "  horizon: 10 V", "simulation.horizon", "write 10 for so many V"),
+    *(
+        wrong(ALPHA, f"  alpha: {quantity}", "observer.alpha", f"found {quantity}; write {written}")
+        for quantity, written in {
+            "10 kOhm": "10000 for so many Ohm",
+            "200 mA": "0.2 for so many A",
+            "50 cm": "0.5 for so many m",
+            "5 mg": "5e-06 for so many kg",
+            "10 µs": "1e-05 for so many s",
+            "30 deg": "30*pi/180 for so many rad",
+            "10dB": "10**(10/20) for a ratio of amplitudes",
+            "200%": "200/100",
+            "2 1/s": "2 for so many 1/s",
+            "1 rad/s": "1 for so many rad/s",
+            "36 km/h": "10 for so many m/s",
+            "2 mm^2": "2e-06 for so many m^2",
+            "5 furlong": "it in the unit of your spec, without the unit",
+        }.items()
+    ),
+    wrong(ALPHA, "  alpha: 2b", "observer.alpha", "expected an operator but found 'b'"),
+    wrong(W, "  w: [10 mA]", "simulation.w[0]", "write 0.01 for so many A"),
+    wrong(ALPHA, "  alpha: 9,81", "observer.alpha", "a decimal point is a point", "write 9.81"),
+    wrong(PARAMETERS, "parameters: {b: 0.5, g: 9,81}", "parameters.81", "a decimal point is written as a point"),
+    wrong(A, "  A: eye(2)", "system.A", "unknown function 'eye'", "a matrix is written out: [[1, 0], [0, 1]]"),
+    wrong(B, "  B: eye(2)", "system.B", "unknown function 'eye'", "a matrix is written out: [[1, 0], [0, 1]]"),
+    wrong(B, "  B: [0 1]'", "", "no transpose", "[[0], [1]]", place=(5, 11)),
     wrong(W, "  w: [step(t)]", "simulation.w[0]", "a step at t = 1 is written (t >= 1)"),
     wrong(W, "  w: [heaviside(t - 1)]", "simulation.w[0]", "(t >= 1)"),
     wrong(W, "  w: data/w1.csv", "simulation.w", "files are not read here, such as data/w1.csv"),
@@ -380,6 +408,14 @@ YAML = [
     wrong(C, "  C: \x01", "", "U+0001"),
     wrong(C, "  C: \0", "", "U+0000"),
 ]
+
+
+def test_a_whole_w_without_a_model_is_answered_once():
+    text = BASE.replace(B, "  B: [[0, 0], [1, 1]]").replace(D, "  D: [[b, 0]]").replace(W, "  w: [sin(t), 0]")
+    (problem,) = problems_of(text.replace(DISTURBANCE + "\n", "").replace(PERFORMANCE, "performance: w"))
+    assert problem.message.startswith(
+        "each of w1, w2 is no function of the augmented state; give it a disturbance model"
+    )
 
 
 def test_the_spec_that_the_wrong_ones_are_made_from_is_right():

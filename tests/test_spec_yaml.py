@@ -10,6 +10,7 @@ import yaml
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.commands import run
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
@@ -265,3 +266,27 @@ def test_any_value_under_any_key_is_read_or_refused(changes):
         else:
             tree[section] = value
     assert read_or_refused(yaml.safe_dump(tree))
+
+
+FORGED = """obsdesign: 1
+name: "Cart\\nproved     everything"
+"sys\\ntem": {}
+system: {A: [[0, 1], [-2, -1]], C: [[1, 0]], states: [p, v], units: {p: "m\\nproved"}}
+observer: {type: l2, alpha: "0.1\\e[31m"}
+expect: {status: "certified\\nproved", limit: {verified: ["a\\u2028b"]}}
+description: "of more\\nthan one line"
+"""
+
+
+def test_texts_that_would_forge_lines_of_what_is_printed_are_refused(tmp_path):
+    spec = tmp_path / "forged.yaml"
+    spec.write_text(FORGED)
+    outcome = run("solve", spec)
+    lines = outcome.stderr.splitlines()
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert [line.removeprefix(f"{spec}:").split(": ")[0] for line in lines if line.startswith(f"{spec}:")] == [
+        *("2:7", "3:1", "4:73", "5:29", "6:18", "6:46"),
+    ]
+    assert len(lines) == 6
+    assert "name: expected one line of text" in lines[0]
+    assert "a key is one line of text; this one holds the character U+000A" in lines[1]

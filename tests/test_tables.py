@@ -1,13 +1,18 @@
 """Results of observers of Lipschitz systems on a terminal: every number once, and few lines for many points."""
 
 import itertools
+import re
 from fractions import Fraction
+from pathlib import Path
 
+import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.commands import PNG, run
 from support.sweep import examples
 
+from obsdesign.reading import loads
 from obsdesign.tables.design import design_rows
 from obsdesign.tables.run import bound_text
 from obsdesign.tables.text import at_least, at_most
@@ -125,6 +130,7 @@ def test_a_bound_is_shown_on_the_safe_side_and_as_tight_as_its_digits_allow(x, d
 
 def test_what_has_few_digits_is_shown_as_it_is():
     assert [at_most(x) for x in (0.1, 0.3, 20.0, 1e-7, -0.25, 0.0)] == ["0.1", "0.3", "20", "1e-07", "-0.25", "0"]
+    assert (at_most(1e-320), at_least(1e-320), at_least(1.23e-318, 2)) == ("1e-320", "1e-320", "1.2e-318")
     assert (at_most(46.617914909), at_least(46.617914909), at_most(float("inf"))) == ("46.618", "46.6179", "inf")
 
 
@@ -141,3 +147,137 @@ def test_every_claim_of_a_table_is_rounded_to_the_safe_side():
     assert "certified lipschitz 0.512345, gamma 0.751235, |L| = 2" in texts(rows, "curve")[0]
     run = {"holds": True, "value": 1.0, "bound": 1.23456712, "accuracy": 0.0, "name": "|z| <= gamma"}
     assert bound_text(run) == "holds: 1 <= 1.23457   |z| <= gamma"
+
+
+PLANT = """obsdesign: 1
+name: case
+system: {states: [p, s], A: [[0, 1], [-2, -1]], B: [0, 1], C: [1, 0]}
+nonlinearities: [{f: sin(q), type: sin, Bf: [0, 0.5], Cq: [1, 0]}]
+simulation: {horizon: 2, x0: [1, 0], w: [sin(t)]}
+"""
+FAMILIES = {
+    "l2": ("{type: l2, L2: 0, alpha: 0.1, bounds: {L1: 20}}", "v", "norm2"),
+    "linf": ("{type: linf, L2: 0, alpha: 0.1, bounds: {L1: 20}}", "v", "sup"),
+    "lipschitz": ("{type: lipschitz, objective: min-gamma, bounds: {L: 20}}", "w", "norm2"),
+    "sporadic": ("{type: sporadic, T1: 0.05, T2: 0.1, decay: 0.05, delta: 5, bounds: {L: 10}}", "w", "norm2"),
+}
+
+
+def printed(command, text, *options):
+    """What a command prints for a spec, as rows."""
+    Path("case.yaml").write_text(text)
+    outcome = run(command, "case.yaml", *options)
+    assert outcome.exit_code == 0, outcome.output
+    return [tuple(line.split("  ", 1)) if "  " in line else (line, "") for line in outcome.stdout.splitlines()]
+
+
+def beside(rows, key):
+    """Texts beside a key."""
+    return [text.strip() for name, text in rows if name == key]
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", FAMILIES)
+def test_both_tables_say_what_z_and_v_are_and_what_gamma_bounds(family):
+    observer, letter, norm = FAMILIES[family]
+    said = f"z: error of the estimated p, s; {letter}: w1"
+    rows = printed("solve", f"{PLANT}observer: {observer}\n", "--simulate")
+    assert beside(rows, "signals") == [said, said]
+    (ratio,) = beside(rows, "ratio")
+    assert ratio.endswith(f"{norm_of(norm, letter)}; at most gamma from zero error, and this run begins with an error")
+    assert {name for name, _ in rows if name.endswith(" norm2")} == {"z norm2", f"{letter} norm2"}
+    assert not any(words in text for _, text in rows for words in ("(yp)", "infinite", "holds True"))
+    at_rest = PLANT.replace("x0: [1, 0]", "x0: [0, 0]")
+    (ratio,) = beside(printed("simulate", f"{at_rest}observer: {observer}\n"), "ratio")
+    assert ratio.endswith("; at most gamma from zero error")
+
+
+def norm_of(norm, letter):
+    """Ratio that gamma bounds."""
+    return "sup|z| / sup|v|" if norm == "sup" else f"norm2(z) / norm2({letter})"
+
+
+@pytest.mark.usefixtures("here")
+def test_z_and_v_are_told_where_a_model_or_a_matrix_makes_them():
+    observer = f"observer: {FAMILIES['l2'][0]}\n"
+    rows = printed("solve", f"{PLANT}{observer}disturbance: integrator\nperformance: w\n")
+    assert beside(rows, "signals") == ["z: error of the estimated w1; v: v1, which drives the model of w1"]
+    rows = printed("solve", f"{PLANT}{observer}performance: {{H: [[2, 0]]}}\n")
+    assert beside(rows, "signals") == ["z: H e, e the error of the estimated p, s; v: w1"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_rate_of_zero_says_whether_the_error_vanishes_and_a_gamma_that_was_not_sought_says_so():
+    observer = "observer: {type: lipschitz, %s}\n"
+    rows = printed("solve", PLANT + observer % "bounds: {L: 20}")
+    assert beside(rows, "decay rate") == ["0 1/s   e(t) -> 0 without a disturbance; no rate is claimed"]
+    assert beside(rows, "gamma")[0].endswith("from zero error; it was not minimised")
+    rows = printed("solve", PLANT + observer % "objective: min-gamma, bounds: {L: 20}")
+    assert beside(rows, "gamma")[0].endswith("from zero error")
+
+
+@pytest.mark.usefixtures("here")
+def test_a_run_that_stalls_says_until_when_it_is_valid():
+    stalling = (
+        (
+            "obsdesign: 1\nsystem: {A: [[0]], C: [[1]]}\nobserver: {type: l2, L2: 0, alpha: 0.1}\n"
+            "nonlinearities: [{f: -1/sqrt(q), type: monotone, region: {q: [0.01, 9]}, Bf: [-1], Cq: [1]}]\n"
+            "simulation: {horizon: 2, x0: [1], xhat0: [1]}\n"
+        )
+        .replace("f: -1/sqrt(q)", "f: 1/sqrt(q)")
+        .replace("type: monotone", "type: {slope: [-500, 0]}")
+    )
+    (status,) = beside(printed("simulate", stalling), "status")
+    assert re.fullmatch(r"stall at t = 0\.66\d+ s: valid until then", status)
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", ["l2", "linf", "sporadic"])
+def test_a_nonlinearity_that_acts_on_nothing_is_pointed_out(family):
+    text = PLANT.replace("Bf: [0, 0.5]", "Bf: [0, 0]") + f"observer: {FAMILIES[family][0]}\n"
+    said = "nonlinearities[0] acts on nothing: its columns of Bf, Df and Dqf are zero"
+    assert said in beside(printed("solve", text), "note")
+    assert said in beside(printed("check", text), "note")
+    assert said not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
+
+
+@pytest.mark.usefixtures("here")
+def test_what_is_left_out_of_the_bounds_is_told_from_when_on():
+    local = PLANT.replace("type: sin", "type: sin, region: {q: [-1.5, 1.05]}").replace("w: [sin(t)]", "w: [6]")
+    rows = printed("simulate", f"{local}observer: {FAMILIES['l2'][0]}\n")
+    assert beside(rows, "bound")
+    (left,) = beside(rows, "left out")
+    assert re.fullmatch(
+        r"every bound from then on: the guarantee is local, and the run left its region at t = [\d.]+", left
+    )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_figure_of_a_search_names_the_bounds_and_the_region(family):
+    observer, _, _ = FAMILIES[family]
+    local = PLANT.replace("type: sin", "type: {lipschitz: 1, region: {q: [-1, 1]}}")
+    bounded, region = loads(f"{local}observer: {observer}\n").conditions
+    assert (
+        bounded == {"l2": "|L1| <= 20", "linf": "|L1| <= 20", "lipschitz": "|L| <= 20", "sporadic": "|L| <= 10"}[family]
+    )
+    assert region == "local: as long as q and its estimate stay in [-1, 1]"
+    assert loads(f"{PLANT}observer: {observer.replace('bounds', '#')}".split(", #")[0] + "}").conditions == []
+
+
+@pytest.mark.usefixtures("here")
+def test_the_curve_of_a_search_is_drawn_with_what_bounds_it(monkeypatch):
+    titles = []
+    monkeypatch.setattr("obsdesign.plot.tradeoff_figure", lambda *args: titles.append(args[2]) or PNG)
+    observer = "{type: l2, L2: 0, alpha: {min: 0.1, max: 0.2, points: 2}, objective: pareto, bounds: {L1: 20}}"
+    printed("solve", f"{PLANT}observer: {observer}\n", "--plot")
+    assert titles == ["case\n|L1| <= 20"]
+
+
+@pytest.mark.usefixtures("here")
+def test_the_accuracy_of_a_reconstruction_is_told_in_words():
+    observer = "{type: linf, L2: 0, alpha: 0.3, bounds: {L1: 20}, reconstruct: w}"
+    (said,) = beside(
+        printed("simulate", f"{PLANT}observer: {observer}\n".replace("C: [1, 0]", "C: [0, 1]")), "reconstruction"
+    )
+    assert re.match(r"\|what - w\| is at most [\d.e-]+ in the last fifth of the run, [\d.e-]+ at its peak; ", said)
+    assert not any(words in said for words in ("limsup", "True", "x rate"))

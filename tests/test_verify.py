@@ -299,6 +299,7 @@ def digits(number):
         (("observer", "L2"), [], "observer.L2: expected a 1x1 matrix"),
         (("certificate", "P"), [["1", "0"], ["0", "1"]], "certificate.P: expected a 3x3 matrix"),
         (("certificate", "P"), None, "certificate.P: expected a 3x3 matrix"),
+        (("guarantee", "alpha"), "1" * 100_001, "a number of 100,001 characters; at most 100,000 are read"),
         (("certificate", "multipliers"), [], "certificate.multipliers.lambda1"),
         (("certificate", "multipliers"), {}, "certificate.multipliers.lambda1"),
         (("certificate",), "exact", "certificate.P"),

@@ -28,6 +28,8 @@ STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where th
 FREQUENCIES = 120
 STEPS = 60
 FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
+ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
+ROUNDING = 1e-14  # of a pole, relative to the largest
 INSIDE = 1e-9  # relative; a pole is stable if its real part is below that
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 DIRECTIONS = 100  # of z in which its peak is sought
@@ -215,9 +217,17 @@ class Errors:
 
     def peak_gain(self) -> float | None:
         """Integral of the norm of the impulse response from v to z; None as in `energy_gain`."""
-        if not self.bounded or not stable(self.poles):
-            return None
-        return max((float(area(A, B, self.H)) for A, B, _ in self.systems), default=0.0)
+        return self.least_peak() if self.bounded and stable(self.poles) else None
+
+    def least_peak(self) -> float | None:
+        """The same of the members that were tried and are stable, which bounds it from below; None if there is none."""
+        with np.errstate(all="ignore"):
+            found = [
+                float(area(A, B, self.H))
+                for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
+                if (poles.real < -ROUNDING * np.abs(poles).max(initial=0.0)).all()
+            ]
+        return max((peak for peak in found if np.isfinite(peak)), default=None)
 
 
 def members(multiplier: Multiplier) -> list[Array]:
@@ -265,10 +275,10 @@ def stable(poles: Array) -> bool:
 
 
 def explicit_steps(poles: Array) -> dict[str, float | None]:
-    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; None without one."""
+    """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; zero if none is, None without a pole."""
     found = poles[poles.real < -INSIDE * np.abs(poles).max(initial=0.0)]
     if not found.size:
-        return {"euler": None, "rk4": None}
+        return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
     euler = -2 * found.real / np.abs(found) ** 2
     z = np.linspace(0, 4, 4001) * (found / np.abs(found)).reshape(-1, 1)
     outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
@@ -294,8 +304,11 @@ def area(A: Array, B: Array, H: Array) -> float:
     """Largest integral over t of |u' H exp(A t) B| for |u| = 1, over directions u, by the trapezoidal rule.
 
     The inputs with |v| <= 1 that are aligned with it attain it: it is no more than the gain from sup|v| to sup|z|.
+    Not a number where the modes of A are too close to each other to be told apart.
     """
     values, V = np.linalg.eig(A)
+    if np.linalg.cond(V) > 1 / ILL:
+        return np.nan
     ends = 25 / np.abs(values.real)
     counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
     dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]

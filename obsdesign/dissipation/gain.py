@@ -28,6 +28,7 @@ CLOSELY = 0.02  # .. and the least bound that will do
 NEARER = 0.005  # .. where the gain is not within its bound there
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
 ROUNDING = 1e-5  # of a bound on L1, likewise
+ACCURATE = 1e-3  # relative, to which an objective is believed where it excludes a goal
 WIDEST = 2  # convex bounds beyond the bound on |L1| that are tried
 WIDENINGS = 3  # attempts at a convex bound whose gain comes nearer to the bound that was asked for
 
@@ -72,9 +73,11 @@ def bounded(solve: Solve, bounds: Bounds) -> Answer:
     return best
 
 
-def excluded(solve: Solve, bounds: Bounds) -> bool:
-    """Whether there is no gain within bounds: what they all satisfy has no solution, numerically."""
-    return solve(replace(bounds, necessary=True), None).status is Status.INFEASIBLE
+def excluded(solve: Solve, bounds: Bounds, goal: float = math.inf) -> bool:
+    """Whether no gain within bounds has an objective of at most a goal: what they all satisfy has none, numerically."""
+    answer = solve(replace(bounds, necessary=True), None)
+    missed = answer.status is Status.OPTIMAL and answer.objective > goal * (1 + ACCURATE)
+    return answer.status is Status.INFEASIBLE or missed
 
 
 def least_size(solve: Solve, bounds: Bounds, goal: float = math.inf) -> float | None:

@@ -36,6 +36,7 @@ class Minimum:
     def at(self, x: float) -> float:
         """Value at a point, which is rounded and kept inside."""
         x = min(max(float(f"{x:.{self.digits}g}"), self.low), self.high)
+        x = next((known for known in self.values if float(f"{known:.{self.digits}g}") == x), x)
         if x not in self.values:
             self.values[x] = self.function(x)
         return self.values[x]

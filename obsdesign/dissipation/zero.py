@@ -178,12 +178,14 @@ def silent_gains(engine: Engine, family: Incremental, bounds: Bounds) -> Iterato
 def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds = NO_BOUNDS) -> Answer:
     """Same answer, with the objective 0 where a finite gain cancels the disturbance and the rest is rounding.
 
-    Where the answer within bounds is none, such a gain within them is searched.
+    Where there is no answer, such a gain within the bounds is searched; a given gain is no other.
     """
-    if answer.status is not Status.OPTIMAL and bounds.restricted:
-        attained = silencing(engine, family, bounds) is not None
-    else:
-        attained = cancelled(engine, family, answer) is not None
+    if family.L1 is not None:
+        return answer
+    optimal = answer.status is Status.OPTIMAL
+    attained = not optimal and silencing(engine, family, bounds) is not None
+    if optimal or not bounds.restricted:
+        attained = attained or cancelled(engine, family, answer) is not None
     if not attained:
         return answer
     return replace(answer, status=Status.OPTIMAL, objective=0.0)

@@ -63,6 +63,7 @@ WORDS = {
     **dict.fromkeys(("step", "heaviside", "Heaviside", "unitstep"), "a step at t = 1 is written (t >= 1)"),
     **dict.fromkeys(("pulse", "rect"), "a pulse is written (t >= 1)*(t < 2)"),
     "square": "a square wave is written sign(sin(..))",
+    **dict.fromkeys(("eye", "zeros", "ones", "diag", "blkdiag", "kron"), "a matrix is written out: [[1, 0], [0, 1]]"),
     **dict.fromkeys(("mod", "fmod", "rem"), "the remainder is not available"),
 }
 

@@ -24,7 +24,7 @@ NUMERICAL = {  # entries of parts of a result file that prove nothing
 HELD = ("observer", "guarantee", "certificate")  # parts that are held against what is proved
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
-DUAL = ("kind", "alpha", "gamma", "multipliers", "members", "at", "size", "checks")  # of the certificate of a diagnosis
+EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -119,10 +119,10 @@ def agree(file: ResultFile, found: Any, anew: Any, same: Same) -> bool:
     """Whether an entry as it was read, with its numbers as texts, says what is written anew, or less."""
     if isinstance(anew, Mapping):
         known = isinstance(found, dict) and found.keys() <= anew.keys()
+        if known and "holds" in anew:  # a condition
+            known = {*found, "margin"} == {*anew, "margin"}
         return known and all(key == "margin" or agree(file, found[key], anew[key], same) for key in found)
     if isinstance(anew, list):
-        if isinstance(found, list) and anew and isinstance(anew[0], Mapping):  # conditions that hold
-            return all(any(agree(file, one, other, same) for other in anew) for one in found)
         fits = isinstance(found, list) and len(found) == len(anew)
         return fits and all(agree(file, *pair, same) for pair in zip(found, anew, strict=True))
     if anew is None or isinstance(anew, bool) or not isinstance(found, str):
@@ -159,5 +159,7 @@ def require_dual(file: ResultFile, proof: Proof) -> None:
     root = ("diagnosis", "certificate")
     checks = [{"name": check.name, "holds": check.holds} for check in proof.checks]
     for key, value in file.table(*root).items():
-        if key not in DUAL or (key == "checks" and not agree(file, value, checks, double)):
+        if key not in proof.used if key != "checks" else not agree(file, value, checks, double):
             raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew")
+    if file.at("diagnosis", "proof") != EXACT:
+        raise file.wrong("diagnosis.proof", f"is not what is proved anew; expected {EXACT}")

@@ -9,6 +9,8 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
 
+UNAIDED = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}
+
 
 def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, gap: float | None = None) -> dict[str, Any]:
     """Worst pole, largest steps, and gains with and without the observer.
@@ -22,7 +24,7 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, gap: float
         steps["largest_step"] = {k: None if h is None else min(h, gap) for k, h in steps["largest_step"].items()}
     else:
         most = guarantee.peak(spec.H) if guarantee else None
-        steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.peak_gain(), "most": most}}
+        steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.least_peak(), "most": most}}
     unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
@@ -57,8 +59,7 @@ def useless(gamma: float, found: Mapping[str, Any]) -> str | None:
     if not gains or gamma < min(gains.values()):
         return None
     name = min(gains, key=lambda name: gains[name])
-    how = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}[name]
     return (
-        f"gamma = {at_most(gamma)} is no better than no observer at all: with {how} the gain is {gains[name]:.6g}, "
-        "as far as frozen members of the class show it"
+        f"gamma = {at_most(gamma)} is no better than no observer at all: with {UNAIDED[name]} the gain is "
+        f"{gains[name]:.6g}, as far as frozen members of the class show it"
     )

@@ -33,6 +33,7 @@ class Demand:
     gain: str = "L"  # key of the injection in a spec
     largest: fmpq | None = None  # what bounds its norm, unless it is given
     L2: Array | None = None  # None: any
+    theorem: str = ""  # whose inequality alone asks a bounded gain for more, where the error is not that of a copy
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
@@ -82,7 +83,7 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
 
 def sentence(spec: Spec, found: Hidden, demand: Demand) -> str:
     """Member and mode in words, or that every f hides it."""
-    named = members(spec, found.member)
+    named = members(found.member, terms(spec))
     if not named:
         return found.mode.sentence
     if always := blind(spec.augmented, demand.rate):
@@ -99,11 +100,15 @@ def helps(spec: Spec, demand: Demand) -> bool:
     return any(not undetectable(plant, K, float(demand.rate)) for K in tried)
 
 
-def members(spec: Spec, chosen: Sequence[Array]) -> str:
-    """Members of the classes in words; nothing where there is no f."""
-    terms = [block.term for block in spec.nonlinearities for _ in block.multiplier.blocks]
-    names = (term or f"f{i}" for i, term in enumerate(terms, start=1))
-    return " and ".join(slope(K, name) for K, name in zip(map(in_floats, chosen), names, strict=False))
+def terms(spec: Spec) -> list[str]:
+    """What the function of each class is called, where a plant as equations has a name for it."""
+    return [block.term for block in spec.nonlinearities for _ in block.multiplier.blocks]
+
+
+def members(chosen: Sequence[Array], called: Sequence[str] = ()) -> str:
+    """Members of the classes in words, with names of their functions; nothing where there is no f."""
+    names = [name or f"f{i}" for i, name in enumerate((*called, *[""] * (len(chosen) - len(called))), start=1)]
+    return " and ".join(slope(in_floats(K), name) for K, name in zip(chosen, names, strict=False))
 
 
 def slope(K: Array, name: str) -> str:
@@ -144,4 +149,4 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     name = "a member of the class hides a mode that does not decay at the rate that is asked for"
     check = Check(name, found is not None, 1.0 if found else -1.0)
     said: dict[str, Any] = diagnosis(spec, found, demand) if found else {"reason": name}
-    return Proof(f"no solution: {said['reason']}", (check,))
+    return Proof(f"no solution: {said['reason']}", (check,), used=("kind", "members"))

@@ -66,6 +66,7 @@ class Proof(Proved):
     claim: str
     checks: tuple[Check, ...]
     numerical: tuple[str, ...] = ()  # dotted paths
+    used: tuple[str, ...] = ()  # keys of the certificate of a diagnosis that it was proved from
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 A search of gains within a bound on their size is convex only with a condition that is more than the bound, so that
 finding none says nothing by itself. That there is none is told where a frozen member of the class needs larger gains,
-which is exact, or where not even what all gains within the bounds satisfy has a solution, which is numerical.
+which is exact, or where not even what all gains within the bounds satisfy has a solution, which is numerical. Of
+measurements that arrive sporadically the former is told of the theorem alone: its inequality asks for a decay of
+e' = (A + L C) e, which the error itself does not follow.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from obsdesign.errors import UndecidedError
-from obsdesign.families.frozen import Demand, members
+from obsdesign.families.frozen import Demand, members, terms
 from obsdesign.families.outcome import Diagnosis, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, rows
 from obsdesign.lmi.proof import Check
@@ -74,9 +76,13 @@ def diagnosis(spec: Spec, found: Needed, demand: Demand) -> Diagnosis:
 
 def sentence(spec: Spec, found: Needed, demand: Demand) -> str:
     """Member and size in words."""
-    member = members(spec, found.slopes)
+    member = members(found.slopes, terms(spec))
     at = f"at {member}, which the types allow, " if member else ""
-    return f"{at}{demand.key} = {float(demand.rate):g} needs |{demand.gain}| above {float(found.size):g}"
+    rate = f"{demand.key} = {float(demand.rate):g}"
+    if demand.theorem:
+        size = f"|{demand.gain}| at most {float(found.size):g}"
+        return f"{at}the inequality of {demand.theorem} has no solution with {size} for {rate}"
+    return f"{at}{rate} needs |{demand.gain}| above {float(found.size):g}"
 
 
 def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
@@ -93,5 +99,9 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     if demand.largest is None or found.size <= demand.largest:
         raise file.wrong("diagnosis.certificate.size", "not above the bound of the spec, or the spec has none")
     holds = proved(spec.augmented, demand.multiplier, demand.rate, demand.L2, found)
-    check = Check("a member of the class needs a larger gain", holds, 1.0 if holds else -1.0)
-    return Proof(f"no solution within the bounds: {sentence(spec, found, demand)}", (check,))
+    name = "a member of the class needs a larger gain"
+    if demand.theorem:
+        name = f"at a member of the class {demand.theorem} needs a larger gain"
+    check = Check(name, holds, 1.0 if holds else -1.0)
+    said = f"no solution within the bounds: {sentence(spec, found, demand)}"
+    return Proof(said, (check,), used=("kind", "members", "at", "size"))

@@ -1,6 +1,6 @@
 """Figures of runs, and of trade-off curves and surfaces, as PNG."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.plot import run as continuous
@@ -20,18 +20,19 @@ def run_figure(run: "Run") -> bytes:
     return continuous.run_figure(run) if run.schedule is None else hybrid_figure(run)
 
 
-def search_figure(result: Mapping[str, Any]) -> bytes | None:
+def search_figure(result: Mapping[str, Any], conditions: Sequence[str] = ()) -> bytes | None:
     """Draw the points of a search, from a result file, in the form that fits them; None where there are none.
 
     Curves side by side, or a trade-off over a weight, over a weight and a decay rate, or of gamma against a rate.
+    `conditions`: what all points keep to, below the name.
     """
     search, claimed = result.get("search", {}), result.get("guarantee", {})
-    points = search.get("points", [])
+    points, title = search.get("points", []), "\n".join([result["name"], *conditions])
     if "curves" in search:
-        return curves_figure(search["curves"], search["parameter"], result["name"])
+        return curves_figure(search["curves"], search["parameter"], title)
     if not points:
         return None
     if any("weight" in point for point in points):
         draw = surface_figure if "parameters" in search else front_figure
-        return draw(points, claimed if "lipschitz" in claimed else None, result["name"])
-    return tradeoff_figure(points, claimed if "gamma" in claimed else None, result["name"])
+        return draw(points, claimed if "lipschitz" in claimed else None, title)
+    return tradeoff_figure(points, claimed if "gamma" in claimed else None, title)

@@ -59,6 +59,8 @@ def signed_ticks(axes: "Axes", least: float, low: float, high: float) -> None:
                 ticks.append(tick)
                 last = tick
     axes.set_yticks(sorted(ticks))
+    said = f"logarithmic beyond ±{number(least)}"
+    axes.annotate(said, (1.01, 0.5), xycoords="axes fraction", va="center", rotation=90, fontsize=7, color="#555555")
     axes.minorticks_off()
 
 

@@ -10,7 +10,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import time_axis
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_above, legend_below, shared
 from obsdesign.plot.panels import BOUND, CURVES, DASHED, ESTIMATE, TRUE, Comparison, Curve, comparisons, grow
-from obsdesign.plot.run import ended, region_panels, titled, verdict
+from obsdesign.plot.run import ended, offset, region_panels, titled, verdict
 from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
@@ -134,11 +134,11 @@ def heading(run: "Run") -> str:
     facts = ended(run, f"{run.time:.4g}")
     facts += [rf"$\|z\|_2$ = {summary['z_norm2']:.4g}", rf"$\|w\|_2$ = {summary['v_norm2']:.4g}"]
     facts.append(f"{summary['sampling']['received']} measurements")
-    if guarantee is None:
-        facts.append("no guarantee")
-    else:
+    promises = ["no guarantee"]
+    if guarantee is not None:
         gamma, decay = at_most(guarantee.gamma, 4), at_least(guarantee.rates().alpha, 4)
-        proved = rf"$\gamma$ = {gamma}, {guarantee.symbol} = {decay}"
+        begins = offset(summary["initial_distance"])
+        proved = rf"$\gamma$ = {gamma} from zero error{begins}, {guarantee.symbol} = {decay}"
         until = f" until t = {run.until:.4g}" if run.until < run.time else ""
-        facts += [f"proved: {proved}", verdict(run, until)]
-    return titled(run, facts)
+        promises = [f"proved: {proved}", verdict(run, until)]
+    return titled(run, facts, promises)

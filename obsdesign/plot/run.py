@@ -95,35 +95,42 @@ def heading(run: "Run") -> str:
         key, text = (f"{signal}_sup", rf"$\sup|{signal}|$") if sup else (f"{signal}_norm2", rf"$\|{signal}\|_2$")
         if run.summary[key] is not None:
             facts.append(f"{text} = {run.summary[key]:.4g}")
-    if guarantee is None:
-        unproved = str(run.summary.get("bounds_omitted", "")).startswith("no guarantee")
-        facts.append("no guarantee" if unproved else "no bound is proved")
-    else:
-        facts += [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
-    return titled(run, facts)
+    unproved = str(run.summary.get("bounds_omitted", "")).startswith("no guarantee")
+    promises = ["no guarantee" if unproved else "no bound is proved"]
+    if guarantee is not None:
+        promises = [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
+    return titled(run, facts, promises)
 
 
 def ended(run: "Run", time: str) -> list[str]:
     """How a run ended before its horizon, if it did."""
     how = {"done": "", "stopped": "STOPPED", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
-    why = f" ({str(run.summary['reason']).partition(': ')[2]})" if run.status == "stopped" else ""
+    why = f" ({str(run.summary['reason']).partition(': ')[2]})" if run.status == "stopped" else ": valid until then"
     return [f"{how} at t = {time} s{why}"] if how else []
 
 
-def titled(run: "Run", facts: Sequence[str]) -> str:
-    """Name of the spec, facts in one line, the region of a local guarantee, and why a bound is left out."""
+def titled(run: "Run", *facts: Sequence[str]) -> str:
+    """Name of the spec, lines of facts, the region of a local guarantee, and why a bound is left out."""
     note = run.summary.get("validity", {}).get("note", "")
     omitted = "" if run.guarantee is None or run.left else run.summary["bounds_omitted"] or ""
     remarks = [part for text in (note, omitted) for part in text.split("; ")]
     name, *rest = (wrap(plain(text), LINE) for text in (run.spec.name, *remarks))
-    return "\n".join([*name, ",  ".join(facts), *chain(*rest)])
+    return "\n".join([*name, *(",  ".join(line) for line in facts), *chain(*rest)])
 
 
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     alpha = guarantee.rates().alpha
     decays = f"{guarantee.symbol} = {at_least(alpha, 4)}" if alpha else r"$e \rightarrow 0$"
-    return decays if run.summary["gamma"] is None else rf"$\gamma$ = {at_most(guarantee.gamma, 4)}, {decays}"
+    if run.summary["gamma"] is None:
+        return decays
+    begins = offset(run.summary["initial_error"])
+    return rf"$\gamma$ = {at_most(guarantee.gamma, 4)} from zero error{begins}, {decays}"
+
+
+def offset(error: float) -> str:
+    """What to say of a gain from zero error where a run begins with an error: the norms above are another ratio."""
+    return " (this run begins with an error)" if error else ""
 
 
 def verdict(run: "Run", until: str) -> str:

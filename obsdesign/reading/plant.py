@@ -138,13 +138,13 @@ def arguments_of(plant: Plant[Exact], first: int, nq: int) -> str:
 
 def order(reader: Reader, A: Entries, otherwise: Size) -> Size:
     """Return the size of A, or `otherwise` if A is just 0; None if A is not square."""
+    if A.wrong:
+        return None
     if A.zero:
         return otherwise
     if A.values.size == 1:
         return 1
     rows, columns = A.shape()
-    if A.ragged:
-        return None
     if not rows or rows != columns:
         reader.wrong(A.loc, f"expected a square matrix, found {A}")
         return None

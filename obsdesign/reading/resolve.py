@@ -188,6 +188,10 @@ def read_performance(
         others = ", ".join(name for name in w if name not in modelled)
         reader.wrong(loc, f"{others} {FEEDTHROUGH.partition(';')[0]}; name the rest: [{', '.join(modelled)}]")
         chosen = modelled
+    if isinstance(section, str) and (direct := [name for name in chosen if name in table and table[name] is None]):
+        said = f"each of {', '.join(direct)}" if len(direct) > 1 else direct[0]
+        reader.wrong(loc, f"{said} {FEEDTHROUGH}")
+        return empty(0, 0), ()
     for i, name in enumerate(chosen):
         place = loc if isinstance(section, str) else (*loc, i)
         if name not in table:

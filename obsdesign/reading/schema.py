@@ -17,6 +17,7 @@ from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
     ENTRY,
+    LINE,
     MATRIX,
     SIGNALS,
     TEXT,
@@ -58,7 +59,7 @@ class Signals(Section):
     states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
     inputs: list[str] = key(ListOf(TEXT), "names of known inputs, usable in gx, gy, gq and f", default=[])
     disturbances: list[str] | None = key(ListOf(TEXT), "names of the channels of w, default w1, w2, ..")
-    units: dict[str, str] = key(MapOf(TEXT), "units of states, outputs and inputs, for axes and tables", default={})
+    units: dict[str, str] = key(MapOf(LINE), "units of states, outputs and inputs, for axes and tables", default={})
 
 
 class InMatrices(Signals):
@@ -264,7 +265,7 @@ class File(Section):
     """A spec of obsdesign, format 1: one estimation problem."""
 
     obsdesign: str | None = required(ENTRY, "version of the format: 1")
-    name: str | None = key(TEXT)
+    name: str | None = key(LINE)
     source: str | None = key(TEXT)
     description: str | None = key(TEXT)
     parameters: dict[str, str] | None = key(

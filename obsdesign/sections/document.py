@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.files import content_of
 
 MAX_BYTES = 4 * 2**20
@@ -145,7 +145,7 @@ def compose(text: str, path: str) -> Document:
         for event in yaml.parse(text, LOADER):
             composer.take(event)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        mark = transpose(error, text) or error.problem_mark or error.context_mark
         place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         raise UsageError(*composer.problems, Problem(explained(error, text), path, *place)) from None
     if composer.root is None or composer.root.value is None:
@@ -158,10 +158,18 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> str:
     mark = error.problem_mark
     if mark is not None and text[mark.index : mark.index + 1] == "\t":
         return "a tab cannot indent YAML; use spaces"
+    if transpose(error, text):
+        return "a ' after a list is no transpose; write the rows of the transposed matrix out: [[0], [1]]"
     message = f"not valid YAML: {error.problem}"
     if error.context and error.context_mark:
         message += f" ({error.context} that begins in line {error.context_mark.line + 1})"
     return message
+
+
+def transpose(error: yaml.MarkedYAMLError, text: str) -> Mark | None:
+    """Place of a quote after a list, which transposes it elsewhere, where it is what a syntax error is about."""
+    marks = [mark for mark in (error.context_mark, error.problem_mark) if mark and text[mark.index :].startswith("'")]
+    return next((mark for mark in marks if text[: mark.index].rstrip(" ").endswith("]")), None)
 
 
 class Open:
@@ -208,6 +216,9 @@ class Composer:
             self.stop(event.start_mark, "too much is wrong to read on")
         if isinstance(event, yaml.ScalarEvent):
             self.check(event)
+            if found := NOT_TEXT.search(event.value):  # by an escape
+                message = f"holds the character U+{ord(found[0]):04X}, which does not belong in a text"
+                self.problems.append(self.problem(event.start_mark, message))
             plain = event.implicit[0]
             self.add(placed(scalar(event.value) if plain else event.value, event.start_mark), event.anchor)
         elif isinstance(event, yaml.CollectionStartEvent):
@@ -267,7 +278,7 @@ class Composer:
         if parent.mapping and parent.key is None:
             parent.key = self.key(node, parent.values)
             return
-        if node.value is None:
+        if node.value is None and not (parent.key and parent.key.value is None):
             problem, last = self.empty(node), self.problems[-1:]
             if problem.message not in [one.message for one in last if one.line == node.line and "cut" in one.message]:
                 self.problems.append(problem)
@@ -292,6 +303,11 @@ class Composer:
         name = node.value
         if not isinstance(name, str) or isinstance(name, Number):
             message = f"a key must be text, found {described(name)}"
+            if ends_decimal(node, others):
+                message += "; a decimal point is written as a point, such as 9.81"
+        elif found := NOT_ONE_LINE.search(name):
+            message = f"a key is one line of text; this one holds the character U+{ord(found[0]):04X}"
+            name = None
         elif name == "<<":
             message = "merge keys (<<) are not read; write the keys out"
         elif name in others:
@@ -301,6 +317,13 @@ class Composer:
         loc = self.here() if name is None else (*self.here(), str(name))
         self.problems.append(Problem(message, self.path, node.line, node.column, dotted(loc)))
         return node._replace(value=None)
+
+
+def ends_decimal(node: Node, others: dict[str, tuple[Node, Node]]) -> bool:
+    """Whether a key may be the decimals of the number directly before it, such as 81 in {g: 9,81}."""
+    last = next(reversed(others.values()), (node, node))[1]
+    digits = all(isinstance(one.value, Number) and one.value.lstrip("+-").isdigit() for one in (last, node))
+    return digits and last.line == node.line and last.begins + len(last.value) + 1 == node.begins
 
 
 def placed(value: Any, mark: Mark, size: int = 1, height: int = 0) -> Node:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 
+from obsdesign.errors import NOT_ONE_LINE
 from obsdesign.sections.document import Loc, described
 from obsdesign.sections.values import Reader
 
@@ -185,10 +186,17 @@ def auto(expected: str) -> Single:
     return Single(lambda value: value == "auto", expected, {"const": "auto"})
 
 
+def are_lines(value: Any) -> bool:
+    """Whether every text in a value is one line, as it is printed."""
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return not (isinstance(value, str) and NOT_ONE_LINE.search(value)) and all(map(are_lines, parts))
+
+
 ENTRY = Single(lambda value: isinstance(value, str), "a number or arithmetic", {"type": ["number", "string"]})
 TEXT = Single(lambda value: isinstance(value, str), "text", {"type": ["string", "number"]})
 FLAG = Single(lambda value: isinstance(value, bool), "true or false", {"type": "boolean"})
-ANYTHING = Single(lambda value: True, "anything", {})  # noqa: ARG005
+LINE = Single(lambda value: isinstance(value, str) and are_lines(value), "one line of text", TEXT.written)
+ANYTHING = Single(are_lines, "numbers and texts of one line", {})
 NUMBERS = ListOf(ENTRY)
 MATRIX = Named("Matrix", Either("a number, a vector or a list of rows", ENTRY, NUMBERS, ListOf(NUMBERS)))
 VECTOR = Named("Vector", Either("a number or a list of numbers", ENTRY, NUMBERS))
@@ -204,6 +212,11 @@ class Key:
     default: Any = None
     name: str | None = None  # as it is written, where that is no name of Python
     required: bool = False
+
+    @property
+    def asked(self) -> str:
+        """What to give where it is missing, if one of several forms."""
+        return f"; give {self.form.expected}" if isinstance(self.form, Either) else ""
 
     def schema(self, definitions: Schema) -> Schema:
         """JSON Schema of the value, with what is said of it."""
@@ -270,7 +283,7 @@ class Section:
         misspelt = {nearest(name, tuple(keys)) for name in others}
         for name, one in keys.items():
             if one.required and name not in value and name not in misspelt:
-                reader.wrong((*loc, name), "is required")
+                reader.wrong((*loc, name), f"is required{one.asked}")
         for name in others:
             reader.wrong((*loc, name), unknown("key", name, tuple(keys), cls.hinted()), at_key=True)
         return {name: one.form.read(reader, value[name], (*loc, name)) for name, one in keys.items() if name in value}

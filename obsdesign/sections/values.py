@@ -18,6 +18,7 @@ from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import DATE, MAX_PROBLEMS, MAX_QUOTED, NOT_FINITE, Document, Loc, described, dotted
+from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)
 MAX_SIZE = 400  # of a signal, such as the augmented state
@@ -25,8 +26,6 @@ MAX_SIZE = 400  # of a signal, such as the augmented state
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
 SPACED = re.compile(r"[-+]?[\w.]+(\s+[\w.]+)+")  # entries of a row without commas
-QUANTITY = re.compile(r"([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([a-zA-Zµ%°]+)")
-SECONDS = {"s": 1, "ms": fmpq(1, 1000), "us": fmpq(1, 10**6), "µs": fmpq(1, 10**6), "min": 60, "h": 3600}
 RECORDED = re.compile(r"[\w./\\ -]+\.(csv|txt|dat|mat|xlsx?|json|npy|npz|parquet|h5)", re.IGNORECASE)  # a file
 
 Size = int | None
@@ -76,7 +75,7 @@ class Entries:
 
     loc: Loc
     values: Array
-    ragged: bool = False  # the rows have different lengths, which was said already
+    wrong: bool = False  # what is written is no matrix of numbers, which was said already
 
     @property
     def zero(self) -> bool:
@@ -96,7 +95,7 @@ class Entries:
     def fits(self, rows: Axis, columns: Axis) -> bool:
         """Whether it can be read as a matrix of this size."""
         shape = self.values.shape
-        if self.zero or self.ragged:
+        if self.zero or self.wrong:
             return True
         if self.values.size == 0:
             return 0 in (rows.size, columns.size) or None in (rows.size, columns.size)
@@ -121,12 +120,6 @@ class Entries:
         if self.values.ndim == 1:
             return f"a vector of {self.values.size}"
         return "x".join(map(str, self.values.shape))
-
-
-def without_unit(number: str, unit: str) -> str:
-    """Say that a number has no unit, and what to write."""
-    written = f"{float(number) * float(SECONDS[unit]):.12g} for so many s" if unit in SECONDS else number
-    return f"a number has no unit, found {number}{unit}; write {written}"
 
 
 def counted(count: int | None, unit: str) -> str:
@@ -200,13 +193,17 @@ class Reader:
                 raise ExpressionError(f"{text} is not a finite number")
             if DATE.fullmatch(text):
                 raise ExpressionError(f"expected a number, found {described(text)}, which reads as a date or a time")
-            if quantity := QUANTITY.fullmatch(text[:MAX_QUOTED]):
-                raise ExpressionError(without_unit(*quantity.groups()))
+            self.require_plain(text, self.parameters)
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
                 double = float(self.exact[text])
                 self.notes.append(f"{dotted(loc)} = {described(text)} is read as the double {double!r}")
         return self.exact[text]
+
+    def require_plain(self, text: str, names: Collection[str]) -> None:
+        """Refuse a number with a unit that is none of the names, or with a decimal comma, by an `ExpressionError`."""
+        if len(text) <= MAX_QUOTED and (said := misread(text, {*names, "pi"})):
+            raise ExpressionError(said)
 
     def integer(self, text: str | None, loc: Loc, default: int, low: int, high: int) -> int:
         """Whole number in a range."""
@@ -224,7 +221,9 @@ class Reader:
         if value is None:
             return Entries(loc, np.array(ZERO))
         if isinstance(value, str):
-            return Entries(loc, np.array(self.number(value, loc)))
+            before = len(self.problems)
+            number = np.array(self.number(value, loc))
+            return Entries(loc, number, wrong=len(self.problems) > before)
         if rows := spaced(value):
             self.wrong(
                 loc,
@@ -248,14 +247,14 @@ class Reader:
                 self.wrong((*loc, i), f"expected a row of {usual} like the others, found a row of {len(row)}")
             for j, entry in enumerate(row[:usual]):
                 matrix[i, j] = self.number(entry, (*loc, i, j))
-        return Entries(loc, matrix, ragged=min(lengths) < max(lengths))
+        return Entries(loc, matrix, wrong=min(lengths) < max(lengths))
 
     def matrix(self, entries: Entries, rows: Axis, columns: Axis) -> Array:
         """Matrix of the size that there must be."""
         size = rows.size or 0, columns.size or 0
         if not entries.fits(rows, columns):
             self.wrong(entries.loc, entries.mismatch(rows, columns))
-        elif not entries.zero and not entries.ragged and None not in (rows.size, columns.size):
+        elif not entries.zero and not entries.wrong and None not in (rows.size, columns.size):
             return entries.values.reshape(size)
         return np.full(size, ZERO, dtype=object)
 
@@ -291,6 +290,7 @@ class Reader:
                 raise ExpressionError(f"expected an expression, found {described(text)}")
             if RECORDED.fullmatch(text):
                 raise ExpressionError(f"files are not read here, such as {described(text)}; write an expression")
+            self.require_plain(text, {*names, *self.parameters})
             return parse(text, names, self.parameters)
         except ExpressionError as error:
             said = f"; {about}" if about and error.message.startswith("unknown name") else ""

@@ -12,6 +12,7 @@ from obsdesign.simulate.record import Record
 from obsdesign.simulate.signals import jump_of, largest_rate, norm_to_infinity
 from obsdesign.simulate.validity import is_local, validity
 
+LOCAL = "the guarantee is local, and the run left its region"
 SETTLED = 0.01  # of the peak of |e|
 SHARES = {"t5": 0.05, "t1": 0.01}  # of the initial error of an estimate, by the name of the time at which it is reached
 
@@ -101,7 +102,7 @@ def omitted(record: Record) -> str | None:
     if record.uncovered:
         return record.uncovered
     if record.left and record.left[0].time <= record.until:
-        return f"the guarantee is local, and the run left its region at t = {record.left[0].time:.4g}"
+        return f"every bound from then on: {LOCAL} at t = {record.left[0].time:.4g}"
     outside = record.schedule.report().get("note") if record.schedule else None
     return str(outside) if outside else None
 
@@ -133,7 +134,7 @@ def no_reconstruction_bound(record: Record) -> str:
     if record.uncovered:
         return record.uncovered
     if record.left:
-        return f"the guarantee is local, and the run left its region at t = {record.left[0].time:.4g}"
+        return f"{LOCAL} at t = {record.left[0].time:.4g}"
     w = record.acting.v
     if not any(signal.names - {"t"} for signal in w) and (jump := jump_of(w, record.breaks)) is not None:
         return f"w jumps at t = {jump:.6g}, so that w' is not bounded: no bound on what - w holds"

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from obsdesign.families import FAMILIES
-from obsdesign.tables.text import UNBOUNDED, at_least, at_most, limit_text, pole_text
+from obsdesign.families.analysis import UNAIDED
+from obsdesign.tables.text import UNBOUNDED, UNSTABLE, at_least, at_most, limit_text, pole_text
 
 QUANTITIES = ("lipschitz", "gamma")
 SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounded
@@ -20,6 +21,7 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
     family = FAMILIES[made["type"]] if made else None
     rows += family.proved(made, claimed) if family else []
+    rows += [("signals", content["signals"])] if family and "gamma" in claimed and content.get("signals") else []
     rows += [("local", content["local"])] if "local" in content else []
     rows += [("assumed", text) for text in content.get("assumed", [])]
     rows += [*limits(claimed), *background(claimed)]
@@ -47,15 +49,15 @@ def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("worst pole", said))
     steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
     known = {name: found["largest_step"][key] for name, key in steps.items()}
-    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step is not None)
-    rows.append(("largest step", told or UNBOUNDED))
+    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step)
+    rows.append(("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE)))
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)}"]
     rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []
-    gains = {"with 0 for z": found["no_observer"]["zero"], "without y": found["no_observer"]["open_loop"]}
-    without = ", ".join(f"{gain:.6g} {name}" for name, gain in gains.items() if gain is not None)
-    return [*rows, *([("no observer", f"gain {without}")] if without else [])]
+    gains = [(UNAIDED[name], gain) for name, gain in found["no_observer"].items() if gain is not None]
+    without = ", ".join(f"{gain:.6g} with {how}" for how, gain in gains)
+    return [*rows, *([("no observer", f"a gain of {without}")] if without else [])]
 
 
 def background(claimed: Mapping[str, Any]) -> Rows:

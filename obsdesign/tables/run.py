@@ -3,23 +3,36 @@
 from collections.abc import Mapping
 from typing import Any
 
+from obsdesign.spec import Spec
 from obsdesign.tables.text import aligned, at_most, plain
 
 BOUNDS = ("gamma", "bound")
 
 
-def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, str]) -> str:
+def run_table(summary: Mapping[str, Any], spec: Spec, guaranteed: bool, files: tuple[str, str]) -> str:
     """Summary of a run."""
-    rows = [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
+    said = spec.signals
+    rows = [("signals", said)] if said else []
+    rows += [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
     for key, value in summary.items():
         if key == "bounds":
             rows += [("bound", bound_text(bound)) for bound in value]
+        elif key == "status":
+            rows.append(
+                (key, value if value == "done" else f"{value} at t = {summary['time']:.6g} s: valid until then")
+            )
         elif key == "ratio":
-            rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}")]
-        elif key.endswith("_norm2") and value is not None:
-            rows.append((key.replace("_", " "), f"{plain(value)}   over the run"))
+            rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}{related(summary)}")]
+        elif "_norm2" in key:
+            letter = "z" if key.startswith("z") else spec.observer.drive
+            span = "for all t >= 0" if key.endswith("infinite") else "over the run"
+            rows += [] if value is None else [(f"{letter} norm2", f"{plain(value)}   {span}")]
         elif key == "settling":
             rows += [("settling", f"{name}: {settling_text(times)}") for name, times in value.items()]
+        elif key == "bounds_omitted" and value is not None:
+            rows.append(("left out", value))
+        elif key == "reconstruction":
+            rows.append((key, reconstructed(value)))
         elif key == "validity":
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
@@ -27,6 +40,28 @@ def run_table(summary: Mapping[str, Any], guaranteed: bool, files: tuple[str, st
         elif value is not None and key != "ratio_of":
             rows.append((key.replace("_", " "), shown(key, value)))
     return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
+
+
+def related(summary: Mapping[str, Any]) -> str:
+    """What gamma says of the ratio of the norms of a run."""
+    if summary["gamma"] is None:
+        return ""
+    offset = summary.get("initial_distance", summary["initial_error"])
+    return "; at most gamma from zero error" + (", and this run begins with an error" if offset else "")
+
+
+def reconstructed(found: Mapping[str, Any]) -> str:
+    """Accuracy of an unknown input that is reconstructed, and what bounds it."""
+    late, peak = (plain(found[key]) for key in ("limsup", "peak"))
+    parts = [f"|what - w| is at most {late} in the last fifth of the run, {peak} at its peak"]
+    if "bound" in found:
+        left = at_most(found["transient_left"], 3)
+        parts.append(
+            f"at most {at_most(found['bound'])} for t -> infinity is proved, and {left} of the transient is left"
+        )
+        known = {"w_sup": "sup|w|", "w_rate_sup": "sup|w'|", "x_rate_sup": "sup|x'|"}
+        parts.append(", ".join(f"{name} {plain(found[key])}" for key, name in known.items()))
+    return "; ".join([*parts, *([found["note"]] if "note" in found else [])])
 
 
 def entries(values: Mapping[str, Any]) -> str:

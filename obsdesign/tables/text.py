@@ -9,6 +9,8 @@ from flint import fmpq
 
 UNBOUNDED = "not told: slopes of f are not bounded, or not all their matrices are known"
 
+UNSTABLE = "not told: there is no stable pole to bound it"
+
 
 def aligned(rows: list[tuple[str, str]]) -> str:
     """Two columns."""
@@ -35,7 +37,23 @@ def directed(x: float | fmpq, digits: int, rounding: str) -> str:
         above, below = (x.p, x.q) if isinstance(x, fmpq) else (repr(float(x)), 1)
         found = decimal.Decimal(str(above)) / decimal.Decimal(str(below))
     text = f"{float(found):.{digits}g}"
-    return text if decimal.Decimal(text) == found else str(found)
+    return text if decimal.Decimal(text) == found else f"{found:g}"  # beyond the normal numbers of doubles
+
+
+def gamma_text(claimed: Mapping[str, Any], meaning: str) -> str:
+    """Level that is proved, with its meaning, and whether it was sought at all."""
+    limit = {**claimed.get("limit", {}), **claimed.get("limit_bounded", {})}
+    other = "gamma" not in limit and not {"lipschitz", "alpha", "T2", "decay"}.isdisjoint(limit)
+    return f"{at_most(claimed['gamma'])}   {meaning}{'; it was not minimised' if other else ''}"
+
+
+def rate_text(rate: float, statement: str) -> str:
+    """Decay rate that is proved; where it is 0, whether the statement says that the error vanishes all the same."""
+    if rate:
+        return f"{at_least(rate)} 1/s"
+    vanishes = any(words in statement for words in ("-> 0", "exp(-"))
+    said = "e(t) -> 0 without a disturbance" if vanishes else "nothing says that e(t) -> 0"
+    return f"0 1/s   {said}; no rate is claimed"
 
 
 def plain(value: Any) -> str:

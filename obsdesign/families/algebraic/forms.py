@@ -107,6 +107,7 @@ class Request:
     """What is asked of an observer."""
 
     drive: ClassVar[str] = "v"
+    restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
     gains: ClassVar[Mapping[str, Array] | None] = None
 

@@ -32,6 +32,7 @@ class FilterRequest:
     R: Array  # (ny, ny)
     P0: Array  # (n + nm, n + nm)
     drive: ClassVar[str] = "w"
+    restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
     gains: ClassVar[None] = None
 

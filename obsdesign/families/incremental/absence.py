@@ -5,15 +5,13 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, ends
-from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import hidden_mode
 from obsdesign.families.incremental.request import Request, request_of
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Diagnosis, Proof
-from obsdesign.families.reach import too_tight
 from obsdesign.files import ResultFile
 from obsdesign.lmi.faces import refutation
 from obsdesign.lmi.farkas import Refutation, check
@@ -82,7 +80,8 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
     words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
-    return Proof(words + (", nor at a larger alpha" if falls(family, gamma) else ""), refutation.checks)
+    words += ", nor at a larger alpha" if falls(family, gamma) else ""
+    return Proof(words, refutation.checks, used=("kind", "alpha", "gamma", "multipliers"))
 
 
 def falls(family: Incremental, gamma: fmpq | None) -> bool:
@@ -122,7 +121,7 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
     if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, alpha, *named):
         return hidden
     if "gamma" in known:
-        return out_of_reach(spec, fixed, known["gamma"])
+        return out_of_reach(spec, fixed, known["gamma"], largest_alpha)
     if known:
         return {"condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
             "suggestion": "allow larger bounds" if "bounds" in known else "design new gains: leave `gains` out"
@@ -140,33 +139,19 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
         }
     return {
         "condition": "inequality",
-        "reason": f"Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried",
+        "reason": f"Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried"
+        + within_bounds(spec),
         "feasible": {},
         "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
 
 
 def within_bounds(spec: Spec) -> str:
-    """Bounds, besides that on gamma, that what is said to be feasible keeps; nothing where there are none."""
-    words = request_of(spec).bounds.words("L1")
+    """Bounds and level that what is said to be feasible keeps; nothing where there are none."""
+    request = request_of(spec)
+    words = request.bounds.words("L1")
+    words += [f"gamma <= {float(request.level):g}"] if request.level is not None else []
     return f" within the bounds ({' and '.join(words)})" if words else ""
-
-
-def beyond(
-    bounds: Bounds, alpha: float, gamma: float | None, size: float | None, reached: float | None, slower: float | None
-) -> Diagnosis:
-    """Answer that nothing within bounds was found at alpha, for a gamma or for any.
-
-    `size`: a bound on |L1| that does; `reached`, `slower`: a gamma, or an alpha, that the bounds do for.
-    """
-    inside = "within the bounds ask for"
-    enough = {"L1": (size, "allow |L1| up to")} if size else {}
-    if reached:
-        enough["gamma"] = round_up(reached * (1 + CLOSE), 4), f"{inside} gamma at least"
-    if slower:
-        enough["alpha"] = round_down(slower * (1 - CLOSE), 4), f"{inside} alpha at most"
-    where = f"at alpha = {alpha:g}" + ("" if gamma is None else f" for gamma = {gamma:g}")
-    return too_tight(bounds.words("L1"), where, enough)
 
 
 def other(family: Incremental) -> str:
@@ -174,8 +159,11 @@ def other(family: Incremental) -> str:
     return "" if family.L2 is None else "; so may another L2, or `L2: free`"
 
 
-def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float]) -> Diagnosis:
-    """Answer that gamma is below what is possible, and which condition of arbitrary accuracy fails."""
+def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], largest_alpha: float | None) -> Diagnosis:
+    """Answer that gamma is below what is possible, and which condition of arbitrary accuracy fails.
+
+    `levels`: of gamma, what is asked and the least, over all gains and if there are bounds within them.
+    """
     asked, least = levels["asked"], levels["least"]
     failing = [test for test in accuracy(family.plant, family.L2, spec.generator) if not test.holds]
     p = family.plant
@@ -189,12 +177,14 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float]) -> D
         "reason": f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": f"ask for gamma above {at_most(least)}",
+        "suggestion": f"ask for gamma above {at_most(levels.get('bounded', least))}",
     }
     if because:
         found["reason"] += f"; {'; '.join(because)}"
         found["accuracy"] = [{"name": test.name, "sentence": test.sentence, **test.numbers} for test in failing]
     if slow:
         found["zeros"] = [[z.real, z.imag] for z in slow]
-        found["suggestion"] += f", or for alpha below {-max(z.real for z in slow):g}"
+    if largest_alpha is not None:
+        found["feasible"]["alpha"] = largest_alpha
+        found["suggestion"] += f", or for alpha at most {at_least(largest_alpha * (1 - CLOSE), 4)}"
     return found

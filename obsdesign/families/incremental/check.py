@@ -61,7 +61,11 @@ def attainable(spec: Spec) -> list[Finding]:
         tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)
         found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers) for t in tests]
         reached = all(test.holds for test in tests)
-        said = "the conditions for any gamma > 0 hold" if reached else "Theorem 2 does not give any gamma > 0 here"
+        said = (
+            "the conditions for any gamma > 0 hold"
+            if reached
+            else "one of these conditions fails, so that any gamma > 0 is not promised here"
+        )
         found.append(finding("any accuracy", reached, said))
     if B.shape[1]:
         rank = int(np.linalg.matrix_rank(B))

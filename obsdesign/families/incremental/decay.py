@@ -9,9 +9,10 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import excluded, least, least_size, searchable, within
+from obsdesign.dissipation.gain import excluded, least, searchable, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import Minimum, edge, strides
+from obsdesign.dissipation.zero import settled, share_of_widest
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.reduce import between
 from obsdesign.lmi.solve import Answer, Status, reduction
@@ -56,16 +57,35 @@ class Decay:
                     answer = self.engine.minimise(problem, reduced=reduced)
             lost = answer.status is Status.INFEASIBLE
             neighbor = answer if answer.status is Status.OPTIMAL else neighbor
-            yield point(alpha, answer)
+            yield self.point(alpha, answer)
 
     def at(self, alpha: float) -> Point:
         """One point."""
         family = replace(self.family, alpha=rational_number(repr(alpha)))
-        return point(alpha, within(self.engine, searchable(family), self.bounds))
+        return self.point(alpha, within(self.engine, searchable(family), self.bounds))
+
+    def point(self, alpha: float, answer: Answer) -> Point:
+        """Point of a curve; its gamma is 0 where a finite gain cancels the disturbance and the rest is rounding."""
+        found = settled(self.engine, replace(searchable(self.family), alpha=alpha), answer, self.bounds)
+        gamma = {"gamma": math.sqrt(max(found.objective, 0.0))} if found.status is Status.OPTIMAL else {}
+        return {"alpha": alpha, "status": str(found.status), **gamma}
+
+    def fastest(self, points: Sequence[Point], slack: float) -> float:
+        """Largest alpha within a slack of the least gamma of a curve, or of what is certified where that is zero."""
+        levels: dict[float, float] = {point["alpha"]: point["gamma"] for point in points if "gamma" in point}
+        if not min(levels.values()):
+            zeros = [alpha for alpha, gamma in levels.items() if not gamma]
+            shares = (share_of_widest(self.engine, replace(searchable(self.family), alpha=alpha)) for alpha in zeros)
+            levels = {alpha: share or math.inf for alpha, share in zip(zeros, shares, strict=True)}
+        least, cap = min(levels.values()), math.inf if self.bounds.gamma is None else float(self.bounds.gamma)
+        most = max(min(least * (1 + slack), cap), least)
+        return max(alpha for alpha, level in levels.items() if level <= most)
 
     def lowest(self, points: Sequence[Point]) -> list[Point]:
-        """Further points about the lowest of a curve that falls and then rises."""
+        """Further points about the lowest of a curve that falls and then rises; none where it is zero."""
         known = {point["alpha"]: point.get("gamma", math.inf) for point in points}
+        if not min(known.values()):
+            return []
         tried: list[Point] = []
 
         def gamma(alpha: float) -> float:
@@ -80,9 +100,11 @@ class Decay:
         """Whether the inequality has a solution at alpha, and whether that stayed undecided."""
         family = searchable(replace(self.family, alpha=alpha))
         level = self.bounds.gamma
-        answer = within(self.engine, family, self.bounds)
+        answer = settled(self.engine, family, within(self.engine, family, self.bounds), self.bounds)
         if answer.status is Status.OPTIMAL:
-            return level is None or answer.objective <= float(level) ** 2, False
+            goal = math.inf if level is None else float(level) ** 2
+            inside = answer.objective <= goal
+            return inside, not inside and not excluded(least(self.engine, family), self.bounds, goal)
         if level is None and not self.bounds.restricted:
             wide = self.engine.widest(family.feasible())
             return wide.status is Status.OPTIMAL, wide.status is Status.UNDECIDED
@@ -102,21 +124,6 @@ class Decay:
         high = float(alpha)
         low, above = strides(lambda a: a < high and self.holds(a), high, 10.0, 4)
         return None if low is None or above is None else self.largest(low, above)
-
-    def instead(self, alpha: fmpq) -> tuple[bool, float | None, float | None]:
-        """What is known where nothing was found at alpha within the bounds.
-
-        Returns whether that is decided (for a gamma by the least that was found), a size of L1 and an alpha that do.
-        """
-        solve, level = least(self.engine, searchable(replace(self.family, alpha=alpha))), self.bounds.gamma
-        size = least_size(solve, self.bounds, math.inf if level is None else float(level) ** 2)
-        return level is not None or excluded(solve, self.bounds), size, self.largest_below(alpha)
-
-
-def point(alpha: float, answer: Answer) -> Point:
-    """Point of a curve."""
-    gamma = {"gamma": math.sqrt(max(answer.objective, 0.0))} if answer.status is Status.OPTIMAL else {}
-    return {"alpha": alpha, "status": str(answer.status), **gamma}
 
 
 def near(one: float, other: float) -> bool:

@@ -17,21 +17,20 @@ from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_g
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
 from obsdesign.errors import UndecidedError
-from obsdesign.families.finding import UNDISTURBED, smaller_class
-from obsdesign.families.incremental.absence import beyond, why_not, within_bounds
+from obsdesign.families.finding import UNDISTURBED
+from obsdesign.families.incremental.absence import covers, why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point
-from obsdesign.families.incremental.extent import largest_class
+from obsdesign.families.incremental.instead import beyond, remedied
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.theorems import THEOREMS, Linf
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict, bounded_kind
 from obsdesign.families.reach import judged
-from obsdesign.lmi.formula import Values, in_floats, printed, rational_number
+from obsdesign.lmi.formula import Values, in_floats, rational_number
 from obsdesign.lmi.solve import Status
-from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
 
@@ -50,7 +49,7 @@ class Designer:
         given = self.request.gains or {}
         kind, L2 = THEOREMS[self.request.type], given.get("L2", self.request.L2)
         self.family = kind(spec.augmented, spec.multiplier, spec.H, self.lowest, given.get("L1"), L2)
-        self.decay = Decay(engine, self.family, self.request.bounds)
+        self.decay = Decay(engine, self.family, replace(self.request.bounds, gamma=self.request.level))
         self.notes: list[str] = []
         self.points: list[Point] = []
 
@@ -109,10 +108,11 @@ class Designer:
         if self.request.bounds.gamma is not None:
             target = min(target, float(self.request.bounds.gamma))
         if target < level.gamma:
-            most = limits["limit"].get("gamma", 0.0)
-            if target >= most and self.request.bounds.restricted:
-                return self.out_of_bounds(alpha, limits, target, level.gamma)
-            return self.infeasible(alpha, {"gamma": {"asked": target, "least": most}, **limits})
+            most, restricted = limits["limit"].get("gamma", 0.0), self.request.bounds.restricted
+            if target >= most and restricted:
+                return self.out_of_bounds(alpha, limits, level.gamma)
+            levels = {"asked": target, "least": most, **({"bounded": level.gamma} if restricted else {})}
+            return self.infeasible(alpha, {"gamma": levels, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
         return replace(made, **limits, search=self.search, notes=tuple(self.notes))
@@ -127,7 +127,8 @@ class Designer:
         table = zero.table
         if answer.status is Status.OPTIMAL or table or zero.instead:
             level = Level.of_all(answer, zero)
-            limits: dict[str, Any] = {"limit": {"gamma": level.gamma, "attained": level.attained, **self.kind(alpha)}}
+            known = {"gamma": level.gamma, "attained": level.attained, **self.kind(alpha)}
+            limits: dict[str, Any] = {"limit": self.best(known)}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
             if not free:
@@ -145,7 +146,14 @@ class Designer:
             return limits, None
         level = Level.of(bounded, zero)
         kind = {**self.kind(alpha), **bounded_kind(self.request.bounds)}
-        return {**limits, "limit_bounded": {"gamma": level.gamma, "attained": True, **kind}}, level
+        return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
+
+    def best(self, limit: dict[str, Any]) -> dict[str, Any]:
+        """Limit at one alpha of a search; where it is the best that was found, the least of the whole curve."""
+        least = min((p for p in self.points if "gamma" in p), key=lambda point: point["gamma"], default=None)
+        if least is None or self.family.about.monotone or least["gamma"] * (1 + FLAT) >= limit["gamma"]:
+            return limit
+        return {**limit, "gamma": least["gamma"], "at": {"alpha": least["alpha"]}}
 
     def kind(self, alpha: fmpq) -> dict[str, Any]:
         """Where alpha was searched: at which one a limit of gamma is; the best found, unless a lower alpha has less."""
@@ -232,24 +240,26 @@ class Designer:
         self.points = list(self.decay.curve(self.range.grid()))
         if not monotone and objective != "pareto":
             self.points = sorted([*self.points, *self.decay.lowest(self.points)], key=lambda point: point["alpha"])
-        known = [point for point in self.points if "gamma" in point]
-        if not known:
+        if not any("gamma" in point for point in self.points):
             return self.lowest
-        best = min(known, key=lambda point: point["gamma"])
-        if monotone and objective != "pareto":
-            best = self.points[0]
-        else:
-            level = best["gamma"] * (1 + (float(self.request.slack) if objective == "pareto" else FLAT))
-            best = max((point for point in known if point["gamma"] <= level), key=lambda point: point["alpha"])
-        self.notes.append(self.choice(best["alpha"]))
-        return rational_number(repr(best["alpha"]))
+        best = self.points[0]["alpha"]
+        if objective == "pareto" or not monotone:
+            best = self.decay.fastest(self.points, float(self.request.slack) if objective == "pareto" else FLAT)
+        self.notes.append(self.choice(best))
+        return rational_number(repr(best))
 
     def choice(self, alpha: float) -> str:
         """Why this alpha, in words."""
-        if self.request.objective == "pareto":
-            return f"alpha = {alpha:g} is the fastest decay of the curve that was found within the slack of its least"
-        if self.family.about.monotone:
+        pareto = self.request.objective == "pareto"
+        if self.family.about.monotone and not pareto:
             return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
+        if any(point.get("gamma") == 0 for point in self.points):
+            where = "is the fastest decay within the slack of" if pareto else "has"
+            return (
+                f"the least gamma is zero in the range, and alpha = {alpha:g} {where} the least certified in its place"
+            )
+        if pareto:
+            return f"alpha = {alpha:g} is the fastest decay of the curve that was found within the slack of its least"
         return f"alpha = {alpha:g} has the least gamma that was found in the range, by a grid and Brent's method"
 
     def fastest(self) -> Outcome:
@@ -257,9 +267,10 @@ class Designer:
         low, high = (self.range.low, self.range.high) if self.range else (self.lowest, self.lowest)
         feasible, unknown = self.decay.feasible(low)
         if not feasible:
-            if unknown:
+            if unknown and not self.request.bounds.restricted:
                 raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided")
-            return self.infeasible(low)
+            gamma = in_floats(self.request.bounds).gamma
+            return self.out_of_bounds(low, {}, gamma) if unknown else self.infeasible(low)
         attained, _ = self.decay.feasible(high)
         limit = float(high) if attained else self.decay.largest(float(low), float(high))
         if attained:
@@ -289,7 +300,7 @@ class Designer:
         made = self.completed(family, made)
         limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-        limits = {**known, "attained": False, **(self.kind(alpha) if known else {})}
+        limits = self.best({**known, "attained": False, **self.kind(alpha)}) if known else {"attained": False}
         return replace(made, limit=limits, search=self.search, notes=tuple(self.notes))
 
     # Answers without gains
@@ -300,44 +311,21 @@ class Designer:
         found = known or {}
         limits = {name: found[name] for name in ("limit", "limit_bounded") if name in found}
         found = {name: value for name, value in found.items() if name not in limits}
-        largest = self.decay.largest_below(alpha) if not found else None
+        largest = self.decay.largest_below(alpha) if not found or "gamma" in found else None
         diagnosis = why_not(self.spec, replace(self.family, alpha=alpha), largest, found)
         if not found and diagnosis["condition"] != "detectability":
-            diagnosis = self.with_class(alpha, diagnosis)
+            diagnosis = remedied(self.spec, self.decay, alpha, largest, diagnosis)
         return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, search=self.search, notes=tuple(self.notes), **limits)
 
-    def out_of_bounds(
-        self, alpha: fmpq, limits: dict[str, Any], gamma: float | None = None, reached: float | None = None
-    ) -> Outcome:
+    def out_of_bounds(self, alpha: fmpq, limits: dict[str, Any], reached: float | None = None) -> Outcome:
         """Answer that nothing within the bounds was found, with what would do instead.
 
-        `gamma`: what is asked for, if the bounds do for the larger one that was `reached`.
+        `reached`: least gamma within the bounds, where a smaller one is asked for.
         """
         self.engine.report(0.9, "diagnosis")
-        bounds = self.request.bounds
-        capped = replace(bounds, gamma=None if gamma is None else printed(gamma))
-        decided, size, slower = replace(self.decay, bounds=capped).instead(alpha)
-        known: dict[str, Any] = {"search": self.search, "notes": tuple(self.notes), **limits}
-        found = beyond(bounds, float(alpha), gamma, size, reached, slower)
-        return judged(found, decided=decided, **known)
-
-    def with_class(self, alpha: fmpq, diagnosis: dict[str, Any]) -> dict[str, Any]:
-        """Diagnosis with the largest class of one nonlinearity that is feasible at alpha, if one is to blame."""
-
-        def feasible(multiplier: Multiplier) -> bool:
-            return replace(self.decay, family=replace(self.family, multiplier=multiplier)).feasible(alpha)[0]
-
-        found = largest_class(self.spec, feasible)
-        if not found:
-            return diagnosis
-        found["within"] = within_bounds(self.spec)
-        return {
-            **diagnosis,
-            "nonlinearity": found["nonlinearity"],
-            "within": found["within"],
-            "feasible": {**diagnosis["feasible"], **found["feasible"]},
-            "suggestion": f"{diagnosis['suggestion']}; {smaller_class(self.spec.nonlinearities, found)}",
-        }
+        decided, found = beyond(self.decay, alpha, limits["limit"].get("gamma"), reached)
+        decided = decided and covers(self.request, replace(self.family, alpha=alpha), self.decay.bounds.gamma)
+        return judged(found, decided=decided, search=self.search, notes=tuple(self.notes), **limits)
 
 
 def design(spec: Spec, engine: Engine) -> Outcome:

@@ -91,6 +91,11 @@ class Request:
         asked = [level for level in (self.gamma, self.bounds.gamma) if level is not None]
         return min(asked, default=None)
 
+    @property
+    def restrictions(self) -> list[str]:
+        """Bounds on what a design may use, in words."""
+        return self.bounds.words("L1")
+
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""
         low, high = map(printed, ends(self.alpha))

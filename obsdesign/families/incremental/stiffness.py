@@ -76,7 +76,7 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
         if largest >= 0:
             return {
                 "condition": "passivity",
-                "reason": f"{must} with P > 0 and lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here it is "
+                "reason": f"{must} with P > 0 and lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here that is "
                 + shown(largest, Bf),
                 "value": largest,
                 "feasible": {},
@@ -130,7 +130,7 @@ def slow_injection(
         found["suggestion"] = "choose another L2, or `L2: free`, or a smaller alpha"
     mode = slowest(family)
     limit = f"; and {allowed(mode)}: {remaining(mode)}" if mode else ""
-    here = f"here it is {shown(smallest, Bf)}"
+    here = f"here (Cq + L2 C)(A + alpha I) Bf is {shown(smallest, Bf)}"
     found["reason"] = f"{must}; y does not show an error along Bf, which decays only if {needed}; {here}{limit}"
     return found
 

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.incremental.theorems import THEOREMS
-from obsdesign.tables.text import at_least, at_most, matrix_text, pole_text, spectral_norm
+from obsdesign.tables.text import at_most, gamma_text, matrix_text, pole_text, rate_text, spectral_norm
 
 
 def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved of the gains L1 and L2."""
     if "gamma" not in claimed:
         return []
-    rows = [("gamma", f"{at_most(claimed['gamma'])}   {THEOREMS[observer['type']].about.gamma}")]
-    rows += [("decay rate", f"{at_least(claimed['alpha'])} 1/s")]
+    rows = [("gamma", gamma_text(claimed, THEOREMS[observer["type"]].about.gamma))]
+    rows += [("decay rate", rate_text(claimed["alpha"], claimed.get("statement", "")))]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
     return rows

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.constants import restriction
 from obsdesign.dissipation.bounds import Range, require_agreement
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
@@ -29,21 +30,38 @@ from obsdesign.families.outcome import Outcome, Verdict, finite, limited
 from obsdesign.lmi.formula import Array, Exact, approximate, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+from obsdesign.nonlinearities.evidence.constant import lipschitz_constant
 from obsdesign.spec import Spec
 
 
 def design(spec: Spec, engine: Engine) -> Outcome:
     """Design, or analyze, the observer that a spec asks for."""
-    return design_lipschitz(spec.augmented, spec.multiplier, spec.H, request_of(spec), engine)
+    request = request_of(spec)
+
+    def tolerable(constant: float) -> bool:
+        """Whether no block of f is seen to have a larger constant than its share of one."""
+        shares = [constant * float(max(block.lipschitz) / max(request.lipschitz)) for block in spec.nonlinearities]
+        known = [
+            0.0 if block.f is None else lipschitz_constant(restriction(block)).lower for block in spec.nonlinearities
+        ]
+        return all(lower < share for lower, share in zip(known, shares, strict=True))
+
+    return design_lipschitz(spec.augmented, spec.multiplier, spec.H, request, engine, tolerable)
 
 
 def design_lipschitz(
-    plant: Plant[Exact], multiplier: Multiplier, H: Array, request: LipschitzRequest, engine: Engine
+    plant: Plant[Exact],
+    multiplier: Multiplier,
+    H: Array,
+    request: LipschitzRequest,
+    engine: Engine,
+    tolerable: Callable[[float], bool] = bool,
 ) -> Outcome:
     """Design, or analyze, an observer of a Lipschitz system, with the constant that no gain can exceed.
 
     `plant`, `multiplier`, `H`: the problem, in rationals: Dqf = 0, Dq = 0 and Df = 0; z = H e. Of the multiplier only
-    the sizes of its blocks matter: their constants are those of the request.
+    the sizes of its blocks matter: their constants are those of the request; `tolerable`: whether f may have no larger
+    constant than one.
 
     Raises `UsageError`: the limit is infinite, or that of gamma zero, and nothing bounds the gain; bounds that an
     objective does not know; pareto with gains; compare with a range. Raises `UndecidedError`: the solver found neither
@@ -56,7 +74,7 @@ def design_lipschitz(
     most = ceiling(unit) if len(decays) == 1 else None
 
     def of(relaxation: LipschitzRelaxation) -> Outcome:
-        made = designed(Study(engine, unit, replace(request, relaxation=relaxation)), decays)
+        made = designed(Study(engine, unit, replace(request, relaxation=relaxation), tolerable), decays)
         return made if most is None else replace(made, beyond={**made.beyond, "ceiling": most})
 
     return compared(of, bool(plant.B.shape[1])) if request.relaxation == "compare" else of(request.relaxation)

@@ -31,7 +31,7 @@ def largest(study: Study) -> Outcome:
         found = bounded(study.stretch().least, study.bounds)
         if found.status is not Status.OPTIMAL:
             decided = found.status is Status.INFEASIBLE
-            return study.out_of_bounds(study.stretch().least, decided=decided, **limits)
+            return study.out_of_bounds(lambda study: study.stretch().least, decided=decided, **limits)
         best = study.stretch().constant(found)
         limits["limit_bounded"] = {"lipschitz": best, "attained": study.closed, **bounded_kind(study.bounds)}
     if best == math.inf:
@@ -63,7 +63,8 @@ def short(study: Study, constant: fmpq) -> str:
     hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
     return (
         f"warning: the certified Lipschitz constant {at_least(constant)} is below the declared "
-        f"{at_most(study.declared)}: nothing is proved of this f; {', or '.join([*hints, 'measure more states'])}"
+        f"{at_most(study.declared)}: nothing is proved of this f; it may help to "
+        + ", or ".join([*hints, "measure more states"])
     )
 
 

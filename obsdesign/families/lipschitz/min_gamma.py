@@ -6,7 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.gain import bounded, least, rounded_gains, smallest
+from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest
 from obsdesign.dissipation.zero import Level, Vanishing, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
@@ -28,21 +28,23 @@ def least_gamma(study: Study) -> Outcome:
     """Design for the least gamma within the bounds."""
     family = study.attenuation(float(study.declared))
     limit = limit_of(study, family)
+    asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "beyond": widened(study)}
     if study.restricted:
-        solve = least(study.engine, family)
-        answer = settled(study.engine, family, bounded(solve, study.bounds), study.bounds)
+        answer = settled(study.engine, family, bounded(solve_of(study), study.bounds), study.bounds)
         if answer.status is not Status.OPTIMAL:
-            return study.out_of_bounds(solve, decided=answer.status is Status.INFEASIBLE, **limits)
+            decided, goals = answer.status is Status.INFEASIBLE, {"goal": asked**2, "least": limit.gamma**2}
+            return study.out_of_bounds(solve_of, decided=decided, **goals, **limits)
         most = limit.gamma
         limit = Level.of(answer, Vanishing(instead=limit.instead, attained=limit.attained))
         attained = limit.attained or study.closed
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
-    asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     if study.restricted and most <= asked < limit.gamma:
-        return study.out_of_bounds(solve, decided=True, goal=asked**2, **limits)
+        decided = excluded(solve_of(study), study.bounds, asked**2)
+        return study.out_of_bounds(solve_of, decided=decided, goal=asked**2, **limits)
     if asked < limit.gamma:
-        reason = out_of_reach(asked, limit.gamma, float(study.declared))
+        slower = study.slower(solve_of, asked**2)
+        reason = out_of_reach(asked, limit.gamma, float(study.declared), slower)
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
     target = min(limit.target(study.slack), asked)
     L, claim = study.first(small_gains(study, family, study.declared, target))
@@ -50,6 +52,11 @@ def least_gamma(study: Study) -> Outcome:
         raise UndecidedError(f"no gain was found for gamma = {target:g}")
     notes = (CANCELS,) if limit.attained and cancels(study.unit.plant) else ()
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
+
+
+def solve_of(study: Study) -> Solve:
+    """Least gamma^2 within bounds at the declared constant."""
+    return least(study.engine, study.attenuation(float(study.declared)))
 
 
 def limit_of(study: Study, family: Lipschitz) -> Level:

@@ -11,7 +11,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, Range
 from obsdesign.dissipation.decimals import round_down
-from obsdesign.dissipation.gain import least, size_of
+from obsdesign.dissipation.gain import Solve, least, size_of
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
@@ -65,8 +65,7 @@ def weighed(study: Study) -> Outcome:
     if study.restricted:
         inside = inner.optimum(weight)
         if isinstance(inside, Status):
-            solve = least(study.engine, inner.family(float(study.declared)))
-            return study.out_of_bounds(solve, decided=inside is Status.INFEASIBLE, **limits)
+            return study.out_of_bounds(solve_of, decided=inside is Status.INFEASIBLE, **limits)
         best = certain(inside, weight)
         limits["limit_bounded"] = {**best.numbers, "attained": study.closed, **bounded_kind(study.bounds)}
     constant, gamma = goal(inner, best)
@@ -156,8 +155,12 @@ def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
         return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
     if not study.restricted or any(isinstance(spot.optimum, Optimum) for spots in curves for spot in spots):
         raise UndecidedError("no point was certified")
-    family = front(study, study.bounds).family(float(study.declared))
-    return study.out_of_bounds(least(study.engine, family), decided=decided)
+    return study.out_of_bounds(solve_of, decided=decided)
+
+
+def solve_of(study: Study) -> Solve:
+    """Least gamma^2 within bounds at the declared constant."""
+    return least(study.engine, front(study, study.bounds).family(float(study.declared)))
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:

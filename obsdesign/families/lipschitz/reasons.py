@@ -1,8 +1,11 @@
 """Why there is no observer of a Lipschitz system, in the terms of the model, and what would be possible."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf, isfinite
 from typing import Any
+
+import numpy as np
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
@@ -12,19 +15,26 @@ from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
-from obsdesign.lmi.formula import in_floats
+from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.model.pencil import text
 from obsdesign.tables.text import at_least, at_most
 
+STATES = 12  # that are tried as measurements
 ELSEWHERE = "; s-procedure and norm-bound need no such thing"
 
 
-def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str) -> Diagnosis:
+def gate(
+    engine: Engine,
+    unit: Lipschitz,
+    request: LipschitzRequest,
+    relaxation: str,
+    tolerable: Callable[[float], bool] = bool,
+) -> Diagnosis:
     """Answer that no gain will do, from closed forms where there are any; empty if nothing stands in the way.
 
     `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least decay
     that is asked for; `request`: objective and declared constants: max-lipschitz needs detectability only;
-    `relaxation`: one of `RELAXATIONS`.
+    `relaxation`: one of `RELAXATIONS`; `tolerable`: whether f may have no larger constant than one.
     """
     fixed = in_floats(unit)  # f = 0 is in the class
     found = hidden_mode(fixed.plant, fixed.multiplier.member, fixed.alpha)
@@ -33,7 +43,7 @@ def gate(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation:
     declared = float(max(request.lipschitz))
     if relaxation == "abbaszadeh":
         found = without_constant(unit, declared, request.objective) or printed_theorems(engine, unit, declared)
-    return found or too_large(engine, unit, declared, relaxation)
+    return found or too_large(engine, unit, declared, relaxation, tolerable)
 
 
 def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:
@@ -76,7 +86,9 @@ def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagno
     }
 
 
-def too_large(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> Diagnosis:
+def too_large(
+    engine: Engine, unit: Lipschitz, declared: float, relaxation: str, tolerable: Callable[[float], bool]
+) -> Diagnosis:
     """Answer that the declared constant is not below the largest; empty if it is."""
     supremum = largest_for_gamma(engine, unit, relaxation)
     if declared < supremum.value:
@@ -94,14 +106,29 @@ def too_large(engine: Engine, unit: Lipschitz, declared: float, relaxation: str)
         found["reason"] += f"; above {at_most(most, 8)} a linear f hides a mode, and no gain of any method can do it"
         found["ceiling"] = most
     rivals = others(engine, unit, declared, relaxation)
-    hints = [f"declare a constant below {at_least(supremum.value, 8)}"]
+    hints = [f"declare a constant below {at_least(supremum.value, 8)}"] if tolerable(supremum.value) else []
+    hints += measured(engine, unit, declared, relaxation)
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
     slower = largest_for_gamma(engine, replace(unit, alpha=0 * unit.alpha), relaxation).value if unit.alpha else 0.0
     if slower > declared:
         hints.append("ask for a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
-    return {**found, "suggestion": ", or ".join(hints)}
+    return {**found, "suggestion": ", or ".join(hints) or "f has a larger constant, and one more state will not do"}
+
+
+def measured(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> list[str]:
+    """State that would do if it were measured as well, with the supremum then; nothing if none of the first does."""
+    p = unit.plant
+    for i in range(min(p.n, STATES)):
+        C, Df, D = (np.vstack([X, X[:1] * 0]) for X in (p.C, p.Df, p.D))
+        C[-1, i] = 1
+        more = replace(unit, plant=replace(p, C=rational(C), Df=rational(Df), D=rational(D)))
+        supremum = largest_for_gamma(engine, more, relaxation).value
+        if supremum > declared:
+            said = f"the supremum is {supremum:.8g}" if isfinite(supremum) else "every constant will do"
+            return [f"measure {p.states[i]} as well, with which {said}"]
+    return []
 
 
 def others(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> dict[str, dict[str, Any]]:
@@ -126,22 +153,35 @@ def instead(relaxations: dict[str, dict[str, Any]]) -> str:
     return f"try relaxation {' or '.join(named)}"
 
 
-def out_of_reach(asked: float, least: float, lipschitz: float) -> Diagnosis:
-    """Answer that gamma is bounded below what is possible."""
+def out_of_reach(asked: float, least: float, lipschitz: float, slower: float | None = None) -> Diagnosis:
+    """Answer that gamma is bounded below what is possible; `slower`: a decay at which it is not."""
     return {
         "condition": "gamma",
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {at_most(least)}, or ask for a smaller decay",
+        "suggestion": f"allow gamma above {at_most(least)}"
+        + (f", or ask for decay at most {slower:g}" if slower is not None else ""),
     }
 
 
-def too_small(bounds: Bounds, decay: float = 0.0, size: float | None = None) -> Diagnosis:
-    """Answer that nothing within the bounds on L and P was found; `size`: a bound on |L| that will do."""
+def too_small(
+    bounds: Bounds,
+    decay: float = 0.0,
+    size: float | None = None,
+    slower: float | None = None,
+    gamma: float | None = None,
+) -> Diagnosis:
+    """Answer that nothing within the bounds on L and P was found.
+
+    `size`: a bound on |L| that will do, with a larger `gamma` if there is one; `slower`: a decay for which these do.
+    """
     asked = {"L": bounds.L1, "P.min": bounds.floor}
-    enough = {"L": (size, "allow |L| up to")} if size else {}
-    hints = ["ask for a smaller decay"] if decay else []
+    enough = {"L": (size, "allow |L| up to")} if size and not gamma else {}
+    if slower is not None:
+        enough["decay"] = slower, "within the bounds ask for decay at most"
+    together = f"allow |L| up to {size or 0:g} and gamma up to {gamma or 0:g}, with which there is one"
+    hints = [together] if size and gamma else []
     found = too_tight(bounds.words("L"), f"for the decay {decay:g}", enough, hints)
     return {**found, "bounds": {name: float(bound) for name, bound in asked.items() if bound is not None}}
 

@@ -94,6 +94,11 @@ class LipschitzRequest:
         scaled = self.gains is None and self.objective != "max-lipschitz"
         return Bounds(floor=self.bounds.floor) if scaled else NO_BOUNDS
 
+    @property
+    def restrictions(self) -> list[str]:
+        """Bounds on what a design may use, in words."""
+        return self.bounds.words("L")
+
     def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Keys that do not go with the objective or the relaxation, and why, with what to do instead."""
         if self.objective == "pareto" and self.gains is not None:

@@ -1,7 +1,7 @@
 """One request for an observer of a Lipschitz system, in the numbers of the design."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -11,9 +11,10 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
-from obsdesign.dissipation.decimals import square_below
+from obsdesign.dissipation.decimals import round_down, round_up, square_below
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import Solve, least_size
+from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size
+from obsdesign.dissipation.scan import edge
 from obsdesign.families.lipschitz.claim import Claim, held, needed
 from obsdesign.families.lipschitz.reasons import gate, too_small
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
@@ -21,10 +22,13 @@ from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzR
 from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
 from obsdesign.families.reach import judged
-from obsdesign.lmi.formula import Array, Values, in_floats, printed
+from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
 from obsdesign.lmi.proof import rounded
+from obsdesign.lmi.solve import Status
 
 K = TypeVar("K", bound=Lipschitz)
+CLOSE = 1e-3  # relative, from the largest decay that does to what is suggested
+MORE = 0.05  # relative, above the least gamma over all gains, of a gamma that is tried with larger gains
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class Study:
     engine: Engine
     unit: Lipschitz  # the s-procedure for the constant 1, in rationals; L1 is free
     request: LipschitzRequest  # of one relaxation
+    tolerable: Callable[[float], bool] = bool  # whether f may have no larger constant than one
 
     @property
     def relaxation(self) -> LipschitzRelaxation:
@@ -75,7 +80,7 @@ class Study:
 
     def obstacle(self) -> Diagnosis:
         """Why no gain will do, as far as it is seen before any search; empty if nothing stands in the way."""
-        return gate(self.engine, self.unit, self.request, self.relaxation)
+        return gate(self.engine, self.unit, self.request, self.relaxation, self.tolerable)
 
     def constant_of(self, xi: float) -> float:
         """Constant of a l = 1 / xi for f as a whole."""
@@ -128,13 +133,37 @@ class Study:
         scale = np.linalg.norm(values["P"], 2) * into**2 / whole if whole else 1.0
         return {name: np.array([[scale]]) for name in names}
 
-    def out_of_bounds(self, solve: Solve, *, decided: bool, goal: float = math.inf, **known: Any) -> Outcome:
-        """Answer that nothing within the bounds was found, with the size of a gain that would do.
+    def out_of_bounds(
+        self,
+        solve_of: Callable[["Study"], Solve],
+        *,
+        decided: bool,
+        goal: float = math.inf,
+        least: float = 0.0,
+        **known: Any,
+    ) -> Outcome:
+        """Answer that nothing within the bounds was found, with what would do, tried against the whole request.
 
-        `solve`: least objective within bounds; `goal`: what is asked of it.
+        `solve_of`: least objective within bounds, at the decay of a study; `goal`: what is asked of it; `least`: the
+        least over all gains: above the goal, larger gains do only with a larger gamma.
         """
-        size = least_size(solve, self.bounds, goal)
-        return judged(too_small(self.bounds, float(self.unit.alpha), size), decided=decided, **known)
+        above = goal < least
+        gamma = round_up(math.sqrt(least) * (1 + MORE), 4) if above else None
+        size = least_size(solve_of(self), self.bounds, (gamma * (1 - ROOM)) ** 2 if gamma else goal)
+        found = too_small(self.bounds, float(self.unit.alpha), size, self.slower(solve_of, goal), gamma)
+        return judged(found, decided=decided or above, **known)
+
+    def slower(self, solve_of: Callable[["Study"], Solve], goal: float) -> float | None:
+        """Smaller decay, about the largest, at which the objective is at most a goal; None if 0 will not do either."""
+
+        def reaches(decay: float) -> bool:
+            study = replace(self, unit=replace(self.unit, alpha=rational_number(repr(decay))))
+            answer = bounded(solve_of(study), self.bounds)
+            return answer.status is Status.OPTIMAL and answer.objective <= goal
+
+        if not self.unit.alpha or not reaches(0.0):
+            return None
+        return round_down(edge(reaches, 0.0, float(self.unit.alpha), CLOSE) * (1 - CLOSE), 4)
 
     def first(self, candidates: Iterable[tuple[Array, Claim | None]]) -> tuple[Array | None, Claim | None]:
         """The first gain with a proof; or else the last one, without."""

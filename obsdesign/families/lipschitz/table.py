@@ -5,7 +5,7 @@ from typing import Any
 
 from obsdesign.families.incremental.table import linear
 from obsdesign.families.lipschitz.claim import meaning
-from obsdesign.tables.text import at_least, at_most, matrix_text, spectral_norm
+from obsdesign.tables.text import at_least, gamma_text, matrix_text, rate_text, spectral_norm
 
 Rows = list[tuple[str, str]]
 
@@ -24,8 +24,8 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
         rows += [("tolerated", f"a Lipschitz constant up to {at_least(claimed['admissible'])}")]
     if "gamma" in claimed:
         drive = "v" if "norm2(v)" in claimed.get("statement", "") else "w"
-        rows += [("gamma", f"{at_most(claimed['gamma'])}   {meaning(drive)}")]
-    return [*rows, ("decay rate", f"{at_least(claimed['decay'])} 1/s")]
+        rows += [("gamma", gamma_text(claimed, meaning(drive)))]
+    return [*rows, ("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
 
 
 def figures(made: Mapping[str, Any]) -> Rows:

@@ -48,10 +48,11 @@ def wider(study: Study, known: Diagnosis, T2: fmpq, decay: fmpq) -> Diagnosis:
     ]
     feasible: dict[str, Any] = dict(known["feasible"])
     least: float | None = study.enough(float(T2), float(decay)) if key == "L" else feasible["gamma"]
-    said = []
+    said = [known["suggestion"]] if key == "L" and feasible else []
     for value in [round_up(least * (1 + room), DIGITS + 1) for room in ROOM] if least else []:
         if certified(study, T2, decay, **{bound: printed(value)}):
-            said, feasible = [f"allow {words} up to {value:g}, with which there is one"], {key: value, **feasible}
+            said.append(f"allow {words} up to {value:g}, with which there is one")
+            feasible = {key: value, **feasible}
             break
     asked = {"T2": (float(T2), float(decay)), "decay": (float(decay), float(T2))}
     edges = {

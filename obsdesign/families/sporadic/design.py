@@ -154,7 +154,7 @@ class Designer:
             )
         diagnosis = wider(study, made.diagnosis, T2, decay) if made.diagnosis else {}
         if diagnosis.get("condition") == "bounds":
-            return judged(diagnosis, decided=True, limit=limit)
+            return judged(diagnosis, decided=False, limit=limit)
         bounded = {} if made.bounded is None else {"gamma": made.bounded, "attained": True, **BEST_FOUND}
         return Outcome(
             Verdict(made.status),
@@ -221,7 +221,7 @@ class Designer:
             if limit is None and self.setting.units is not SPEC:
                 raise UndecidedError(f"no {name} within the bounds was found, in units that are far from the data")
             if limit is None:
-                return judged(out_of_bounds(name), decided=True, **limits)
+                return judged(out_of_bounds(name), decided=study.kappa is None, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)
@@ -263,6 +263,9 @@ class Designer:
         made = [(study, point, m) for study, points in found for point, m in points if m.status == "certified"]
         if made:
             return replace(self.farthest_point(made), search=search)
+        tight = [m.diagnosis for _, points in found for _, m in points if m.diagnosis.get("condition") == "bounds"]
+        if tight:
+            return judged(wider(self.studies[0], tight[0], *self.lowest), decided=False, search=search)
         return replace(self.infeasible(self.studies[0], *self.lowest), search=search)
 
     def farthest_point(self, made: Sequence[tuple[Study, Point, Made]]) -> Outcome:

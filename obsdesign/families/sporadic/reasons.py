@@ -6,6 +6,7 @@ from itertools import islice, product
 
 import numpy as np
 
+from obsdesign.dissipation.decimals import round_up
 from obsdesign.families.frozen import members
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
@@ -17,6 +18,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.model.structure import linear
 from obsdesign.tables.text import at_least, at_most
 
+CLOSE = 1e-3  # relative, from a limit to what is suggested
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
 
 
@@ -97,9 +99,15 @@ def out_of_reach(asked: float, least: float) -> Diagnosis:
     }
 
 
-def too_small(kappa: float, T2: float, decay: float) -> Diagnosis:
-    """Answer that no gain within the bound was found."""
-    return too_tight([f"|L| <= {kappa:g}"], f"for T2 = {T2:g} with decay {decay:g}", {})
+def too_small(
+    kappa: float, T2: float, decay: float, gamma: float | None = None, reached: float | None = None
+) -> Diagnosis:
+    """Answer that no gain within the bound was found, for a `gamma` that is asked for; `reached`: one that it does."""
+    enough = {}
+    if gamma is not None and reached:
+        enough["gamma"] = round_up(reached * (1 + CLOSE), 4), "within the bounds ask for gamma at least"
+    where = f"for T2 = {T2:g} with decay {decay:g}" + ("" if gamma is None else f" and gamma at most {gamma:g}")
+    return too_tight([f"|L| <= {kappa:g}"], where, enough)
 
 
 def out_of_bounds(name: str) -> Diagnosis:

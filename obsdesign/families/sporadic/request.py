@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import SLACK, Range, ends
+from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
 from obsdesign.lmi.formula import Array, printed
@@ -74,7 +74,7 @@ class SporadicObserver(asked.ObserverSection):
 class SporadicRequest:
     """The `observer` section of a spec for the family whose measurements arrive sporadically."""
 
-    drive: ClassVar[str] = "v"
+    drive: ClassVar[str] = "w"
     reconstruct: ClassVar[bool] = False
 
     type: str
@@ -89,6 +89,11 @@ class SporadicRequest:
     largest_gain: fmpq | None = None  # bounds.L, spectral
     largest_gamma: fmpq | None = None
     gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny): analysis of these
+
+    @property
+    def restrictions(self) -> list[str]:
+        """Bounds on what a design may use, in words."""
+        return Bounds(L1=self.largest_gain).words("L")
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -200,7 +205,7 @@ def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
     request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
     largest = None if request.gains else request.largest_gain
-    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none)
+    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none, "Theorem 2")
 
 
 def request_of(spec: Spec) -> SporadicRequest:

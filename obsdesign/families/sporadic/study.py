@@ -43,6 +43,7 @@ STRIDES = 10  # between bounds on |L|, from one that does not do, until one does
 LEAST = 1e-6  # gamma that gains are searched for, where it is zero, beside its size by the data
 Point = dict[str, Any]
 Attempt = tuple[Gains | None, SporadicCertificate | None]
+NONE: Attempt = None, None
 
 
 @dataclass(frozen=True)
@@ -204,9 +205,9 @@ class Study:
         report = self.setting.engine.report if limit is None else lambda *_: None
         report(0.3, f"limit for T2 = {float(T2):g}")
         delta, gamma = limit or self.confirmed(float(T2), float(decay))
-        made, start = Made(gamma, delta), None
-        if math.isinf(gamma):
-            return made
+        made, start, cap = Made(gamma, delta), None, math.inf if self.cap is None else self.cap
+        if math.isinf(gamma) or gamma > cap:
+            return replace(made, diagnosis={} if math.isinf(gamma) else out_of_reach(cap, gamma))
         if self.kappa is not None:
             landscape = self.landscape(self.scheme.gains, float(decay), self.kappa)
             start = within(landscape, float(T2), self.exponent if limit and self.around is None else self.around)
@@ -216,8 +217,8 @@ class Study:
                 return replace(made, diagnosis=too_small(float(self.kappa), float(T2), float(decay)))
             self.around = landscape.exponent
             made = replace(made, bounded=max(start.gamma, gamma))
-        if self.cap is not None and made.level > self.cap:
-            return replace(made, diagnosis=out_of_reach(self.cap, made.level))
+        if made.level > cap:
+            return replace(made, diagnosis=too_small(float(self.kappa or 0), float(T2), float(decay), cap, made.level))
         target = self.target(made.level)
         report(0.7, f"gains for T2 = {float(T2):g}")
         chosen = start if start and limit else self.small(made, start, float(T2), float(decay), target, limit is None)
@@ -232,12 +233,10 @@ class Study:
 
     def proved(self, chosen: Candidate | None, T2: fmpq, decay: fmpq, target: float) -> Attempt:
         """Chosen gains with their proof; where there are none, or it fails, the nearest with one, or any attempt."""
-        first = (reaching(self.setting, chosen, T2, decay, target, self.kappa),) if chosen else ()
-        most = self.kappa or math.inf
-        begin = min(float(np.linalg.norm(self.setting.family(0.0).plant.A, 2)) or 1.0, most)
-        others = closest(partial(self.landscape, self.scheme.gains, float(decay)), float(T2), begin, most)
-        made: Attempt = (None, None)
-        least = math.inf
+        first = [reaching(self.setting, chosen, T2, decay, target, self.kappa)] if chosen else []
+        size, most = float(np.linalg.norm(self.setting.family(0.0).plant.A, 2)) or 1.0, self.kappa or math.inf
+        others = closest(partial(self.landscape, self.scheme.gains, float(decay)), float(T2), min(size, most), most)
+        made, least = NONE, math.inf
         for attempt in chain(first, (reaching(self.setting, c, T2, decay, c.gamma, self.kappa) for c in others)):
             found = float(attempt[1].gamma) if attempt[1] and attempt[1].holds else math.inf
             if found < least or not made[0]:
@@ -247,11 +246,12 @@ class Study:
         return made
 
     def enough(self, T2: float, decay: float) -> float | None:
-        """Bound on |L| within which gains were found, about the least, if there is one."""
-        asked = float(self.request.largest_gain or 0)
+        """Bound on |L| within which gains were found that do what is asked, about the least, if there is one."""
+        asked, cap = float(self.request.largest_gain or 0), math.inf if self.cap is None else self.cap
 
         def reaches(kappa: float) -> bool:
-            return within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent) is not None
+            found = within(self.landscape(self.scheme.gains, decay, kappa), T2, self.exponent)
+            return found is not None and found.gamma <= cap
 
         inside, outside = strides(reaches, asked, 1 / WIDER, STRIDES)
         return None if inside is None or outside is None else edge(reaches, inside, outside, CLOSELY)
@@ -277,9 +277,8 @@ class Study:
         """
         if not self.setting.plant.B.shape[1]:
             return 1.0
-        wanted = 1 + float(self.request.slack)
-        if self.request.objective not in {"min-gamma", "pareto"}:
-            wanted = max(wanted, MODERATE)
+        least = 0.0 if self.request.objective in {"min-gamma", "pareto"} else MODERATE
+        wanted = max(1 + float(self.request.slack), least)
         target = max(base * wanted, LEAST * self.setting.units.gamma)
         return target if self.cap is None else min(target, self.cap)
 
@@ -321,7 +320,8 @@ class Study:
         low, high = float(interval.low), float(interval.high)
         limit = self.farthest("T2", low, high, float(decay), bounded=self.cap is not None)
         if limit is None:
-            return {"decay": float(decay), "status": "infeasible"}, Made()
+            lost = self.cap is None or self.kappa is None  # a bound on |L| has sufficient conditions only
+            return {"decay": float(decay), "status": "infeasible" if lost else "undecided"}, Made()
         T2 = within_slack(limit, low, self.request.slack)
         made = self.at(T2, decay)
         return {"decay": float(decay), "T2": limit, "delta": made.delta} | described(made, {"T2": limit}), made

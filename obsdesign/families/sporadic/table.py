@@ -5,13 +5,13 @@ from typing import Any
 
 from obsdesign.families.sporadic.certificate import MEANING
 from obsdesign.lmi.formula import printed
-from obsdesign.tables.text import UNBOUNDED, at_least, at_most, matrix_text, spectral_norm
+from obsdesign.tables.text import UNBOUNDED, at_least, at_most, gamma_text, matrix_text, rate_text, spectral_norm
 
 
 def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved of the gains L and H."""
-    rows = [("gamma", f"{at_most(claimed['gamma'])}   {MEANING}")]
-    rows += [("decay rate", f"{at_least(claimed['decay'])} 1/s")]
+    rows = [("gamma", gamma_text(claimed, MEANING))]
+    rows += [("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
     T1, T2 = (printed(claimed[name]) for name in ("T1", "T2"))
     jitter = at_least(100 * (T2 - T1) / T1, 3)
     rows += [("intervals", f"{at_most(T1)} to {at_least(T2)} s, a jitter of {jitter} %")]

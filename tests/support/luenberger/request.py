@@ -26,6 +26,7 @@ class LuenbergerRequest:
     drive: ClassVar[str] = "v"
     reconstruct: ClassVar[bool] = False
     gains: ClassVar[None] = None
+    restrictions: ClassVar[tuple[str, ...]] = ()
 
 
 def request(reader, section, problem):

@@ -1,0 +1,97 @@
+"""What would do where a design is impossible: tried against the whole request, its level and bounds, before it is said.
+
+A `Decay` holds what is asked: the family, the bounds and, as the bound on gamma, the level.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable
+from obsdesign.errors import UsageError
+from obsdesign.families.finding import smaller_class
+from obsdesign.families.incremental.absence import CLOSE, within_bounds
+from obsdesign.families.incremental.decay import Decay
+from obsdesign.families.incremental.extent import largest_class
+from obsdesign.families.incremental.stiffness import QUIET
+from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.reach import too_tight
+from obsdesign.lmi.formula import printed
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least
+
+MORE = 0.05  # relative, above the least gamma over all gains, of a level that is tried with larger gains
+
+
+def beyond(decay: Decay, alpha: fmpq, limit: float | None, reached: float | None) -> tuple[bool, Diagnosis]:
+    """Answer that nothing within bounds was found at alpha, and whether that is decided.
+
+    `limit`: least gamma over all gains, if it is known; `reached`: least gamma within the bounds, which is too large.
+    """
+    bounds, level = decay.bounds, None if decay.bounds.gamma is None else float(decay.bounds.gamma)
+    solve = least(decay.engine, searchable(replace(decay.family, alpha=alpha)))
+    above = level is not None and limit is not None and limit > level
+    raised = round_up(limit * (1 + MORE), 4) if above and limit else level
+    size = least_size(solve, bounds, np.inf if raised is None else (raised * (1 - ROOM)) ** 2)
+    slower, enough, hints = decay.largest_below(alpha), {}, []
+    if size and above:
+        hints = [f"allow |L1| up to {size:g} and ask for gamma at least {raised:g}, with which there is one"]
+    elif size:
+        enough["L1"] = size, "allow |L1| up to"
+    inside = "within the bounds ask for"
+    if reached:
+        enough["gamma"] = round_up(reached * (1 + CLOSE), 4), f"{inside} gamma at least"
+    if slower:
+        enough["alpha"] = round_down(slower * (1 - CLOSE), 4), f"{inside} alpha at most"
+    where = f"at alpha = {float(alpha):g}" + ("" if level is None else f" for gamma = {level:g}")
+    found = too_tight(bounds.words("L1"), where, enough, hints)
+    if size and above:
+        found["feasible"]["together"] = {"L1": size, "gamma": raised}
+    goal = np.inf if level is None else level**2
+    return above or excluded(solve, bounds, goal), found
+
+
+def remedied(spec: Spec, decay: Decay, alpha: fmpq, largest: float | None, diagnosis: Diagnosis) -> Diagnosis:
+    """Diagnosis with what was tried and would do: other noise where that is in the way, and a smaller class of f."""
+    within = within_bounds(spec)
+    quiet = diagnosis["suggestion"] == QUIET
+    hints = list(quieter(decay, alpha, largest, within)) if quiet else [diagnosis["suggestion"]]
+
+    def feasible(multiplier: Multiplier) -> bool:
+        return replace(decay, family=replace(decay.family, multiplier=multiplier)).feasible(alpha)[0]
+
+    found = {**largest_class(spec, feasible), "within": within}
+    if "nonlinearity" in found:
+        hints.append(smaller_class(spec.nonlinearities, found))
+        more = {**diagnosis["feasible"], **found["feasible"]}
+        diagnosis = {**diagnosis, "nonlinearity": found["nonlinearity"], "within": within, "feasible": more}
+    if quiet and largest:
+        diagnosis = {**diagnosis, "feasible": {**diagnosis["feasible"], "alpha": largest}}
+    return {**diagnosis, "suggestion": "; ".join(hints) or f"a smaller alpha, D = 0 and `L2: free` will not do{within}"}
+
+
+def quieter(decay: Decay, alpha: fmpq, largest: float | None, within: str) -> Iterator[str]:
+    """What would do where noise in y forbids the injection that a steep f needs.
+
+    `largest`: the largest alpha with a solution, if one was found.
+    """
+    if largest:
+        yield f"ask for alpha at most {at_least(largest * (1 - CLOSE), 4)}, with which there is a solution{within}"
+    plant = decay.family.plant
+    silent = replace(decay.family, plant=replace(plant, D=printed(np.zeros(plant.D.shape))))
+    for family, words in ((silent, ""), (replace(silent, L2=None), " with `L2: free`")):
+        if solvable(replace(decay, family=family), alpha):
+            yield f"leave noise out of y (D = 0){words}, with which there is a solution{within}"
+            return
+
+
+def solvable(decay: Decay, alpha: fmpq) -> bool:
+    """Whether there is a solution, as far as it was decided; none where the class does not allow a free L2."""
+    try:
+        return decay.feasible(alpha)[0]
+    except UsageError:
+        return False
