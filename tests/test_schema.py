@@ -10,7 +10,8 @@ from support.sweep import examples
 
 from obsdesign.reading import json_schema
 from obsdesign.reading.schema import read_file
-from obsdesign.sections.document import Number, compose
+from obsdesign.sections.document import compose
+from obsdesign.sections.scalars import Number
 from obsdesign.sections.values import Reader
 
 SPECS = sorted((Path(__file__).parent.parent / "specs").rglob("*.yaml"))

@@ -12,8 +12,9 @@ from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required, unavailable
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.spec import Nonlinearity
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Form, ListOf, Named, Section
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign, Size
 
 MAX_MATRICES = 1024

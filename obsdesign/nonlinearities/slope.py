@@ -12,8 +12,9 @@ from obsdesign.nonlinearities.data import Data
 from obsdesign.nonlinearities.evidence import automatic
 from obsdesign.nonlinearities.evidence.claims import SlopeBounds, generators
 from obsdesign.nonlinearities.template import Template
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import VECTOR, Either, ListOf, auto
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Reader, Size
 
 INFINITE = (".inf", "+.inf", ".Inf", "+.Inf", ".INF", "+.INF")

@@ -14,8 +14,9 @@ from obsdesign.model.plant import Plant
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.schema import Equations, InMatrices
 from obsdesign.reading.schema import Nonlinearity as Section
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import unknown
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted, meaning
 from obsdesign.spec import Nonlinearity, numbered
 

@@ -19,8 +19,9 @@ from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, rea
 from obsdesign.reading.schema import Equations, File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
-from obsdesign.sections.document import Document, Loc, Number, described
+from obsdesign.sections.document import Document, Loc
 from obsdesign.sections.forms import unknown
+from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 

@@ -12,8 +12,9 @@ from obsdesign.families import FAMILIES
 from obsdesign.reading import trial_schema as schema
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import unknown
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, counted
 from obsdesign.spec import Noise, Simulation, Vector, numbered
 

@@ -14,6 +14,7 @@ import yaml
 
 from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.files import content_of
+from obsdesign.sections.scalars import Number, described, scalar
 
 MAX_BYTES = 4 * 2**20
 TOO_LARGE = "is larger than 4 MiB; a spec may not be"
@@ -24,30 +25,14 @@ MAX_SEPARATORS = 250_000  # commas and lines: many more values than that are not
 TOO_MANY = f"more than {MAX_SEPARATORS:,} commas and lines; a spec may not have so many values"
 MAX_PROBLEMS = 100
 MAX_SHOWN = 4  # parts of a key in a message about YAML
-MAX_QUOTED = 60  # characters of a value in a message
 MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-DECIMAL = re.compile(r"([-+]?)(0+(?=[0-9]))?((\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?)")
-OTHER_BASE = re.compile(r"0o[0-7]{1,20}|0x[0-9a-fA-F]{1,16}")
-NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 OPERATOR = re.compile(r"[*/()+<>]")
-DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}([Tt \t].*)?|[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?")
-CONSTANTS = {
-    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
-    **dict.fromkeys(("true", "True", "TRUE"), True),
-    **dict.fromkeys(("false", "False", "FALSE"), False),
-}
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
 Loc = tuple[str | int, ...]
 Mark = Any  # of PyYAML, or of libyaml
-
-
-class Number(str):
-    """A scalar that YAML 1.2 reads as a number, as its text: a decimal, or `.inf`, `-.inf`, `.nan`."""
-
-    __slots__ = ()
 
 
 class Node(NamedTuple):
@@ -329,30 +314,3 @@ def ends_decimal(node: Node, others: dict[str, tuple[Node, Node]]) -> bool:
 def placed(value: Any, mark: Mark, size: int = 1, height: int = 0) -> Node:
     """Node that begins at the mark."""
     return Node(value, mark.line + 1, mark.column + 1, mark.index, size, height)
-
-
-def scalar(text: str) -> bool | str | None:
-    """Value of a plain scalar in the core schema of YAML 1.2."""
-    if text in CONSTANTS:
-        return CONSTANTS[text]
-    if text[0] not in "+-.0123456789":
-        return text
-    if decimal := DECIMAL.fullmatch(text):
-        return Number(decimal[1] + decimal[3])
-    if OTHER_BASE.fullmatch(text):
-        return Number(int(text, 0))
-    return Number(text) if NOT_FINITE.fullmatch(text) else text
-
-
-def described(value: Any) -> str:
-    """Name a plain value as a message does."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return "a list"
-    if isinstance(value, dict):
-        return "a mapping"
-    line = " ".join(value.split())
-    return f"{line[:MAX_QUOTED]}.." if len(line) > MAX_QUOTED else line or "an empty text"

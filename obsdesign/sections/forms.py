@@ -22,7 +22,8 @@ from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 
 from obsdesign.errors import NOT_ONE_LINE
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Reader
 
 Schema = dict[str, Any]

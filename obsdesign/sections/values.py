@@ -17,7 +17,8 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
-from obsdesign.sections.document import DATE, MAX_PROBLEMS, MAX_QUOTED, NOT_FINITE, Document, Loc, described, dotted
+from obsdesign.sections.document import MAX_PROBLEMS, Document, Loc, dotted
+from obsdesign.sections.scalars import DATE, MAX_QUOTED, NOT_FINITE, described
 from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)

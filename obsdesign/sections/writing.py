@@ -10,7 +10,8 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from obsdesign.errors import Problem, UsageError
-from obsdesign.sections.document import CONSTANTS, MAX_DEPTH, TOO_DEEP, Loc, Number, dotted
+from obsdesign.sections.document import MAX_DEPTH, TOO_DEEP, Loc, dotted
+from obsdesign.sections.scalars import CONSTANTS, Number
 
 PLAIN = re.compile(r"[A-Za-z_]([A-Za-z0-9_ ().*+/^|<>=-]*[A-Za-z0-9_().|])?")  # text that needs no quotes
 

@@ -25,8 +25,9 @@ from obsdesign.families.algebraic.keys import (
     ImmersionSection,
 )
 from obsdesign.model.equations import Typed
-from obsdesign.sections.document import Loc, described
+from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import unknown
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Reader, meaning
 from obsdesign.spec import Spec
 
