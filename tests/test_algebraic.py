@@ -303,7 +303,7 @@ def test_mixing_of_regressors_estimates_what_a_gradient_does_not():
 def test_a_rate_is_told_of_a_coordinate_that_waits_for_no_other():
     _, design = solved("cascade-gradient")
     assert design.result["guarantee"]["rates"] == {"xi2": pytest.approx(2, rel=1e-5)}
-    assert "decays as exp of int lambda, once the error of xi2 has decayed" in design.result["guarantee"]["statement"]
+    assert "decays as exp of int lambda, once the estimate of xi2 is right" in design.result["guarantee"]["statement"]
     assert error_of("cascade-mixing", "ab", 30) < 1e-6 < error_of("cascade-gradient", "ab", 30)
 
 
@@ -388,3 +388,95 @@ observer: {{type: kkl, coordinates: [{{name: xi, phi: x, lambda: -1, B: 0}}], le
         outcome = run("solve", "branch.yaml")
         assert outcome.exit_code == code, outcome.output
         assert words in outcome.stdout or not code
+
+
+ATTACKS = {  # what looked certified: the plant, the observer, the exit code
+    "a signal with the name of the pole": (
+        "{inputs: [s], dynamics: {x: (s**2-1)*x}, outputs: {y: x}, domain: {s: [2, 3]}}",
+        "{type: high-gain, injection: {x: {y: 0}}}", 3,
+    ),
+    "a signal with the name of what is off the manifold": (
+        "{inputs: [d1], dynamics: {x: a, a: 0, z: (1-d1)*b, b: 0}, outputs: {y: x, y2: z}, domain: {d1: [2, 3]}}",
+        "{type: immersion-invariance, chi: [c, e], phi: [a, b], beta: [c+y, e+y2], left_inverse: {a: b1, b: b2}}", 3,
+    ),
+    "a signal with the name of a state of the estimator": (
+        "{inputs: [theta_xi], dynamics: {x: a+theta_xi, a: 0}, outputs: {y: x}}",
+        "{type: pebo, coordinates: [{name: xi, phi: a, lambda: 0}], left_inverse: {a: xi}, estimator: "
+        "{regressions: [{output: y, known: xi, m: {xi: 2}}], alpha: 1, gamma: 1}}", 2,
+    ),
+    "a beta that has no value at a state": (
+        "{dynamics: {x: a, a: 0}, outputs: {y: x}, domain: {x: [-2, 2]}}",
+        '{type: immersion-invariance, chi: [c], phi: [a], beta: ["c+sqrt(y)**2"], left_inverse: {a: b1}}', 3,
+    ),
+    "a K that has no value at a state": (
+        "{dynamics: {x: a, a: 0}, outputs: {y: x}, domain: {x: [-2, 2]}}",
+        "{type: pebo, coordinates: [{name: xi, phi: a, lambda: 0}], left_inverse: {a: xi}, "
+        'estimator: {method: proportional, K: {xi: "y+log(y)-log(y)"}}}', 3,
+    ),
+    "an injection that has no value at a state": (
+        "{dynamics: {x: -x}, outputs: {y: x}, domain: {x: [-1, 1]}}",
+        "{type: high-gain, injection: {x: {y: 1/y**2}}}", 3,
+    ),
+    "a rate that holds since t = 0": (
+        "{dynamics: {x: (1+t)*a, a: 0}, outputs: {y: x}}",
+        "{type: immersion-invariance, chi: [c], phi: [a], beta: [c+y], left_inverse: {a: b1}}", 0,
+    ),
+    "an injection by an output that no state is": (
+        "{dynamics: {x: -x, z: -z}, outputs: {y: x, y2: x + z}}",
+        "{type: high-gain, states: {p: x, r: z}, dynamics: {p: -p, r: -r}, left_inverse: {z: r}, "
+        "injection: {p: {y2: 1}}}", 2,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("plant", "observer", "code"), ATTACKS.values(), ids=ATTACKS)
+def test_what_only_looks_proved_is_not(plant, observer, code):
+    Path("attack.yaml").write_text(f"obsdesign: 1\nsystem: {plant}\nobserver: {observer}\n")
+    outcome = run("solve", "attack.yaml")
+    assert outcome.exit_code == code, outcome.output
+    assert code != 2 or len(outcome.stderr.strip().splitlines()) == 1
+
+
+def test_a_coordinate_that_takes_in_a_constant_waits_for_it():
+    text = """obsdesign: 1
+system: {dynamics: {x: -x+a*exp(-t), a: 0, c: -c+a}, outputs: {y: x}}
+observer:
+  type: kkl+pebo
+  coordinates:
+    - {name: xi, phi: a, lambda: 0}
+    - {name: xc, phi: c, lambda: -1, B: xi}
+  left_inverse: {a: xi, c: xc}
+  estimator: {regressions: [{output: y, known: -y+xi*exp(-t), m: {xi: exp(-t)}}], alpha: 1, gamma: 0.01}
+"""
+    design = od.solve(od.load(text))
+    assert design.status == "certified"
+    assert design.result["guarantee"]["rates"] == {}
+    assert (
+        "xc - (c) decays as exp of int lambda, once the estimate of xi is right"
+        in design.result["guarantee"]["statement"]
+    )
+
+
+def test_a_state_off_a_manifold_that_waits_for_another_has_no_rate():
+    text = """obsdesign: 1
+system: {dynamics: {x: a, a: 0, z: b*(1+a**2), b: 0}, outputs: {y: x, y2: z}}
+observer:
+  type: immersion-invariance
+  chi: [c, e]
+  phi: [a, b]
+  beta: [c+0.001*y, e+y2]
+  left_inverse: {a: b1, b: b2}
+"""
+    design = od.solve(od.load(text))
+    assert design.status == "certified"
+    assert len(design.result["guarantee"]["rates"]) == 1
+    assert "each component once those before it have" in design.result["guarantee"]["statement"]
+
+
+def test_a_file_of_found_coordinates_is_never_refuted_nor_of_another_lambda():
+    _, design = solved("chain-found")
+    content = json.loads(design.text())
+    content["status"] = "refuted"
+    content["observer"]["coordinates"][0]["B"] = "7*y1"
+    Path("forged.gains.json").write_text(json.dumps(content))
+    assert run("verify", "forged.gains.json").exit_code == 2

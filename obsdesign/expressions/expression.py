@@ -11,7 +11,7 @@ from flint import fmpq
 
 from obsdesign.expressions.constant import rounded
 from obsdesign.expressions.exact import double
-from obsdesign.expressions.functions import OPERATIONS, operation
+from obsdesign.expressions.functions import OPERATIONS, apply, operation
 from obsdesign.expressions.interval import Interval, point
 from obsdesign.expressions.numeric import Closure, compiled
 from obsdesign.expressions.parse import tree
@@ -115,9 +115,11 @@ class Expression:
         return not any(OPERATIONS[node.operation].switches(*node.arguments) for node in calls)
 
     def divisors(self) -> list["Expression"]:
-        """What it divides by, numbers left out."""
-        calls = [node for node in self.order if isinstance(node, Call) and node.operation == "/"]
-        return [Expression(node.arguments[1]) for node in calls if not isinstance(node.arguments[1], Number)]
+        """What it divides by, numbers left out; the tangent divides by a cosine."""
+        calls = [node for node in self.order if isinstance(node, Call)]
+        found = [node.arguments[1] for node in calls if node.operation == "/"]
+        found += [apply("cos", node.arguments[0]) for node in calls if node.operation == "tan"]
+        return [Expression(node) for node in found if not isinstance(node, Number)]
 
     def requirements(self) -> list[tuple["Expression", bool]]:
         """What must not be negative for it to have a value, beside its divisors, and whether it must be positive."""

@@ -78,7 +78,7 @@ class Claim:
     def statement(self, spec: Spec) -> str:  # noqa: ARG002
         """Claim in words, and what it does not say."""
         said = [*self.scheme.says, *(f"{name} decays at least at {rate:.6g} 1/s" for name, rate in self.rates.items())]
-        where = "without disturbance and noise, as long as the plant stays in its domain"
+        where = "without disturbance and noise, as long as the plant stays in its domain and the observer has a value"
         return "; ".join([*said, where, *self.scheme.depends])
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
@@ -124,10 +124,15 @@ def as_text(value: Any) -> str:
 
 def refutation(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none: a statement that it rests on is false."""
+    if isinstance(request_of(spec).form, Sought):
+        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none")
     refuted = Claim.of(spec, read_form(spec, file)).refuted
     if not refuted:
         raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
-    return Proof(f"refuted: {refuted[0].sentence}", tuple(Check(v.sentence, True, abs(v.value)) for v in refuted))
+    return Proof(
+        f"refuted: {refuted[0].sentence}",
+        tuple(Check(f"it is false that {v.sentence}", True, abs(v.value)) for v in refuted),
+    )
 
 
 def read_form(spec: Spec, file: ResultFile) -> Form:

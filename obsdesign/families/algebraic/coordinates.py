@@ -6,16 +6,17 @@ xhat = phiL(xi + theta, y),          theta = phi(x) - xi constant where lambda =
 Where lambda < 0 the error xi - phi(x) decays as exp(int lambda). In (41) the paper has lambda with the other sign.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
 
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import Estimation, estimation, exponential
-from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Transformed
+from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Regression, Transformed
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
 from obsdesign.families.algebraic.scheme import (
@@ -44,20 +45,23 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     parameters = tuple(c.name for c in form.coordinates if c.estimated)
     observer, theta, excitation = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
-    says = [said(c) + cascade(form, c.B) for c in form.coordinates]
+    says = [said(c) + cascade(waits(form, c.B)) for c in form.coordinates]
     says += ["the left inverse gives x"] if form.left_inverse else []
     depends = []
-    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not cascade(form, c.B)}
+    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not waits(form, c.B)}
     if form.estimator and form.estimator.method == "proportional":
         found, more = attraction(plant, form, theta)
-        later = cascade(form, *(observer.dynamics[f"zeta_{name}"] for name in theta))
-        statements, rates = [*statements, *found], rates if later else {**rates, **more}
-        says.append(f"the estimates of theta decay to theta{later}")
+        before = waits(form, *form.left_inverse.values()) - set(theta)
+        before |= waits(form, *(c.B for c in form.coordinates if c.estimated))
+        alone = not before and len(theta) == 1
+        statements, rates = [*statements, *found], {**rates, **more} if alone else rates
+        each = ", each once those before it are right" if len(theta) > 1 else ""
+        says.append(f"the estimates of theta decay to theta{each}{cascade(before)}")
     elif form.estimator:
         statements += regressions(plant, form.estimator, form.coordinates)
         exact = "exactly" if form.estimator.consistent else "up to an error that decays with the filters"
-        sides = [side for r in form.estimator.regressions for side in (r.known, *r.m.values())]
-        says.append(f"Y = psi theta {exact}{cascade(form, *sides)}")
+        before = set().union(*(held(form, each) for each in form.estimator.regressions))
+        says.append(f"Y = psi theta {exact}{cascade(before)}")
         depends.append(f"that the estimates of theta converge depends on excitation ({', '.join(parameters)})")
     if form.recast:
         statements += still(plant, observer, theta)
@@ -76,11 +80,29 @@ def said(c: Coordinate) -> str:
     return f"({c.phi}) - {c.name} is constant" if c.estimated else f"{c.name} - ({c.phi}) decays as exp of int lambda"
 
 
-def cascade(form: Transformed, *sides: Expression) -> str:
-    """Where other coordinates stand in right sides: what is said holds once their own estimates are right."""
-    decaying = [c.name for c in form.coordinates if not c.estimated]
-    used = [name for name in decaying if any(name in side.names for side in sides)]
-    return f", once the error of {', '.join(used)} has decayed" if used else ""
+def waits(form: Transformed, *sides: Expression) -> set[str]:
+    """Coordinates whose estimates must be right before what stands in right sides is, those before them included.
+
+    In `B`, `K` and the left inverse the name of a coordinate is its estimate; one with lambda 0 is right once its
+    constant is.
+    """
+    own = {c.name: c for c in form.coordinates}
+    used = {name for side in sides for name in side.names if name in own}
+    return used.union(*(waits(form, own[name].B) for name in used))
+
+
+def held(form: Transformed, regression: Regression) -> set[str]:
+    """Coordinates whose estimates must be right before a regression is; of one with lambda 0, those it waits for."""
+    own = {c.name: c for c in form.coordinates}
+    sides = (regression.known, *regression.m.values())
+    used = {name for side in sides for name in side.names if name in own} | set(regression.m)
+    decaying = {name for name in used if not own[name].estimated}
+    return decaying.union(*(waits(form, own[name].B) for name in used))
+
+
+def cascade(names: Collection[str]) -> str:
+    """Clause on what has to be right before."""
+    return f", once the estimate of {', '.join(sorted(names))} is right" if names else ""
 
 
 def decays(c: Coordinate) -> str:
@@ -103,7 +125,7 @@ def coordinate(plant: Plant, c: Coordinate, phi: dict[str, Expression]) -> list[
 
 def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordinate]) -> list[Statement]:
     """d(output)/dt = known + sum m theta, for every theta: xi is phi - theta where lambda = 0, and phi elsewhere."""
-    theta = {c.name: Expression.variable(f"theta_{c.name}") for c in coordinates if c.estimated}
+    theta = {c.name: Expression.variable(f"θ_{c.name}") for c in coordinates if c.estimated}
     xi = {c.name: less(c.phi, theta[c.name]) if c.estimated else c.phi for c in coordinates}
     value = {name: exponential(t) if name in estimator.powers else t for name, t in theta.items()}
     found: list[Statement] = []
@@ -133,15 +155,26 @@ def equations(
     estimates = {**plant.measured(), **{name: side.substituted(full) for name, side in form.left_inverse.items()}}
     estimates = {name: estimates[name] for name in plant.dynamics}
     dynamics = {c.name: added([multiplied(c.rate, xi[c.name]), c.B.substituted(full)]) for c in form.coordinates}
-    dynamics |= made.dynamics
+    own = dict(made.dynamics)
     if form.estimator and form.estimator.method == "proportional":
-        dynamics |= proportional(plant, form.estimator, estimates, tuple(theta))
+        own |= proportional(plant, form.estimator, estimates, tuple(theta))
+    require_own(plant, dynamics, own)
+    dynamics |= own
     observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs), initial=made.initial)
     if not made.regressors or not form.estimator:
         return observer, theta, None
     rows = zip(form.estimator.regressions, made.regressors, strict=True)
     psi = tuple(dict(zip(regression.m, row, strict=True)) for regression, row in rows)
     return observer, theta, Excitation(psi, parameters, made.determinant, tuple(made.guarded.values()))
+
+
+def require_own(plant: Plant, coordinates: Collection[str], own: Named) -> None:
+    """Refuse a plant or coordinate that has the name of a state of the estimator."""
+    taken = {*plant.dynamics, *plant.outputs, *plant.inputs, *coordinates}
+    for name in own:
+        if name in taken:
+            said = f"{name} is the name of a state of the estimator; choose another name for the signal"
+            raise UsageError(Problem(said, key="observer.estimator"))
 
 
 def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:
@@ -160,7 +193,7 @@ def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Se
 def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str]]:
     """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0."""
     assert form.estimator
-    d = {name: Expression.variable(f"d_{name}") for name in theta}
+    d = {name: Expression.variable(f"δ_{name}") for name in theta}
     off = {c.name: added([c.phi, d[c.name]]) if c.name in d else c.phi for c in form.coordinates}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     estimates = {**states, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
@@ -172,8 +205,9 @@ def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Stat
         K = form.estimator.K[name]
         slopes = {y: plant.on(slope(K, y)) for y in plant.outputs}
         moving = added([multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()])
-        later = moving.substituted({f"d_{other}": ZERO for other in list(theta)[:i]})
-        rate = simplified(later.derivative(f"d_{name}").substituted(zero))
+        later = moving.substituted({f"δ_{other}": ZERO for other in list(theta)[:i]})
+        rate = simplified(later.derivative(f"δ_{name}").substituted(zero))
+        found += values(plant, f"K of {name}", K)
         found.append(Identity(f"estimate of theta of {name}: d' = ({rate}) d", less(later, multiplied(rate, d[name]))))
         named[f"theta of {name}"] = f"estimate of theta of {name}: {rate} < 0"
         found.append(Negative(named[f"theta of {name}"], rate))

@@ -14,6 +14,7 @@ from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.outcome import Outcome, Verdict
 from obsdesign.spec import Spec
 
+UNUSED = "every coordinate that was found decays by itself, so that nothing is estimated: the estimator is not used"
 WIDER = "try observer.functions, a larger observer.degree, or observer.lambdas"
 
 
@@ -25,10 +26,12 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     if isinstance(form, Sought):
         assert spec.typed
         engine.report(0.1, "coordinates")
-        form, found, missing = sought(spec.typed, form)
+        asked = form
+        form, found, missing = sought(spec.typed, asked)
         if form is None:
             return Outcome(Verdict.INFEASIBLE, diagnosis=not_found(spec, found, missing))
-        notes = (found.sentence, *found.remarks)
+        unused = asked.estimator is not None and form.estimator is None
+        notes = (found.sentence, *([UNUSED] if unused else []), *found.remarks)
     engine.report(0.5, "statements")
     claim = Claim.of(spec, form)
     if claim.refuted:

@@ -6,10 +6,12 @@ from itertools import permutations
 
 from flint import fmpq
 
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.algebraic.forms import Estimator
 from obsdesign.families.algebraic.scheme import ZERO, added, less, multiplied, scaled
 
+MOST = 6  # rows of a determinant
 LEAST = fmpq(1, 10**6)  # of exp(theta), below which its logarithm is not taken
 
 
@@ -125,6 +127,8 @@ def mixed(
 def determinant(rows: list[list[Expression]]) -> Expression:
     """Determinant by Leibniz' formula; there are few parameters."""
     n = len(rows)
+    if n > MOST:
+        raise UsageError(Problem(f"{n} constants; at most {MOST} are mixed at once", key="observer.estimator"))
     parts, signs = [], []
     for order in permutations(range(n)):
         inversions = sum(order[i] > order[j] for i in range(n) for j in range(i + 1, n))

@@ -68,4 +68,9 @@ def read_found(spec: Spec, file: ResultFile) -> Transformed:
     except UsageError as error:
         raise file.wrong(error.problems[0].key, error.problems[0].message) from None
     assert isinstance(form, Transformed)
+    asked = request_of(spec).form
+    known = {each.text for each in asked.lambdas} if isinstance(asked, Sought) else set()
+    for c in form.coordinates:
+        if known and not c.estimated and c.rate.text not in known:
+            raise file.wrong(f"observer.coordinates.{c.name}", f"the spec asks for lambda {' or '.join(sorted(known))}")
     return form

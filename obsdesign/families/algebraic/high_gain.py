@@ -8,6 +8,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
@@ -23,11 +24,14 @@ from obsdesign.families.algebraic.scheme import (
     less,
     multiplied,
     scaled,
+    values,
 )
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
+POLE = "σ"  # of the characteristic polynomial; like ε, a name that no spec can give to a signal
+MOST = 6  # errors that act on each other
 
 
 def scheme(plant: Plant, form: HighGain) -> Scheme:
@@ -50,6 +54,10 @@ def scheme(plant: Plant, form: HighGain) -> Scheme:
         estimates = {name: estimates[name] for name in plant.dynamics}
         statements = [*inverses(plant, form.left_inverse, form.states), *transformed(plant, form)]
     sides = {own[name].text: injected(form, name, side, shown) for name, side in rates.items()}
+    further = form.states if form.states is not None else None
+    for name in rates:
+        for gain in form.injection.get(name, {}).values():
+            statements += values(plant, f"injection into {name}", gain, further)
     statements += frozen(plant, sides, {own[name].text: side for name, side in meaning.items()})
     twins = {} if form.states else {side.text: name for name, side in own.items()}
     observer = Observer(sides, estimates, plant.inputs, tuple(plant.outputs), twins=twins)
@@ -65,15 +73,26 @@ def numbers(sides: Named) -> dict[str, Any]:
 
 def injected(form: HighGain, name: str, side: Expression, shown: Named) -> Expression:
     """Right side with its injections of y - yhat."""
+    gains = form.injection.get(name, {})
+    for y in gains:
+        if y not in shown:
+            said = f"no state of the observer is {y}, so that there is no {y} - yhat; add a state with this phi"
+            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}"))
     errors = {y: less(Expression.variable(y), shown[y]) for y in shown}
-    return added([side, *(multiplied(gain, errors[y]) for y, gain in form.injection.get(name, {}).items())])
+    return added([side, *(multiplied(gain, errors[y]) for y, gain in gains.items())])
 
 
 def transformed(plant: Plant, form: HighGain) -> list[Statement]:
     """Derivatives of the other coordinates, with u constant."""
     assert form.states is not None
     assert form.dynamics is not None
-    return [
+    found: list[Statement] = [
+        one
+        for name, phi in form.states.items()
+        for side in (phi, form.dynamics[name])
+        for one in values(plant, name, side, form.states)
+    ]
+    return found + [
         Identity(
             f"{name}: d/dt ({phi}) = {form.dynamics[name]} while u is constant",
             less(plant.along(phi), plant.on(form.dynamics[name], form.states)),
@@ -84,19 +103,22 @@ def transformed(plant: Plant, form: HighGain) -> list[Statement]:
 
 def frozen(plant: Plant, sides: Named, meaning: Named) -> list[Statement]:
     """E' = M e, with M Hurwitz at every point; `meaning`: what each state of the observer estimates."""
-    e = {name: Expression.variable(f"e_{name}") for name in sides}
+    e = {name: Expression.variable(f"ε_{name}") for name in sides}
     near = {name: added([meaning[name], e[name]]) for name in sides}
     still = dict.fromkeys((side.text for side in e.values()), ZERO)
     found: list[Statement] = []
     M: Matrix = []
     for name, side in sides.items():
         moving = less(plant.on(side, near), plant.along(meaning[name]))
-        row = [simplified(moving.derivative(f"e_{other}").substituted(still)) for other in sides]
+        row = [simplified(moving.derivative(f"ε_{other}").substituted(still)) for other in sides]
         linear = [multiplied(c, e[other]) for c, other in zip(row, sides, strict=True)]
         shown = " + ".join(f"({c}) {v}" for c, v in zip(row, e.values(), strict=True) if c.text != "0") or "0"
-        found.append(Identity(f"error: e_{name}' = {shown}", less(moving, *linear)))
+        found.append(Identity(f"error: ε_{name}' = {shown}", less(moving, *linear)))
         M.append(row)
     for block in blocks(M):
+        if len(block) > MOST:
+            said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
+            raise UsageError(Problem(said, key="observer.injection"))
         part = [[M[i][j] for j in block] for i in block]
         names = ", ".join(list(sides)[i] for i in block)
         found += [
@@ -120,13 +142,13 @@ def blocks(M: Matrix) -> list[list[int]]:
 
 def hurwitz(M: Matrix) -> list[Expression]:
     """Functions that are all positive if and only if M is Hurwitz: the leading minors of the matrix of Hurwitz."""
-    n, s = len(M), Expression.variable("s")
+    n, s = len(M), Expression.variable(POLE)
     pencil = [[less(s if i == j else ZERO, M[i][j]) for j in range(n)] for i in range(n)]
     polynomial = determinant(pencil)
     c: list[Expression] = []
     for k in range(n + 1):
-        c.insert(0, scaled(fmpq(1, factorial(k)), polynomial.substituted({"s": ZERO})))
-        polynomial = polynomial.derivative("s")
+        c.insert(0, scaled(fmpq(1, factorial(k)), polynomial.substituted({POLE: ZERO})))
+        polynomial = polynomial.derivative(POLE)
     H = [[c[2 * j - i + 1] if 0 <= 2 * j - i + 1 <= n else ZERO for j in range(n)] for i in range(n)]
     return [simplified(determinant([row[: k + 1] for row in H[: k + 1]])) for k in range(n)]
 

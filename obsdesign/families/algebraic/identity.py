@@ -117,7 +117,7 @@ def nonzero(name: str, value: Expression, domain: Domain) -> Verdict:
     if proved:
         return Verdict(name, Answer.PROVED)
     low, high = (sign.answer is Answer.REFUTED for sign in signs)
-    if low and high:  # both signs occur, and 0 between them, or 0 itself
+    if low and high and value.smooth:  # both signs occur, and 0 between them, or 0 itself
         zero = min(signs, key=lambda sign: abs(sign.value))
         return Verdict(name, Answer.REFUTED, short(value), zero.point, "of one sign", zero.value)
     return Verdict(name, Answer.OPEN, short(value))

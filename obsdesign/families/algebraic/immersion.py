@@ -44,6 +44,8 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     statements = inverses(plant, form.left_inverse, phi)
     statements += [one for side in form.phi for one in values(plant, "phi", side)]
     statements += [invariance(plant, form, dynamics, estimates, i) for i in range(len(form.phi))]
+    written = (("beta", form.beta), ("dynamics", dynamics.values()))
+    statements += [one for what, sides in written for side in sides for one in values(plant, what, side)]
     errors, rates = attraction(plant, form)
     statements += errors
     numbers: dict[str, Any] = {
@@ -51,7 +53,9 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
         "beta": [side.text for side in form.beta],
         "dynamics": {name: side.text for name, side in dynamics.items()},
     }
-    says = ("beta(y, chi) = phi(x) is invariant", "beta - phi decays", "the left inverse gives x")
+    waiting = len(rates) < len(form.phi)
+    decays = "beta - phi decays" + (", each component once those before it have" if waiting else "")
+    says = ("beta(y, chi) = phi(x) is invariant", decays, "the left inverse gives x")
     observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs))
     return Scheme(tuple(statements), observer, numbers, says, rates=rates)
 
@@ -105,7 +109,7 @@ def invariance(plant: Plant, form: Immersion, dynamics: Named, estimates: Named,
 
 def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str]]:
     """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0."""
-    d = [Expression.variable(f"d{i + 1}") for i in range(len(form.phi))]
+    d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     shown = {name: side for name, side in states.items() if name in plant.measured()}
@@ -117,13 +121,15 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
         slopes = {y: plant.on(slope(form.beta[i], y)) for y in plant.outputs}
         pulled = [multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()]
         moving = less(added([*pulled, plant.along(phi).substituted(estimates)]), plant.along(phi))
-        later = moving.substituted({f"d{k + 1}": ZERO for k in range(i)})
-        at_zero = {f"d{k + 1}": ZERO for k in range(len(d))}
-        rate = simplified(later.derivative(f"d{i + 1}").substituted(at_zero))
-        before = f", where {', '.join(f'd{k + 1}' for k in range(i))} = 0" if moving != later else ""
+        later = moving.substituted({f"δ{k + 1}": ZERO for k in range(i)})
+        at_zero = {f"δ{k + 1}": ZERO for k in range(len(d))}
+        rate = simplified(later.derivative(f"δ{i + 1}").substituted(at_zero))
+        before = f", where {', '.join(f'δ{k + 1}' for k in range(i))} = 0" if moving != later else ""
         found.append(
-            Identity(f"off the manifold: d{i + 1}' = ({rate}) d{i + 1}{before}", less(later, multiplied(rate, d[i])))
+            Identity(f"off the manifold: δ{i + 1}' = ({rate}) δ{i + 1}{before}", less(later, multiplied(rate, d[i])))
         )
-        names[f"d{i + 1}"] = f"off the manifold: {rate} < 0"
-        found.append(Negative(names[f"d{i + 1}"], rate))
+        sign = f"off the manifold, {i + 1}: {rate} < 0"
+        found.append(Negative(sign, rate))
+        if not before:
+            names[f"({form.beta[i]}) - ({phi})"] = sign
     return found, names

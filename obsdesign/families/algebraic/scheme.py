@@ -11,6 +11,7 @@ from obsdesign.expressions import Expression
 from obsdesign.families.algebraic.identity import Domain, Identity, Negative, Verdict, nonzero
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
+from obsdesign.nonlinearities.evidence.restriction import SINCE_ZERO
 
 ZERO = Expression.number(0)
 
@@ -68,7 +69,7 @@ class Plant:
         still = typed.undisturbed
         written = still.substituted(still.outputs)
         shown = {y: typed.domain[side.text] for y, side in written.outputs.items() if side.text in typed.domain}
-        return cls(written.dynamics, written.outputs, written.inputs, {**shown, **typed.domain})
+        return cls(written.dynamics, written.outputs, written.inputs, {"t": SINCE_ZERO, **shown, **typed.domain})
 
     def along(self, phi: Expression) -> Expression:
         """L_f phi, the derivative of a function of the states; raises `UsageError` if it has none everywhere."""
