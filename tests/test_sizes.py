@@ -73,3 +73,13 @@ def test_a_gain_that_cancels_the_disturbance_attains_the_limit_of_zero(power):
     assert design.status == "certified"
     assert design.limit == {"gamma": 0.0, "attained": True}
     assert design.guarantee.gamma <= 1e-2 * 10.0**power
+
+
+@pytest.mark.parametrize("kind", ["l2", "linf"])
+def test_a_plant_without_a_disturbance_has_gains_within_bounds(kind):
+    system = {"A": [[-1, 0], [0, -2]], "C": [[1, 0]]}
+    block = {"f": "tanh(q)", "type": "tanh", "Bf": [1, 0], "Cq": [0, 1]}
+    section = {"type": kind, "L2": 0, "alpha": 0.5, "bounds": {"L1": 10}}
+    design = od.solve(od.Spec(system=system, nonlinearities=[block], observer=section))
+    assert design.status == "certified"
+    assert design.verify().holds

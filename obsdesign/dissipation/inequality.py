@@ -195,7 +195,10 @@ class Incremental(ABC):
 
         def bounded(v: Values) -> list[Inequality]:
             largest = [] if bounds.P is None else [self.storage_bound(v["P"], v["mu"], float(bounds.P))]
-            return [*largest, *self.within(v, bounds)]
+            undisturbed = (
+                [] if self.plant.B.shape[1] else [Inequality("mu >= 1", ONE - v["mu"])]
+            )  # or nothing bounds it
+            return [*largest, *undisturbed, *self.within(v, bounds)]
 
         unknowns = [Unknown("mu", (1, 1)), *self.gain_unknowns(bounds)]
         injection = self.injection if bounds.L1 is None else None
