@@ -97,7 +97,7 @@ SMALL = {
             {"type": "l2", "alpha": 0.1, "L2": 0.1, "bounds": {"L1": 20}},
             {"disturbance": "integrator", "performance": {"H": [[1, 0, 0], [0, 0.5, 0]]}, **NOISELESS},
             raised=(FASTER,),
-            hopeless={"observer": {"objective": {"gamma": 1e-4}}},
+            hopeless={"observer": {"alpha": 1000}},
             scalable=False,
         ),
     ),

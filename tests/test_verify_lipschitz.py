@@ -191,6 +191,7 @@ def test_a_gain_that_the_spec_gives_may_not_be_replaced(pair, outcome_of):
     ("bound", "held"), [("5.657", True), ("5.656", False), ("{frobenius: 5.657}", True), ("{frobenius: 5.656}", False)]
 )
 def test_the_bound_of_the_spec_on_the_gain_is_held(quiet, outcome_of, bound, held):
+    quiet["certificate"]["checks"].append({"name": "|L| <= kappa", "holds": True})
     outcome = outcome_of(with_spec(quiet, "decay: 0.05", f"decay: 0.05, bounds: {{L: {bound}}}"))
     assert outcome.exit_code == (0 if held else 4)
     assert f"{'holds' if held else 'FAILS'}  |L| <= kappa" in outcome.stdout
@@ -204,6 +205,7 @@ def test_a_bound_does_not_hold_a_gain_that_the_spec_gives(quiet, outcome_of):
 def test_the_two_norms_of_a_gain_differ(outcome_of):
     text = QUIET.replace("C: [1, 0]", "C: [[1, 0], [0, 1]]").replace("decay: 0.05", "decay: 0.05, bounds: {L: 3}")
     content = made(text, fmpq(1), gain=3 * np.eye(2))
+    content["certificate"]["checks"].append({"name": "|L| <= kappa", "holds": True})
     assert outcome_of(content).exit_code == 0
     assert outcome_of(with_spec(content, "{L: 3}", "{L: {frobenius: 3}}")).exit_code == 4
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.families.guarantee import LAST, Guarantee
+from obsdesign.families.guarantee import ESTIMATES, LAST, Guarantee
 from obsdesign.plot.axis import number, plain, with_unit
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
 from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Level, comparisons, draw_errors, draw_storage
@@ -95,8 +95,8 @@ def heading(run: "Run") -> str:
         key, text = (f"{signal}_sup", rf"$\sup|{signal}|$") if sup else (f"{signal}_norm2", rf"$\|{signal}\|_2$")
         if run.summary[key] is not None:
             facts.append(f"{text} = {run.summary[key]:.4g}")
-    unproved = str(run.summary.get("bounds_omitted", "")).startswith("no guarantee")
-    promises = ["no guarantee" if unproved else "no bound is proved"]
+    estimates = str(run.summary.get("bounds_omitted", "")).startswith(ESTIMATES)
+    promises = ["no bound is proved" if estimates else "no guarantee"]
     if guarantee is not None:
         promises = [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
     return titled(run, facts, promises)

@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from obsdesign.families.guarantee import Course, Measurements, SampledGuarantee, envelope
+from obsdesign.families.guarantee import ESTIMATES, Course, Measurements, SampledGuarantee, envelope
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.definitions import error, mismatch
 from obsdesign.simulate.integrate import Trajectory
@@ -153,7 +153,7 @@ class Record:
     def uncovered(self) -> str:
         """Why no bound can be stated, or nothing."""
         if self.guarantee is None and self.system.observer.proved:
-            return "what is proved of this observer is how it estimates without disturbance and noise, with no bound"
+            return f"{ESTIMATES} is how it estimates without disturbance and noise, with no bound"
         if self.guarantee is None:
             return "no guarantee: nothing is proved of these gains with this plant"
         if self.acting.unmodeled:

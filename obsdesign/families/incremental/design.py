@@ -323,7 +323,7 @@ class Designer:
         `reached`: least gamma within the bounds, where a smaller one is asked for.
         """
         self.engine.report(0.9, "diagnosis")
-        decided, found = beyond(self.decay, alpha, limits["limit"].get("gamma"), reached)
+        decided, found = beyond(self.decay, alpha, limits.get("limit", {}).get("gamma"), reached)
         decided = decided and covers(self.request, replace(self.family, alpha=alpha), self.decay.bounds.gamma)
         return judged(found, decided=decided, search=self.search, notes=tuple(self.notes), **limits)
 
