@@ -65,9 +65,10 @@ STANCES = {
     " observer.T1 observer.T2 guarantee guarantee.gamma guarantee.alpha guarantee.decay guarantee.lipschitz"
     " guarantee.constants"
     " guarantee.margin guarantee.admissible guarantee.T1 guarantee.T2 guarantee.statement guarantee.reconstruction"
-    " guarantee.rate guarantee.overshoot guarantee.initial guarantee.disturbance guarantee.noise guarantee.jitter"
-    " certificate certificate.checks diagnosis.certificate diagnosis.certificate.kind diagnosis.certificate.alpha"
-    " diagnosis.certificate.checks diagnosis.proof",
+    " guarantee.jitter"
+    " certificate diagnosis.certificate diagnosis.certificate.kind diagnosis.certificate.alpha diagnosis.proof",
+    # every condition of it, or none
+    "listed": "certificate.checks diagnosis.certificate.checks",
     # what proves it: other matrices or gains may prove the same claim
     "witness": "observer.L1 observer.L2 observer.L observer.H observer.delta guarantee.mu guarantee.mu1 guarantee.mu2"
     " certificate.P certificate.P1 certificate.P2 certificate.multipliers certificate.reconstruction"
@@ -75,8 +76,9 @@ STANCES = {
     " diagnosis.certificate.gamma",
     # a part of it
     "part": "certificate.kind",
-    # a smaller number
-    "smaller": "guarantee.T2_max",
+    # a smaller number, or a larger one: it says less
+    "smaller": "guarantee.T2_max guarantee.rate",
+    "larger": "guarantee.overshoot guarantee.initial guarantee.disturbance guarantee.noise",
     # more than in the genuine file: it says what is not proved
     "more": "numerical",
     # what is near to that which is computed of the gains; `verify` names it among what it does not prove
@@ -261,15 +263,24 @@ def judge(case, place, text):
     named = now is MISSING or any(f"{dotted(place)}.".startswith(f"{path}.") for path in proof.numerical)
     assert {
         "proved": lambda: same(now, then),
+        "listed": lambda: now is MISSING or same(bare(now), bare(then)),
         "witness": lambda: now is MISSING or place[0] != "observer" or achieves(text),
         "part": lambda: now is MISSING or is_part(now, then),
         "smaller": lambda: Fraction(str(now)) <= Fraction(str(then)),
+        "larger": lambda: Fraction(str(now)) >= Fraction(str(then)),
         "more": lambda: is_part(then, now),
         "figure": lambda: named and (now is MISSING or is_near(now, then)),
         "numerical": lambda: named or (place[0] == "notes" and is_part(now, list(design_for(case).spec.notes))),
         "label": lambda: True,
     }[stance](), stance
     return True
+
+
+def bare(value):
+    """Conditions without their margins, which are computed in doubles."""
+    if isinstance(value, list):
+        return [bare(part) for part in value]
+    return {key: part for key, part in value.items() if key != "margin"} if isinstance(value, dict) else value
 
 
 def stated_anew(forged, content):
