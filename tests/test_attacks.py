@@ -119,7 +119,7 @@ def test_no_limit_is_above_what_is_proved():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", [name for name, family in FAMILIES.items() if not family.equations])
 def test_attacks_break_no_guarantee_of_random_specs_and_find_out_those_that_are_changed(family):
     outcomes, caught = Counter(), Counter()
     for seed in range(SWEEP.size(25)):
