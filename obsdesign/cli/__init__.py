@@ -1,0 +1,15 @@
+"""The command line: the only code that prints or exits. Heavy modules are imported by the command that needs them."""
+
+from obsdesign.cli.check import check
+from obsdesign.cli.compare import compare
+from obsdesign.cli.lipschitz import lipschitz
+from obsdesign.cli.program import app, main
+from obsdesign.cli.schema import schema
+from obsdesign.cli.simulate import simulate
+from obsdesign.cli.solve import solve
+from obsdesign.cli.verify import verify
+
+__all__ = ["app", "main"]
+
+for command in (solve, simulate, compare, check, lipschitz, verify, schema):  # as the help lists them
+    app.command()(command)

@@ -1,0 +1,73 @@
+"""The program: how a command answers, and the arguments that commands share."""
+
+import os
+import sys
+import warnings
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from obsdesign.errors import ObsdesignError
+from obsdesign.watch import INTERRUPTED
+
+EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}
+
+
+class Commands(TyperGroup):
+    """Group whose commands answer a user's mistake in lines on standard error and with the exit code of the error."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except ObsdesignError as error:
+            for problem in error.problems:
+                typer.echo(str(problem), err=True)
+            raise typer.Exit(error.exit_code) from None
+        except KeyboardInterrupt:
+            typer.echo("interrupted", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+        except BrokenPipeError as error:
+            raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
+
+
+app = typer.Typer(
+    cls=Commands,
+    help="Design, prove and simulate state observers for nonlinear systems with unknown inputs.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+SpecPath = Annotated[str, typer.Argument(metavar="SPEC", help="Spec file (YAML); - is standard input.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only, and with --json the result.")]
+Solver = Annotated[str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.")]
+Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
+
+
+def main() -> None:
+    """Entry point. Matrices are small: one thread makes runs repeatable, and halves the start-up time."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # what a library would say of its own
+    try:
+        if sys.stdout is None:
+            raise OSError("it is closed")
+        app()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except OSError as error:
+        if error.filename is not None:  # not of a stream
+            raise
+        silence()
+        typer.echo(f"standard output or standard error cannot be written: {error.strerror or error}", err=True)
+        sys.exit(1)
+
+
+def silence() -> None:
+    """Drop what could not be printed, or it would fail once more at the exit."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
