@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from obsdesign.families.finding import Finding
     from obsdesign.families.outcome import Proof
     from obsdesign.reading import Spec
+    from obsdesign.reports.page import Report, report
     from obsdesign.simulate import Run
     from obsdesign.simulate.comparison import Comparison
     from obsdesign.work import check, compare, lipschitz, load, read, solve, verify
@@ -32,6 +33,7 @@ __all__ = [
     "InfeasibleError",
     "ObsdesignError",
     "Proof",
+    "Report",
     "Run",
     "Spec",
     "TimeLimitError",
@@ -42,6 +44,7 @@ __all__ = [
     "lipschitz",
     "load",
     "read",
+    "report",
     "solve",
     "verify",
 ]
@@ -49,6 +52,7 @@ __all__ = [
 HOMES = {
     "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
     "design": ("Design",),
+    "reports.page": ("Report", "report"),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
     "simulate.comparison": ("Comparison",),

@@ -79,6 +79,12 @@ class Design(Outcome):
         return self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
 
     @property
+    def proof(self) -> Proof:
+        """What is claimed of gains that have a claim, with the conditions that were checked of it."""
+        assert self.claim
+        return Proof("; ".join([self.claim.headline(self.spec), *self.spec.provisos]), self.claim.checks)
+
+    @property
     def guarantee(self) -> Guarantee | None:
         """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
         return self.claim.guarantee(self.spec) if self.proved and self.claim else None
@@ -294,9 +300,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     elif status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
     else:
-        claim = design_of(file, spec).claim
-        assert claim
-        proof = Proof("; ".join([claim.headline(spec), *spec.provisos]), claim.checks)
+        proof = design_of(file, spec).proof
     return replace(proof, numerical=tuple(numerical(file.content, spec))) if proof.holds else proof
 
 

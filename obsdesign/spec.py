@@ -169,6 +169,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    reproduces: tuple[str, ...] = ()  # figures and tables of the source
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
 
     @contextmanager

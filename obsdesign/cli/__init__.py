@@ -4,6 +4,7 @@ from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
 from obsdesign.cli.lipschitz import lipschitz
 from obsdesign.cli.program import app, main
+from obsdesign.cli.report import report
 from obsdesign.cli.schema import schema
 from obsdesign.cli.simulate import simulate
 from obsdesign.cli.solve import solve
@@ -11,5 +12,5 @@ from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (solve, simulate, compare, check, lipschitz, verify, schema):  # as the help lists them
+for command in (solve, simulate, compare, check, lipschitz, verify, report, schema):  # as the help lists them
     app.command()(command)

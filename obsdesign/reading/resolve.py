@@ -27,7 +27,7 @@ from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
-PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+|\[[0-9]+\])*")
+PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+( [A-Za-z0-9_-]+)*|\[[0-9]+\])*")
 RESULT = {"spec", "status"}  # keys that tell a result from a spec
 TOLERANCES = ("rtol", "atol")
 GROUPS = ("x", "w", "all")
@@ -56,7 +56,6 @@ def resolve(document: Document) -> Spec:
             f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}",
         )
     read_parameters(reader, file.parameters)
-    sampled = family is not None and family.sampled
     plant = read_system(reader, file, family)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
@@ -65,7 +64,7 @@ def resolve(document: Document) -> Spec:
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=sampled)
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=bool(family and family.sampled))
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
@@ -74,6 +73,7 @@ def resolve(document: Document) -> Spec:
         name=file.name or Path(document.path).stem.strip("<>"),
         source=file.source or "",
         description=(file.description or "").strip(),
+        reproduces=tuple(file.reproduces or ()),
         text=document.text,
         path=document.path,
         plant=plant.plant,
