@@ -10,6 +10,7 @@ from obsdesign.reports.chart import HEIGHT, LEFT, TOP, WIDTH, Axis, Chart, Curve
 from obsdesign.tables.design import QUANTITIES
 
 LEVELS = 9
+CERTIFIED = "certified when it was designed"  # of gains that are not in the file, so that nothing is proved anew
 LABELS = {"alpha": "decay rate α [1/s]", "decay": "decay rate [1/s]", "gamma": "gain γ", "T2": "T2 [s]"}
 SPREAD = 30  # ratio from which on an axis is logarithmic
 Point = Mapping[str, Any]
@@ -69,20 +70,18 @@ def figures(search: Mapping[str, Any]) -> Iterator[Chart | Map]:
 
 
 def chart_of(search: Mapping[str, Any], key: str, parameter: str) -> Chart:
-    """Limits as lines, and what gains are proved to achieve as points."""
+    """Limits as lines, and what gains were certified to achieve as points."""
     points = [point for _, group in groups(search) for point in group]
     x = np.unique([value for point in points if (value := number(point, parameter)) is not None])
     curves: list[Curve] = []
     for color, (name, group) in enumerate(groups(search), start=1):
         limits, proved = column(x, group, parameter, key), column(x, group, parameter, key, "certified")
         if np.isfinite(limits).any():
-            curves.append(Curve(f"{name or 'best'} (numerical)", limits, "line", color))
+            curves.append(Curve(f"{name}: limit".removeprefix(": "), limits, "line", color))
         if np.isfinite(proved).any():
-            curves.append(Curve(f"{name or 'shipped gains'} (proved)", proved, "points", color))
+            curves.append(Curve(f"{name}: {CERTIFIED}".removeprefix(": "), proved, "points", color))
     values = np.concatenate([curve.y for curve in curves])
-    across, along = (
-        axis(LABELS.get(name, name), seen, tight=name == parameter) for name, seen in ((parameter, x), (key, values))
-    )
+    across, along = (axis(LABELS.get(name, name), seen) for name, seen in ((parameter, x), (key, values)))
     missing = sum(number(point, key) is None for point in points)
     note = f"{missing} of {len(points)} points have no value; the table says why" if missing else ""
     return Chart(f"{LABELS.get(key, key)} over {parameter}", x, tuple(curves), across, along, note)
@@ -98,11 +97,11 @@ def column(x: Any, group: Sequence[Point], parameter: str, key: str, part: str =
     return found
 
 
-def axis(label: str, values: Any, *, tight: bool = False) -> Axis:
+def axis(label: str, values: Any) -> Axis:
     """Axis, logarithmic where positive values spread widely."""
     seen = values[np.isfinite(values)]
     log = bool(seen.size and seen.min() > 0 and seen.max() > SPREAD * seen.min())
-    return Axis.over(label, values, log=log, tight=tight)
+    return Axis.over(label, values, log=log)
 
 
 def map_of(search: Mapping[str, Any], key: str, axes: Sequence[str]) -> Map:
@@ -114,6 +113,7 @@ def map_of(search: Mapping[str, Any], key: str, axes: Sequence[str]) -> Map:
     across, along = (Axis(LABELS.get(n, n), float(e[0]), float(e[-1])) for n, e in zip(axes, edges, strict=True))
     known = [(p, value) for p in points if (value := number(p, key)) is not None]
     cut = np.quantile([v for _, v in known], [0.0, 0.95])
+    more = " and more" if max(v for _, v in known) > cut[1] else ""
     cells = []
     for point, value in known:
         i, j = (int(np.searchsorted(g, point[n])) for g, n in zip(grids, axes, strict=True))
@@ -124,7 +124,7 @@ def map_of(search: Mapping[str, Any], key: str, axes: Sequence[str]) -> Map:
             (f"{x0:.1f}", f"{y0:.1f}", f"{x1 - x0:.1f}", f"{y1 - y0:.1f}", level, f"{key} {value:.5g}: {said}")
         )
     title = f"{LABELS.get(key, key)} over {' and '.join(axes)} (numerical)"
-    return Map(title, across, along, tuple(cells), (f"{cut[0]:.4g}", f"{cut[1]:.4g} and more"), box)
+    return Map(title, across, along, tuple(cells), (f"{cut[0]:.4g}", f"{cut[1]:.4g}{more}"), box)
 
 
 def bounds(grid: Any) -> Any:
@@ -143,8 +143,8 @@ def table(search: Mapping[str, Any]) -> Table | None:
             numbers = (number(part, key) for part, keys in parts(point, over, found) for key in keys)
             cells = ["" if value is None else f"{value:.6g}" for value in numbers]
             rows.append((*([name] if named else []), *cells, str(point.get("status", ""))))
-    header = (*(["curve"] if named else []), *over, *(f"{key}, best" for key in found))
-    return Table((*header, *(f"{key}, proved" for key in found), "status"), tuple(rows)) if rows else None
+    header = (*(["curve"] if named else []), *over, *(f"{key}, limit" for key in found))
+    return Table((*header, *(f"{key}, {CERTIFIED}" for key in found), "status"), tuple(rows)) if rows else None
 
 
 def parts(point: Point, over: Sequence[str], found: Sequence[str]) -> tuple[tuple[Point, Sequence[str]], ...]:

@@ -10,7 +10,7 @@ from typing import Any
 from obsdesign.design import Design, design_of, proof_of, spec_of
 from obsdesign.errors import ObsdesignError, TimeLimitError, UsageError
 from obsdesign.families import FAMILIES
-from obsdesign.families.outcome import Outcome, Proof, Verdict
+from obsdesign.families.outcome import BETTER, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reports import curves
 from obsdesign.reports.chart import Chart
@@ -23,8 +23,8 @@ from obsdesign.tables.text import at_least
 Rows = list[tuple[str, str]]
 SAMPLES = ".run.csv"  # ends the name of a run beside its gains file
 TONES = {"certified": "good", "infeasible": "plain", "refuted": "plain"}  # others are a warning
-LEVELS = ("gamma",)  # numbers of a guarantee that are rounded up; others are rounded down
 RATES = ("alpha", "decay")
+LARGER = {*(key for key, sense in BETTER.items() if sense > 0), "T2_max"}.difference(RATES)
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
 
@@ -122,10 +122,11 @@ class Entry:
 
     @property
     def statement(self) -> tuple[str, str]:
-        """What is proved, and of which observer."""
+        """What is proved, unless the verdict says it in the same words, and of which observer."""
         said = str(self.content.get("guarantee", {}).get("statement", ""))
         claim, _, observer = said.partition("; for ")
-        return claim, observer
+        told = self.proof is not None and claim in self.proof.claim
+        return "" if told else claim, observer
 
     @property
     def notes(self) -> list[str]:
@@ -159,9 +160,8 @@ class Entry:
 
     @property
     def others(self) -> Rows:
-        """Further numbers that are proved."""
-        left = {k: v for k, v in self.numbers.items() if k not in (*LEVELS, *RATES) and not k.startswith("mu")}
-        return [(key, at_least(value, 4)) for key, value in left.items()]
+        """Further numbers that are proved and are the better the larger they are, rounded down."""
+        return [(key, at_least(value, 5)) for key, value in self.numbers.items() if key in LARGER]
 
     @property
     def proved(self) -> Rows:

@@ -57,6 +57,9 @@ def number(value: fmpq) -> Markup:
     return row(minus, Markup("<mn>{}</mn>").format(digits), dots, ten)
 
 
+ONE = number(fmpq(1))
+
+
 def matrix(entries: Array) -> Markup:
     """Exact matrix in brackets; zeros step back."""
     zero = Markup('<mtd class="zero"><mn>0</mn></mtd>')
@@ -110,8 +113,8 @@ def expression(e: Expression) -> Markup:
 
 def whole(written: Written) -> Markup:
     """With its minus."""
-    content, _, negative = written
-    return row(MINUS, content) if negative else content
+    content, binding, negative = written
+    return row(MINUS, enclosed((content, binding, False), PRODUCT)) if negative else content
 
 
 def enclosed(written: Written, least: int) -> Markup:
@@ -142,7 +145,7 @@ def call(node: Call, arguments: list[Written]) -> Written:
         first, *others = arguments
         parts = [whole(first)]
         for content, inner, negative in others:
-            parts += [MINUS if negative else operator("+"), enclosed((content, inner, False), SUM)]
+            parts += [MINUS if negative else operator("+"), enclosed((content, inner, False), PRODUCT)]
         return row(*parts), SUM, False
     if binding == POWER:
         base, exponent = arguments
@@ -156,7 +159,10 @@ def call(node: Call, arguments: list[Written]) -> Written:
 def product(factors: list[Written]) -> Written:
     """Product; the minus of its first factor stands before it, and a dot between two numbers."""
     (first, binding, negative), *others = factors
-    parts = [] if str(first) == str(number(fmpq(1))) else [enclosed((first, binding, False), PRODUCT)]
+    if str(first) == str(ONE) and len(others) == 1:
+        content, inner, second = others[0]
+        return content, inner, negative != second
+    parts = [] if str(first) == str(ONE) else [enclosed((first, binding, False), PRODUCT)]
     parts += [enclosed(factor, PRODUCT) for factor in others]
     return Markup(INVISIBLE).join(parts), PRODUCT, negative
 
