@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
+from obsdesign.cli.program import AsJson, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.steps import drawn, progress, ran, run_text, stem
 from obsdesign.watch import limited
 
@@ -16,7 +16,8 @@ def simulate(
     ] = "",
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
     output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV); - is standard output.")] = "",
-    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
+    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG, or SVG by its ending).")] = "",
+    plot_all: PlotAll = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,
@@ -38,7 +39,7 @@ def simulate(
         with progress(quiet) as report:
             design = trial(source, gains, solver, report)
         run = ran(design, quiet)
-        samples, figure = drawn(run)
+        samples, figure = drawn(run, files[1], plot_all)
         if files[0] == "-":
             typer.echo(samples.decode(), nl=False)
         write_all({path: content for path, content in zip(files, (samples, figure), strict=True) if path != "-"})
