@@ -136,10 +136,11 @@ class Design(Outcome):
         """Everything about the design, as a result file holds it; numbers are finite."""
         spec = self.spec
         assert self.solver
+        changed = {"set": list(spec.changes)} if spec.changes else {}
         return {
             "obsdesign": FORMAT,
             "name": spec.name,
-            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text, **changed},
             **entry(spec),
             **self.contents(),
             "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
@@ -215,6 +216,7 @@ class Design(Outcome):
         from obsdesign.tables.design import design_rows
 
         local = {"local": self.spec.validity} if self.claim and self.spec.validity else {}
+        local |= {"set": ", ".join(self.spec.changes)} if self.spec.changes else {}
         return design_rows({"name": self.spec.name, "signals": self.spec.signals, **self.contents(), **local})
 
     def __repr__(self) -> str:
@@ -270,12 +272,14 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
 
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     """Spec that travels in a file, unaltered, which must be the one that is given, if one is."""
-    text = file.spec_text()
+    text, changes = file.spec_text(), file.changes()
     if spec is None:
-        spec, name = loads(text, f"{file.path} (spec.text)"), file.content.get("name")
+        spec, name = loads(text, f"{file.path} (spec.text)", changes), file.content.get("name")
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    if spec.changes != changes:
+        spec = loads(text, spec.path, changes)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
@@ -291,6 +295,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
         if proof.holds and status == Verdict.INFEASIBLE:
             require_agreement(file, {}, spec)
             require_dual(file, proof)
+        proof = replace(proof, claim="; ".join([proof.claim, *spec.changed]))
     elif status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
     else:

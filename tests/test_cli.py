@@ -538,7 +538,7 @@ def test_what_is_undecided_names_its_file(monkeypatch):
 # Interrupts
 
 
-@pytest.mark.parametrize("where", ["obsdesign.work.solve", "obsdesign.files.os.replace"])
+@pytest.mark.parametrize("where", ["obsdesign.work.solve", "obsdesign.files.disk.os.replace"])
 def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
     monkeypatch.setattr(where, interrupted)
     assert_refused(run("solve", CART), "interrupted", code=130)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from obsdesign.errors import ObsdesignError, ViolatedError
+
 if TYPE_CHECKING:
     from obsdesign.design import Design
     from obsdesign.simulate import Run
@@ -66,6 +68,17 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     from obsdesign.files import csv
 
     return csv(*run.table()), run.plot()
+
+
+def broken(run: "Run", samples: str) -> ObsdesignError | None:
+    """That a run breaks a bound that is proved, if it does."""
+    from obsdesign.simulate.validity import require_kept
+
+    try:
+        require_kept(run.summary, samples)
+    except ViolatedError as error:
+        return error
+    return None
 
 
 def stem(path: str) -> str:
