@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
+from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout, show
 from obsdesign.cli.sources import Answer, each, found
 from obsdesign.cli.steps import as_text
-from obsdesign.errors import UsageError
+from obsdesign.errors import ObsdesignError, UsageError
 from obsdesign.watch import limited
 
 PAUSE = 0.2  # s between two looks at the files
@@ -31,9 +31,11 @@ def check(
         try:
             with limited(timeout):
                 each(found(specs), lambda spec: checked(spec, changes, as_json, quiet), as_json=as_json)
-        except typer.Exit:
+        except (typer.Exit, ObsdesignError) as ended:
             if not watch:
                 raise
+            if isinstance(ended, ObsdesignError):
+                show(ended)
 
 
 def checked(spec: str, changes: Sequence[str], as_json: bool, quiet: bool) -> Answer:
