@@ -1,5 +1,6 @@
 """`obsdesign verify`: the claim of a result file, proved anew."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -7,7 +8,8 @@ import typer
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.sources import RESULTS, Answer, each, found
 from obsdesign.cli.steps import as_text
-from obsdesign.errors import UndecidedError
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.sections.scalars import described
 from obsdesign.watch import limited
 
 
@@ -19,6 +21,9 @@ def verify(
             help="Result files, folders of them; - is standard input. After one file: the spec it must belong to.",
         ),
     ],
+    specs: Annotated[
+        bool, typer.Option("--specs", help="Hold each file against the spec at the path that it names, too.")
+    ] = False,
     timeout: Timeout = 600,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -27,7 +32,22 @@ def verify(
     paired = len(sources) == 2 and not sources[1].endswith(".json")
     gains, spec = (sources[:1], sources[1]) if paired else (sources, "")
     with limited(timeout):
-        each(found(gains, RESULTS), lambda file: proved(file, spec, as_json, quiet), as_json=as_json)
+        each(
+            found(gains, RESULTS),
+            lambda file: proved(file, named(file) if specs else spec, as_json, quiet),
+            as_json=as_json,
+        )
+
+
+def named(gains: str) -> str:
+    """Path of the spec that a result file names, as it was typed, below the current folder."""
+    from obsdesign.files import ResultFile
+
+    path = ResultFile.open(gains).at("spec", "path")
+    if not isinstance(path, str) or not Path(path).resolve().is_relative_to(Path.cwd()) or not Path(path).is_file():
+        said = "is no spec below the current folder; solve it from here, or leave --specs out"
+        raise UsageError(f"{gains}: spec.path: {described(path)} {said}")
+    return path
 
 
 def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:
