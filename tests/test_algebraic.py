@@ -11,6 +11,7 @@ from support.shipped import SPECS, shipped, solved
 
 import obsdesign as od
 from obsdesign.expressions.algebra import identical
+from obsdesign.files import digest
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -215,7 +216,8 @@ def test_found_coordinates_that_are_forged_are_not_proved():
     Path("vdp.yaml").write_text(PLANT % "{type: kkl, coordinates: find}")
     run("solve", "vdp.yaml")
     content = json.loads(Path("vdp.gains.json").read_text())
-    for text in ("x2", "sign(x2)", "x1 +"):
+    many = " + ".join(f"sin(x1**{k})" for k in range(1, 60))
+    for text in ("x2", "sign(x2)", "x1 +", f"x2 + {many}"):
         content["observer"]["coordinates"][0]["phi"] = text
         Path("forged.gains.json").write_text(json.dumps(content))
         outcome = run("verify", "forged.gains.json")
@@ -480,3 +482,40 @@ def test_a_file_of_found_coordinates_is_never_refuted_nor_of_another_lambda():
     content["observer"]["coordinates"][0]["B"] = "7*y1"
     Path("forged.gains.json").write_text(json.dumps(content))
     assert run("verify", "forged.gains.json").exit_code == 2
+
+
+CURVED = """obsdesign: 1
+name: a plant with the coordinate x2 - exp(x1)
+system: {dynamics: {x1: x2 - x1, x2: -2*(x2 - exp(x1)) + x1 + exp(x1)*(x2 - x1)}, outputs: {y: x1}}
+observer: %s
+"""
+FIND, BOTH = "{type: kkl, coordinates: find%s}", "{type: %s, coordinates: find, estimator: {alpha: 1, gamma: 1}}"
+
+
+@pytest.mark.parametrize(
+    ("text", "made", "claimed", "code"),
+    [
+        (PLANT, FIND % "", FIND % ", degree: 4", 0),
+        (PLANT, FIND % "", FIND % ", degree: 2", 2),
+        (PLANT, FIND % "", FIND % ", lambdas: [-1]", 0),
+        (PLANT, FIND % "", FIND % ", lambdas: [-2]", 2),
+        (PLANT, FIND % ", lambdas: [-1 - y**2]", FIND % "", 2),  # no k s for any number k
+        (PLANT, BOTH % "kkl+pebo", FIND % "", 0),
+        (PLANT, BOTH % "kkl+pebo", BOTH % "pebo", 2),
+        (CURVED, FIND % ", functions: [exp(x1)]", FIND % ", functions: [exp(x1), sin(x1)]", 0),
+        (CURVED, FIND % ", functions: [exp(x1)]", FIND % ", functions: [sin(x1)]", 2),
+        (CURVED, FIND % ", functions: [exp(x1)]", FIND % "", 2),
+    ],
+    ids=range(10),
+)
+def test_found_coordinates_must_be_among_what_their_spec_asks_to_be_searched(text, made, claimed, code):
+    spec = {"made": text % made, "claimed": text % claimed}
+    content = json.loads(od.solve(od.load(spec["made"])).text())
+    content["spec"] |= {"text": spec["claimed"], "sha256": digest(spec["claimed"])}
+    content["observer"]["type"] = claimed.removeprefix("{type: ").partition(",")[0]
+    Path("forged.gains.json").write_text(json.dumps(content))
+    outcome = run("verify", "forged.gains.json")
+    assert outcome.exit_code == code, outcome.output
+    if code:
+        assert outcome.stderr.count("\n") == 1
+        assert "observer.coordinates[0]: is not among what the spec asks for (type " in outcome.stderr
