@@ -147,6 +147,50 @@ def test_coordinates_and_constants_begin_where_a_simulation_says():
         design.simulate(xi0={"nothing": 1})
 
 
+def first_row(text):
+    """First sample of a run through the command line, by column, and what is printed of the run."""
+    Path("begun.yaml").write_text(text)
+    outcome = run("simulate", "begun.yaml")
+    assert outcome.exit_code == 0, outcome.output
+    names, values, *_ = Path("begun.run.csv").read_text().splitlines()
+    return dict(zip(names.split(","), map(float, values.split(",")), strict=True)), outcome.stdout
+
+
+@pytest.mark.parametrize(
+    "name", ["cuk-kkl", "cuk-pebo", "cuk-kkl-pebo", "cuk-immersion", "cuk-high-gain-linear", "cuk-proportional"]
+)
+def test_coordinates_begin_at_an_estimate_that_is_given(name):
+    text = shipped(name).text.replace("horizon: 0.2", "horizon: 0.001\n  xhat0: {i1: 0.5, v4: -2}")
+    row, said = first_row(text)
+    found = [row[f"hat_{state}"] for state in ("i1", "v4", "v2", "i3")]
+    assert found == pytest.approx([0.5, -2, row["v2"], row["i3"]], rel=1e-12)
+    assert "at the estimate xhat0, in which states that outputs show are as they are measured" in said
+
+
+def test_what_xi0_names_begins_there_and_the_rest_at_the_estimate():
+    trial = "horizon: 0.001\n  xhat0: [0, 0.25, 0.5]\n  xi0: {%s}"
+    text = shipped("exponential-drift").text
+    row, said = first_row(text.replace("horizon: 10", trial % "xi1: 3"))
+    assert (row["hat_x2"], row["hat_x3"]) == pytest.approx((3, 0.5))
+    assert "start" in said
+    assert "xi2 at the estimate xhat0" in said
+    row, said = first_row(text.replace("horizon: 10", trial % "xi1: 3, xi2: 2"))
+    assert (row["hat_x2"], row["hat_x3"]) == pytest.approx((3, 2))
+    assert "xhat0 has no effect: simulation.xi0 says where every coordinate begins" in said
+
+
+@pytest.mark.parametrize(("beta", "begun"), [("c**3+y", 2), ("y", 1)])
+def test_an_estimate_that_says_nothing_of_where_an_observer_begins_is_told(beta, begun):
+    text = """obsdesign: 1
+system: {dynamics: {x: a, a: 0}, outputs: {y: x}}
+observer: {type: immersion-invariance, chi: [c], phi: [a], beta: [%s], left_inverse: {a: b1}, dynamics: {c: 0}}
+simulation: {horizon: 1, x0: [1, 0.5], xhat0: [0, 0.1], xi0: {c: 1}}
+"""
+    row, said = first_row(text % beta)
+    assert row["hat_a"] == pytest.approx(begun)
+    assert "xhat0 has no effect: beta = phi(xhat0) is not solved for chi; name chi in simulation.xi0" in said
+
+
 # Coordinates that are found
 
 

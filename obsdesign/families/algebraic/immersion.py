@@ -12,7 +12,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.expressions.algebra import simplified
+from obsdesign.expressions.algebra import identical, simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import Immersion
 from obsdesign.families.algebraic.identity import Identity, Negative
@@ -82,6 +82,22 @@ def by_default(plant: Plant, form: Immersion, estimates: Named) -> dict[str, Exp
             hidden = less(form.Q[k], *(multiplied(right[k][i], row) for i, row in enumerate(rows)))
             found[name] = added([found[name], hidden])
     return {name: simplified(side) for name, side in found.items()}
+
+
+def on_manifold(form: Immersion, estimate: Named) -> dict[str, Expression]:
+    """Chi with beta(y, chi) = phi(xhat), the least if there are several; none where that is not linear, or has none."""
+    J = [[slope(side, name) for name in form.chi] for side in form.beta]
+    if any(not entry.names.isdisjoint(form.chi) for row in J for entry in row):
+        return {}
+    wanted = [side.substituted(estimate) for side in form.phi]
+    rest = [side.substituted(dict.fromkeys(form.chi, ZERO)) for side in form.beta]
+    gaps = [less(phi, beta) for phi, beta in zip(wanted, rest, strict=True)]
+    found = {
+        name: added([multiplied(c, gap) for c, gap in zip(row, gaps, strict=True)])
+        for name, row in zip(form.chi, pseudo_inverse(J), strict=True)
+    }
+    met = (identical(beta.substituted(found), phi) for beta, phi in zip(form.beta, wanted, strict=True))
+    return {name: simplified(side) for name, side in found.items()} if all(met) else {}
 
 
 def pseudo_inverse(J: Matrix) -> Matrix:
