@@ -17,11 +17,14 @@ from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import Immersion
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.scheme import (
+    INVERTED,
+    UNBOUNDED,
     ZERO,
     Plant,
     Scheme,
     Statement,
     added,
+    decay,
     inverses,
     less,
     multiplied,
@@ -32,6 +35,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
+WAITING = ", where those before it are 0 (otherwise they act as a disturbance)"
 
 
 def scheme(plant: Plant, form: Immersion) -> Scheme:
@@ -46,18 +50,17 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     statements += [invariance(plant, form, dynamics, estimates, i) for i in range(len(form.phi))]
     written = (("beta", form.beta), ("dynamics", dynamics.values()))
     statements += [one for what, sides in written for side in sides for one in values(plant, what, side)]
-    errors, rates = attraction(plant, form)
+    errors, rates, moves = attraction(plant, form)
     statements += errors
     numbers: dict[str, Any] = {
         "phi": [side.text for side in form.phi],
         "beta": [side.text for side in form.beta],
         "dynamics": {name: side.text for name, side in dynamics.items()},
     }
-    waiting = len(rates) < len(form.phi)
-    decays = "beta - phi decays" + (", each component once those before it have" if waiting else "")
-    says = ("beta(y, chi) = phi(x) is invariant", decays, "the left inverse gives x")
+    invariant = "where beta(y, chi) = phi(x) it stays so: the manifold is invariant"
+    says = (invariant, *moves, f"xhat = x where beta(y, chi) = phi(x), {INVERTED}")
     observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs))
-    return Scheme(tuple(statements), observer, numbers, says, rates=rates)
+    return Scheme(tuple(statements), observer, numbers, says, (UNBOUNDED,), rates)
 
 
 def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
@@ -123,8 +126,11 @@ def invariance(plant: Plant, form: Immersion, dynamics: Named, estimates: Named,
     return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual)
 
 
-def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str]]:
-    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0."""
+def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str], list[str]]:
+    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0.
+
+    Statements, the names of those that give a rate, and what they say.
+    """
     d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
     states = {name: Expression.variable(name) for name in plant.dynamics}
@@ -132,7 +138,7 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
     estimates = {**shown, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
     rates = plant.output_rates(estimates)
     found: list[Statement] = []
-    names = {}
+    names, says = {}, []
     for i, phi in enumerate(form.phi):
         slopes = {y: plant.on(slope(form.beta[i], y)) for y in plant.outputs}
         pulled = [multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()]
@@ -146,6 +152,8 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
         )
         sign = f"off the manifold, {i + 1}: {rate} < 0"
         found.append(Negative(sign, rate))
+        off_it = f"({form.beta[i]}) - ({phi})"
+        says.append(f"{off_it} {decay(rate)}" + (WAITING if before else ""))
         if not before:
-            names[f"({form.beta[i]}) - ({phi})"] = sign
-    return found, names
+            names[off_it] = sign
+    return found, names, says
