@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
@@ -18,7 +17,7 @@ from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.algebraic.scheme import OPEN, Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -71,7 +70,8 @@ class Claim:
         """Proved rates of decay, 1/s, by the name of the coordinate."""
         bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
         found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
-        return {name: round_down(-bound, DIGITS) for name, bound in found.items() if bound is not None}
+        proved = {name: rational_number(-bound) for name, bound in found.items() if bound is not None}
+        return {name: float(at_least(rate, DIGITS)) for name, rate in proved.items()}
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
@@ -123,7 +123,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
         if as_text(found.get(name)) != as_text(said[name]):
             raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
     for name in file.table("guarantee", "rates"):
-        if not file.number("guarantee", "rates", name) <= rational_number(claim.rates.get(name, 0.0)):
+        if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
             raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
     return claim
 
