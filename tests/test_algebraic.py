@@ -505,6 +505,44 @@ observer:
     )
 
 
+HIGH_GAIN = """obsdesign: 1
+system: {inputs: [u], dynamics: %s, outputs: {y: x}, domain: {x: [-1, 1], v: [-1, 1], u: [0.1, 0.9]}}
+observer: {type: high-gain, %s}
+"""
+STATES, MOVED = "injection: {x: {y: 8}, v: {y: 15}}", "injection: {p: {y: 8}, r: {y: 15}}, states: {p: x, r: v + u}"
+MOTIONS = {  # the plant, the observer; what is said of the error, and what is not
+    "constant": ("{x: v, v: -x**3 + u}", f"{STATES}, copy: outputs", "of hat_x, hat_v falls exponentially, since M is "
+                 "constant: |e(t)| <= c exp(-2.96*t) |e(0)| for some c", ""),
+    "of the inputs": ("{x: u*v, v: -x}", STATES, "of hat_x, hat_v falls exponentially for constant u, since M is "
+                      "Hurwitz", "that the error of hat_x, hat_v falls for varying u"),
+    "of the outputs": ("{x: (2+x)*v, v: -x}", f"{STATES}, copy: outputs", "M is Hurwitz for the error of hat_x, hat_v, "
+                       "frozen at each point", "that the error of hat_x, hat_v falls for varying x"),
+    "in a row": ("{x: -x, v: -2*v + x}", STATES, "of hat_x obeys e' = -9 e, so that e(t) = e(0) exp(-9*t)", ""),
+    "in a row, the second": ("{x: -x, v: -2*v + x}", STATES, "the error of hat_v obeys e' = -2 e, so that e(t) = e(0) "
+                             "exp(-2*t), where that of hat_x is 0 (otherwise it acts as a disturbance)", ""),
+    "alone, of the inputs": ("{x: -u*x, v: -2*v}", STATES, "of hat_x obeys e' = lambda e, lambda = -u - 8 < 0", ""),
+    "in coordinates of the inputs": (
+        "{x: v, v: -v}", f"{MOVED}, dynamics: {{p: r - u, r: u - r}}, left_inverse: {{v: r - u}}",
+        "the error of p, r falls exponentially for constant u", "that the error of p, r falls for varying u",
+    ),
+    "in coordinates of the inputs, alone": (
+        "{x: -x, v: -v}", f"{MOVED}, dynamics: {{p: -p, r: u - r}}, left_inverse: {{v: r - u}}",
+        "the error of p obeys e' = -9 e, so that e(t) = e(0) exp(-9*t) for constant u", "that the error of p falls for",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("dynamics", "further", "said", "missing"), MOTIONS.values(), ids=MOTIONS)
+def test_a_high_gain_observer_says_which_errors_fall(dynamics, further, said, missing):
+    Path("high.yaml").write_text(HIGH_GAIN % (dynamics, further))
+    outcome = run("solve", "high.yaml")
+    assert outcome.exit_code == 0, outcome.output
+    assert said in outcome.stdout
+    assert missing in outcome.stdout
+    assert ("not proved" in outcome.stdout) == bool(missing)
+    assert run("verify", "high.gains.json").exit_code == 0
+
+
 def test_a_table_tells_what_is_proved_and_what_is_not_clause_by_clause():
     lines = [line.split(maxsplit=1) for line in run("solve", str(SPECS / "cuk-pebo.yaml")).stdout.splitlines()]
     said = [rest for name, rest in lines if name == "says"]
