@@ -37,6 +37,7 @@ TIMES = {  # ms at which |error| is last above 5 % and 1 % of its start: i1, the
     "cuk-high-gain": (49.4, 74.1, 1.46),
     "cuk-high-gain-linear": (2.0, 6.9, 7.0),
 }
+FAMILIES_WITHOUT_LMI = {"kkl", "pebo", "kkl+pebo", "immersion-invariance", "high-gain"}
 PLANT = """obsdesign: 1
 name: a plant
 system:
@@ -363,13 +364,39 @@ def test_a_plant_whose_coordinates_are_found_is_estimated(name):
     assert summary["final_error"] < 1e-4 * summary["initial_error"]
 
 
+def readme(pattern):
+    """What README says, by a pattern."""
+    return re.findall(pattern, (SPECS.parent / "README.md").read_text(), re.DOTALL)
+
+
+CONVERTER = next(text for text in readme(r"```yaml\n(.*?)```") if "type: kkl+pebo" in text)
+OBSERVERS = [text for text in readme(r"```yaml\n(observer:\n.*?)```") if "type: l" not in text]
+
+
 def test_the_converter_of_readme_is_certified_and_runs():
-    blocks = re.findall(r"```yaml\n(.*?)```", (SPECS.parent / "README.md").read_text(), re.DOTALL)
-    (text,) = [block for block in blocks if "type: kkl+pebo" in block]
-    Path("converter.yaml").write_text(text)
+    Path("converter.yaml").write_text(CONVERTER)
     outcome = run("solve", "converter.yaml", "--simulate")
     assert outcome.exit_code == 0
     assert "excitation" in outcome.stdout
+
+
+@pytest.mark.parametrize("observer", OBSERVERS, ids=["immersion-invariance", "high-gain"])
+def test_other_observers_of_the_converter_of_readme_are_certified_and_run(observer):
+    body = re.sub(r"(?ms)^observer:\n.*?(?=^simulation)", lambda _: observer, CONVERTER)
+    Path("converter.yaml").write_text(body)
+    outcome = run("solve", "converter.yaml", "--simulate")
+    assert outcome.exit_code == 0, outcome.output
+    assert re.search(r"settling +i1: 5 % 0\.", outcome.stdout)
+
+
+def test_readme_names_shipped_specs_of_every_type():
+    (table,) = readme(r"\| shipped spec \| type \|.*?\n\n")
+    rows = [[re.findall("`(.*?)`", cell) for cell in line.split("|")[1:3]] for line in table.splitlines()[2:-1]]
+    assert len(rows) == 8
+    told = {name for names, _ in rows for name in names}
+    assert all({shipped(name).observer.type for name in names} == set(types) for names, types in rows)
+    ours = {path.stem for path in SPECS.glob("*.yaml") if shipped(path.stem).observer.type in FAMILIES_WITHOUT_LMI}
+    assert told == ours
 
 
 NOISY = {  # rms of the noise of the estimates of i1 (A) and v4 (V), over 20 seeds
