@@ -130,9 +130,8 @@ def solve(
             typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         if design.status == "uncertified":
             typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
-        for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
-            said = f"expected {failed['expected']}, found {'nothing' if failed['found'] is None else failed['found']}"
-            typer.echo(f"{spec}: expect.{failed['key']}: {said}", err=True)
+        for said in design.unmet():
+            typer.echo(f"{spec}: {said}", err=True)
         if run:
             require_kept(run.summary, paths[0])
     raise typer.Exit(EXIT[design.status])
@@ -332,8 +331,9 @@ def ran(design: "Design", quiet: bool) -> "Run":
         typer.echo(str(warning), err=True)
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
-    if run.status != "done" and not quiet:
-        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    early = [] if run.status == "done" else [f"the run ended early: {run.status} at t = {run.time:.6g} s"]
+    for said in () if quiet else (*early, *(f"{design.spec.path}: {each}" for each in design.unmet(run.summary))):
+        typer.echo(said, err=True)
     return run
 
 
