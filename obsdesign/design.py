@@ -199,7 +199,8 @@ class Design(Outcome):
 
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""
-        content = {**self.result, **({"simulation": summary} if summary else {})}
+        known = {} if self.status is Verdict.NO_GUARANTEE else self.result
+        content = {**known, **({"simulation": summary} if summary else {})}
         told = {key: value for key, value in self.spec.expect.items() if summary or not key.startswith("simulation.")}
         return [
             {
@@ -209,6 +210,15 @@ class Design(Outcome):
                 "holds": meets(found, value),
             }
             for key, value in told.items()
+        ]
+
+    def unmet(self, summary: Mapping[str, Any] | None = None) -> list[str]:
+        """What the spec expects of its result, or of a run with this summary, and does not get, in sentences."""
+        asked = (e for e in self.expected(summary) if e["key"].startswith("simulation.") == bool(summary))
+        return [
+            f"expect.{e['key']}: expected {e['expected']}, found {'nothing' if e['found'] is None else e['found']}"
+            for e in asked
+            if not e["holds"]
         ]
 
     def table(self) -> list[tuple[str, str]]:

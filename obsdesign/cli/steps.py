@@ -58,8 +58,9 @@ def ran(design: "Design", quiet: bool) -> "Run":
         typer.echo(str(warning), err=True)
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
-    if run.status != "done" and not quiet:
-        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    early = [] if run.status == "done" else [f"the run ended early: {run.status} at t = {run.time:.6g} s"]
+    for said in () if quiet else (*early, *(f"{design.spec.path}: {each}" for each in design.unmet(run.summary))):
+        typer.echo(said, err=True)
     return run
 
 
