@@ -69,7 +69,7 @@ class Designer:
         """Add what every answer has."""
         family = self.setting.family(float(self.decay.low))
         counts = {f"{s.injection} {s.relaxation}": s.counts(family) for s in self.schemes}
-        return replace(made, notes=tuple(self.notes), scalars=counts)
+        return replace(made, notes=tuple(self.notes), scalars=counts, scaling=self.setting.units.factors)
 
     # Gates
 
