@@ -145,7 +145,7 @@ class Designer:
             if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
                 raise unbounded(alpha, table)
             return limits, None
-        level = Level.of(bounded, zero)
+        level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(alpha), **bounded_kind(self.request.bounds)}
         return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
 
