@@ -124,8 +124,14 @@ class Design(Outcome):
         entries |= {"search": self.search.written()} if self.search else {}
         entries |= {"assumed": spec.assumed} if spec.assumed else {}
         entries |= {"notes": notes} if (notes := self.remarks()) else {}
-        paths = numerical(entries, spec)
+        paths = numerical({**entries, "solver": self.solved}, spec)
         return {"status": str(self.status), **entries, **({"numerical": paths} if paths else {})}
+
+    @property
+    def solved(self) -> dict[str, Any]:
+        """Sizes and units of what was solved, as a result file holds them."""
+        entries = {"scalars": self.scalars, "scaling": self.scaling}
+        return {name: entry for name, entry in entries.items() if entry}
 
     def remarks(self) -> list[str]:
         """Notes, and one on a design that is no better than none."""
@@ -143,7 +149,7 @@ class Design(Outcome):
             "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text, **changed},
             **entry(spec),
             **self.contents(),
-            "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
+            "solver": {**self.solver.written(), **self.solved},
             "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }

@@ -16,7 +16,7 @@ def solve(
     specs: SpecPaths,
     changes: Changes = [],  # noqa: B006
     output: Annotated[str, typer.Option("-o", "--output", help="Gains file; - is standard output.")] = "",
-    simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: FILE.run.csv and FILE.run.png.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Plot the curves of a search, NAME.curve.png.")] = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
@@ -30,12 +30,12 @@ def solve(
 
     def answer(spec: str) -> Answer:
         problem = load(spec, changes)
-        name = stem(spec)
-        target = output or f"{name}.gains.json"
+        target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
         if not printed:
             require_writable(target)
-        beside = Path(target).parent if not printed and is_regular(target) else Path()
+        named = not printed and is_regular(target)
+        beside, name = (Path(target).parent, stem(target)) if named else (Path(), stem(spec))
         paths = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
         design = solved(problem, solver, quiet)
         text, run = design.text(), None
