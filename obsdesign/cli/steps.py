@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from obsdesign.errors import ObsdesignError, ViolatedError
+
 if TYPE_CHECKING:
     from obsdesign.design import Design
     from obsdesign.simulate import Run
@@ -56,16 +58,29 @@ def ran(design: "Design", quiet: bool) -> "Run":
         typer.echo(str(warning), err=True)
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
-    if run.status != "done" and not quiet:
-        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    early = [] if run.status == "done" else [f"the run ended early: {run.status} at t = {run.time:.6g} s"]
+    for said in () if quiet else (*early, *(f"{design.spec.path}: {each}" for each in design.unmet(run.summary))):
+        typer.echo(said, err=True)
     return run
 
 
-def drawn(run: "Run") -> tuple[bytes, bytes]:
-    """Samples and figure of a run."""
+def drawn(run: "Run", figure: str, every: bool) -> tuple[bytes, bytes]:
+    """Samples of a run, and its figure in the form that its path asks for; with every panel, or those that answer."""
     from obsdesign.files import csv
+    from obsdesign.plot import form_of, run_figure
 
-    return csv(*run.table()), run.plot()
+    return csv(*run.table()), run_figure(run, every=every, form=form_of(figure))
+
+
+def broken(run: "Run", samples: str) -> ObsdesignError | None:
+    """That a run breaks a bound that is proved, if it does."""
+    from obsdesign.simulate.validity import require_kept
+
+    try:
+        require_kept(run.summary, samples)
+    except ViolatedError as error:
+        return error
+    return None
 
 
 def stem(path: str) -> str:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obsdesign.errors import UsageError
-from obsdesign.files import LARGEST, content_of
+from obsdesign.files import content_of
+from obsdesign.files.result import LARGEST
 from obsdesign.lmi.formula import Array
 from obsdesign.reports.chart import Chart, Curve, of_errors, over_time
 from obsdesign.spec import Spec
