@@ -1,16 +1,11 @@
-"""Result files: written whole or not at all, and read back exactly.
+"""Result files: what stands in them, and how it is read back exactly.
 
 A number in a result file is a decimal that is read as written, or a text "p/q" of any length.
 """
 
-import errno
 import hashlib
 import json
-import os
 import re
-import stat
-import sys
-import tempfile
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from fractions import Fraction
@@ -20,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 from flint import fmpq, fmpz
 
+from obsdesign.disk import content_of
 from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
@@ -40,7 +36,7 @@ class ResultFile:
         self.path, self.raw = path, raw
         self.content = self.parsed(raw)
         if self.content.get("obsdesign") != "1":
-            raise self.wrong("obsdesign", "not a result of format 1")
+            raise self.wrong("obsdesign", "not a result of format 1", id="OBS701")
 
     @classmethod
     def open(cls, path: str) -> Self:
@@ -50,7 +46,7 @@ class ResultFile:
     def parsed(self, raw: bytes) -> dict[str, Any]:
         """JSON with every number kept as the text that was written."""
         if len(raw) > LARGEST:
-            raise UsageError(f"{self.path}: larger than {LARGEST} bytes")
+            raise self.wrong("", f"larger than {LARGEST} bytes", id="OBS701")
         try:
             content = json.loads(
                 raw, parse_float=str, parse_int=str, parse_constant=self.no_number, object_pairs_hook=self.unique
@@ -58,10 +54,10 @@ class ResultFile:
         except (ValueError, RecursionError) as error:
             if re.search(rb"^obsdesign\s*:", raw, re.MULTILINE):
                 said = "is a spec; `obsdesign solve` makes of it the result file that is expected here"
-                raise UsageError(f"{self.path}: {said}") from None
-            raise UsageError(f"{self.path}: not JSON: {error}") from None
+                raise self.wrong("", said, id="OBS701") from None
+            raise self.wrong("", f"not JSON: {error}", id="OBS701") from None
         if not isinstance(content, dict):
-            raise UsageError(f"{self.path}: not a result file: an object is expected")
+            raise self.wrong("", "not a result file: an object is expected", id="OBS701")
         self.require_lines(content)
         return content
 
@@ -71,10 +67,14 @@ class ResultFile:
         while parts:
             path, value = parts.pop()
             if isinstance(value, str) and path != "spec.text" and (found := NOT_ONE_LINE.search(value)):
-                raise self.wrong(path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line")
+                raise self.wrong(
+                    path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line", id="OBS702"
+                )
             keys = value if isinstance(value, dict) else ()
             if found := next(filter(None, map(NOT_ONE_LINE.search, keys)), None):
-                raise self.wrong(path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line")
+                raise self.wrong(
+                    path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line", id="OBS702"
+                )
             parts += [(f"{path}.{key}".removeprefix("."), value[key]) for key in keys]
             parts += [(path, part) for part in value] if isinstance(value, list) else []
 
@@ -83,7 +83,7 @@ class ResultFile:
         try:
             content: dict[str, Any] = json.loads(self.raw)
         except ValueError as error:  # an integer of more digits than are converted
-            raise UsageError(f"{self.path}: {error}") from None
+            raise self.wrong("", str(error), id="OBS702") from None
         return content
 
     def unique(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -91,23 +91,25 @@ class ResultFile:
         made = dict(pairs)
         if len(made) < len(pairs):
             twice = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
-            raise self.wrong(twice[:40], "is given twice in the same object; a result holds every key once")
+            raise self.wrong(
+                twice[:40], "is given twice in the same object; a result holds every key once", id="OBS702"
+            )
         return made
 
     def no_number(self, text: str) -> None:
         """Refuse NaN and infinities."""
-        raise UsageError(f"{self.path}: {text} is no number; a result holds finite numbers only")
+        raise self.wrong("", f"{text} is no number; a result holds finite numbers only", id="OBS702")
 
-    def wrong(self, key: str, message: str) -> UsageError:
-        """Error about one key."""
-        return UsageError(f"{self.path}: {key}: {message}")
+    def wrong(self, key: str, message: str, *, id: str) -> UsageError:
+        """Error about one key, or about the whole file without one."""
+        return UsageError(Problem(message, self.path, key=key, id=id))
 
     def at(self, *keys: str) -> Any:
         """Entry at a path of keys, which must exist."""
         value: Any = self.content
         for i, key in enumerate(keys):
             if not isinstance(value, dict) or key not in value:
-                raise self.wrong(".".join(keys[: i + 1]), "missing")
+                raise self.wrong(".".join(keys[: i + 1]), "missing", id="OBS702")
             value = value[key]
         return value
 
@@ -117,11 +119,13 @@ class ResultFile:
         try:
             right = isinstance(text, str) and digest(text) == found
         except UnicodeEncodeError:
-            raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
+            raise self.wrong(
+                "spec.sha256", "not the hash of spec.text, which is not valid Unicode", id="OBS703"
+            ) from None
         if not right:
-            raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
+            raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered", id="OBS703")
         if further := self.table("spec").keys() - {"path", "sha256", "text"}:
-            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256 and text")
+            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256 and text", id="OBS703")
         return str(text)
 
     def number(self, *keys: str) -> fmpq:
@@ -138,7 +142,7 @@ class ResultFile:
         rows, name = self.at(*keys), ".".join(keys)
         regular = isinstance(rows, list) and all(isinstance(r, list) and len(r) == shape[1] for r in rows)
         if not regular or len(rows) != shape[0]:
-            raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix")
+            raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix", id="OBS702")
         entries = [[self.exact(x, name) for x in row] for row in rows]
         return rational(np.array(entries, dtype=object).reshape(shape))
 
@@ -152,7 +156,7 @@ class ResultFile:
                 continue
             values[unknown.name] = matrix = self.matrix(unknown.shape, *path)
             if unknown.symmetric and (matrix != matrix.T).any():
-                raise self.wrong(".".join(path), "not symmetric")
+                raise self.wrong(".".join(path), "not symmetric", id="OBS702")
         return values
 
     def matrices(self, *keys: str) -> dict[str, Array]:
@@ -167,13 +171,13 @@ class ResultFile:
         """Object at a path of keys."""
         found = self.at(*keys)
         if not isinstance(found, dict):
-            raise self.wrong(".".join(keys), "expected an object")
+            raise self.wrong(".".join(keys), "expected an object", id="OBS702")
         return found
 
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
         if isinstance(text, str) and len(text) > LONGEST:
-            raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read")
+            raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read", id="OBS702")
         try:
             if not isinstance(text, str) or not NUMBER.fullmatch(text):
                 raise ValueError
@@ -184,19 +188,7 @@ class ResultFile:
                 raise ValueError
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
-            raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
-
-
-def content_of(path: str, most: int) -> bytes:
-    """Bytes of a file, or of standard input for `-`; not more than one beyond so many. Raises `UsageError`."""
-    try:
-        if path == "-":
-            return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
-        with Path(path).open("rb") as file:
-            return file.read(most + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
+            raise self.wrong(name, f"{str(text)[:40]!r} is no finite number", id="OBS702") from None
 
 
 def rows(matrix: Array) -> list[list[str]]:
@@ -262,81 +254,6 @@ def csv(header: list[str], samples: Array) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def write_whole(path: str | Path, content: bytes) -> None:
-    """Write one file, whole or not at all.
-
-    Raises `UsageError` if the folder does not exist or may not be written.
-    """
-    write_all({str(path): content})
-
-
-def write_all(files: Mapping[str, bytes]) -> None:
-    """Write files under temporary names beside them, and rename these when all are complete.
-
-    A link is followed; what is no regular file, such as a device or a pipe, is written through, after the others.
-    Raises `UsageError` if a folder does not exist or may not be written; then none of the files is.
-    """
-    staged: dict[str, Path] = {}
-    path = ""
-    try:
-        for path, content in files.items():
-            if is_regular(path):
-                with tempfile.NamedTemporaryFile(
-                    dir=Path(path).resolve().parent, prefix=".obsdesign.", delete=False
-                ) as file:
-                    staged[path] = Path(file.name)
-                    file.write(content)
-                staged[path].chmod(0o666 & ~umask())
-        for path, temporary in staged.items():
-            temporary.replace(Path(path).resolve())
-        for path in files.keys() - staged:
-            Path(path).write_bytes(files[path])
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        for temporary in staged.values():
-            temporary.unlink(missing_ok=True)
-
-
-def require_writable(*paths: str) -> None:
-    """Refuse paths that could not be written, before anything is computed.
-
-    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
-    """
-    for path in paths:
-        try:
-            if not is_regular(path):
-                if not os.access(path, os.W_OK):
-                    raise UsageError(f"{path}: cannot be written: {os.strerror(errno.EACCES)}")
-                continue
-            folder = Path(path).resolve().parent
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-        shown = Path(path).parent
-        if not folder.is_dir():
-            raise UsageError(f"{path}: cannot be written: there is no folder {shown}")
-        if not os.access(folder, os.W_OK):
-            raise UsageError(f"{path}: cannot be written: the folder {shown} may not be written")
-
-
-def is_regular(path: str) -> bool:
-    """Whether a path is that of a regular file, be it through a link or not there yet. Raises `OSError`."""
-    try:
-        mode = Path(path).stat().st_mode
-    except FileNotFoundError:
-        return True
-    if stat.S_ISDIR(mode):
-        raise IsADirectoryError(0, "it is a folder")
-    return stat.S_ISREG(mode)
-
-
-def umask() -> int:
-    """Permissions that the user withholds from new files."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def newest() -> str:
     """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
     for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
@@ -345,4 +262,4 @@ def newest() -> str:
                 return str(path)
         except (OSError, ValueError, AttributeError):
             continue
-    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")
+    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")

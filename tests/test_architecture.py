@@ -30,6 +30,7 @@ LAYERS = (
     ("model",),
     ("sections",),
     ("lmi", "expressions", "files", "tables.text", "watch"),
+    ("disk",),
     ("errors",),
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}

@@ -20,7 +20,7 @@ def compare(
 ) -> None:
     """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
     from obsdesign import work
-    from obsdesign.files import require_writable
+    from obsdesign.disk import require_writable
 
     with limited(timeout):
         require_writable(output)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from obsdesign.errors import ObsdesignError
+from obsdesign.errors import ObsdesignError, Problem
 from obsdesign.watch import INTERRUPTED
 
 EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}
@@ -63,7 +63,8 @@ def main() -> None:
         if error.filename is not None:  # not of a stream
             raise
         silence()
-        typer.echo(f"standard output or standard error cannot be written: {error.strerror or error}", err=True)
+        said = f"standard output or standard error cannot be written: {error.strerror or error}"
+        typer.echo(str(Problem(said, id="OBS906")), err=True)
         sys.exit(1)
 
 

@@ -23,7 +23,8 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.files import newest, require_writable, write_all
+    from obsdesign.disk import require_writable, write_all
+    from obsdesign.files import newest
     from obsdesign.simulate.validity import require_kept
     from obsdesign.work import trial
 

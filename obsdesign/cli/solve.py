@@ -7,7 +7,7 @@ import typer
 
 from obsdesign.cli.program import EXIT, AsJson, Quiet, Solver, SpecPath, Timeout
 from obsdesign.cli.steps import drawn, ran, run_text, solved, stem
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.watch import limited
 
 
@@ -22,7 +22,7 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.files import is_regular, require_writable, write_all
+    from obsdesign.disk import is_regular, require_writable, write_all
     from obsdesign.simulate.validity import require_kept
     from obsdesign.tables.text import aligned
     from obsdesign.work import load
@@ -57,10 +57,11 @@ def solve(
         if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
             typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         if design.status == "uncertified":
-            typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
+            said = "these gains are not certified: no proof of them was found"
+            typer.echo(str(Problem(said, spec, id="OBS616")), err=True)
         for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
             said = f"expected {failed['expected']}, found {'nothing' if failed['found'] is None else failed['found']}"
-            typer.echo(f"{spec}: expect.{failed['key']}: {said}", err=True)
+            typer.echo(str(Problem(said, spec, key=f"expect.{failed['key']}", id="OBS617")), err=True)
         if run:
             require_kept(run.summary, paths[0])
     raise typer.Exit(EXIT[design.status])

@@ -6,7 +6,7 @@ import typer
 
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.steps import as_text
-from obsdesign.errors import UndecidedError
+from obsdesign.errors import Problem, UndecidedError
 from obsdesign.watch import limited
 
 
@@ -35,4 +35,4 @@ def verify(
         typer.echo(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
     if not proof.holds:
         failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
-        raise UndecidedError(f"{gains}: the claim is not proved: {failed}")
+        raise UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708"))

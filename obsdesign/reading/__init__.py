@@ -44,7 +44,7 @@ def load(source: str | os.PathLike[str]) -> Spec:
         path.encode()
     except UnicodeEncodeError:
         shown = path.encode(errors="backslashreplace").decode()
-        raise UsageError(f"{shown}: the name of the file is not valid UTF-8; rename it") from None
+        raise UsageError(Problem("the name of the file is not valid UTF-8; rename it", shown, id="OBS101")) from None
     return loads(read(path), path)
 
 
@@ -65,7 +65,7 @@ def build(sections: Mapping[str, Any]) -> Spec:
     try:
         return resolve(compose(text, PYTHON))
     except UsageError as error:
-        raise UsageError(*(Problem(one.message, PYTHON, key=one.key) for one in error.problems)) from None
+        raise UsageError(*(Problem(one.message, PYTHON, key=one.key, id=one.id) for one in error.problems)) from None
 
 
 def with_simulation(spec: Spec, changes: Mapping[str, Any]) -> Spec:

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
+from obsdesign.disk import content_of
 from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
-from obsdesign.files import content_of
 from obsdesign.sections.scalars import Number, described, scalar
 
 MAX_BYTES = 4 * 2**20
@@ -63,7 +63,7 @@ class Document:
     root: Node
     problems: tuple[Problem, ...]
 
-    def problem(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> Problem:
+    def problem(self, loc: Loc, message: str, *, id: str, at_key: bool = False, column: int = 0) -> Problem:
         """Return what is wrong at `loc`, placed at its value or its key.
 
         `column`: where in a text, from 0. It moves the place only if the text is written out in one line.
@@ -73,7 +73,7 @@ class Document:
         if column and isinstance(node.value, str):
             quote = int(self.text[node.begins] in "'\"")
             column = quote + column if self.text.startswith(node.value, node.begins + quote) else 0
-        return Problem(message, self.path, node.line, node.column + column, dotted(loc))
+        return Problem(message, self.path, node.line, node.column + column, dotted(loc), id=id)
 
     def find(self, loc: Loc) -> tuple[Node, Node]:
         """Key and value at `loc`, or of the part of `loc` that there is."""
@@ -100,14 +100,16 @@ def read(path: str) -> str:
     Raises `UsageError`: it cannot be read, is larger than 4 MiB, or is not UTF-8 text.
     """
     if Path(path).is_dir():
-        raise UsageError(Problem("is a folder; give a spec file", path))
+        raise UsageError(Problem("is a folder; give a spec file", path, id="OBS101"))
     data = content_of(path, MAX_BYTES)
     if len(data) > MAX_BYTES:
-        raise UsageError(Problem(TOO_LARGE, path))
+        raise UsageError(Problem(TOO_LARGE, path, id="OBS103"))
     try:
         return data.decode()
     except UnicodeDecodeError as error:
-        raise UsageError(Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path)) from None
+        raise UsageError(
+            Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path, id="OBS102")
+        ) from None
 
 
 def compose(text: str, path: str) -> Document:
@@ -116,15 +118,15 @@ def compose(text: str, path: str) -> Document:
     Raises `UsageError`: it is not YAML, is empty, too large, too deep, or holds more than one document.
     """
     if len(text) > MAX_BYTES:
-        raise UsageError(Problem(TOO_LARGE, path))
+        raise UsageError(Problem(TOO_LARGE, path, id="OBS103"))
     if text.count(",") + text.count("\n") > MAX_SEPARATORS:
-        raise UsageError(Problem(TOO_MANY, path, 1, 1))
+        raise UsageError(Problem(TOO_MANY, path, 1, 1, id="OBS103"))
     text = text.removeprefix("\ufeff")
     if found := NOT_TEXT.search(text):
         line = text.count("\n", 0, found.start()) + 1
         column = found.start() - text.rfind("\n", 0, found.start())
         message = f"the character U+{ord(found[0]):04X} does not belong in a text file; a spec is a YAML file"
-        raise UsageError(Problem(message, path, line, column))
+        raise UsageError(Problem(message, path, line, column, id="OBS102"))
     composer = Composer(path)
     try:
         for event in yaml.parse(text, LOADER):
@@ -132,9 +134,9 @@ def compose(text: str, path: str) -> Document:
     except yaml.MarkedYAMLError as error:
         mark = transpose(error, text) or error.problem_mark or error.context_mark
         place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        raise UsageError(*composer.problems, Problem(explained(error, text), path, *place)) from None
+        raise UsageError(*composer.problems, Problem(explained(error, text), path, *place, id="OBS104")) from None
     if composer.root is None or composer.root.value is None:
-        raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path))
+        raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path, id="OBS104"))
     return Document(path, text, composer.root, tuple(composer.problems))
 
 
@@ -182,13 +184,13 @@ class Composer:
         self.nodes = 0
         self.aliased = 0
 
-    def stop(self, mark: Mark, message: str) -> NoReturn:
+    def stop(self, mark: Mark, message: str, *, id: str) -> NoReturn:
         """Give up reading, with all that was found wrong so far."""
-        raise UsageError(*self.problems, self.problem(mark, message))
+        raise UsageError(*self.problems, self.problem(mark, message, id=id))
 
-    def problem(self, mark: Mark, message: str) -> Problem:
+    def problem(self, mark: Mark, message: str, *, id: str) -> Problem:
         """Return what is wrong at the mark, with the key under which it stands."""
-        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()[:MAX_SHOWN]))
+        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()[:MAX_SHOWN]), id=id)
 
     def here(self) -> Loc:
         """Where the next node will stand."""
@@ -198,12 +200,12 @@ class Composer:
     def take(self, event: yaml.Event) -> None:
         """Add one event of the parser."""
         if len(self.problems) > MAX_PROBLEMS:
-            self.stop(event.start_mark, "too much is wrong to read on")
+            self.stop(event.start_mark, "too much is wrong to read on", id="OBS103")
         if isinstance(event, yaml.ScalarEvent):
             self.check(event)
             if found := NOT_TEXT.search(event.value):  # by an escape
                 message = f"holds the character U+{ord(found[0]):04X}, which does not belong in a text"
-                self.problems.append(self.problem(event.start_mark, message))
+                self.problems.append(self.problem(event.start_mark, message, id="OBS102"))
             plain = event.implicit[0]
             self.add(placed(scalar(event.value) if plain else event.value, event.start_mark), event.anchor)
         elif isinstance(event, yaml.CollectionStartEvent):
@@ -215,23 +217,23 @@ class Composer:
         elif isinstance(event, yaml.AliasEvent):
             self.add(self.target(event), None)
         elif isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
-            self.stop(event.start_mark, "a second document begins here; a spec is one document")
+            self.stop(event.start_mark, "a second document begins here; a spec is one document", id="OBS105")
 
     def check(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         """Refuse tags, and more nodes than a spec can have."""
         self.nodes += 1
         if self.nodes > MAX_NODES:
-            self.stop(event.start_mark, f"more than {MAX_NODES:,} values; a spec may not have so many")
+            self.stop(event.start_mark, f"more than {MAX_NODES:,} values; a spec may not have so many", id="OBS103")
         if event.tag is not None:
             message = f"the tag {described(event.tag)} is not read; write plain numbers, text, lists and mappings"
-            self.problems.append(self.problem(event.start_mark, message))
+            self.problems.append(self.problem(event.start_mark, message, id="OBS105"))
 
     def begin(self, event: yaml.CollectionStartEvent) -> None:
         """Open a list or a mapping."""
         if len(self.stack) == MAX_DEPTH:
-            self.stop(event.start_mark, TOO_DEEP)
+            self.stop(event.start_mark, TOO_DEEP, id="OBS103")
         if self.stack and self.stack[-1].mapping and self.stack[-1].key is None:
-            self.stop(event.start_mark, "a key must be text, found a list or a mapping")
+            self.stop(event.start_mark, "a key must be text, found a list or a mapping", id="OBS106")
         if event.anchor:
             self.anchors[event.anchor] = None
         mapping = isinstance(event, yaml.MappingStartEvent)
@@ -241,15 +243,17 @@ class Composer:
         """Node that an alias stands for."""
         name, mark = event.anchor, event.start_mark
         if name not in self.anchors:
-            self.stop(mark, f"the alias *{described(name)} has no anchor; quote an expression that begins with *")
+            self.stop(
+                mark, f"the alias *{described(name)} has no anchor; quote an expression that begins with *", id="OBS105"
+            )
         found = self.anchors[name]
         if found is None:
-            self.stop(mark, f"the alias *{described(name)} stands inside what it stands for")
+            self.stop(mark, f"the alias *{described(name)} stands inside what it stands for", id="OBS105")
         self.aliased += found.size
         if self.aliased > MAX_ALIASED:
-            self.stop(mark, f"aliases expand to more than {MAX_ALIASED:,} values")
+            self.stop(mark, f"aliases expand to more than {MAX_ALIASED:,} values", id="OBS103")
         if len(self.stack) + found.height > MAX_DEPTH:
-            self.stop(mark, TOO_DEEP)
+            self.stop(mark, TOO_DEEP, id="OBS103")
         return found
 
     def add(self, node: Node, anchor: str | None) -> None:
@@ -281,26 +285,29 @@ class Composer:
         message, where = "has no value; give one, or leave it out", dotted(self.here())
         if OPERATOR.search(str(self.here()[-1])):
             message = "is a part of a text, cut at a comma: write the whole text in quotes"
-        return Problem(message, self.path, node.line, node.column, where)
+        return Problem(message, self.path, node.line, node.column, where, id="OBS108")
 
     def key(self, node: Node, others: dict[str, tuple[Node, Node]]) -> Node:
         """Check a key. One that is wrong becomes None, and its value is dropped."""
         name = node.value
         if not isinstance(name, str) or isinstance(name, Number):
-            message = f"a key must be text, found {described(name)}"
+            id, message = "OBS106", f"a key must be text, found {described(name)}"
             if ends_decimal(node, others):
                 message += "; a decimal point is written as a point, such as 9.81"
         elif found := NOT_ONE_LINE.search(name):
-            message = f"a key is one line of text; this one holds the character U+{ord(found[0]):04X}"
+            id, message = "OBS102", f"a key is one line of text; this one holds the character U+{ord(found[0]):04X}"
             name = None
         elif name == "<<":
-            message = "merge keys (<<) are not read; write the keys out"
+            id, message = "OBS105", "merge keys (<<) are not read; write the keys out"
         elif name in others:
-            message = f"duplicate key {described(name)}; it is given in line {others[name][0].line} already"
+            id, message = (
+                "OBS107",
+                f"duplicate key {described(name)}; it is given in line {others[name][0].line} already",
+            )
         else:
             return node
         loc = self.here() if name is None else (*self.here(), str(name))
-        self.problems.append(Problem(message, self.path, node.line, node.column, dotted(loc)))
+        self.problems.append(Problem(message, self.path, node.line, node.column, dotted(loc), id=id))
         return node._replace(value=None)
 
 

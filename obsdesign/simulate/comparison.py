@@ -145,7 +145,7 @@ class Comparison:
 
     def plot(self, path: str | None = None) -> bytes:
         """Draw states and errors as a PNG, and write it where a path is given; raises `UsageError` if it cannot be."""
-        from obsdesign.files import write_whole
+        from obsdesign.disk import write_whole
         from obsdesign.plot.comparison import comparison_figure
 
         figure = comparison_figure(self)

@@ -105,7 +105,7 @@ class Run(Samples):
     def __getitem__(self, name: str) -> Array:
         """Return a signal by its name in the CSV file, (N,)."""
         if name not in self.columns:
-            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}")
+            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}", id="OBS203")
         return self.columns[name]
 
     def plot(self, path: str | None = None) -> bytes:
@@ -113,7 +113,7 @@ class Run(Samples):
 
         Raises `UsageError` if the file cannot be written.
         """
-        from obsdesign.files import write_whole
+        from obsdesign.disk import write_whole
         from obsdesign.plot import run_figure
 
         figure = run_figure(self)

@@ -66,11 +66,13 @@ def read_found(spec: Spec, file: ResultFile) -> Transformed:
     try:
         form = request_of(Spec(**{**sections, "observer": given})).form
     except UsageError as error:
-        raise file.wrong(error.problems[0].key, error.problems[0].message) from None
+        raise file.wrong(error.problems[0].key, error.problems[0].message, id=error.problems[0].id) from None
     assert isinstance(form, Transformed)
     asked = request_of(spec).form
     known = {each.text for each in asked.lambdas} if isinstance(asked, Sought) else set()
     for c in form.coordinates:
         if known and not c.estimated and c.rate.text not in known:
-            raise file.wrong(f"observer.coordinates.{c.name}", f"the spec asks for lambda {' or '.join(sorted(known))}")
+            raise file.wrong(
+                f"observer.coordinates.{c.name}", f"the spec asks for lambda {' or '.join(sorted(known))}", id="OBS707"
+            )
     return form

@@ -77,7 +77,7 @@ def injected(form: HighGain, name: str, side: Expression, shown: Named) -> Expre
     for y in gains:
         if y not in shown:
             said = f"no state of the observer is {y}, so that there is no {y} - yhat; add a state with this phi"
-            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}"))
+            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}", id="OBS504"))
     errors = {y: less(Expression.variable(y), shown[y]) for y in shown}
     return added([side, *(multiplied(gain, errors[y]) for y, gain in gains.items())])
 
@@ -118,7 +118,7 @@ def frozen(plant: Plant, sides: Named, meaning: Named) -> list[Statement]:
     for block in blocks(M):
         if len(block) > MOST:
             said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
-            raise UsageError(Problem(said, key="observer.injection"))
+            raise UsageError(Problem(said, key="observer.injection", id="OBS210"))
         part = [[M[i][j] for j in block] for i in block]
         names = ", ".join(list(sides)[i] for i in block)
         found += [
