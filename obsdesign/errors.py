@@ -10,12 +10,23 @@ ObsdesignError            anything a person can act on; never a traceback
 An infeasible design is an answer, not an error: `solve` writes it with its diagnosis and exits with 3.
 """
 
+import json
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import overload
+from types import MappingProxyType
+from typing import Any, NamedTuple, overload
 
 # Characters that end a line, change what stands in it, or cannot be printed: in a text of a user they would forge lines
 NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+class Excerpt(NamedTuple):
+    """Line of a file, as far as it is shown, cut at the place that a problem is about."""
+
+    line: int  # from 1
+    before: str
+    after: str
 
 
 @dataclass(frozen=True)
@@ -32,7 +43,7 @@ class Problem:
     key: str = ""
     id: str = field(kw_only=True)
     rows: tuple[str, ...] = field(default=(), kw_only=True)  # of a table that belongs to it
-    excerpt: tuple[str, str] = field(default=("", ""), kw_only=True, compare=False)  # its line, cut at the column
+    excerpt: Excerpt | None = field(default=None, kw_only=True, compare=False)
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
@@ -49,6 +60,11 @@ class Problem:
             "column": self.column or None,
             "key": self.key or None,
         }
+
+
+def listed(problems: Iterable[Problem], report: Mapping[str, Any] = MappingProxyType({})) -> str:
+    """JSON of problems, beside a report, as a command with --json prints it: no character in it that is not ASCII."""
+    return json.dumps({**report, "problems": [problem.written() for problem in problems]}, indent=2)
 
 
 def one_line(text: str) -> str:

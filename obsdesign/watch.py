@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from obsdesign.errors import TimeLimitError
+from obsdesign.errors import TimeLimitError, listed
 
 LATE = 1.0  # s until which a command ends by itself
 UNDECIDED, INTERRUPTED, KILLED = 4, 130, 128  # exit codes, the last with the number of a signal
@@ -114,6 +114,8 @@ def awaited(child: int) -> int:
         if since and time.monotonic() > since + LATE:
             return killed(child, "interrupted", INTERRUPTED)
         if end and time.monotonic() > end + LATE:
+            if "--json" in sys.argv:
+                os.write(1, f"{listed(late(seconds).problems)}\n".encode())
             return killed(child, str(late(seconds)), UNDECIDED)
 
 

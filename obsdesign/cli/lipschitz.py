@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.problems import reported
 from obsdesign.cli.program import AsJson, Quiet, SpecPath, Timeout
-from obsdesign.cli.steps import as_text
 from obsdesign.watch import limited
 
 
@@ -26,8 +26,7 @@ def lipschitz(
 
     with limited(timeout):
         report = work.lipschitz(work.load(spec), scaling=scaling, T=T.split(",") if T else None)
-    if as_json:
-        typer.echo(as_text(report))
-    elif not quiet:
+    if not as_json and not quiet:
         typer.echo(constants_table(report))
-    require_finite(report)
+    with reported(report, as_json):
+        require_finite(report)

@@ -1,10 +1,10 @@
 """`obsdesign simulate`: plant and observer run together."""
 
-import json
 from typing import Annotated
 
 import typer
 
+from obsdesign.cli.problems import reported
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
 from obsdesign.cli.steps import drawn, progress, ran, run_text, stem
 from obsdesign.watch import limited
@@ -45,8 +45,7 @@ def simulate(
         write_all({path: content for path, content in zip(files, (samples, figure), strict=True) if path != "-"})
     if files[0] == "-":
         return
-    if as_json:
-        typer.echo(json.dumps(run.summary, indent=2, allow_nan=False))
-    elif not quiet:
+    if not as_json and not quiet:
         typer.echo(run_text(design, run.summary, files))
-    require_kept(run.summary, files[0])
+    with reported(run.summary, as_json):
+        require_kept(run.summary, files[0])

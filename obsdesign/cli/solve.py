@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.problems import answer
 from obsdesign.cli.program import EXIT, AsJson, Quiet, Solver, SpecPath, Timeout
 from obsdesign.cli.steps import drawn, ran, run_text, solved, stem
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import limited
 
 
@@ -54,14 +55,19 @@ def solve(
             typer.echo(aligned([*design.table(), ("file", target)]))
             if run:
                 typer.echo(f"\n{run_text(design, run.summary, paths)}")
-        if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
-            typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
-        if design.status == "uncertified":
-            said = "these gains are not certified: no proof of them was found"
-            typer.echo(str(Problem(said, spec, id="OBS616")), err=True)
-        for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
-            said = f"expected {failed['expected']}, found {'nothing' if failed['found'] is None else failed['found']}"
-            typer.echo(str(Problem(said, spec, key=f"expect.{failed['key']}", id="OBS617")), err=True)
-        if run:
-            require_kept(run.summary, paths[0])
+        try:
+            if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
+                typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
+            if design.status == "uncertified":
+                said = "these gains are not certified: no proof of them was found"
+                typer.echo(str(Problem(said, spec, id="OBS616")), err=True)
+            for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
+                said = (
+                    f"expected {failed['expected']}, found {'nothing' if failed['found'] is None else failed['found']}"
+                )
+                typer.echo(str(Problem(said, spec, key=f"expect.{failed['key']}", id="OBS617")), err=True)
+            if run:
+                require_kept(run.summary, paths[0])
+        except ObsdesignError as error:
+            answer(error)  # what is on standard output stays the only document there
     raise typer.Exit(EXIT[design.status])

@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.problems import reported
 from obsdesign.cli.program import AsJson, Quiet, Timeout
-from obsdesign.cli.steps import as_text
 from obsdesign.errors import Problem, UndecidedError
 from obsdesign.watch import limited
 
@@ -24,15 +24,14 @@ def verify(
     with limited(timeout):
         proof = work.verify(gains, work.load(spec) if spec else None)
     rows = checks(proof.checks)
-    if as_json:
-        report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
-        typer.echo(as_text(report))
-    elif not quiet:
+    if not as_json and not quiet:
         for row in rows:
             typer.echo(f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}")
         if proof.numerical:
             typer.echo(f"numerical, no part of what is proved: {', '.join(proof.numerical)}")
         typer.echo(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
-    if not proof.holds:
-        failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
-        raise UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708"))
+    report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
+    with reported(report, as_json):
+        if not proof.holds:
+            failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
+            raise UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708"))

@@ -6,14 +6,14 @@ refused while their events arrive, before there is a tree.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
 from obsdesign.disk import content_of
-from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, Excerpt, Problem, UsageError
 from obsdesign.sections.scalars import Number, described, scalar
 
 MAX_BYTES = 4 * 2**20
@@ -25,9 +25,11 @@ MAX_SEPARATORS = 250_000  # commas and lines: many more values than that are not
 TOO_MANY = f"more than {MAX_SEPARATORS:,} commas and lines; a spec may not have so many values"
 MAX_PROBLEMS = 100
 MAX_SHOWN = 4  # parts of a key in a message about YAML
+LONGEST = 200  # characters of a line that are kept on each side of a place
 MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LINE_END = re.compile("[\n\r\x85\u2028\u2029]")
 OPERATOR = re.compile(r"[*/()+<>]")
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
@@ -73,7 +75,8 @@ class Document:
         if column and isinstance(node.value, str):
             quote = int(self.text[node.begins] in "'\"")
             column = quote + column if self.text.startswith(node.value, node.begins + quote) else 0
-        return Problem(message, self.path, node.line, node.column + column, dotted(loc), id=id)
+        place = node._replace(column=node.column + column, begins=node.begins + column)
+        return about(place, message, self.path, self.text, dotted(loc), id=id)
 
     def find(self, loc: Loc) -> tuple[Node, Node]:
         """Key and value at `loc`, or of the part of `loc` that there is."""
@@ -124,20 +127,40 @@ def compose(text: str, path: str) -> Document:
     text = text.removeprefix("\ufeff")
     if found := NOT_TEXT.search(text):
         line = text.count("\n", 0, found.start()) + 1
-        column = found.start() - text.rfind("\n", 0, found.start())
+        place = Node(None, line, found.start() - text.rfind("\n", 0, found.start()), found.start())
         message = f"the character U+{ord(found[0]):04X} does not belong in a text file; a spec is a YAML file"
-        raise UsageError(Problem(message, path, line, column, id="OBS102"))
-    composer = Composer(path)
+        raise UsageError(about(place, message, path, text, id="OBS102"))
+    composer = Composer(path, text)
     try:
         for event in yaml.parse(text, LOADER):
             composer.take(event)
     except yaml.MarkedYAMLError as error:
-        mark = transpose(error, text) or error.problem_mark or error.context_mark
-        place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        raise UsageError(*composer.problems, Problem(explained(error, text), path, *place, id="OBS104")) from None
+        raise UsageError(*composer.problems, invalid(error, path, text)) from None
     if composer.root is None or composer.root.value is None:
         raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path, id="OBS104"))
     return Document(path, text, composer.root, tuple(composer.problems))
+
+
+def invalid(error: yaml.MarkedYAMLError, path: str, text: str) -> Problem:
+    """Syntax error, with the line in which it is found, or else that in which begins what does not end."""
+    mark, began = transpose(error, text) or error.problem_mark or error.context_mark, error.context_mark
+    place = placed(None, mark) if mark else Node(None, 1, 1, 0)
+    problem = about(place, explained(error, text), path, text, id="OBS104")
+    blank = not "".join(excerpt(place, text)[1:]).strip()
+    return replace(problem, excerpt=excerpt(placed(None, began), text)) if began and blank else problem
+
+
+def about(place: Node, message: str, path: str, text: str, key: str = "", *, id: str) -> Problem:
+    """Problem at a place, with its line."""
+    return Problem(message, path, place.line, place.column, key, id=id, excerpt=excerpt(place, text))
+
+
+def excerpt(place: Node, text: str) -> Excerpt:
+    """Line of a place, as far as it is near."""
+    first, index = place.begins - place.column + 1, place.begins
+    end = LINE_END.search(text, index, index + LONGEST)
+    after = text[index : end.start() if end else index + LONGEST]
+    return Excerpt(place.line, text[max(first, index - LONGEST, 0) : index], after)
 
 
 def explained(error: yaml.MarkedYAMLError, text: str) -> str:
@@ -175,8 +198,9 @@ class Open:
 class Composer:
     """Builds the tree from the events of the parser, within the limits."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, text: str) -> None:
         self.path = path
+        self.text = text
         self.root: Node | None = None
         self.problems: list[Problem] = []
         self.stack: list[Open] = []
@@ -190,7 +214,7 @@ class Composer:
 
     def problem(self, mark: Mark, message: str, *, id: str) -> Problem:
         """Return what is wrong at the mark, with the key under which it stands."""
-        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()[:MAX_SHOWN]), id=id)
+        return about(placed(None, mark), message, self.path, self.text, dotted(self.here()[:MAX_SHOWN]), id=id)
 
     def here(self) -> Loc:
         """Where the next node will stand."""
@@ -285,7 +309,7 @@ class Composer:
         message, where = "has no value; give one, or leave it out", dotted(self.here())
         if OPERATOR.search(str(self.here()[-1])):
             message = "is a part of a text, cut at a comma: write the whole text in quotes"
-        return Problem(message, self.path, node.line, node.column, where, id="OBS108")
+        return about(node, message, self.path, self.text, where, id="OBS108")
 
     def key(self, node: Node, others: dict[str, tuple[Node, Node]]) -> Node:
         """Check a key. One that is wrong becomes None, and its value is dropped."""
@@ -307,7 +331,7 @@ class Composer:
         else:
             return node
         loc = self.here() if name is None else (*self.here(), str(name))
-        self.problems.append(Problem(message, self.path, node.line, node.column, dotted(loc), id=id))
+        self.problems.append(about(node, message, self.path, self.text, dotted(loc), id=id))
         return node._replace(value=None)
 
 
