@@ -13,7 +13,7 @@ from obsdesign.expressions import ExpressionError
 ROOT = Path(__file__).parent.parent / "obsdesign"
 FILES = sorted(ROOT.rglob("*.py"))
 ERRORS = {"ObsdesignError", "ViolatedError", "UsageError", "InfeasibleError", "UndecidedError", "TimeLimitError"}
-SITES = {*ERRORS, "ExpressionError", "Problem", "finding", "wrong"}
+SITES = {*ERRORS, "ExpressionError", "Problem", "about", "finding", "wrong"}
 ID = re.compile(r"OBS[1-9]\d\d")
 
 
@@ -31,7 +31,7 @@ def sites(source):
         if isinstance(node, ast.Call) and called(node) in SITES - foreign:
             first = node.args[0] if node.args else None
             of_problems = isinstance(first, ast.Starred) or (
-                isinstance(first, ast.Call) and called(first) in {"Problem", "located"}
+                isinstance(first, ast.Call) and called(first) in {"Problem", "located", "about"}
             )
             if not (called(node) in ERRORS and of_problems):
                 yield node

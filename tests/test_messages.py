@@ -167,3 +167,20 @@ def test_findings_have_ids(made):
     findings = json.loads(run("check", "cart.yaml", "--json").stdout)["findings"]
     assert findings
     assert all(re.fullmatch(r"OBS[0-9]{3}", finding["id"]) for finding in findings)
+
+
+@pytest.mark.parametrize("command", ["solve", "check", "simulate", "compare", "lipschitz"])
+def test_a_typing_error_is_told_before_anything_heavy_is_imported(command):
+    Path("spec.yaml").write_text("obsdesign: 1\nname: [x\n")
+    code = "import sys\nfrom obsdesign.cli import app\ntry:\n    app()\nfinally:\n    print(*sys.modules)"
+    process = subprocess.run(
+        [sys.executable, "-c", code, command, "spec.yaml"],
+        env=os.environ | {"PYTHONPATH": ROOT},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (process.returncode, process.stderr.endswith("[OBS104]\n")) == (2, True)
+    loaded = {name.partition(".")[0] for name in process.stdout.split()}
+    assert "yaml" in loaded
+    assert not loaded & {"numpy", "scipy", "flint", "cvxpy", "clarabel", "matplotlib"}

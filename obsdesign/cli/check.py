@@ -3,17 +3,17 @@
 import typer
 
 from obsdesign.cli.program import AsJson, Quiet, SpecPath, Timeout
-from obsdesign.cli.steps import as_text
+from obsdesign.cli.steps import as_text, loaded
 from obsdesign.watch import limited
 
 
 def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Say what the structure of a spec allows, before any design."""
-    from obsdesign import work
-    from obsdesign.tables.split import entry, printed
-
     with limited(timeout):
-        problem = work.load(spec)
+        problem = loaded(spec)
+        from obsdesign import work
+        from obsdesign.tables.split import entry, printed
+
         findings = work.check(problem)
     possible = all(finding.stands for finding in findings)
     if as_json:

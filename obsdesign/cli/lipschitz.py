@@ -6,6 +6,7 @@ import typer
 
 from obsdesign.cli.problems import reported
 from obsdesign.cli.program import AsJson, Quiet, SpecPath, Timeout
+from obsdesign.cli.steps import loaded
 from obsdesign.watch import limited
 
 
@@ -20,12 +21,13 @@ def lipschitz(
     quiet: Quiet = False,
 ) -> None:
     """Prove bounds of the Lipschitz constant of every f of a spec on its region."""
-    from obsdesign import work
-    from obsdesign.constants import require_finite
-    from obsdesign.tables.constants import constants_table
-
     with limited(timeout):
-        report = work.lipschitz(work.load(spec), scaling=scaling, T=T.split(",") if T else None)
+        problem = loaded(spec)
+        from obsdesign import work
+        from obsdesign.constants import require_finite
+        from obsdesign.tables.constants import constants_table
+
+        report = work.lipschitz(problem, scaling=scaling, T=T.split(",") if T else None)
     if not as_json and not quiet:
         typer.echo(constants_table(report))
     with reported(report, as_json):

@@ -6,7 +6,7 @@ import typer
 
 from obsdesign.cli.problems import reported
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
-from obsdesign.cli.steps import drawn, progress, ran, run_text, stem
+from obsdesign.cli.steps import drawn, progress, ran, run_text, stem, taken
 from obsdesign.watch import limited
 
 
@@ -24,20 +24,23 @@ def simulate(
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.disk import require_writable, write_all
-    from obsdesign.files import newest
-    from obsdesign.simulate.validity import require_kept
-    from obsdesign.work import trial
 
     with limited(timeout):
         if not source:
+            from obsdesign.files import newest
+
             source = newest()
             if not quiet:
                 typer.echo(f"simulating {source}", err=True)
         name = stem(source)
         files = output or f"{name}.run.csv", plot or f"{name}.run.png"
         require_writable(*(file for file in files if file != "-"))
+        problem = taken(source)
+        from obsdesign.simulate.validity import require_kept
+        from obsdesign.work import trial
+
         with progress(quiet) as report:
-            design = trial(source, gains, solver, report)
+            design = trial(problem, gains, solver, report)
         run = ran(design, quiet)
         samples, figure = drawn(run)
         if files[0] == "-":

@@ -7,7 +7,7 @@ import typer
 
 from obsdesign.cli.problems import answer
 from obsdesign.cli.program import EXIT, AsJson, Quiet, Solver, SpecPath, Timeout
-from obsdesign.cli.steps import drawn, ran, run_text, solved, stem
+from obsdesign.cli.steps import drawn, loaded, ran, run_text, solved, stem
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import limited
 
@@ -24,12 +24,12 @@ def solve(
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
     from obsdesign.disk import is_regular, require_writable, write_all
-    from obsdesign.simulate.validity import require_kept
-    from obsdesign.tables.text import aligned
-    from obsdesign.work import load
 
     with limited(timeout):
-        problem = load(spec)
+        problem = loaded(spec)
+        from obsdesign.simulate.validity import require_kept
+        from obsdesign.tables.text import aligned
+
         name = stem(spec)
         target = output or f"{name}.gains.json"
         printed = target == "-"

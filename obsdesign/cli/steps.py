@@ -42,6 +42,21 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
         yield report
 
 
+def loaded(path: str) -> "Spec":
+    """Spec of a file. Its text is parsed before heavy modules are imported, so that a typing error is told at once."""
+    from obsdesign.sections.source import opened
+
+    document = opened(path)
+    from obsdesign.reading.resolve import resolve
+
+    return resolve(document)
+
+
+def taken(path: str) -> "Spec | str":
+    """Spec of a file, or the path of a result file."""
+    return path if path.endswith(".json") else loaded(path)
+
+
 def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
     """Design of a spec."""
     from obsdesign.work import solve

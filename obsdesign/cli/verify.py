@@ -6,6 +6,7 @@ import typer
 
 from obsdesign.cli.problems import reported
 from obsdesign.cli.program import AsJson, Quiet, Timeout
+from obsdesign.cli.steps import loaded
 from obsdesign.errors import Problem, UndecidedError
 from obsdesign.watch import limited
 
@@ -18,11 +19,12 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Prove the claim of a gains file anew, or that there is no solution; exactly and without a solver."""
-    from obsdesign import work
-    from obsdesign.files import checks
-
     with limited(timeout):
-        proof = work.verify(gains, work.load(spec) if spec else None)
+        problem = loaded(spec) if spec else None
+        from obsdesign import work
+        from obsdesign.files import checks
+
+        proof = work.verify(gains, problem)
     rows = checks(proof.checks)
     if not as_json and not quiet:
         for row in rows:

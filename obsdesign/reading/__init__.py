@@ -13,7 +13,8 @@ from typing import Any
 from obsdesign.errors import Problem, UsageError
 from obsdesign.reading.resolve import FORMAT, resolve
 from obsdesign.reading.schema import json_schema
-from obsdesign.sections.document import compose, read
+from obsdesign.sections.document import compose
+from obsdesign.sections.source import opened
 from obsdesign.sections.writing import written
 from obsdesign.spec import Called, Noise, Nonlinearity, Simulation, Spec
 
@@ -37,15 +38,7 @@ def load(source: str | os.PathLike[str]) -> Spec:
 
     Raises `UsageError`: one problem for everything that is wrong, with file, line, column and key.
     """
-    path = os.fspath(source)
-    if "\n" in path:
-        return loads(path)
-    try:
-        path.encode()
-    except UnicodeEncodeError:
-        shown = path.encode(errors="backslashreplace").decode()
-        raise UsageError(Problem("the name of the file is not valid UTF-8; rename it", shown, id="OBS101")) from None
-    return loads(read(path), path)
+    return resolve(opened(source))
 
 
 def loads(text: str, path: str = "<text>") -> Spec:

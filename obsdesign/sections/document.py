@@ -7,12 +7,10 @@ refused while their events arrive, before there is a tree.
 
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
-from obsdesign.disk import content_of
 from obsdesign.errors import NOT_ONE_LINE, Excerpt, Problem, UsageError
 from obsdesign.sections.scalars import Number, described, scalar
 
@@ -95,24 +93,6 @@ def dotted(loc: Loc) -> str:
     """`loc` as a user reads it, such as system.A[0][1]."""
     parts = (f"[{name}]" if isinstance(name, int) else f".{described(name)}" for name in loc)
     return "".join(parts).removeprefix(".")
-
-
-def read(path: str) -> str:
-    """Text of a file.
-
-    Raises `UsageError`: it cannot be read, is larger than 4 MiB, or is not UTF-8 text.
-    """
-    if Path(path).is_dir():
-        raise UsageError(Problem("is a folder; give a spec file", path, id="OBS101"))
-    data = content_of(path, MAX_BYTES)
-    if len(data) > MAX_BYTES:
-        raise UsageError(Problem(TOO_LARGE, path, id="OBS103"))
-    try:
-        return data.decode()
-    except UnicodeDecodeError as error:
-        raise UsageError(
-            Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path, id="OBS102")
-        ) from None
 
 
 def compose(text: str, path: str) -> Document:
