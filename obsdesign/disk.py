@@ -1,6 +1,7 @@
-"""Files on disk: read up to a limit, and written whole or not at all."""
+"""Files on a disk: read up to a size, written whole or not at all; imports nothing that takes long."""
 
 import errno
+import json
 import os
 import stat
 import sys
@@ -96,3 +97,14 @@ def umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def newest() -> str:
+    """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
+    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
+        try:
+            if json.loads(path.read_bytes()).get("status") == "certified":
+                return str(path)
+        except (OSError, ValueError, AttributeError):
+            continue
+    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")

@@ -12,10 +12,9 @@ An infeasible design is an answer, not an error: `solve` writes it with its diag
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any, NamedTuple, overload
+from typing import NamedTuple, overload
 
 # Characters that end a line, change what stands in it, or cannot be printed: in a text of a user they would forge lines
 NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -62,9 +61,9 @@ class Problem:
         }
 
 
-def listed(problems: Iterable[Problem], report: Mapping[str, Any] = MappingProxyType({})) -> str:
-    """JSON of problems, beside a report, as a command with --json prints it: no character in it that is not ASCII."""
-    return json.dumps({**report, "problems": [problem.written() for problem in problems]}, indent=2)
+def listed(problems: Iterable[Problem]) -> str:
+    """JSON of problems, as a command with --json prints it: no character in it that is not ASCII."""
+    return json.dumps({"problems": [problem.written() for problem in problems]}, indent=2)
 
 
 def one_line(text: str) -> str:

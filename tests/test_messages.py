@@ -111,7 +111,7 @@ def test_a_failure_is_one_document_of_problems(command):
     ("arguments", "words"),
     [
         (["check", "--nonesuch", "--json"], "obsdesign check: no such option: --nonesuch"),
-        (["check", "--json"], "missing argument 'SPEC'"),
+        (["check", "--json"], "missing argument 'SPEC..'"),
         (["check", "spec.yaml", "--timeout", "soon", "--json"], "invalid value for '--timeout'"),
         (["chekc", "--json"], "no such command 'chekc'. Did you mean 'check'?"),
         (["--nonesuch", "--json"], "no such option: --nonesuch"),

@@ -4,14 +4,15 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.problems import reported
-from obsdesign.cli.program import AsJson, Quiet, SpecPath, Timeout
-from obsdesign.cli.steps import loaded
+from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
+from obsdesign.cli.sources import Answer, each, found
+from obsdesign.cli.steps import as_text, failing, loaded
 from obsdesign.watch import limited
 
 
 def lipschitz(
-    spec: SpecPath,
+    specs: SpecPaths,
+    changes: Changes = [],  # noqa: B006
     scaling: Annotated[
         bool, typer.Option("--scaling", help="Search coordinates T x, f taken as any function of the states.")
     ] = False,
@@ -21,14 +22,16 @@ def lipschitz(
     quiet: Quiet = False,
 ) -> None:
     """Prove bounds of the Lipschitz constant of every f of a spec on its region."""
-    with limited(timeout):
-        problem = loaded(spec)
+
+    def answer(spec: str) -> Answer:
+        problem = loaded(spec, changes)
         from obsdesign import work
         from obsdesign.constants import require_finite
         from obsdesign.tables.constants import constants_table
 
         report = work.lipschitz(problem, scaling=scaling, T=T.split(",") if T else None)
-    if not as_json and not quiet:
-        typer.echo(constants_table(report))
-    with reported(report, as_json):
-        require_finite(report)
+        text = as_text(report) if as_json else "" if quiet else constants_table(report)
+        return Answer(text, failure=failing(lambda: require_finite(report)))
+
+    with limited(timeout):
+        each(found(specs), answer, as_json=as_json)

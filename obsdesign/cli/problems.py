@@ -3,10 +3,8 @@
 import os
 import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from types import MappingProxyType
-from typing import Any, NoReturn
+from collections.abc import Sequence
+from typing import NoReturn
 from unicodedata import combining, east_asian_width
 
 import typer
@@ -16,27 +14,17 @@ from obsdesign.errors import Excerpt, ObsdesignError, Problem, listed, one_line
 MOST = 10  # problems whose line is shown
 
 
-def answer(
-    error: ObsdesignError, *, as_json: bool = False, report: Mapping[str, Any] = MappingProxyType({})
-) -> NoReturn:
-    """Tell what is wrong, on standard output too as JSON, beside what was found; exit with the code of the error."""
-    tell(error.problems)
-    if as_json:
-        typer.echo(listed(error.problems, report))
+def answer(error: ObsdesignError, *, as_json: bool) -> NoReturn:
+    """Tell what is wrong, and exit with the code of the error."""
+    show(error, as_json=as_json)
     raise typer.Exit(error.exit_code)
 
 
-@contextmanager
-def reported(report: Mapping[str, Any], as_json: bool) -> Iterator[None]:
-    """Print a report as JSON after it was held against something, as one document with the problems of that."""
-    from obsdesign.cli.steps import as_text
-
-    try:
-        yield
-    except ObsdesignError as error:
-        answer(error, as_json=as_json, report=report)
+def show(error: ObsdesignError, *, as_json: bool) -> None:
+    """Tell what is wrong, on standard output too as JSON."""
+    tell(error.problems)
     if as_json:
-        typer.echo(as_text(report))
+        typer.echo(listed(error.problems))
 
 
 def tell(problems: Sequence[Problem]) -> None:

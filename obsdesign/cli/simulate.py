@@ -4,16 +4,17 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.problems import reported
-from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
-from obsdesign.cli.steps import drawn, progress, ran, run_text, stem, taken
+from obsdesign.cli.program import AsJson, Changes, Quiet, Solver, Timeout
+from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
+from obsdesign.cli.steps import as_text, drawn, failing, progress, ran, run_text, stem, taken
 from obsdesign.watch import limited
 
 
 def simulate(
-    source: Annotated[
-        str, typer.Argument(metavar="[SPEC|GAINS.json]", help="Default: the newest certified gains.")
-    ] = "",
+    sources: Annotated[
+        list[str], typer.Argument(metavar="[SPEC|GAINS.json]..", help="Default: the newest certified gains.")
+    ] = [],  # noqa: B006
+    changes: Changes = [],  # noqa: B006
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
     output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV); - is standard output.")] = "",
     plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
@@ -23,32 +24,33 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.disk import require_writable, write_all
+    from obsdesign.disk import newest, require_writable, write_all
 
     with limited(timeout):
-        if not source:
-            from obsdesign.files import newest
-
-            source = newest()
+        if not sources:
+            sources = [newest()]
             if not quiet:
-                typer.echo(f"simulating {source}", err=True)
-        name = stem(source)
-        files = output or f"{name}.run.csv", plot or f"{name}.run.png"
-        require_writable(*(file for file in files if file != "-"))
-        problem = taken(source)
-        from obsdesign.simulate.validity import require_kept
-        from obsdesign.work import trial
+                typer.echo(f"simulating {sources[0]}", err=True)
+        files = found(sources, (*SPECS, *RESULTS))
+        require_one(files, output, plot, gains)
+        require_apart(files, [stem(file) for file in files])
 
-        with progress(quiet) as report:
-            design = trial(problem, gains, solver, report)
-        run = ran(design, quiet)
-        samples, figure = drawn(run)
-        if files[0] == "-":
-            typer.echo(samples.decode(), nl=False)
-        write_all({path: content for path, content in zip(files, (samples, figure), strict=True) if path != "-"})
-    if files[0] == "-":
-        return
-    if not as_json and not quiet:
-        typer.echo(run_text(design, run.summary, files))
-    with reported(run.summary, as_json):
-        require_kept(run.summary, files[0])
+        def answer(source: str) -> Answer:
+            name = stem(source)
+            paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
+            require_writable(*(path for path in paths if path != "-"))
+            problem = taken(source, () if gains else changes)
+            from obsdesign.simulate.validity import require_kept
+            from obsdesign.work import trial
+
+            with progress(quiet) as report:
+                design = trial(problem, gains, solver, report, changes)
+            run = ran(design, quiet)
+            samples, figure = drawn(run)
+            write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
+            if paths[0] == "-":
+                return Answer(samples.decode())
+            text = as_text(run.summary) if as_json else "" if quiet else run_text(design, run.summary, paths)
+            return Answer(text, failure=failing(lambda: require_kept(run.summary, paths[0])))
+
+        each(files, answer, as_json=as_json)

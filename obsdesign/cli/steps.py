@@ -2,12 +2,15 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
+
+from obsdesign.cli.problems import tell
+from obsdesign.errors import ObsdesignError, TimeLimitError
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
@@ -42,19 +45,19 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
         yield report
 
 
-def loaded(path: str) -> "Spec":
+def loaded(path: str, changes: Sequence[str] = ()) -> "Spec":
     """Spec of a file. Its text is parsed before heavy modules are imported, so that a typing error is told at once."""
-    from obsdesign.sections.source import opened
+    from obsdesign.sections.source import read
 
-    document = opened(path)
+    document = read(path, changes)
     from obsdesign.reading.resolve import resolve
 
     return resolve(document)
 
 
-def taken(path: str) -> "Spec | str":
+def taken(path: str, changes: Sequence[str] = ()) -> "Spec | str":
     """Spec of a file, or the path of a result file."""
-    return path if path.endswith(".json") else loaded(path)
+    return path if path.endswith(".json") else loaded(path, changes)
 
 
 def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
@@ -67,12 +70,12 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
 
 def ran(design: "Design", quiet: bool) -> "Run":
     """Run of a design, with what is to be known of it before and after."""
-    for warning in () if quiet else design.spec.starts_outside():
-        typer.echo(str(warning), err=True)
+    tell(() if quiet else [*design.spec.starts_outside()])
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
     if run.status != "done" and not quiet:
         typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    tell(() if quiet else design.unmet(run.summary))
     return run
 
 
@@ -81,6 +84,17 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     from obsdesign.files import csv
 
     return csv(*run.table()), run.plot()
+
+
+def failing(step: Callable[[], None]) -> ObsdesignError | None:
+    """Error of a step that follows a result, which is told all the same."""
+    try:
+        step()
+    except TimeLimitError:
+        raise
+    except ObsdesignError as error:
+        return error
+    return None
 
 
 def stem(path: str) -> str:

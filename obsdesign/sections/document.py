@@ -6,7 +6,7 @@ refused while their events arrive, before there is a tree.
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, NoReturn
 
 import yaml
@@ -44,6 +44,7 @@ class Node(NamedTuple):
     begins: int  # index in the text
     size: int = 1  # nodes in it, each alias counted as what it stands for
     height: int = 0  # lists and mappings inside each other
+    origin: str = ""  # what put it there, if it stands in no line of the text
 
     def plain(self) -> Any:
         """Return the values without their places."""
@@ -54,14 +55,14 @@ class Node(NamedTuple):
         return self.value
 
 
-@dataclass(frozen=True)
-class Document:
+class Document(NamedTuple):
     """One YAML document, and what is wrong in it as YAML where the rest could still be read."""
 
     path: str
     text: str
     root: Node
     problems: tuple[Problem, ...]
+    changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
 
     def problem(self, loc: Loc, message: str, *, id: str, at_key: bool = False, column: int = 0) -> Problem:
         """Return what is wrong at `loc`, placed at its value or its key.
@@ -70,6 +71,8 @@ class Document:
         """
         key, value = self.find(loc)
         node = key if at_key else value
+        if node.origin:
+            return Problem(message, node.origin, key=dotted(loc), id=id)
         if column and isinstance(node.value, str):
             quote = int(self.text[node.begins] in "'\"")
             column = quote + column if self.text.startswith(node.value, node.begins + quote) else 0

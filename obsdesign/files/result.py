@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from fractions import Fraction
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -124,9 +123,16 @@ class ResultFile:
             ) from None
         if not right:
             raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered", id="OBS703")
-        if further := self.table("spec").keys() - {"path", "sha256", "text"}:
-            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256 and text", id="OBS703")
+        if further := self.table("spec").keys() - {"path", "sha256", "text", "set"}:
+            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256, text and set", id="OBS703")
         return str(text)
+
+    def changes(self) -> tuple[str, ...]:
+        """Changes of single keys of the spec that travels in the file."""
+        found = self.table("spec").get("set", [])
+        if not isinstance(found, list) or not all(isinstance(change, str) for change in found):
+            raise self.wrong("spec.set", "expected a list of texts such as observer.alpha=0.5", id="OBS703")
+        return tuple(found)
 
     def number(self, *keys: str) -> fmpq:
         """Exact value of one number."""
@@ -252,14 +258,3 @@ def csv(header: list[str], samples: Array) -> bytes:
     """Table of a run, one row a sample, 12 digits."""
     lines = [",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in samples)]
     return ("\n".join(lines) + "\n").encode()
-
-
-def newest() -> str:
-    """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
-    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
-        try:
-            if json.loads(path.read_bytes()).get("status") == "certified":
-                return str(path)
-        except (OSError, ValueError, AttributeError):
-            continue
-    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")

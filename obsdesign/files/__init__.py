@@ -1,0 +1,15 @@
+"""Result files, read back exactly; what reads and writes any file is `obsdesign.disk`."""
+
+from obsdesign.files.result import ResultFile, as_read, checks, csv, digest, rows, to_json, witness, written
+
+__all__ = [
+    "ResultFile",
+    "as_read",
+    "checks",
+    "csv",
+    "digest",
+    "rows",
+    "to_json",
+    "witness",
+    "written",
+]
