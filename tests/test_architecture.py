@@ -29,6 +29,7 @@ LAYERS = (
     ("nonlinearities", "dissipation"),
     ("families.guarantee", "families.observer"),
     ("model",),
+    ("guide",),
     ("sections",),
     ("lmi", "expressions", "files", "tables.text", "watch"),
     ("disk",),

@@ -169,12 +169,18 @@ def test_findings_have_ids(made):
     assert all(re.fullmatch(r"OBS[0-9]{3}", finding["id"]) for finding in findings)
 
 
-@pytest.mark.parametrize("command", ["solve", "check", "simulate", "compare", "lipschitz"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        *(["solve"], ["check"], ["simulate"], ["compare"], ["lipschitz"], ["verify", "gains.json"]),
+        *(["check", "--set", "observer.alpha=1"], ["solve", "."]),
+    ],
+)
 def test_a_typing_error_is_told_before_anything_heavy_is_imported(command):
     Path("spec.yaml").write_text("obsdesign: 1\nname: [x\n")
     code = "import sys\nfrom obsdesign.cli import app\ntry:\n    app()\nfinally:\n    print(*sys.modules)"
     process = subprocess.run(
-        [sys.executable, "-c", code, command, "spec.yaml"],
+        [sys.executable, "-c", code, *command, *([] if "." in command else ["spec.yaml"])],
         env=os.environ | {"PYTHONPATH": ROOT},
         capture_output=True,
         text=True,

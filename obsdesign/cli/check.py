@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from obsdesign.cli.sources import Answer, each, found
 from obsdesign.cli.steps import as_text, loaded
 from obsdesign.errors import ObsdesignError, UsageError
 from obsdesign.watch import limited
+
+if TYPE_CHECKING:
+    from obsdesign.families.finding import Finding
 
 PAUSE = 0.2  # s between two looks at the files
 
@@ -51,10 +54,15 @@ def checked(spec: str, changes: Sequence[str], as_json: bool, quiet: bool) -> An
         report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
         text = as_text(report | entry(problem) | {"notes": list(problem.notes)})
     else:
-        marks = ("ok  " if f.holds else "FAIL" if f.decides else "note" for f in findings)
-        rows = (f"{mark}  {f.sentence}\n" for mark, f in zip(marks, findings, strict=True))
-        text = "" if quiet else printed(problem) + "".join(rows)
+        text = "" if quiet else printed(problem) + "".join(map(line, findings))
     return Answer(text, 0 if possible else 3)
+
+
+def line(finding: "Finding") -> str:
+    """Line of a finding; what does not hold with the id that explains it."""
+    if finding.holds:
+        return f"ok    {finding.sentence}\n"
+    return f"{'FAIL' if finding.decides else 'note'}  {finding.sentence} [{finding.id}]\n"
 
 
 def saves(sources: Sequence[str]) -> Iterator[None]:

@@ -40,6 +40,9 @@ def solve(
         beside, name = (Path(target).parent, stem(target)) if named else (Path(), stem(spec))
         paths = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
         design = solved(problem, solver, quiet)
+        if design.status == "uncertified":
+            tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])
+        tell(design.unmet())
         text, run = design.text(), None
         files = {} if printed else {target: text}
         try:
@@ -51,9 +54,6 @@ def solve(
             raise
         finally:
             write_all(files)
-        if design.status == "uncertified":
-            tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])
-        tell(design.unmet())
         if printed or as_json:
             told = text.decode()
         else:

@@ -46,7 +46,7 @@ def named(gains: str) -> str:
     path = ResultFile.open(gains).at("spec", "path")
     if not isinstance(path, str) or not Path(path).resolve().is_relative_to(Path.cwd()) or not Path(path).is_file():
         said = "is no spec below the current folder; solve it from here, or leave --specs out"
-        raise UsageError(Problem(f"{described(path)} {said}", gains, key="spec.path", id="OBS704"))
+        raise UsageError(Problem(f"{described(path)} {said}", gains, key="spec.path", id="OBS710"))
     return path
 
 

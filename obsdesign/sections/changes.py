@@ -28,16 +28,16 @@ def read_change(change: str) -> tuple[Loc, Node]:
     found = CHANGE.fullmatch(change)
     if not found:
         said = f"expected KEY=VALUE with a dotted key, such as observer.alpha=0.5; found {described(change)}"
-        raise UsageError(Problem(said, OPTION, id="OBS109"))
+        raise UsageError(Problem(said, OPTION, id="OBS110"))
     loc = tuple(int(part[1:-1]) if part[0] == "[" else part for part in re.findall(r"[\w-]+|\[\d+\]", found[1]))
     origin = f"{OPTION} {described(change)}"
     if not found[2].strip():
-        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin, id="OBS109"))
+        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin, id="OBS110"))
     try:
         document = compose(found[2], origin)
     except UsageError:
         said = "the value is not YAML; a shell needs quotes around a space: --set 'observer.bounds={L1: 400}'"
-        raise UsageError(Problem(said, origin, id="OBS109")) from None
+        raise UsageError(Problem(said, origin, id="OBS110")) from None
     if document.problems:
         raise UsageError(*(Problem(one.message, origin, key=found[1], id=one.id) for one in document.problems))
     return loc, of_origin(document.root, origin)
@@ -67,4 +67,4 @@ def put(node: Node, loc: Loc, new: Node, change: str) -> Node:
         return node._replace(value=entries)
     kind = "a list of more entries" if isinstance(name, int) else "a mapping"
     said = f"{dotted((name,))} needs {kind} where the spec has {described(node.value)}; set the whole value instead"
-    raise UsageError(Problem(said, f"{OPTION} {described(change)}", id="OBS109"))
+    raise UsageError(Problem(said, f"{OPTION} {described(change)}", id="OBS110"))

@@ -10,7 +10,7 @@ from obsdesign.families.algebraic.regress import regressions
 from obsdesign.families.algebraic.request import request_of
 from obsdesign.files import ResultFile
 from obsdesign.model.equations import Typed
-from obsdesign.sections.document import compose
+from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec
 
 
@@ -57,7 +57,7 @@ def found(form: Transformed) -> dict[str, Any]:
 
 def read_found(spec: Spec, file: ResultFile) -> Transformed:
     """Coordinates of a file whose spec asks for them to be found: read as if the spec had given them."""
-    sections = compose(spec.text, spec.path).root.plain()
+    sections = opened(spec.text, spec.path, spec.changes).root.plain()
     given = {key: value for key, value in sections["observer"].items() if key not in {"degree", "lambdas", "functions"}}
     given |= {name: file.at("observer", name) for name in ("coordinates", "left_inverse")}
     estimated = [str(c.get("lambda")) == "0" for c in given["coordinates"] if isinstance(c, dict)]
