@@ -22,7 +22,7 @@ from obsdesign.expressions import parse
 from obsdesign.reports import mathml
 from obsdesign.reports.chart import Axis, Chart, Curve, of_errors, over_time, thinned
 from obsdesign.reports.papers import PAPERS, paper_of
-from obsdesign.reports.problem import Problem
+from obsdesign.reports.problem import DesignProblem
 
 ROOT = Path(__file__).parent.parent
 STYLE = (ROOT / "obsdesign" / "reports" / "templates" / "page.css").read_text()
@@ -492,7 +492,7 @@ def test_a_name_is_escaped_in_a_formula(name):
     "name", ["pendulum", "cuk-kkl-pebo", "nonlinear-disturbance", "valve-multiplier", "planar-arm"]
 )
 def test_the_problem_of_a_spec_is_well_formed(name):
-    problem = Problem.of(od.load(str(ROOT / "specs" / f"{name}.yaml")))
+    problem = DesignProblem.of(od.load(str(ROOT / "specs" / f"{name}.yaml")))
     formulas = [*problem.equations, *(m.formula for m in problem.matrices), *(b.formula for b in problem.blocks)]
     for formula in filter(None, formulas):
         ElementTree.fromstring(formula)
@@ -504,7 +504,7 @@ def test_a_large_matrix_is_folded_and_a_huge_one_is_left_to_the_spec():
         spec = od.Spec(
             system={"A": -np.eye(n), "B": np.eye(n)[:, :1], "C": np.eye(n)[:1]}, observer={"type": "l2", "alpha": 0.1}
         )
-        (A,) = (m for m in Problem.of(spec).matrices if m.size == f"{n} × {n}" and "<mi>A</mi>" in m.symbol)
+        (A,) = (m for m in DesignProblem.of(spec).matrices if m.size == f"{n} × {n}" and "<mi>A</mi>" in m.symbol)
         return A.folded, A.formula is None
 
     assert [sizes(n) for n in (3, 13, 61)] == [(False, False), (True, False), (True, True)]

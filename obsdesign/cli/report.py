@@ -17,7 +17,7 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Make one self-contained page: problem, guarantee proved anew, gains, curves, trajectories, origin."""
-    from obsdesign.files import require_writable
+    from obsdesign.disk import require_writable
     from obsdesign.reports.page import report as made
     from obsdesign.simulate.validity import require_kept
 

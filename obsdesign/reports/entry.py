@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign.design import Design, design_of, proof_of, spec_of
-from obsdesign.errors import ObsdesignError, TimeLimitError, UsageError
+from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import BETTER, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reports import curves
 from obsdesign.reports.chart import Chart
-from obsdesign.reports.problem import Problem
+from obsdesign.reports.problem import DesignProblem
 from obsdesign.reports.trajectories import Signals, charts
 from obsdesign.tables.design import analysis, background, limits
 from obsdesign.tables.run import run_rows
@@ -116,9 +116,9 @@ class Entry:
         return self.design.result
 
     @cached_property
-    def problem(self) -> Problem:
+    def problem(self) -> DesignProblem:
         """What is to be estimated."""
-        return Problem.of(self.design.spec)
+        return DesignProblem.of(self.design.spec)
 
     @property
     def statement(self) -> tuple[str, str]:
@@ -293,6 +293,7 @@ class Missing:
     name: str
     status: str
     problem: str
+    problems: tuple[Problem, ...] = ()  # of a file that cannot be read
 
 
 def opened(path: str, anchor: str, samples: bool) -> Entry | Missing:
@@ -300,4 +301,4 @@ def opened(path: str, anchor: str, samples: bool) -> Entry | Missing:
     try:
         return Entry.of(ResultFile.open(path), anchor, samples)
     except UsageError as error:
-        return Missing(path, "invalid", "; ".join(str(problem) for problem in error.problems))
+        return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)

@@ -17,8 +17,9 @@ from markupsafe import Markup
 
 from obsdesign import __version__
 from obsdesign.design import Design
-from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, UndecidedError, UsageError
-from obsdesign.files import ResultFile, write_whole
+from obsdesign.disk import write_whole
+from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, Problem, UndecidedError, UsageError
+from obsdesign.files import ResultFile
 from obsdesign.reports.entry import Entry, Missing, opened, told_of
 from obsdesign.reports.papers import DRAWING, PAPERS, Paper, paper_of
 from obsdesign.tables.text import at_least, at_most
@@ -77,8 +78,9 @@ class Report:
     @property
     def failure(self) -> ObsdesignError | None:
         """What is wrong with the files that it shows: some are not valid, or claim what is not proved."""
-        invalid = [f"{one.name}: {one.problem}" for one in self.missing if one.status == "invalid"]
-        unproved = [f"{entry.file.path}: the claim is {entry.broken}" for entry in self.entries if entry.broken]
+        invalid = [problem for one in self.missing for problem in one.problems]
+        broken = ((entry.broken, entry.file.path) for entry in self.entries if entry.broken)
+        unproved = [Problem(f"the claim is {said}", path, id="OBS708") for said, path in broken]
         if invalid:
             return UsageError(*invalid, *unproved)
         return UndecidedError(*unproved) if unproved else None
@@ -144,7 +146,8 @@ def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
     paths = sorted(path for path, parts in found if not any(part.startswith(".") for part in parts))
     told = list(without_result(folder / SUMMARY))
     if not paths and not told:
-        raise UsageError(f"{folder}: holds no result: no {GAINS} in it or below; `obsdesign solve` writes one")
+        said = f"holds no result: no {GAINS} in it or below; `obsdesign solve` writes one"
+        raise UsageError(Problem(said, str(folder), id="OBS903"))
     read = []
     for i, path in enumerate(paths, start=1):
         progress((i - 1) / len(paths), path.name)

@@ -48,7 +48,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """What is to be estimated, of which plant."""
 
     signals: tuple[Signal, ...]
@@ -58,7 +58,7 @@ class Problem:
     ranges: tuple[str, ...]  # of the signals of a plant as equations
 
     @classmethod
-    def of(cls, spec: Spec) -> "Problem":
+    def of(cls, spec: Spec) -> "DesignProblem":
         """Write the problem of a spec."""
         if spec.typed:
             return cls(tuple(signals(spec)), tuple(typed(spec.typed)), (), (), tuple(ranges(spec.typed)))

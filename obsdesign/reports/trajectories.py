@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsdesign.errors import UsageError
-from obsdesign.files import content_of
+from obsdesign.disk import content_of
+from obsdesign.errors import Problem, UsageError
 from obsdesign.files.result import LARGEST
 from obsdesign.lmi.formula import Array
 from obsdesign.reports.chart import Chart, Curve, of_errors, over_time
@@ -45,11 +45,11 @@ class Signals:
         try:
             table = np.array(rows, dtype=float)
         except ValueError:
-            raise UsageError(f"{path}: is no table of numbers") from None
+            raise UsageError(Problem("is no table of numbers", path, id="OBS808")) from None
         if missing := sorted(needed.difference(header)):
-            raise UsageError(f"{path}: has no column {missing[0]}: it is no run of this plant")
-        if table.ndim != 2 or table.shape[1] != len(header) or len(table) < 2:
-            raise UsageError(f"{path}: holds no samples")
+            raise UsageError(Problem(f"has no column {missing[0]}: it is no run of this plant", path, id="OBS808"))
+        if table.ndim != 2 or table.shape[1] != len(header) or len(table) < 2 or not np.isfinite(table).all():
+            raise UsageError(Problem("holds no samples, or some that are not finite", path, id="OBS808"))
         columns = dict(zip(header, table.T, strict=True))
         return cls(columns["t"], columns)
 

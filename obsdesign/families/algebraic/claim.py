@@ -121,10 +121,10 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     found = file.table("guarantee")
     for name in said.keys() - {"rates"}:
         if as_text(found.get(name)) != as_text(said[name]):
-            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
+            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say", id="OBS705")
     for name in file.table("guarantee", "rates"):
         if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
-            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
+            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove", id="OBS705")
     return claim
 
 
@@ -136,10 +136,12 @@ def as_text(value: Any) -> str:
 def refutation(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none: a statement that it rests on is false."""
     if isinstance(request_of(spec).form, Sought):
-        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none")
+        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none", id="OBS705")
     refuted = Claim.of(spec, read_form(spec, file)).refuted
     if not refuted:
-        raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
+        raise file.wrong(
+            "status", "refuted: every statement of the observer that could be decided is true", id="OBS705"
+        )
     return Proof(
         f"refuted: {refuted[0].sentence}",
         tuple(Check(f"it is false that {v.sentence}", True, abs(v.value)) for v in refuted),

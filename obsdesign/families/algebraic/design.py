@@ -46,7 +46,13 @@ def diagnosis(claim: Claim) -> dict[str, Any]:
     """What is false, and where."""
     first, *others = claim.refuted
     also = f"; {len(others)} further statements fail" if others else ""
-    return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
+    return {
+        "id": "OBS612",
+        "condition": "identity",
+        "reason": f"{first.sentence}{also}",
+        **first.written(),
+        "feasible": {},
+    }
 
 
 def not_found(spec: Spec, found: Found, missing: tuple[str, ...]) -> dict[str, Any]:
@@ -62,6 +68,7 @@ def not_found(spec: Spec, found: Found, missing: tuple[str, ...]) -> dict[str, A
         *([f"filters whose inverse is fitted are an observer, {numeric.sentence}"] if numeric else []),
     ]
     return {
+        "id": "OBS613",
         "condition": "coordinates",
         "reason": reason,
         "missing": list(missing),

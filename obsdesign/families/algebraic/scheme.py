@@ -97,7 +97,7 @@ def slope(side: Expression, name: str) -> Expression:
     """Partial derivative of what moves as its derivative says; raises `UsageError` of kinks and jumps."""
     if not side.smooth:
         said = f"{side} has a kink or a jump, where its derivative does not say how it moves; use a smooth function"
-        raise UsageError(Problem(said, key="observer"))
+        raise UsageError(Problem(said, key="observer", id="OBS307"))
     return side.derivative(name)
 
 
