@@ -26,7 +26,7 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.disk import is_regular, require_writable, write_all
+    from obsdesign.disk import require_writable, write_all
 
     def answer(spec: str) -> Answer:
         problem = loaded(spec, changes)
@@ -37,9 +37,7 @@ def solve(
         printed = target == "-"
         if not printed:
             require_writable(target)
-        named = not printed and is_regular(target)
-        beside, name = (Path(target).parent, stem(target)) if named else (Path(), stem(spec))
-        paths = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
+        paths, curve = beside(target, spec)
         design = solved(problem, solver, quiet)
         if design.status == "uncertified":
             tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])
@@ -62,7 +60,7 @@ def solve(
             told += f"\n\n{run_text(design, run.summary, paths)}" if run and not quiet else ""
 
         def afterwards() -> None:
-            if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
+            if plot and not design.plot_search(curve) and not quiet:
                 typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
             if run:
                 require_kept(run.summary, paths[0])
@@ -74,3 +72,13 @@ def solve(
         require_one(sources, output)
         require_apart(sources, [stem(source) for source in sources])
         each(sources, answer, as_json=as_json)
+
+
+def beside(target: str, spec: str) -> tuple[tuple[str, str], str]:
+    """Paths of the samples and the figure of a run, and of the figure of a search: beside a gains file that is kept."""
+    from obsdesign.disk import is_regular
+
+    kept = target != "-" and is_regular(target)
+    folder, name = (Path(target).parent, stem(target)) if kept else (Path(), stem(spec))
+    samples, figure, curve = (str(folder / f"{name}.{kind}") for kind in ("run.csv", "run.png", "curve.png"))
+    return (samples, figure), curve
