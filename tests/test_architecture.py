@@ -22,7 +22,7 @@ LAYERS = (
     ("design", "advice"),
     ("tables", "simulate"),
     ("plot",),
-    ("reading",),
+    ("reading", "starters"),
     ("families",),
     ("constants",),
     ("spec",),
