@@ -1,0 +1,134 @@
+"""What an expression needs to have a value, and further to have a derivative that says how it moves."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from obsdesign.expressions.algebra import simplified
+from obsdesign.expressions.expression import Expression
+from obsdesign.expressions.functions import COMPARISONS, apply
+from obsdesign.expressions.tree import Call, Node, Number, number, quotient, text
+
+Sign = Literal["is not 0", ">= 0", "> 0"]
+Branch = tuple[Node, ...]  # conditions of `where` under which a part of an expression is looked at
+MOST = 16  # branches that are told apart for one part
+OPPOSITE = {"<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "=="}
+IMPLIED: dict[tuple[str, bool], tuple[Sign, ...]] = {  # of r (a - b), by what is known of a and b, and whether r > 0
+    (">", True): ("> 0", ">= 0", "is not 0"),
+    ("<", False): ("> 0", ">= 0", "is not 0"),
+    (">", False): ("is not 0",),
+    ("<", True): ("is not 0",),
+    (">=", True): (">= 0",),
+    ("<=", False): (">= 0",),
+    **dict.fromkeys((("!=", True), ("!=", False)), ("is not 0",)),
+    **dict.fromkeys((("==", True), ("==", False)), (">= 0",)),
+}
+
+
+@dataclass(frozen=True)
+class Need:
+    """A function whose sign is needed, on the branch where a part of an expression is looked at."""
+
+    value: Expression
+    sign: Sign
+    text: str  # the same in words
+    branch: tuple[Expression, ...] = ()  # conditions that hold there
+
+    @property
+    def implied(self) -> bool:
+        """Whether a comparison of its branch says so."""
+        for condition in self.branch:
+            compared = condition.root
+            if isinstance(compared, Call) and compared.operation in COMPARISONS:
+                a, b = compared.arguments
+                ratio = simplified(Expression(quotient(self.value.root, a - b))).root
+                if isinstance(ratio, Number) and self.sign in IMPLIED.get(
+                    (compared.operation, bool(ratio.value > 0)), ()
+                ):
+                    return True
+        return False
+
+
+def need(value: Node, sign: Sign, said: str = "") -> Need:
+    """Need of the sign of a function."""
+    return Need(Expression(value), sign, f"{text(value)} {sign}{said}")
+
+
+def of_value(node: Call) -> Iterator[Need]:
+    """What an operation needs to have a value."""
+    match node.operation, node.arguments:
+        case "/", (_, divisor) if not isinstance(divisor, Number):
+            yield need(divisor, "is not 0")
+        case "tan", (x,):
+            yield need(apply("cos", x), "is not 0")
+        case "sqrt", (x,):
+            yield need(x, ">= 0")
+        case "log", (x,):
+            yield need(x, "> 0")
+        case (("asin" | "acos"), (x,)):
+            yield need(number(1) - x ** number(2), ">= 0")
+        case "**", (x, Number(exponent)) if exponent.q == 1:
+            yield from [need(x, "is not 0")] if exponent < 0 else []
+        case "**", (x, exponent):
+            yield need(x, ">= 0" if isinstance(exponent, Number) and exponent.value > 0 else "> 0")
+
+
+def of_derivative(node: Call) -> Iterator[Need]:
+    """What an operation needs besides to have a derivative; kinks and jumps have none anyway."""
+    said = f", where {text(node)} is differentiated"
+    match node.operation, node.arguments:
+        case "sqrt", (x,):
+            yield need(x, "> 0", said)
+        case (("asin" | "acos"), (x,)):
+            yield need(number(1) - x ** number(2), "> 0", said)
+        case "**", (x, Number(exponent)) if 0 < exponent < 1:
+            yield need(x, "> 0", said)
+        case "atan2", (y, x):
+            cut = f"{text(y)} is not 0, or {text(x)} > 0: not the cut of {text(node)}{said}"
+            yield Need(Expression(apply("max", x, apply("abs", y))), "> 0", cut)
+
+
+def needs(expression: Expression) -> list[Need]:
+    """What it needs to have a value: divisors that are not 0, arguments of roots, logarithms, arcs in their range."""
+    return found(expression, of_value)
+
+
+def further(expression: Expression) -> list[Need]:
+    """What it needs besides to be differentiable: a root, a power or an arc not at its end, an angle off its cut."""
+    return found(expression, of_derivative)
+
+
+def found(expression: Expression, rule: Callable[[Call], Iterator[Need]]) -> list[Need]:
+    """Needs of every part, on each branch where it is looked at."""
+    branches = reached(expression)
+    needed: dict[str, Need] = {}
+    for node in expression.order:
+        for one in rule(node) if isinstance(node, Call) else ():
+            for branch in [tuple(map(Expression, taken)) for taken in branches[id(node)]]:
+                there = " where " + " and ".join(c.text for c in branch) if branch else ""
+                needed[one.text + there] = replace(one, text=one.text + there, branch=branch)
+    return [one for one in needed.values() if not one.implied]
+
+
+def reached(expression: Expression) -> dict[int, list[Branch]]:
+    """Branches on which each part of an expression is looked at."""
+    branches: dict[int, list[Branch]] = {id(expression.root): [()]}
+    for node in reversed(expression.order):
+        if not isinstance(node, Call):
+            continue
+        own = branches[id(node)]
+        for i, part in enumerate(node.arguments):
+            more = own
+            if node.operation == "where" and i:
+                taken = node.arguments[0] if i == 1 else opposite(node.arguments[0])
+                more = [(*branch, taken) for branch in own]
+            there = list(dict.fromkeys([*branches.get(id(part), []), *more]))
+            branches[id(part)] = [()] if () in there or len(there) > MOST else there
+    return branches
+
+
+def opposite(condition: Node) -> Node:
+    """Condition that holds where another does not."""
+    if isinstance(condition, Call) and condition.operation in OPPOSITE:
+        return apply(OPPOSITE[condition.operation], *condition.arguments)
+    return apply("==", condition, number(0))
