@@ -7,13 +7,13 @@ from typing import Literal
 from obsdesign.expressions.algebra import simplified
 from obsdesign.expressions.expression import Expression
 from obsdesign.expressions.functions import COMPARISONS, apply
-from obsdesign.expressions.tree import Call, Node, Number, number, quotient, text
+from obsdesign.expressions.tree import Call, Node, Number, number, product, quotient, text, total
 
 Sign = Literal["is not 0", ">= 0", "> 0"]
 Branch = tuple[Node, ...]  # conditions of `where` under which a part of an expression is looked at
 MOST = 16  # branches that are told apart for one part
 OPPOSITE = {"<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "=="}
-IMPLIED: dict[tuple[str, bool], tuple[Sign, ...]] = {  # of r (a - b), by what is known of a and b, and whether r > 0
+IMPLIED: dict[tuple[str, bool] | None, tuple[Sign, ...]] = {  # of r (a - b), by what is known of a, b, and if r > 0
     (">", True): ("> 0", ">= 0", "is not 0"),
     ("<", False): ("> 0", ">= 0", "is not 0"),
     (">", False): ("is not 0",),
@@ -37,16 +37,16 @@ class Need:
     @property
     def implied(self) -> bool:
         """Whether a comparison of its branch says so."""
-        for condition in self.branch:
-            compared = condition.root
-            if isinstance(compared, Call) and compared.operation in COMPARISONS:
-                a, b = compared.arguments
-                ratio = simplified(Expression(quotient(self.value.root, a - b))).root
-                if isinstance(ratio, Number) and self.sign in IMPLIED.get(
-                    (compared.operation, bool(ratio.value > 0)), ()
-                ):
-                    return True
-        return False
+        return any(self.sign in IMPLIED.get(known, ()) for known in map(self.known, self.branch))
+
+    def known(self, condition: Expression) -> tuple[str, bool] | None:
+        """Comparison of a condition, if it compares a multiple of the value with 0, and whether this is positive."""
+        compared = condition.root
+        if not isinstance(compared, Call) or compared.operation not in COMPARISONS:
+            return None
+        a, b = compared.arguments
+        ratio = simplified(Expression(quotient(self.value.root, a - b))).root
+        return (compared.operation, bool(ratio.value > 0)) if isinstance(ratio, Number) and ratio.value != 0 else None
 
 
 def need(value: Node, sign: Sign, said: str = "") -> Need:
@@ -57,7 +57,7 @@ def need(value: Node, sign: Sign, said: str = "") -> Need:
 def of_value(node: Call) -> Iterator[Need]:
     """What an operation needs to have a value."""
     match node.operation, node.arguments:
-        case "/", (_, divisor) if not isinstance(divisor, Number):
+        case "/", (_, divisor) if not isinstance(divisor, Number) or divisor.value == 0:
             yield need(divisor, "is not 0")
         case "tan", (x,):
             yield need(apply("cos", x), "is not 0")
@@ -123,8 +123,13 @@ def reached(expression: Expression) -> dict[int, list[Branch]]:
                 taken = node.arguments[0] if i == 1 else opposite(node.arguments[0])
                 more = [(*branch, taken) for branch in own]
             there = list(dict.fromkeys([*branches.get(id(part), []), *more]))
-            branches[id(part)] = [()] if () in there or len(there) > MOST else there
+            branches[id(part)] = [()] if () in there else there if len(there) <= MOST else [(any_of(there),)]
     return branches
+
+
+def any_of(branches: list[Branch]) -> Node:
+    """Condition that one of some branches is taken."""
+    return total([product([apply("!=", condition, number(0)) for condition in branch]) for branch in branches])
 
 
 def opposite(condition: Node) -> Node:

@@ -64,7 +64,8 @@ def resolve(document: Document) -> Spec:
     observer = None
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
-        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
+        split = isinstance(file.system, Equations) and not family.equations
+        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, as_equations=split)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=sampled)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
@@ -117,14 +118,23 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
 
 
 def read_observer(
-    reader: Reader, family: Family, section: ObserverSection, plant: Reading, exogenous: Exogenous, H: Array
+    reader: Reader,
+    family: Family,
+    section: ObserverSection,
+    plant: Reading,
+    exogenous: Exogenous,
+    H: Array,
+    *,
+    as_equations: bool,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
     blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
-    problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed)
+    problem = Estimation(
+        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations
+    )
     return family.request(reader, section, problem), blocks
 
 

@@ -7,19 +7,22 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 
-from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
-from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
+from obsdesign.families.algebraic.identity import Answer, Verdict
+from obsdesign.families.algebraic.region import Region
 from obsdesign.families.algebraic.request import request_of
-from obsdesign.families.algebraic.scheme import Plant, Scheme
+from obsdesign.families.algebraic.scheme import OPEN, Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
+from obsdesign.families.outcome import Verdict as Status
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
 
 KIND = "identities"
 DIGITS = 6  # of a rate
@@ -31,19 +34,19 @@ class Claim:
 
     form: Form
     scheme: Scheme
-    domain: Domain
+    region: Region
 
     @classmethod
     def of(cls, spec: Spec, form: Form) -> "Claim":
         """Claim of a spec with an observer."""
         assert spec.typed
         plant = Plant.of(spec.typed)
-        return cls(form, built(plant, form), plant.domain)
+        return cls(form, built(plant, form), plant.region)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """What was found of each statement."""
-        return tuple(statement.decided(self.domain) for statement in self.scheme.statements)
+        return tuple(statement.decided(self.region) for statement in self.scheme.statements)
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -69,17 +72,22 @@ class Claim:
         """Proved rates of decay, 1/s, by the name of the coordinate."""
         bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
         found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
-        return {name: round_down(-bound, DIGITS) for name, bound in found.items() if bound is not None}
+        proved = {name: rational_number(-bound) for name, bound in found.items() if bound is not None}
+        return {name: float(at_least(rate, DIGITS)) for name, rate in proved.items()}
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
         return self.statement(spec)
 
-    def statement(self, spec: Spec) -> str:  # noqa: ARG002
-        """Claim in words, and what it does not say."""
-        said = [*self.scheme.says, *(f"{name} decays at least at {rate:.6g} 1/s" for name, rate in self.rates.items())]
-        where = "without disturbance and noise, as long as the plant stays in its domain and the observer has a value"
-        return "; ".join([*said, where, *self.scheme.depends])
+    def statement(self, spec: Spec) -> str:
+        """Claim in words, clause by clause, and what it does not say."""
+        assert spec.typed
+        rates = ", ".join(f"{rate:.6g} 1/s of {name}" for name, rate in self.rates.items())
+        fall = [f"these errors fall at least at the rate {rates}"] if rates else []
+        kept = [f"{name} in {interval(*ends)}" for name, ends in spec.typed.domain.items()]
+        domain = f"stays in its domain ({', '.join(kept)})" if kept else "has a solution"
+        where = f"all of it without disturbance and noise, as long as the plant {domain} and the observer has a value"
+        return "; ".join([*self.scheme.says, *fall, where, *(f"{OPEN}{said}" for said in self.scheme.depends)])
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
         """What is proved, and the statements that prove it."""
@@ -92,6 +100,11 @@ class Claim:
     def listed(self) -> list[dict[str, Any]]:
         """Statements of a certificate."""
         return [{"name": v.name, "holds": v.answer is Answer.PROVED, "answer": str(v.answer)} for v in self.verdicts]
+
+
+def interval(low: fmpq | None, high: fmpq | None) -> str:
+    """Range, in decimals that are within it."""
+    return f"[{'-inf' if low is None else at_most(low)}, {'inf' if high is None else at_least(high)}]"
 
 
 def built(plant: Plant, form: Form) -> Scheme:
@@ -112,7 +125,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
         if as_text(found.get(name)) != as_text(said[name]):
             raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
     for name in file.table("guarantee", "rates"):
-        if not file.number("guarantee", "rates", name) <= rational_number(claim.rates.get(name, 0.0)):
+        if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
             raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
     return claim
 
@@ -126,13 +139,35 @@ def refutation(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none: a statement that it rests on is false."""
     if isinstance(request_of(spec).form, Sought):
         raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none")
-    refuted = Claim.of(spec, read_form(spec, file)).refuted
+    claim = Claim.of(spec, read_form(spec, file))
+    refuted = claim.refuted
     if not refuted:
         raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
+    outcome = Outcome(Status.REFUTED, claim=claim, form=claim.form)
+    observer = {"type": spec.observer.type, **written(spec, outcome)}
+    require_same(file, {"observer": observer, **claim.written(spec, {}), "diagnosis": diagnosis(claim)})
     return Proof(
         f"refuted: {refuted[0].sentence}",
         tuple(Check(f"it is false that {v.sentence}", True, abs(v.value)) for v in refuted),
     )
+
+
+def diagnosis(claim: Claim) -> dict[str, Any]:
+    """What is false, and where."""
+    first, *others = claim.refuted
+    also = f"; {len(others)} further statements fail" if others else ""
+    return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
+
+
+def require_same(file: ResultFile, anew: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse a file that says other than what is found anew of an observer that is none."""
+    if "guarantee" in file.content:
+        raise file.wrong("guarantee", "nothing is guaranteed of an observer that is refuted; leave it out")
+    found = file.plain()
+    for part, said in anew.items():
+        for key in sorted({*file.table(part), *said}):
+            if as_text(found[part].get(key)) != as_text(said.get(key)):
+                raise file.wrong(f"{part}.{key}", "is not what is found anew of the statements of the observer")
 
 
 def read_form(spec: Spec, file: ResultFile) -> Form:

@@ -20,17 +20,22 @@ from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion,
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
 from obsdesign.families.algebraic.scheme import (
+    DECAYS,
+    INVERTED,
+    UNBOUNDED,
     ZERO,
     Excitation,
     Plant,
     Scheme,
     Statement,
     added,
+    decay,
     inverses,
     less,
     multiplied,
     scaled,
     slope,
+    smooth,
     values,
 )
 from obsdesign.families.observer import Observer
@@ -46,23 +51,23 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     observer, theta, excitation = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
     says = [said(c) + cascade(waits(form, c.B)) for c in form.coordinates]
-    says += ["the left inverse gives x"] if form.left_inverse else []
-    depends = []
+    depends = [UNBOUNDED] if form.left_inverse else []
     rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not waits(form, c.B)}
     if form.estimator and form.estimator.method == "proportional":
-        found, more = attraction(plant, form, theta)
+        found, more, moves = attraction(plant, form, theta)
         before = waits(form, *form.left_inverse.values()) - set(theta)
         before |= waits(form, *(c.B for c in form.coordinates if c.estimated))
         alone = not before and len(theta) == 1
         statements, rates = [*statements, *found], {**rates, **more} if alone else rates
-        each = ", each once those before it are right" if len(theta) > 1 else ""
-        says.append(f"the estimates of theta decay to theta{each}{cascade(before)}")
+        says += [move + cascade({*before, *list(theta)[:i]}) for i, move in enumerate(moves)]
     elif form.estimator:
         statements += regressions(plant, form.estimator, form.coordinates)
-        exact = "exactly" if form.estimator.consistent else "up to an error that decays with the filters"
         before = set().union(*(held(form, each) for each in form.estimator.regressions))
-        says.append(f"Y = psi theta {exact}{cascade(before)}")
-        depends.append(f"that the estimates of theta converge depends on excitation ({', '.join(parameters)})")
+        says.append(regressed(form.estimator) + cascade(before))
+        need = excited(form.estimator, len(parameters))
+        depends.insert(0, f"that the estimates of theta of {', '.join(parameters)} converge, {need}")
+    right = "the coordinates, theta included, are phi(x)" if theta else "the coordinates are phi(x)"
+    says += [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
     if form.recast:
         statements += still(plant, observer, theta)
         observer = recast(plant, form, observer, theta)
@@ -77,7 +82,28 @@ def described(c: Coordinate) -> dict[str, Any]:
 
 def said(c: Coordinate) -> str:
     """What a coordinate does."""
-    return f"({c.phi}) - {c.name} is constant" if c.estimated else f"{c.name} - ({c.phi}) decays as exp of int lambda"
+    if c.estimated:
+        return f"theta of {c.name}, ({c.phi}) - {c.name}, is constant"
+    return f"the error of {c.name}, {c.name} - ({c.phi}), {decay(c.rate)}"
+
+
+def regressed(estimator: Estimator) -> str:
+    """What is proved of the regressions of an estimator."""
+    value = "exp(theta)" if estimator.powers else "theta"
+    exact = "exactly" if estimator.consistent else f"up to an error that decays as exp(-{estimator.alpha}*t)"
+    regression = f"d(output)/dt = known + m {value} for every theta"
+    return f"{regression}, so that Y = psi {value} holds of the filtered signals {exact}"
+
+
+def excited(estimator: Estimator, count: int) -> str:
+    """What an estimator of so many constants needs of a run for them to converge."""
+    if estimator.method == "drem":
+        need = "int Delta^2 dt must grow without end"
+    elif count == 1:
+        need = "int psi^2 dt must grow without end, for an exponential rate by c > 0 over every window of one length"
+    else:
+        need = "it suffices that the least eigenvalue of int psi psi' dt over every window of one length exceeds c > 0"
+    return f"which takes excitation: {need} (`simulate` reports it of a run)"
 
 
 def waits(form: Transformed, *sides: Expression) -> set[str]:
@@ -102,7 +128,8 @@ def held(form: Transformed, regression: Regression) -> set[str]:
 
 def cascade(names: Collection[str]) -> str:
     """Clause on what has to be right before."""
-    return f", once the estimate of {', '.join(sorted(names))} is right" if names else ""
+    right = f", once the estimate of {', '.join(sorted(names))} is right"
+    return f"{right} (an error of it acts as a disturbance)" if names else ""
 
 
 def decays(c: Coordinate) -> str:
@@ -118,9 +145,8 @@ def coordinate(plant: Plant, c: Coordinate, phi: dict[str, Expression]) -> list[
     found: list[Statement] = [Identity(name, residual)]
     if not c.estimated:
         found.append(Negative(decays(c), rate))
-    for side in (c.phi, c.rate, c.B):
-        found += values(plant, c.name, side, phi)
-    return found
+    found += smooth(c.name, c.phi)
+    return found + [one for side in (c.rate, c.B) for one in values(c.name, side, phi)]
 
 
 def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordinate]) -> list[Statement]:
@@ -131,10 +157,11 @@ def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordi
     found: list[Statement] = []
     for k, each in enumerate(estimator.regressions, start=1):
         sides = [multiplied(plant.on(m, xi), value[name]) for name, m in each.m.items()]
-        residual = less(plant.along(plant.outputs[each.output]), plant.on(each.known, xi), *sides)
+        residual = less(plant.rate(each.output), plant.on(each.known, xi), *sides)
         terms = " + ".join(f"({m}) {'exp(theta)' if n in estimator.powers else 'theta'}" for n, m in each.m.items())
         for side in (each.known, *each.m.values()):
-            found += values(plant, f"regression {k}", side, xi)
+            found += values(f"regression {k}", side, xi)
+        found += plant.differentiable(Expression.variable(each.output))
         found.append(Identity(f"regression {k}: d/dt {each.output} = {each.known} + {terms}", residual))
     return found
 
@@ -185,33 +212,34 @@ def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:
 
 def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Sequence[str]) -> dict[str, Expression]:
     """Zeta' = -dK/dy ydot(xhat, u): theta = zeta + K(y) stays where it is right, theta' = dK/dy (ydot - ydot(xhat))."""
-    rates = plant.output_rates(estimates)
-    sides = {n: added([multiplied(slope(estimator.K[n], y), rate) for y, rate in rates.items()]) for n in names}
-    return {f"zeta_{name}": scaled(fmpq(-1), side) for name, side in sides.items()}
+    return {f"zeta_{name}": scaled(fmpq(-1), plant.driven(estimator.K[name], estimates)) for name in names}
 
 
-def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str]]:
-    """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0."""
+def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str], list[str]]:
+    """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0.
+
+    With the names of those that give a rate, and what they say.
+    """
     assert form.estimator
     d = {name: Expression.variable(f"δ_{name}") for name in theta}
     off = {c.name: added([c.phi, d[c.name]]) if c.name in d else c.phi for c in form.coordinates}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     estimates = {**states, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
-    rates = plant.output_rates(estimates)
     zero = dict.fromkeys((side.text for side in d.values()), ZERO)
     found: list[Statement] = []
-    named = {}
+    named, says = {}, []
     for i, name in enumerate(theta):
         K = form.estimator.K[name]
-        slopes = {y: plant.on(slope(K, y)) for y in plant.outputs}
-        moving = added([multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()])
+        moving = plant.on(less(plant.driven(K), plant.driven(K, estimates)))
         later = moving.substituted({f"δ_{other}": ZERO for other in list(theta)[:i]})
         rate = simplified(later.derivative(f"δ_{name}").substituted(zero))
-        found += values(plant, f"K of {name}", K)
-        found.append(Identity(f"estimate of theta of {name}: d' = ({rate}) d", less(later, multiplied(rate, d[name]))))
+        found += [*smooth(f"K of {name}", K), *plant.differentiable(K)]
+        residual = less(later, multiplied(rate, d[name]))
+        error = Identity(f"estimate of theta of {name}: d' = ({rate}) d", residual, f"whether {DECAYS}")
         named[f"theta of {name}"] = f"estimate of theta of {name}: {rate} < 0"
-        found.append(Negative(named[f"theta of {name}"], rate))
-    return found, named
+        found += [error, Negative(named[f"theta of {name}"], rate, given=(error,))]
+        says.append(f"the error of the estimate of theta of {name} {decay(rate)}")
+    return found, named, says
 
 
 def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
@@ -220,14 +248,12 @@ def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
     N_zeta M + N_xi B + N_y ydot(xhat, u) = 0 for all arguments. It is the hypothesis of Proposition 5 that {theta =
     thetahat} is invariant, read for every xi and zeta; (26) has it where xi = phi(x) only.
     """
-    rates = {**observer.dynamics, **plant.output_rates(observer.estimates)}
-    return [
-        Identity(
-            f"condition (*) for {name}: its estimate of theta stands still where xhat is right",
-            added([multiplied(slope(side, signal), rate) for signal, rate in rates.items()]),
-        )
-        for name, side in theta.items()
-    ]
+    found: list[Statement] = []
+    for name, side in theta.items():
+        moves = [multiplied(slope(side, signal), rate) for signal, rate in observer.dynamics.items()]
+        said = f"condition (*) for {name}: its estimate of theta stands still where xhat is right"
+        found.append(Identity(said, added([plant.driven(side, observer.estimates), *moves])))
+    return found
 
 
 def recast(plant: Plant, form: Transformed, observer: Observer, theta: Named) -> Observer:

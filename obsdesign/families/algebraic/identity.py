@@ -19,12 +19,13 @@ from obsdesign.expressions.functions import apply
 from obsdesign.expressions.interval import Interval, point
 from obsdesign.expressions.needs import needs
 from obsdesign.expressions.tree import Call, number, product
-from obsdesign.families.algebraic.region import Point, Region, at
+from obsdesign.families.algebraic.region import PRECISIONS, Point, Region, at
 from obsdesign.model.equations import Named
 from obsdesign.nonlinearities.evidence.enclosure import supremum
 
 WORK = 20_000  # boxes at which a sign is looked for
 HALVINGS = 40  # of the way between two signs, on which a zero is looked for
+Place = Mapping[str, float]
 LONGEST = 400  # characters of a residual that are shown
 
 
@@ -43,10 +44,11 @@ class Verdict:
     name: str  # what it says, in the words of the observer
     answer: Answer
     residual: str = ""  # what should vanish, or the function whose sign is wrong
-    point: Mapping[str, float] = field(default_factory=dict)  # where it does not
+    point: Place = field(default_factory=dict)  # where it does not
     wanted: str = "0"  # what it should be
     value: float = 0.0  # of the residual there
     bound: float | None = None  # proved supremum of a sign
+    leaves: str = ""  # what is not known where it fails; nothing: it is false
 
     def written(self) -> dict[str, Any]:
         """Entry of a diagnosis."""
@@ -59,23 +61,21 @@ class Verdict:
         said = f"{self.name} fails: {self.residual} is {self.value:.6g} at {where}, not {self.wanted}"
         if self.answer is Answer.REFUTED:
             return said
-        if self.point:
-            return f"an error is not linear, and it is not proved that it decays: {said}"
-        return f"neither proved nor refuted: {self.name}"
+        return f"not known {self.leaves}: {said}" if self.leaves else f"neither proved nor refuted: {self.name}"
 
 
 @dataclass(frozen=True)
 class Identity:
     """A residual that must vanish at every point.
 
-    `places`: expressions of some signals, where it is false if it does not. An identity of the tool itself, that an
-    error is linear, is supposed and never false: another error may decay as well.
+    `leaves`: what is not known where it does not; if that is nothing, the observer is none. `places`: signals of the
+    observer in terms of those of the plant, where it is looked for a point at which it does not.
     """
 
     name: str
     residual: Expression
+    leaves: str = ""
     places: Named = field(default_factory=dict)
-    supposed: bool = False
 
     def decided(self, region: Region) -> Verdict:
         """Whether it does."""
@@ -93,9 +93,9 @@ class Identity:
         for place in region.points(value):
             found = at(value, place)
             if found is not None and 0 not in found and region.holds(place):
-                where = {name: value_at(region.on(self.places.get(name, variable(name))), place) for name in names(shown)}
-                answer = Answer.OPEN if self.supposed else Answer.REFUTED
-                return Verdict(self.name, answer, short(shown), where, "0", float(found.mid()))
+                sides = {name: region.on(self.places.get(name, variable(name))) for name in sorted(shown.names)}
+                where = {name: value_at(side, place) for name, side in sides.items()}
+                return failed(self, shown, where, "0", float(found.mid()))
         return Verdict(self.name, Answer.OPEN, short(shown))
 
 
@@ -103,13 +103,14 @@ class Identity:
 class Negative:
     """A function that must be below zero on the whole domain, or at most zero, on a branch where it is looked at.
 
-    `given`: identities without which it says nothing where it is not.
+    `leaves`: as of an `Identity`; `given`: those without which it says nothing where it is not.
     """
 
     name: str
     value: Expression
     strict: bool = True
     branch: tuple[Expression, ...] = ()
+    leaves: str = ""
     given: tuple[Identity, ...] = ()
 
     def decided(self, region: Region) -> Verdict:
@@ -118,15 +119,14 @@ class Negative:
         for value in dict.fromkeys((region.on(looked), looked)):
             if (bound := self.supremum(region, value)) is not None:
                 return Verdict(self.name, Answer.PROVED, bound=bound)
+        if any(one.decided(region).answer is not Answer.PROVED for one in self.given):
+            return Verdict(self.name, Answer.OPEN, short(self.value))
         value, wanted = region.on(looked), "below 0" if self.strict else "at most 0"
         for place in region.points(value):
             found = at(value, place)
             if found is not None and (found >= 0 if self.strict else found > 0) and region.holds(place):
                 shown = simplified(region.on(self.value))
-                where = {name: value_at(variable(name), place) for name in names(shown)}
-                linear = all(one.decided(region).answer is Answer.PROVED for one in self.given)
-                answer = Answer.REFUTED if linear else Answer.OPEN
-                return Verdict(self.name, answer, short(shown), where, wanted, float(found.mid()))
+                return failed(self, shown, coordinates(shown, place), wanted, float(found.mid()))
         return Verdict(self.name, Answer.OPEN, short(self.value))
 
     def supremum(self, region: Region, value: Expression) -> float | None:
@@ -141,11 +141,15 @@ class Negative:
 
 @dataclass(frozen=True)
 class Nonzero:
-    """A divisor that must not vanish on the domain, on a branch where it is looked at."""
+    """A divisor that must not vanish on the domain, on a branch where it is looked at.
+
+    `leaves`: as of an `Identity`.
+    """
 
     name: str
     value: Expression
     branch: tuple[Expression, ...] = ()
+    leaves: str = ""
 
     def decided(self, region: Region) -> Verdict:
         """Whether it does not: it keeps its sign."""
@@ -154,21 +158,31 @@ class Nonzero:
             negative = Expression.combination([fmpq(-1)], [value])
             if any(Negative(self.name, side).supremum(region, side) is not None for side in (value, negative)):
                 return Verdict(self.name, Answer.PROVED)
-        value, sides = region.on(looked), {}
-        for place in region.points(value):
-            found = at(value, place)
-            if found is not None and region.holds(place):
-                if found == 0:
-                    return self.refuted(region, place)
-                sides.setdefault(bool(found > 0), place) if 0 not in found else None
-        zero = crossing(value, region, sides[True], sides[False]) if len(sides) > 1 and not self.branch else None
-        return self.refuted(region, zero) if zero else Verdict(self.name, Answer.OPEN, short(self.value))
+        value = region.on(looked)
+        if (zero := vanishing(value, region)) is None:
+            return Verdict(self.name, Answer.OPEN, short(self.value))
+        return failed(self, region.on(self.value), coordinates(value, zero), "of one sign", value_at(value, zero))
 
-    def refuted(self, region: Region, place: Point) -> Verdict:
-        """Verdict of a point at which it vanishes, or near which it does."""
-        value = region.on(self.value)
-        where = {name: value_at(variable(name), place) for name in names(value)}
-        return Verdict(self.name, Answer.REFUTED, short(value), where, "of one sign", value_at(value, place))
+
+def failed(
+    statement: Identity | Negative | Nonzero, shown: Expression, where: Place, wanted: str, value: float
+) -> Verdict:
+    """Verdict of a statement that does not hold at a point where the plant can be: it is false, or leaves something."""
+    answer = Answer.OPEN if statement.leaves else Answer.REFUTED
+    return Verdict(statement.name, answer, short(shown), where, wanted, value, leaves=statement.leaves)
+
+
+def vanishing(value: Expression, region: Region) -> Point | None:
+    """Point where the plant can be at which a function vanishes, or next to it; None where none was found."""
+    sides: dict[bool, Point] = {}
+    for place in region.points(value):
+        found = at(value, place)
+        if found is not None and region.holds(place):
+            if found == 0:
+                return place
+            if 0 not in found:
+                sides.setdefault(bool(found > 0), place)
+    return crossing(value, region, sides[True], sides[False]) if len(sides) > 1 else None
 
 
 def crossing(value: Expression, region: Region, above: Point, below: Point) -> Point | None:
@@ -203,9 +217,9 @@ def variable(name: str) -> Expression:
     return Expression.variable(name)
 
 
-def names(value: Expression) -> list[str]:
-    """Signals of an expression, in order."""
-    return sorted(value.names)
+def coordinates(value: Expression, place: Point) -> Place:
+    """Values, in doubles, of the signals of an expression at a point."""
+    return {name: value_at(variable(name), place) for name in sorted(value.names)}
 
 
 def value_at(value: Expression, place: Point) -> float:

@@ -25,7 +25,7 @@ class Region:
 
     ranges: Domain = field(default_factory=dict)  # of what is not named, all reals
     outputs: Named = field(default_factory=dict)
-    defined: tuple[Expression, ...] = ()  # right sides of the plant
+    defined: tuple[Expression, ...] = ()  # right sides of the plant, those of the outputs too
 
     def on(self, value: Expression) -> Expression:
         """Expression with the outputs in terms of states, inputs and t."""
@@ -40,7 +40,7 @@ class Region:
 
         Coordinates have few digits where they can.
         """
-        names = sorted(value.names.union(*(side.names for side in (*self.outputs.values(), *self.defined))))
+        names = sorted(value.names.union(*(side.names for side in self.defined)))
         ranges = [span(self.ranges.get(name, EVERYWHERE)) for name in names]
         draw = np.random.default_rng(0)
         for share in (fmpq(1, 2), fmpq(0), fmpq(1)):

@@ -9,6 +9,7 @@ from flint import fmpq
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.needs import Need, further, needs
+from obsdesign.expressions.tree import Number
 from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero
 from obsdesign.families.algebraic.region import Region
 from obsdesign.families.observer import Observer
@@ -16,7 +17,10 @@ from obsdesign.model.equations import Named, Typed
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends
 
 ZERO = Expression.number(0)
-
+OPEN = "not proved: "  # how a clause of a statement begins that says so
+INVERTED = "for the left inverse holds on the whole domain"  # why xhat = x
+DECAYS = "this error decays, which is not linear"
+UNBOUNDED = "a bound on xhat - x, which depends on what the left inverse makes of errors"
 
 Statement = Identity | Negative | Nonzero
 
@@ -39,7 +43,7 @@ class Scheme:
     observer: Observer
     numbers: Mapping[str, Any]  # entries of `guarantee`, but for the rates, which the statements give
     says: tuple[str, ...]  # what follows if every statement holds, clause by clause
-    depends: tuple[str, ...] = ()  # what depends on the run
+    depends: tuple[str, ...] = ()  # what is not proved, for it depends on the run
     rates: Mapping[str, str] = field(default_factory=dict)  # statement that gives the rate of a coordinate, by name
     excitation: Excitation | None = None  # of an estimator with regressions
 
@@ -55,15 +59,16 @@ class Plant:
 
     @classmethod
     def of(cls, typed: Typed) -> "Plant":
-        """Plant of a spec; raises `UsageError` if an output and the state that it is are in different ranges."""
+        """Plant of a spec; raises `UsageError` if ranges of the same signal have nothing in common."""
         still = typed.undisturbed
         written = still.substituted(still.outputs)
-        ranges = {"t": SINCE_ZERO, **typed.domain}
+        ranges = {**typed.domain, "t": common("t", "time", typed.domain.get("t", EVERYWHERE), SINCE_ZERO)}
         for y, side in written.outputs.items():
             if side.text in written.dynamics:
-                ranges[y] = ranges[side.text] = common(y, side.text, ranges)
-        region = Region(ranges, written.outputs, tuple(written.dynamics.values()))
-        return cls(written.dynamics, written.outputs, written.inputs, region)
+                ends = (ranges.get(name, EVERYWHERE) for name in (y, side.text))
+                ranges[y] = ranges[side.text] = common(y, side.text, *ends)
+        sides = (*written.dynamics.values(), *written.outputs.values())
+        return cls(written.dynamics, written.outputs, written.inputs, Region(ranges, written.outputs, sides))
 
     def along(self, phi: Expression) -> Expression:
         """Derivative of a function of the states and t, with the inputs constant.
@@ -97,7 +102,7 @@ class Plant:
     def differentiable(self, *sides: Expression) -> "list[Statement]":
         """Statements that the outputs on which these depend move as their derivatives say."""
         seen = [y for y in self.outputs if any(y in side.names for side in sides)]
-        return [stated(f"output {y}", need) for y in seen for need in further(self.outputs[y])]
+        return [one for y in seen for one in moving(f"output {y}", self.outputs[y])]
 
     def on(self, expression: Expression, further: Named | None = None) -> Expression:
         """Expression of outputs (and of further signals) in terms of the states."""
@@ -108,14 +113,13 @@ class Plant:
         return {side.text: Expression.variable(y) for y, side in self.outputs.items() if side.text in self.dynamics}
 
 
-def common(y: str, state: str, ranges: Mapping[str, Ends]) -> Ends:
-    """Range of a state and of the output that shows it; raises `UsageError` if there is none."""
-    ends = [ranges.get(name, EVERYWHERE) for name in (y, state)]
+def common(name: str, other: str, *ends: Ends) -> Ends:
+    """Range of a signal that has two; raises `UsageError` if they have nothing in common."""
     low = max((low for low, _ in ends if low is not None), default=None)
     high = min((high for _, high in ends if high is not None), default=None)
     if low is not None and high is not None and low >= high:
-        said = f"{y} = {state}, and their ranges have nothing in common; give one range, or two that overlap"
-        raise UsageError(Problem(said, key=f"system.domain.{y}"))
+        said = f"{name} is {other}, and their ranges have nothing in common; give one range, or two that overlap"
+        raise UsageError(Problem(said, key=f"system.domain.{name}"))
     return low, high
 
 
@@ -150,6 +154,13 @@ def scaled(c: fmpq, e: Expression) -> Expression:
     return Expression.combination([c], [e])
 
 
+def decay(rate: Expression) -> str:
+    """What e' = rate e says of an error, in words."""
+    if isinstance(rate.root, Number):
+        return f"obeys e' = {rate} e, so that e(t) = e(0) exp({multiplied(rate, Expression.variable('t'))})"
+    return f"obeys e' = lambda e, lambda = {rate} < 0, so that e(t) = e(0) exp(integral of lambda from 0 to t)"
+
+
 def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Statement]:
     """Statements that a left inverse gives every state back, and has a value on the whole domain.
 
@@ -159,24 +170,33 @@ def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Stat
     for name, side in left_inverse.items():
         back = plant.on(side, transformed)
         found.append(Identity(f"left inverse of {name}: {side} = {name}", less(back, Expression.variable(name))))
-        found += values(plant, f"left inverse of {name}", side, transformed)
+        found += values(f"left inverse of {name}", side, transformed)
     return found
 
 
-def values(plant: Plant, what: str, side: Expression, transformed: Named | None = None) -> list[Statement]:
-    """Statements that an expression has a value at every point of the domain: divisors, roots, logarithms, arcs."""
-    return [stated(what, need, transformed) for need in needs(side)]
+def values(what: str, side: Expression, transformed: Named | None = None, leaves: str = "") -> list[Statement]:
+    """Statements that an expression has a value at every point of the domain: divisors, roots, logarithms, arcs.
+
+    `transformed`: signals of the observer in terms of the states; `leaves`: as of an `Identity`.
+    """
+    return [stated(what, need, transformed, leaves) for need in needs(side)]
 
 
-def smooth(plant: Plant, what: str, side: Expression, transformed: Named | None = None) -> list[Statement]:
-    """Statements that an expression has a value and a derivative at every point of the domain."""
-    return [stated(what, need, transformed) for need in (*needs(side), *further(side))]
+def smooth(what: str, side: Expression, transformed: Named | None = None, leaves: str = "") -> list[Statement]:
+    """Statements that an expression has a value at every point of the domain, and moves as its derivative says."""
+    return values(what, side, transformed, leaves) + moving(what, side, transformed)
 
 
-def stated(what: str, need: Need, transformed: Named | None = None) -> Statement:
+def moving(what: str, side: Expression, transformed: Named | None = None) -> list[Statement]:
+    """Statements that an expression moves as its derivative says, wherever it has a value."""
+    leaves = f"whether {side} moves as its derivative says"
+    return [stated(what, need, transformed, leaves) for need in further(side)]
+
+
+def stated(what: str, need: Need, transformed: Named | None, leaves: str) -> Statement:
     """Statement of a need."""
     name, put = f"{what}: {need.text}", transformed or {}
     value, branch = need.value.substituted(put), tuple(c.substituted(put) for c in need.branch)
     if need.sign == "is not 0":
-        return Nonzero(name, value, branch)
-    return Negative(name, scaled(fmpq(-1), value), need.sign == "> 0", branch)
+        return Nonzero(name, value, branch, leaves)
+    return Negative(name, scaled(fmpq(-1), value), need.sign == "> 0", branch, leaves)
