@@ -11,7 +11,6 @@ from obsdesign.expressions.tree import Call, Node, Number, number, product, quot
 
 Sign = Literal["is not 0", ">= 0", "> 0"]
 Branch = tuple[Node, ...]  # conditions of `where` under which a part of an expression is looked at
-MOST = 16  # branches that are told apart for one part
 OPPOSITE = {"<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "=="}
 IMPLIED: dict[tuple[str, bool] | None, tuple[Sign, ...]] = {  # of r (a - b), by what is known of a, b, and if r > 0
     (">", True): ("> 0", ">= 0", "is not 0"),
@@ -32,6 +31,7 @@ class Need:
     value: Expression
     sign: Sign
     text: str  # the same in words
+    leaves: str = ""  # what is not known where it is not so; nothing: there is no value
     branch: tuple[Expression, ...] = ()  # conditions that hold there
 
     @property
@@ -49,9 +49,9 @@ class Need:
         return (compared.operation, bool(ratio.value > 0)) if isinstance(ratio, Number) and ratio.value != 0 else None
 
 
-def need(value: Node, sign: Sign, said: str = "") -> Need:
+def need(value: Node, sign: Sign, said: str = "", leaves: str = "") -> Need:
     """Need of the sign of a function."""
-    return Need(Expression(value), sign, f"{text(value)} {sign}{said}")
+    return Need(Expression(value), sign, f"{text(value)} {sign}{said}", leaves)
 
 
 def of_value(node: Call) -> Iterator[Need]:
@@ -69,23 +69,25 @@ def of_value(node: Call) -> Iterator[Need]:
             yield need(number(1) - x ** number(2), ">= 0")
         case "**", (x, Number(exponent)) if exponent.q == 1:
             yield from [need(x, "is not 0")] if exponent < 0 else []
-        case "**", (x, exponent):
-            yield need(x, ">= 0" if isinstance(exponent, Number) and exponent.value > 0 else "> 0")
+        case "**", (x, Number(exponent)):
+            yield need(x, ">= 0" if exponent > 0 else "> 0")
+        case "**", (x, _):
+            yield need(x, "> 0", leaves=f"whether {text(node)} has a value")
 
 
 def of_derivative(node: Call) -> Iterator[Need]:
     """What an operation needs besides to have a derivative; kinks and jumps have none anyway."""
-    said = f", where {text(node)} is differentiated"
+    said, leaves = f", where {text(node)} is differentiated", f"whether {text(node)} moves as its derivative says"
     match node.operation, node.arguments:
         case "sqrt", (x,):
-            yield need(x, "> 0", said)
+            yield need(x, "> 0", said, leaves)
         case (("asin" | "acos"), (x,)):
-            yield need(number(1) - x ** number(2), "> 0", said)
+            yield need(number(1) - x ** number(2), "> 0", said, leaves)
         case "**", (x, Number(exponent)) if 0 < exponent < 1:
-            yield need(x, "> 0", said)
+            yield need(x, "> 0", said, leaves)
         case "atan2", (y, x):
             cut = f"{text(y)} is not 0, or {text(x)} > 0: not the cut of {text(node)}{said}"
-            yield Need(Expression(apply("max", x, apply("abs", y))), "> 0", cut)
+            yield Need(Expression(apply("max", x, apply("abs", y))), "> 0", cut, leaves)
 
 
 def needs(expression: Expression) -> list[Need]:
@@ -99,37 +101,34 @@ def further(expression: Expression) -> list[Need]:
 
 
 def found(expression: Expression, rule: Callable[[Call], Iterator[Need]]) -> list[Need]:
-    """Needs of every part, on each branch where it is looked at."""
+    """Needs of every part, on the branch where it is looked at."""
     branches = reached(expression)
     needed: dict[str, Need] = {}
     for node in expression.order:
         for one in rule(node) if isinstance(node, Call) else ():
-            for branch in [tuple(map(Expression, taken)) for taken in branches[id(node)]]:
-                there = " where " + " and ".join(c.text for c in branch) if branch else ""
-                needed[one.text + there] = replace(one, text=one.text + there, branch=branch)
+            branch = tuple(map(Expression, branches[id(node)]))
+            there = " where " + " and ".join(c.text for c in branch) if branch else ""
+            needed[one.text + there] = replace(one, text=one.text + there, branch=branch)
     return [one for one in needed.values() if not one.implied]
 
 
-def reached(expression: Expression) -> dict[int, list[Branch]]:
-    """Branches on which each part of an expression is looked at."""
-    branches: dict[int, list[Branch]] = {id(expression.root): [()]}
+def reached(expression: Expression) -> dict[int, Branch]:
+    """Branch on which each part of an expression is looked at."""
+    branches: dict[int, Branch] = {id(expression.root): ()}
     for node in reversed(expression.order):
-        if not isinstance(node, Call):
-            continue
-        own = branches[id(node)]
-        for i, part in enumerate(node.arguments):
-            more = own
-            if node.operation == "where" and i:
-                taken = node.arguments[0] if i == 1 else opposite(node.arguments[0])
-                more = [(*branch, taken) for branch in own]
-            there = list(dict.fromkeys([*branches.get(id(part), []), *more]))
-            branches[id(part)] = [()] if () in there else there if len(there) <= MOST else [(any_of(there),)]
+        for i, part in enumerate(node.arguments if isinstance(node, Call) else ()):
+            branch = branches[id(node)]
+            if isinstance(node, Call) and node.operation == "where" and i:
+                branch = (*branch, node.arguments[0] if i == 1 else opposite(node.arguments[0]))
+            branches[id(part)] = either(branches.get(id(part), branch), branch)
     return branches
 
 
-def any_of(branches: list[Branch]) -> Node:
-    """Condition that one of some branches is taken."""
-    return total([product([apply("!=", condition, number(0)) for condition in branch]) for branch in branches])
+def either(a: Branch, b: Branch) -> Branch:
+    """Branch that is taken where one of two is."""
+    if a == b or not (a and b):
+        return a and b
+    return (total([product([apply("!=", condition, number(0)) for condition in branch]) for branch in (a, b)]),)
 
 
 def opposite(condition: Node) -> Node:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.families.agreement import require_agreement
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
@@ -145,7 +146,8 @@ def refutation(spec: Spec, file: ResultFile) -> Proof:
         raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
     outcome = Outcome(Status.REFUTED, claim=claim, form=claim.form)
     observer = {"type": spec.observer.type, **written(spec, outcome)}
-    require_same(file, {"observer": observer, **claim.written(spec, {}), "diagnosis": diagnosis(claim)})
+    require_agreement(file, {"observer": observer, **claim.written(spec, {})}, spec)
+    require_found(file, diagnosis(claim))
     return Proof(
         f"refuted: {refuted[0].sentence}",
         tuple(Check(f"it is false that {v.sentence}", True, abs(v.value)) for v in refuted),
@@ -159,15 +161,13 @@ def diagnosis(claim: Claim) -> dict[str, Any]:
     return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
 
 
-def require_same(file: ResultFile, anew: Mapping[str, Mapping[str, Any]]) -> None:
-    """Refuse a file that says other than what is found anew of an observer that is none."""
-    if "guarantee" in file.content:
-        raise file.wrong("guarantee", "nothing is guaranteed of an observer that is refuted; leave it out")
-    found = file.plain()
-    for part, said in anew.items():
-        for key in sorted({*file.table(part), *said}):
-            if as_text(found[part].get(key)) != as_text(said.get(key)):
-                raise file.wrong(f"{part}.{key}", "is not what is found anew of the statements of the observer")
+def require_found(file: ResultFile, said: Mapping[str, Any]) -> None:
+    """Refuse a file whose diagnosis is not the one that is found anew."""
+    keys = {*file.table("diagnosis"), *said}
+    found = file.plain()["diagnosis"]
+    for key in sorted(keys):
+        if as_text(found.get(key)) != as_text(said.get(key)):
+            raise file.wrong(f"diagnosis.{key}", "is not what is found anew of the statements of the observer")
 
 
 def read_form(spec: Spec, file: ResultFile) -> Form:

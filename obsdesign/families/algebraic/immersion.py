@@ -136,9 +136,9 @@ def invariance(
 def attraction(
     plant: Plant, form: Immersion, given: Sequence[Identity]
 ) -> tuple[list[Statement], dict[str, str], list[str]]:
-    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0, given that the manifold is invariant.
+    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0.
 
-    Statements, the names of those that give a rate, and what they say.
+    Statements, the names of those that give a rate, and what they say; `given`: that the manifold is invariant.
     """
     d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}

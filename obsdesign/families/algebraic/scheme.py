@@ -102,7 +102,7 @@ class Plant:
     def differentiable(self, *sides: Expression) -> "list[Statement]":
         """Statements that the outputs on which these depend move as their derivatives say."""
         seen = [y for y in self.outputs if any(y in side.names for side in sides)]
-        return [one for y in seen for one in moving(f"output {y}", self.outputs[y])]
+        return [stated(f"output {y}", need) for y in seen for need in further(self.outputs[y])]
 
     def on(self, expression: Expression, further: Named | None = None) -> Expression:
         """Expression of outputs (and of further signals) in terms of the states."""
@@ -184,18 +184,12 @@ def values(what: str, side: Expression, transformed: Named | None = None, leaves
 
 def smooth(what: str, side: Expression, transformed: Named | None = None, leaves: str = "") -> list[Statement]:
     """Statements that an expression has a value at every point of the domain, and moves as its derivative says."""
-    return values(what, side, transformed, leaves) + moving(what, side, transformed)
+    return [stated(what, need, transformed, leaves) for need in (*needs(side), *further(side))]
 
 
-def moving(what: str, side: Expression, transformed: Named | None = None) -> list[Statement]:
-    """Statements that an expression moves as its derivative says, wherever it has a value."""
-    leaves = f"whether {side} moves as its derivative says"
-    return [stated(what, need, transformed, leaves) for need in further(side)]
-
-
-def stated(what: str, need: Need, transformed: Named | None, leaves: str) -> Statement:
+def stated(what: str, need: Need, transformed: Named | None = None, leaves: str = "") -> Statement:
     """Statement of a need."""
-    name, put = f"{what}: {need.text}", transformed or {}
+    name, put, leaves = f"{what}: {need.text}", transformed or {}, leaves or need.leaves
     value, branch = need.value.substituted(put), tuple(c.substituted(put) for c in need.branch)
     if need.sign == "is not 0":
         return Nonzero(name, value, branch, leaves)
