@@ -107,6 +107,14 @@ LINEAR = {  # errors that need not be linear to decay
                                       "not known whether chi comes there: invariance"),
     "a root of chi": (SECOND % ("-a", ""), SHAPED % ("c", "a", "sqrt(c)", "a: b1", "c: -2*c"), OPEN,
                       "not known whether chi comes there: beta: c >= 0"),
+    "a pendulum with a wrong gain": ("{dynamics: {x: v, v: -sin(x) - 0.1*v}, outputs: {y: x}}",
+        "{type: high-gain, injection: {x: {y: 20}, v: {y: -100}}}", OPEN,
+        "refuted: the error of hat_x, hat_v is stable"),
+    "a wrong gain": ("{dynamics: {x: v, v: -x - 0.1*v}, outputs: {y: x}}",
+        "{type: high-gain, injection: {x: {y: 20}, v: {y: -100}}}", REFUTED, "the error of hat_x, hat_v is stable"),
+    "a rate of chi": ("{dynamics: {x: a, a: -a}, outputs: {y: x}, domain: {x: [1, 2]}}",
+        '{type: immersion-invariance, chi: [c], phi: [a], beta: ["y*c + y"], left_inverse: {a: b1}}', OPEN,
+        "not known whether chi comes there: off the manifold, 1: -c - 2 < 0 fails"),
     "theta": ("{dynamics: {x: x*a - a**3, a: 0}, outputs: {y: x}, domain: {x: [-1, 1], a: [-1, 1]}}",
               PEBO % ("a: xi", PROPORTIONAL % "y"), OPEN, "which is not linear: estimate of theta of xi"),
 }  # fmt: skip
@@ -127,14 +135,20 @@ PLACES = {  # where the plant can be, and where not
     "a negative number": (DECAYING % ("-3, -1", "0, 1"), KKL % ("a", -1, "0*y + y**(-2) - y**(-2)", "a: xi"), PROVED,
                           "exp(-t)"),
     "a divisor that jumps over 0": (
-        '{dynamics: {x: 0, z: 0, a: "-a + 1/atan2(z, x)"}, outputs: {y1: x, y2: z}, domain: {x: [-2, -1], z: [-1, 1]}}',
-        KKL % ("a", -1, '"1/atan2(y2, y1)"', "a: xi"), OPEN, "neither proved nor refuted: xi: atan2(y2, y1) is not 0"),
+        '{dynamics: {x: 0, z: 0, a: -a}, outputs: {y1: x, y2: z}, domain: {x: [-2, -1], z: [-1, 1]}}',
+        KKL % ("a", -1, '"1/atan2(y2, y1) - 1/atan2(y2, y1)"', "a: xi"), OPEN, "neither proved nor refuted: xi: atan2(y2, y1) is not 0"),
     "a divisor that crosses 0": (DECAYING % ("-1, 2", "0, 1"), KKL % (
         "a", -1, "1/(y**3 - 2) - 1/(y**3 - 2)", "a: xi"), REFUTED, "y**3 - 2 is not 0 fails: x**3 - 2 is"),
     "a divisor that is 0 everywhere": (SECOND % ("-a", ""), KKL % (
         "a", -1, "y/(sin(y)**2 + cos(y)**2 - 1) - y/(sin(y)**2 + cos(y)**2 - 1)", "a: xi"), REFUTED, "is not 0 fails"),
-    "a pole of the plant": (SECOND % ("-a + 1/x", ", domain: {x: [-1, 1]}"), KKL % ("a", -1, "1/y", "a: xi"), OPEN,
-                            "neither proved nor refuted: xi: y is not 0"),
+    "a pole of the plant": (SECOND % ("-a + 1/x", ", domain: {x: [-1, 1]}"), KKL % ("a", -1, "1/y", "a: xi"), PROVED,
+                            "exp(-t)"),
+    "ends of the plant": (SECOND % ("-a + sqrt(x) + log(x + 1)", ""), KKL % (
+        "a", -1, "sqrt(y) + log(1 + y)", "a: xi"), PROVED, "exp(-t)"),
+    "an end that is not that of the plant": (SECOND % ("-a + sqrt(x)", ""), KKL % (
+        "a", -1, "sqrt(y) + log(y) - log(y)", "a: xi"), REFUTED, "xi: y > 0 fails: -x is 0 at x = 0"),
+    "a branch of the plant": ('{dynamics: {x: -x, a: "-a + where(x > 1, log(x), 0)"}, outputs: {y: x}}', KKL % (
+        "a", -1, '"where(y > 1, log(y), 0) + log(y) - log(y)"', "a: xi"), REFUTED, "y > 0 fails"),
     "poles of a copy": ("{dynamics: {x: 1/x, a: -a}, outputs: {y: x}, domain: {x: [-1, 1]}}",
                         "{type: high-gain, copy: outputs, injection: {x: {y: 2}}}", PROVED, "exp(-2*t)"),
     "branches": ("{dynamics: {x: -x, a: -a*(1 + x**2)}, outputs: {y: x**3}}",

@@ -119,6 +119,8 @@ class Negative:
         for value in dict.fromkeys((region.on(looked), looked)):
             if (bound := self.supremum(region, value)) is not None:
                 return Verdict(self.name, Answer.PROVED, bound=bound)
+        if region.implies(Expression.combination([fmpq(-1)], [self.value]), "> 0" if self.strict else ">= 0"):
+            return Verdict(self.name, Answer.PROVED)
         if any(one.decided(region).answer is not Answer.PROVED for one in self.given):
             return Verdict(self.name, Answer.OPEN, short(self.value))
         value, wanted = region.on(looked), "below 0" if self.strict else "at most 0"
@@ -158,6 +160,8 @@ class Nonzero:
             negative = Expression.combination([fmpq(-1)], [value])
             if any(Negative(self.name, side).supremum(region, side) is not None for side in (value, negative)):
                 return Verdict(self.name, Answer.PROVED)
+        if region.implies(self.value, "is not 0"):
+            return Verdict(self.name, Answer.PROVED)
         value = region.on(looked)
         if (zero := vanishing(value, region)) is None:
             return Verdict(self.name, Answer.OPEN, short(self.value))

@@ -38,6 +38,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
+UNKNOWN = "whether chi comes there"
 WAITING = ", where those before it are 0 (otherwise they act as a disturbance)"
 
 
@@ -51,7 +52,7 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     statements = inverses(plant, form.left_inverse, phi)
     statements += [one for side in form.phi for one in smooth("phi", side)]
     manifold = on_manifold(form, {name: Expression.variable(name) for name in plant.dynamics})
-    leaves = "" if manifold else "whether chi comes there"
+    leaves = "" if manifold else UNKNOWN
     invariant = [invariance(plant, form, dynamics, estimates, i, manifold, leaves) for i in range(len(form.phi))]
     statements += invariant
     statements += [one for side in form.beta for one in smooth("beta", side, manifold, leaves)]
@@ -157,7 +158,8 @@ def attraction(
         residual = less(later, multiplied(rate, d[i]))
         error = Identity(f"off the manifold: δ{i + 1}' = ({rate}) δ{i + 1}{before}", residual, f"whether {DECAYS}")
         sign = f"off the manifold, {i + 1}: {rate} < 0"
-        found += [error, Negative(sign, rate, given=(error, *given))]
+        leaves = "" if rate.names.isdisjoint(form.chi) else UNKNOWN
+        found += [error, Negative(sign, rate, leaves=leaves, given=(error, *given))]
         off_it = f"({form.beta[i]}) - ({phi})"
         says.append(f"{off_it} {decay(rate)}" + (WAITING if before else ""))
         if not before:

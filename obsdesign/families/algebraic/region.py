@@ -2,12 +2,15 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from flint import arb, fmpq
 
 from obsdesign.expressions import Expression, Interval
+from obsdesign.expressions.algebra import simplified
 from obsdesign.expressions.constant import ball
+from obsdesign.expressions.needs import Sign, needs
 from obsdesign.expressions.tree import Variable
 from obsdesign.model.equations import Named
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
@@ -30,6 +33,17 @@ class Region:
     def on(self, value: Expression) -> Expression:
         """Expression with the outputs in terms of states, inputs and t."""
         return value.substituted(self.outputs)
+
+    @cached_property
+    def signs(self) -> frozenset[tuple[str, Sign]]:
+        """Functions whose sign every right side of the plant needs, with the sign."""
+        found = (need for side in self.defined for need in needs(side) if not (need.branch or need.leaves))
+        return frozenset((simplified(need.value).text, need.sign) for need in found)
+
+    def implies(self, value: Expression, sign: Sign) -> bool:
+        """Whether a function has a sign wherever the plant has equations."""
+        text = simplified(self.on(value)).text
+        return any((text, known) in self.signs for known in (sign, "> 0"))
 
     def box(self, names: Collection[str]) -> dict[str, Range]:
         """Ranges of signals, in doubles."""
