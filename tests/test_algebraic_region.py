@@ -136,7 +136,8 @@ PLACES = {  # where the plant can be, and where not
                           "exp(-t)"),
     "a divisor that jumps over 0": (
         '{dynamics: {x: 0, z: 0, a: -a}, outputs: {y1: x, y2: z}, domain: {x: [-2, -1], z: [-1, 1]}}',
-        KKL % ("a", -1, '"1/atan2(y2, y1) - 1/atan2(y2, y1)"', "a: xi"), OPEN, "neither proved nor refuted: xi: atan2(y2, y1) is not 0"),
+        KKL % ("a", -1, '"1/atan2(y2, y1) - 1/atan2(y2, y1)"', "a: xi"), OPEN,
+        "neither proved nor refuted: xi: atan2(y2, y1) is not 0"),
     "a divisor that crosses 0": (DECAYING % ("-1, 2", "0, 1"), KKL % (
         "a", -1, "1/(y**3 - 2) - 1/(y**3 - 2)", "a: xi"), REFUTED, "y**3 - 2 is not 0 fails: x**3 - 2 is"),
     "a divisor that is 0 everywhere": (SECOND % ("-a", ""), KKL % (
