@@ -140,6 +140,14 @@ PLACES = {  # where the plant can be, and where not
         "neither proved nor refuted: xi: atan2(y2, y1) is not 0"),
     "a divisor that crosses 0": (DECAYING % ("-1, 2", "0, 1"), KKL % (
         "a", -1, "1/(y**3 - 2) - 1/(y**3 - 2)", "a: xi"), REFUTED, "y**3 - 2 is not 0 fails: x**3 - 2 is"),
+    "a divisor that is 0 at a point": (SECOND % ("-a", ", domain: {x: [-1, 1]}"), KKL % (
+        "a", -1, "1/(4*y - 1) - 1/(4*y - 1)", "a: xi"), REFUTED, "4*y - 1 is not 0 fails: 4*x - 1 is 0 at x = 0.25"),
+    "a divisor with a pole": (SECOND % ("-a", ", domain: {x: [-1, 1]}"), KKL % (
+        "a", -1, "1/(1/y) - 1/(1/y)", "a: xi"), REFUTED, "xi: y is not 0 fails: x is 0 at x = 0"),
+    "a divisor beside a pole of the plant": (SECOND % ("-a + 1/x", ", domain: {x: [-1, 1]}"), KKL % (
+        "a", -1, "1/y + 1/(4*y - 1) - 1/(4*y - 1)", "a: xi"), REFUTED, "4*x - 1 is 0 at x = 0.25"),
+    "a lambda that vanishes far away": (SECOND % ("-a/(1 + x**2)", ""), KKL % (
+        "a", "-1/(1 + y**2)", 0, "a: xi"), OPEN, "neither proved nor refuted: xi: lambda = -1/(1 + y**2) < 0"),
     "a divisor that is 0 everywhere": (SECOND % ("-a", ""), KKL % (
         "a", -1, "y/(sin(y)**2 + cos(y)**2 - 1) - y/(sin(y)**2 + cos(y)**2 - 1)", "a: xi"), REFUTED, "is not 0 fails"),
     "a pole of the plant": (SECOND % ("-a + 1/x", ", domain: {x: [-1, 1]}"), KKL % ("a", -1, "1/y", "a: xi"), PROVED,

@@ -25,8 +25,9 @@ from obsdesign.nonlinearities.evidence.enclosure import supremum
 
 WORK = 20_000  # boxes at which a sign is looked for
 HALVINGS = 40  # of the way between two signs, on which a zero is looked for
-Place = Mapping[str, float]
 LONGEST = 400  # characters of a residual that are shown
+
+Place = Mapping[str, float]  # a point in doubles
 
 
 class Answer(StrEnum):
