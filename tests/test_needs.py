@@ -13,8 +13,8 @@ X, Y = (part.ravel() for part in np.meshgrid(GRID, GRID))
 VALUES = [
     "1/x", "x**(-2)", "x**3", "sqrt(x) + log(y)", "asin(x)*acos(y)", "x**(1/3)", "x**(-1/3)", "1/(x - y)",
     "where(x > 0, log(x), y)", "where(x <= 0, sqrt(-x), 1/x)", "where(x - y, 1/(x - y), 0)", "where(y, 1, 1/x)",
-    "where((x > 0)*(y > 1), log(x), 2)", "where(x >= 1, where(y < 0, log(-y), sqrt(y)), 1/(x - 1))", "1/(x - x)", "tan(x)",
-    "where(x == y, 0, 1/(y - x))", "where(x != 0, 1/x, 0)", "where(x > 0, 1/(y - y), 0)", "0**(-1) + x",
+    "where((x > 0)*(y > 1), log(x), 2)", "where(x >= 1, where(y < 0, log(-y), sqrt(y)), 1/(x - 1))", "1/(x - x)",
+    "where(x == y, 0, 1/(y - x))", "where(x != 0, 1/x, 0)", "where(x > 0, 1/(y - y), 0)", "0**(-1) + x", "tan(x)",
     "where(x >= 1, log(x - 1), 0)", "where(x < y, sqrt(x - y), 0)", "where(x == y, sqrt(2*x - 2*y), 0)",
 ]  # fmt: skip
 
