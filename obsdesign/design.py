@@ -162,10 +162,10 @@ class Design(Outcome):
         write_whole(os.fspath(path), self.text())
 
     def plot_search(self, path: str) -> bool:
-        """Draw the points of its search as a PNG, at a path; False where there are none. Raises as `save`."""
-        from obsdesign.plot import search_figure
+        """Draw the points of its search, at a path (SVG, or PNG); False where there are none. Raises as `save`."""
+        from obsdesign.plot import form_of, search_figure
 
-        figure = search_figure(self.result, self.spec.conditions)
+        figure = search_figure(self.result, self.spec, form_of(path))
         if figure is not None:
             write_whole(path, figure)
         return figure is not None

@@ -267,7 +267,7 @@ def test_a_figure_of_a_search_names_the_bounds_and_the_region(family):
 @pytest.mark.usefixtures("here")
 def test_the_curve_of_a_search_is_drawn_with_what_bounds_it(monkeypatch):
     titles = []
-    monkeypatch.setattr("obsdesign.plot.tradeoff_figure", lambda *args: titles.append(args[2]) or PNG)
+    monkeypatch.setattr("obsdesign.plot.tradeoff_figure", lambda *args, **_: titles.append(args[2]) or PNG)
     observer = "{type: l2, L2: 0, alpha: {min: 0.1, max: 0.2, points: 2}, objective: pareto, bounds: {L1: 20}}"
     printed("solve", f"{PLANT}observer: {observer}\n", "--plot")
     assert titles == ["case\n|L1| <= 20"]

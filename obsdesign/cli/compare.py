@@ -12,7 +12,7 @@ from obsdesign.watch import limited
 def compare(
     sources: Annotated[list[str], typer.Argument(metavar="SPEC|GAINS.json..", help="Specs and gains files.")],
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with noise of each observer.")] = 10,
-    output: Annotated[str, typer.Option("-o", "--output", help="Figure (PNG).")] = "compare.png",
+    output: Annotated[str, typer.Option("-o", "--output", help="Figure (PNG, or SVG by its ending).")] = "compare.png",
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Changes, Quiet, Solver, Timeout
+from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
 from obsdesign.cli.steps import broken, drawn, progress, ran, run_text, stem
 from obsdesign.watch import limited
@@ -18,7 +18,8 @@ def simulate(
     changes: Changes = [],  # noqa: B006
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
     output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV); - is standard output.")] = "",
-    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
+    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG, or SVG by its ending).")] = "",
+    plot_all: PlotAll = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,
@@ -44,7 +45,7 @@ def simulate(
             with progress(quiet) as report:
                 design = trial(source, gains, solver, report, changes)
             run = ran(design, quiet)
-            samples, figure = drawn(run)
+            samples, figure = drawn(run, paths[1], plot_all)
             write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
             if paths[0] == "-":
                 return Answer(samples.decode())

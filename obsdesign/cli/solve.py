@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import EXIT, AsJson, Changes, Quiet, Solver, SpecPaths, Timeout
+from obsdesign.cli.program import EXIT, AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
 from obsdesign.cli.steps import broken, drawn, ran, run_text, solved, stem
 from obsdesign.errors import UsageError
@@ -18,6 +18,7 @@ def solve(
     output: Annotated[str, typer.Option("-o", "--output", help="Gains file; - is standard output.")] = "",
     simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: FILE.run.csv and FILE.run.png.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Plot the curves of a search, NAME.curve.png.")] = False,
+    plot_all: PlotAll = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,
@@ -43,7 +44,7 @@ def solve(
         try:
             if simulate and design.built:
                 run = ran(design, quiet)
-                files |= dict(zip(paths, drawn(run), strict=True))
+                files |= dict(zip(paths, drawn(run, paths[1], plot_all), strict=True))
         except UsageError:
             files.clear()
             raise

@@ -64,11 +64,12 @@ def ran(design: "Design", quiet: bool) -> "Run":
     return run
 
 
-def drawn(run: "Run") -> tuple[bytes, bytes]:
-    """Samples and figure of a run."""
+def drawn(run: "Run", figure: str, every: bool) -> tuple[bytes, bytes]:
+    """Samples of a run, and its figure in the form that its path asks for; with every panel, or those that answer."""
     from obsdesign.files import csv
+    from obsdesign.plot import form_of, run_figure
 
-    return csv(*run.table()), run.plot()
+    return csv(*run.table()), run_figure(run, every=every, form=form_of(figure))
 
 
 def broken(run: "Run", samples: str) -> ObsdesignError | None:

@@ -41,11 +41,7 @@ def resolve(document: Document) -> Spec:
     Raises `UsageError` with everything that is wrong, in the order of the file.
     """
     reader = Reader(document, list(document.problems))
-    if isinstance(document.root.value, dict) and document.root.value.keys() >= RESULT:
-        piped = document.path == "-"
-        takers = "`verify -` takes it, and `simulate` as a file" if piped else "`simulate` and `verify` take it"
-        said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
-        raise UsageError(Problem(said, document.path))
+    require_spec(document)
     file, named = read_file(reader), document.find(("observer", "type"))[1].value
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
@@ -96,6 +92,17 @@ def resolve(document: Document) -> Spec:
         notes=tuple(reader.notes),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
     )
+
+
+def require_spec(document: Document) -> None:
+    """Refuse a result of `solve`, with where its spec is."""
+    if not isinstance(document.root.value, dict) or not document.root.value.keys() >= RESULT:
+        return
+    takers = (
+        "`verify -` takes it, and `simulate` as a file" if document.path == "-" else "`simulate` and `verify` take it"
+    )
+    said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
+    raise UsageError(Problem(said, document.path))
 
 
 def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
