@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign import __version__
+from obsdesign.disk import write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
@@ -25,7 +26,7 @@ from obsdesign.families.analysis import useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
-from obsdesign.files import ResultFile, as_read, digest, to_json, write_whole
+from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
 from obsdesign.spec import Spec
@@ -91,7 +92,7 @@ class Design(Outcome):
         """
         if not self.built:
             said = f"no gains to simulate: {self.diagnosis.get('reason', self.status)}"
-            raise UsageError(Problem(said, self.spec.path))
+            raise UsageError(Problem(said, self.spec.path, id="OBS709"))
         with self.spec.placed():
             return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains or self.form)
 
@@ -177,7 +178,9 @@ class Design(Outcome):
         try:
             return to_json(self.result).encode()
         except ValueError:
-            raise UndecidedError(Problem("the numbers are beyond what doubles can hold", self.spec.path)) from None
+            raise UndecidedError(
+                Problem("the numbers are beyond what doubles can hold", self.spec.path, id="OBS508")
+            ) from None
 
     def verify(self) -> Proof:
         """Prove the claim anew from what `save` writes, in rationals and with no solver.
@@ -218,14 +221,14 @@ class Design(Outcome):
             for key, value in told.items()
         ]
 
-    def unmet(self, summary: Mapping[str, Any] | None = None) -> list[str]:
-        """What the spec expects of its result, or of a run with this summary, and does not get, in sentences."""
-        asked = (e for e in self.expected(summary) if e["key"].startswith("simulation.") == bool(summary))
-        return [
-            f"expect.{e['key']}: expected {e['expected']}, found {'nothing' if e['found'] is None else e['found']}"
-            for e in asked
-            if not e["holds"]
-        ]
+    def unmet(self, summary: Mapping[str, Any] | None = None) -> list[Problem]:
+        """What the spec expects of its result, or of a run with this summary, and does not get."""
+        found = []
+        for e in self.expected(summary):
+            if e["key"].startswith("simulation.") == bool(summary) and not e["holds"]:
+                said = f"expected {e['expected']}, found {'nothing' if e['found'] is None else e['found']}"
+                found.append(Problem(said, self.spec.path, key=f"expect.{e['key']}", id="OBS617"))
+        return found
 
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""
@@ -275,7 +278,7 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     spec = spec_of(file, spec)
     family, status = FAMILIES[spec.observer.type], file.at("status")
     if status == Verdict.INFEASIBLE:
-        raise file.wrong("status", "infeasible: this result has no gains")
+        raise file.wrong("status", "infeasible: this result has no gains", id="OBS709")
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
     proved = claim is not None and claim.holds
@@ -293,13 +296,13 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
         spec, name = loads(text, f"{file.path} (spec.text)", changes), file.content.get("name")
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}", id="OBS704")
     if spec.changes != changes:
         spec = loads(text, spec.path, changes)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
-        raise file.wrong("split", "is not how the equations of the spec are split")
+        raise file.wrong("split", "is not how the equations of the spec are split", id="OBS705")
     return spec
 
 
@@ -313,7 +316,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
             require_dual(file, proof)
         proof = replace(proof, claim="; ".join([proof.claim, *spec.changed]))
     elif status != Verdict.CERTIFIED:
-        raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
+        raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified", id="OBS706")
     else:
         claim = design_of(file, spec).claim
         assert claim
@@ -325,5 +328,5 @@ def doubles(file: ResultFile, name: str, gain: Array) -> Array:
     """Gain in doubles."""
     found = np.vectorize(approximate, otypes=[float])(gain)
     if not np.isfinite(found).all():
-        raise file.wrong(f"observer.{name}", "beyond the range of doubles")
+        raise file.wrong(f"observer.{name}", "beyond the range of doubles", id="OBS508")
     return np.asarray(found)

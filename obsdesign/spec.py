@@ -178,16 +178,18 @@ class Spec(metaclass=Called):
         try:
             yield
         except ObsdesignError as error:
-            raise type(error)(*(self.located(one) for one in error.problems)) from None
+            error.problems = error.args = tuple(map(self.located, error.problems))
+            raise
 
     def located(self, problem: Problem) -> Problem:
         """Return the same problem with its place; a spec of Python values has no lines."""
-        if problem.file or problem.message.startswith((" ", "--")):  # a row of a table, or of an option
+        if problem.file or problem.message.startswith("--"):  # of an option
             return problem
         if not problem.key or self.path.startswith("<"):
             return replace(problem, file=self.path)
         loc = [int(name) if name.isdigit() else name for name in re.findall(r"[^.\[\]]+", problem.key)]
-        return opened(self.text, self.path, self.changes).problem(tuple(loc), problem.message)
+        placed = opened(self.text, self.path, self.changes).problem(tuple(loc), problem.message, id=problem.id)
+        return replace(placed, rows=problem.rows)
 
     def __repr__(self) -> str:
         return f"<spec {self.name!r}: {self.observer.type}, {self.plant.n} states>"
@@ -227,7 +229,7 @@ class Spec(metaclass=Called):
                 break
             if block.f is None:
                 said = "has no `f`, which a simulation needs (a design does not)"
-                raise UsageError(Problem(said, key=f"nonlinearities[{i}]"))
+                raise UsageError(Problem(said, key=f"nonlinearities[{i}]", id="OBS402"))
             blocks.append((block.f, block.nq))
         known = [
             (*g, *[Expression.number(0)] * (rows - len(g)))
@@ -311,7 +313,7 @@ class Spec(metaclass=Called):
                 name = block.argument(k, f"q{k + 1} of nonlinearities[{i - 1}]")
                 where = f"{name} to {value:.4g}, outside its region [{low:g}, {high:g}]"
                 said = f"it sets {where}, where nothing is proved; give an xhat0 within it"
-                yield self.located(Problem(said, key="simulation.xhat0"))
+                yield self.located(Problem(said, key="simulation.xhat0", id="OBS806"))
 
     def limits(self, i: int) -> list[str]:
         """What must hold for the type of one nonlinearity."""

@@ -29,8 +29,10 @@ LAYERS = (
     ("nonlinearities", "dissipation"),
     ("families.guarantee", "families.observer"),
     ("model",),
+    ("guide",),
     ("sections",),
     ("lmi", "expressions", "files", "tables.text", "watch"),
+    ("disk",),
     ("errors",),
 )
 LEVEL = {part: level for level, row in enumerate(LAYERS) for part in row}

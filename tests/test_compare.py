@@ -152,7 +152,7 @@ def test_what_is_another_problem_is_refused_in_one_line(change, said):
     assert outcome.exit_code == 2
     assert said in outcome.stderr
     assert outcome.stderr.count("\n") == 1
-    assert outcome.stderr.strip().endswith("a comparison needs one plant")
+    assert outcome.stderr.strip().endswith("a comparison needs one plant [OBS805]")
     assert not Path("compare.png").exists()
 
 

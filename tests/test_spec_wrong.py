@@ -472,7 +472,7 @@ def test_a_message_is_one_line_with_file_line_column_key_what_is_wrong_and_what_
     (problem,) = problems_of(BASE.replace(ALPHA, "  aplha: 0.5"))
     assert str(problem) == (
         "spec.yaml:17:3: observer.aplha: unknown key aplha; did you mean alpha? "
-        "allowed: type, L2, alpha, objective, slack, bounds, gains, reconstruct"
+        "allowed: type, L2, alpha, objective, slack, bounds, gains, reconstruct [OBS201]"
     )
 
 

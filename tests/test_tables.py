@@ -237,8 +237,8 @@ def test_a_nonlinearity_that_acts_on_nothing_is_pointed_out(family):
     text = PLANT.replace("Bf: [0, 0.5]", "Bf: [0, 0]") + f"observer: {FAMILIES[family][0]}\n"
     said = "nonlinearities[0] acts on nothing: its columns of Bf, Df and Dqf are zero"
     assert said in beside(printed("solve", text), "note")
-    assert said in beside(printed("check", text), "note")
-    assert said not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
+    assert f"{said} [OBS615]" in beside(printed("check", text), "note")
+    assert f"{said} [OBS615]" not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
 
 
 @pytest.mark.usefixtures("here")

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
-from obsdesign.cli.steps import as_text, progress
+from obsdesign.cli.steps import as_text, progress, taken
 from obsdesign.watch import limited
 
 
@@ -19,13 +19,15 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
-    from obsdesign import work
-    from obsdesign.files import require_writable
+    from obsdesign.disk import require_writable
 
     with limited(timeout):
         require_writable(output)
+        problems = [taken(source) for source in sources]
+        from obsdesign import work
+
         with progress(quiet) as report:
-            found = work.compare(sources, seeds, solver, report)
+            found = work.compare(problems, seeds, solver, report)
         found.plot(output)
     if as_json:
         typer.echo(as_text(found.report))

@@ -5,10 +5,11 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.problems import tell
 from obsdesign.cli.program import EXIT, AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import broken, drawn, ran, run_text, solved, stem
-from obsdesign.errors import UsageError
+from obsdesign.cli.steps import drawn, failing, loaded, ran, run_text, solved, stem
+from obsdesign.errors import Problem, UsageError
 from obsdesign.watch import limited
 
 
@@ -25,12 +26,13 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
-    from obsdesign.files import is_regular, require_writable, write_all
-    from obsdesign.tables.text import aligned
-    from obsdesign.work import load
+    from obsdesign.disk import is_regular, require_writable, write_all
 
     def answer(spec: str) -> Answer:
-        problem = load(spec, changes)
+        problem = loaded(spec, changes)
+        from obsdesign.simulate.validity import require_kept
+        from obsdesign.tables.text import aligned
+
         target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
         if not printed:
@@ -39,6 +41,9 @@ def solve(
         beside, name = (Path(target).parent, stem(target)) if named else (Path(), stem(spec))
         paths = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
         design = solved(problem, solver, quiet)
+        if design.status == "uncertified":
+            tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])
+        tell(design.unmet())
         text, run = design.text(), None
         files = {} if printed else {target: text}
         try:
@@ -50,18 +55,19 @@ def solve(
             raise
         finally:
             write_all(files)
-        if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
-            typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
-        if design.status == "uncertified":
-            typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
-        for said in design.unmet():
-            typer.echo(f"{spec}: {said}", err=True)
         if printed or as_json:
             told = text.decode()
         else:
             told = "" if quiet else aligned([*design.table(), ("file", target)])
             told += f"\n\n{run_text(design, run.summary, paths)}" if run and not quiet else ""
-        return Answer(told, EXIT[design.status], broken(run, paths[0]) if run else None)
+
+        def afterwards() -> None:
+            if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
+                typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
+            if run:
+                require_kept(run.summary, paths[0])
+
+        return Answer(told, EXIT[design.status], failing(afterwards))
 
     with limited(timeout):
         sources = found(specs)

@@ -72,6 +72,7 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
             ", or a tighter type of the nonlinearity" if helps(spec, demand) else ""
         )
     return {
+        "id": "OBS601",
         "condition": "detectability",
         "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}",
         "mode": described(found.mode),
@@ -131,7 +132,7 @@ def findings(spec: Spec, demand: Demand) -> list[Finding]:
     if not found:
         return []
     numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
-    return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers)]
+    return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers, id="OBS601")]
 
 
 def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
@@ -142,7 +143,9 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     root, shapes = ("diagnosis", "certificate", "members"), [b.member.shape for b in demand.multiplier.blocks]
     names, table = numbered("f", len(shapes)), file.table(*root)
     if set(table) != set(names):
-        raise file.wrong(".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities")
+        raise file.wrong(
+            ".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities", id="OBS702"
+        )
     chosen = tuple(
         None if table[name] == FREE else file.matrix(shape, *root, name)
         for name, shape in zip(names, shapes, strict=True)

@@ -32,6 +32,7 @@ def too_tight(
     """
     said = [f"{words} {value:g}, with which there is one" for value, words in enough.values()]
     return {
+        "id": "OBS611",
         "condition": "bounds",
         "reason": f"no gain with {' and '.join(asked)} was found {where}",
         "feasible": {key: value for key, (value, _) in enough.items()},
@@ -59,7 +60,9 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
             proof = diagnosis(spec, found, demand)
             return replace(outcome, status=Verdict.INFEASIBLE, diagnosis={**outcome.diagnosis, **proof})
     if outcome.status is Verdict.UNDECIDED:
-        raise UndecidedError(f"{outcome.diagnosis['reason']}; {outcome.diagnosis['suggestion']}")
+        raise UndecidedError(
+            f"{outcome.diagnosis['reason']}; {outcome.diagnosis['suggestion']}", id=outcome.diagnosis["id"]
+        )
     return outcome
 
 
@@ -93,11 +96,15 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     root, blocks = ("diagnosis", "certificate"), demand.multiplier.blocks
     names = numbered("f", len(blocks))
     if set(file.table(*root, "members")) != set(names):
-        raise file.wrong("diagnosis.certificate.members", f"expected one for each of {len(blocks)} nonlinearities")
+        raise file.wrong(
+            "diagnosis.certificate.members", f"expected one for each of {len(blocks)} nonlinearities", id="OBS702"
+        )
     slopes = (file.matrix(b.member.shape, *root, "members", name) for name, b in zip(names, blocks, strict=True))
     found = Needed(tuple(slopes), file.number(*root, "at"), file.number(*root, "size"))
     if demand.largest is None or found.size <= demand.largest:
-        raise file.wrong("diagnosis.certificate.size", "not above the bound of the spec, or the spec has none")
+        raise file.wrong(
+            "diagnosis.certificate.size", "not above the bound of the spec, or the spec has none", id="OBS707"
+        )
     holds = proved(spec.augmented, demand.multiplier, demand.rate, demand.L2, found)
     name = "a member of the class needs a larger gain"
     if demand.theorem:

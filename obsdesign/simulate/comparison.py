@@ -165,7 +165,7 @@ class Comparison:
 
         Raises `UsageError` if the file cannot be written.
         """
-        from obsdesign.files import write_whole
+        from obsdesign.disk import write_whole
         from obsdesign.plot import form_of
         from obsdesign.plot.comparison import comparison_figure
 

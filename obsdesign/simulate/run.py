@@ -107,7 +107,7 @@ class Run(Samples):
     def __getitem__(self, name: str) -> Array:
         """Return a signal by its name in the CSV file, (N,)."""
         if name not in self.columns:
-            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}")
+            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}", id="OBS203")
         return self.columns[name]
 
     def plot(self, path: str | None = None, *, every: bool = False) -> bytes:
@@ -116,7 +116,7 @@ class Run(Samples):
         At most four panels tell what the spec wants to know; `every` adds the others: all states and inputs, V, ..
         Raises `UsageError` if the file cannot be written.
         """
-        from obsdesign.files import write_whole
+        from obsdesign.disk import write_whole
         from obsdesign.plot import form_of, run_figure
 
         figure = run_figure(self, every=every, form=form_of(path))

@@ -30,7 +30,9 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     rows += analysis(content.get("analysis", {}))
     rows += proof(content.get("certificate", {}))
     if "diagnosis" in content:
-        rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
+        found = content["diagnosis"]
+        rows += [("reason", f"{found['reason']} [{found['id']}]")] if "id" in found else []
+        rows += [("suggestion", str(found["suggestion"]))] if "suggestion" in found else []
     rows += search_rows(content.get("search", {}))
     return rows + [("note", note) for note in content.get("notes", [])]
 

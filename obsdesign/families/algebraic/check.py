@@ -18,7 +18,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
         assert spec.typed
         form, found, missing = sought(spec.typed, form)
         if form is None:
-            return [finding("coordinates", False, not_found(spec, found, missing)["reason"], decides=True)]
+            return [finding("coordinates", False, not_found(spec, found, missing)["reason"], decides=True, id="OBS613")]
     assert form is not None
     return [
         finding(
@@ -26,6 +26,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
             verdict.answer is Answer.PROVED,
             f"{verdict.name}: proved" if verdict.answer is Answer.PROVED else verdict.sentence,
             decides=verdict.answer is Answer.REFUTED,
+            id="OBS612",
         )
         for verdict in Claim.of(spec, form).verdicts
     ]

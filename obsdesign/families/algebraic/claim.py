@@ -124,10 +124,10 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     found = file.table("guarantee")
     for name in said.keys() - {"rates"}:
         if as_text(found.get(name)) != as_text(said[name]):
-            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
+            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say", id="OBS705")
     for name in file.table("guarantee", "rates"):
         if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
-            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
+            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove", id="OBS705")
     return claim
 
 
@@ -139,11 +139,12 @@ def as_text(value: Any) -> str:
 def refutation(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none: a statement that it rests on is false."""
     if isinstance(request_of(spec).form, Sought):
-        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none")
+        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none", id="OBS705")
     claim = Claim.of(spec, read_form(spec, file))
     refuted = claim.refuted
     if not refuted:
-        raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
+        said = "refuted: every statement of the observer that could be decided is true"
+        raise file.wrong("status", said, id="OBS705")
     outcome = Outcome(Status.REFUTED, claim=claim, form=claim.form)
     observer = {"type": spec.observer.type, **written(spec, outcome)}
     require_agreement(file, {"observer": observer, **claim.written(spec, {})}, spec)
@@ -158,7 +159,8 @@ def diagnosis(claim: Claim) -> dict[str, Any]:
     """What is false, and where."""
     first, *others = claim.refuted
     also = f"; {len(others)} further statements fail" if others else ""
-    return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
+    reason = f"{first.sentence}{also}"
+    return {"id": "OBS612", "condition": "identity", "reason": reason, **first.written(), "feasible": {}}
 
 
 def require_found(file: ResultFile, said: Mapping[str, Any]) -> None:
@@ -167,7 +169,8 @@ def require_found(file: ResultFile, said: Mapping[str, Any]) -> None:
     found = file.plain()["diagnosis"]
     for key in sorted(keys):
         if as_text(found.get(key)) != as_text(said.get(key)):
-            raise file.wrong(f"diagnosis.{key}", "is not what is found anew of the statements of the observer")
+            words = "is not what is found anew of the statements of the observer"
+            raise file.wrong(f"diagnosis.{key}", words, id="OBS705")
 
 
 def read_form(spec: Spec, file: ResultFile) -> Form:

@@ -201,7 +201,7 @@ def require_own(plant: Plant, coordinates: Collection[str], own: Named) -> None:
     for name in own:
         if name in taken:
             said = f"{name} is the name of a state of the estimator; choose another name for the signal"
-            raise UsageError(Problem(said, key="observer.estimator"))
+            raise UsageError(Problem(said, key="observer.estimator", id="OBS211"))
 
 
 def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:

@@ -54,6 +54,7 @@ def not_found(spec: Spec, found: Found, missing: tuple[str, ...]) -> dict[str, A
         *([f"filters whose inverse is fitted are an observer, {numeric.sentence}"] if numeric else []),
     ]
     return {
+        "id": "OBS613",
         "condition": "coordinates",
         "reason": reason,
         "missing": list(missing),

@@ -130,7 +130,9 @@ def determinant(rows: list[list[Expression]]) -> Expression:
     """Determinant by Leibniz' formula; there are few parameters."""
     n = len(rows)
     if n > MOST:
-        raise UsageError(Problem(f"{n} constants; at most {MOST} are mixed at once", key="observer.estimator"))
+        raise UsageError(
+            Problem(f"{n} constants; at most {MOST} are mixed at once", key="observer.estimator", id="OBS210")
+        )
     parts, signs = [], []
     for order in permutations(range(n)):
         inversions = sum(order[i] > order[j] for i in range(n) for j in range(i + 1, n))

@@ -104,7 +104,7 @@ def injected(form: HighGain, name: str, side: Expression, shown: Named) -> Expre
     for y in gains:
         if y not in shown:
             said = f"no state of the observer is {y}, so that there is no {y} - yhat; add a state with this phi"
-            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}"))
+            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}", id="OBS504"))
     errors = {y: less(Expression.variable(y), shown[y]) for y in shown}
     return added([side, *(multiplied(gain, errors[y]) for y, gain in gains.items())])
 
@@ -163,7 +163,7 @@ def motion(
     """
     if len(block) > MOST:
         said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
-        raise UsageError(Problem(said, key="observer.injection"))
+        raise UsageError(Problem(said, key="observer.injection", id="OBS210"))
     part = [[M[i][j] for j in block] for i in block]
     who = f"the error of {', '.join(states[i] for i in block)}"
     acting = [states[j] for j in range(len(M)) if j not in block and any(M[i][j].text != "0" for i in block)]

@@ -87,7 +87,7 @@ class Plant:
                 f"{y} = {h} is differentiated here, and {u}' is not known; make {u} a parameter if it is constant, or "
                 f"a state with its derivative, or use an output without inputs"
             )
-            raise UsageError(Problem(said, key=f"system.outputs.{y}"))
+            raise UsageError(Problem(said, key=f"system.outputs.{y}", id="OBS504"))
         return self.along(h)
 
     def driven(self, side: Expression, estimates: Named | None = None) -> Expression:
@@ -119,7 +119,7 @@ def common(name: str, other: str, *ends: Ends) -> Ends:
     high = min((high for _, high in ends if high is not None), default=None)
     if low is not None and high is not None and low >= high:
         said = f"{name} is {other}, and their ranges have nothing in common; give one range, or two that overlap"
-        raise UsageError(Problem(said, key=f"system.domain.{name}"))
+        raise UsageError(Problem(said, key=f"system.domain.{name}", id="OBS208"))
     return low, high
 
 
@@ -127,7 +127,7 @@ def slope(side: Expression, name: str) -> Expression:
     """Partial derivative of what moves as its derivative says; raises `UsageError` of kinks and jumps."""
     if not side.smooth:
         said = f"{side} has a kink or a jump, where its derivative does not say how it moves; use a smooth function"
-        raise UsageError(Problem(said, key="observer"))
+        raise UsageError(Problem(said, key="observer", id="OBS307"))
     return side.derivative(name)
 
 

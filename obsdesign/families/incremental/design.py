@@ -135,7 +135,9 @@ class Designer:
             if not free:
                 self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
         else:
-            raise UndecidedError(f"the least gamma at alpha = {float(alpha):g} was not found: {answer.reason}")
+            raise UndecidedError(
+                f"the least gamma at alpha = {float(alpha):g} was not found: {answer.reason}", id="OBS507"
+            )
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
@@ -180,7 +182,7 @@ class Designer:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
         wide = self.engine.widest(search.witness(None))
         if wide.status is not Status.OPTIMAL:
-            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.reason}")
+            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.reason}", id="OBS507")
         size = 2 * norm(wide.values, self.request.bounds)
         answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
         level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
@@ -192,7 +194,9 @@ class Designer:
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
         if not made.gains:
-            raise UndecidedError(f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}")
+            raise UndecidedError(
+                f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}", id="OBS507"
+            )
         return made
 
     def proved(self, candidates: Iterable[tuple[Incremental, Values | None]], gamma: float) -> Outcome:
@@ -269,7 +273,7 @@ class Designer:
         feasible, unknown = self.decay.feasible(low)
         if not feasible:
             if unknown and not self.request.bounds.restricted:
-                raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided")
+                raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided", id="OBS507")
             gamma = in_floats(self.request.bounds).gamma
             return self.out_of_bounds(low, {}, gamma) if unknown else self.infeasible(low)
         attained, _ = self.decay.feasible(high)
