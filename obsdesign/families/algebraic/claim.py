@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.families.agreement import require_agreement
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
-from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
+from obsdesign.families.algebraic.identity import Answer, Verdict
+from obsdesign.families.algebraic.region import Region
 from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.algebraic.scheme import OPEN, Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
+from obsdesign.families.outcome import Verdict as Status
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.proof import Check
@@ -32,19 +35,19 @@ class Claim:
 
     form: Form
     scheme: Scheme
-    domain: Domain
+    region: Region
 
     @classmethod
     def of(cls, spec: Spec, form: Form) -> "Claim":
         """Claim of a spec with an observer."""
         assert spec.typed
         plant = Plant.of(spec.typed)
-        return cls(form, built(plant, form), plant.domain)
+        return cls(form, built(plant, form), plant.region)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """What was found of each statement."""
-        return tuple(statement.decided(self.domain) for statement in self.scheme.statements)
+        return tuple(statement.decided(self.region) for statement in self.scheme.statements)
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -137,15 +140,37 @@ def refutation(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none: a statement that it rests on is false."""
     if isinstance(request_of(spec).form, Sought):
         raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none", id="OBS705")
-    refuted = Claim.of(spec, read_form(spec, file)).refuted
+    claim = Claim.of(spec, read_form(spec, file))
+    refuted = claim.refuted
     if not refuted:
-        raise file.wrong(
-            "status", "refuted: every statement of the observer that could be decided is true", id="OBS705"
-        )
+        said = "refuted: every statement of the observer that could be decided is true"
+        raise file.wrong("status", said, id="OBS705")
+    outcome = Outcome(Status.REFUTED, claim=claim, form=claim.form)
+    observer = {"type": spec.observer.type, **written(spec, outcome)}
+    require_agreement(file, {"observer": observer, **claim.written(spec, {})}, spec)
+    require_found(file, diagnosis(claim))
     return Proof(
         f"refuted: {refuted[0].sentence}",
         tuple(Check(f"it is false that {v.sentence}", True, abs(v.value)) for v in refuted),
     )
+
+
+def diagnosis(claim: Claim) -> dict[str, Any]:
+    """What is false, and where."""
+    first, *others = claim.refuted
+    also = f"; {len(others)} further statements fail" if others else ""
+    reason = f"{first.sentence}{also}"
+    return {"id": "OBS612", "condition": "identity", "reason": reason, **first.written(), "feasible": {}}
+
+
+def require_found(file: ResultFile, said: Mapping[str, Any]) -> None:
+    """Refuse a file whose diagnosis is not the one that is found anew."""
+    keys = {*file.table("diagnosis"), *said}
+    found = file.plain()["diagnosis"]
+    for key in sorted(keys):
+        if as_text(found.get(key)) != as_text(said.get(key)):
+            words = "is not what is found anew of the statements of the observer"
+            raise file.wrong(f"diagnosis.{key}", words, id="OBS705")
 
 
 def read_form(spec: Spec, file: ResultFile) -> Form:
