@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support.commands import run
 from support.shipped import SPECS, shipped, solved
 
@@ -209,6 +211,49 @@ def test_a_file_that_says_otherwise_is_not_proved(keys, value):
     place[keys[-1]] = value
     Path("forged.gains.json").write_text(json.dumps(content))
     assert run("verify", "forged.gains.json").exit_code in (2, 4)
+
+
+CHEMOSTAT = """obsdesign: 1
+system:
+  inputs: [D]
+  dynamics: {X: 0.5*S*X - D*X, S: D*(5 - S) - S*X}
+  outputs: {y: S}
+  domain: {X: [0.1, 3], S: [0.01, 5], D: [%s, %s]}
+observer:
+  type: kkl
+  coordinates: [{name: xi, phi: X + 0.5*S, lambda: -D, B: 2.5*D}]
+  left_inverse: {X: xi - 0.5*y}
+"""
+
+
+@settings(max_examples=15)
+@given(least=st.decimals("0.00001", 50, places=5), more=st.decimals("0.001", 50, places=5))
+def test_the_file_of_a_certified_observer_is_proved_whatever_its_rate(least, more):
+    Path("rate.yaml").write_text(CHEMOSTAT % (least, least + more))
+    assert run("solve", "rate.yaml").exit_code == 0
+    outcome = run("verify", "rate.gains.json")
+    assert outcome.exit_code == 0, outcome.output
+    rate = json.loads(Path("rate.gains.json").read_text())["guarantee"]["rates"]["xi"]
+    assert float(least) * (1 - 1e-5) <= rate <= float(least)
+
+
+@pytest.mark.parametrize(("rate", "code"), [("0.0499999", 0), ("0.04", 0), ("0.05", 2), ("0.04999991", 2)])
+def test_a_rate_is_believed_if_it_is_no_better_than_the_one_that_is_proved(rate, code):
+    Path("rate.yaml").write_text(CHEMOSTAT % ("0.05", "0.4"))
+    assert run("solve", "rate.yaml").exit_code == 0
+    Path("rate.gains.json").write_text(Path("rate.gains.json").read_text().replace("0.0499999", rate))
+    outcome = run("verify", "rate.gains.json")
+    assert outcome.exit_code == code, outcome.output
+    assert f"decays at least at {rate} 1/s" in outcome.stdout or "is faster than the statements prove" in outcome.stderr
+
+
+def test_a_rate_of_what_is_not_said_to_decay_is_refused():
+    Path("rate.yaml").write_text(CHEMOSTAT % ("0.05", "0.4"))
+    assert run("solve", "rate.yaml").exit_code == 0
+    content = json.loads(Path("rate.gains.json").read_text())
+    content["guarantee"]["rates"]["X"] = 0.01
+    Path("rate.gains.json").write_text(json.dumps(content))
+    assert "guarantee.rates.X: no rate of this is proved" in run("verify", "rate.gains.json").stderr
 
 
 def test_found_coordinates_that_are_forged_are_not_proved():
