@@ -124,7 +124,7 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
         return out_of_reach(spec, fixed, known["gamma"], largest_alpha)
     if known:
         return {"condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
-            "suggestion": "allow larger bounds" if "bounds" in known else "design new gains: leave `gains` out"
+            "suggestion": "design new gains: leave `gains` out"
         }
     structural = too_stiff(fixed) or failing_passivity(spec, fixed)
     if structural:
