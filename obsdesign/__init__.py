@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
+    from obsdesign.difference import diff
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
     from obsdesign.families.finding import Finding
     from obsdesign.families.outcome import Proof
@@ -39,6 +40,7 @@ __all__ = [
     "UsageError",
     "check",
     "compare",
+    "diff",
     "lipschitz",
     "load",
     "read",
@@ -49,6 +51,7 @@ __all__ = [
 HOMES = {
     "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
     "design": ("Design",),
+    "difference": ("diff",),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
     "simulate.comparison": ("Comparison",),

@@ -19,7 +19,7 @@ from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
-from obsdesign.sections.document import compose
+from obsdesign.sections.changes import opened
 from obsdesign.tables.text import at_least, at_most
 
 Vector = npt.NDArray[np.float64]
@@ -175,6 +175,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
 
     @contextmanager
@@ -192,7 +193,7 @@ class Spec(metaclass=Called):
         if not problem.key or self.path.startswith("<"):
             return replace(problem, file=self.path)
         loc = [int(name) if name.isdigit() else name for name in re.findall(r"[^.\[\]]+", problem.key)]
-        return compose(self.text, self.path).problem(tuple(loc), problem.message)
+        return opened(self.text, self.path, self.changes).problem(tuple(loc), problem.message)
 
     def __repr__(self) -> str:
         return f"<spec {self.name!r}: {self.observer.type}, {self.plant.n} states>"
@@ -253,11 +254,15 @@ class Spec(metaclass=Called):
 
     @property
     def idle(self) -> list[str]:
-        """Nonlinearities that act on nothing, in sentences."""
-        plant, column, found = self.augmented, 0, []
+        """Nonlinearities and disturbances that act on nothing, in sentences."""
+        column, found = 0, []
+        for name, *columns in zip(self.plant.exogenous, self.plant.B.T, self.plant.D.T, self.plant.Dq.T, strict=True):
+            if not any(part.any() for part in columns):
+                found.append(f"the disturbance {name} acts on nothing: it enters neither the dynamics nor an output")
+        plant = self.augmented
         for i, block in enumerate(self.nonlinearities):
-            columns = slice(column, column := column + block.multiplier.member.shape[0])
-            if not any(M[:, columns].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
+            mine = slice(column, column := column + block.multiplier.member.shape[0])
+            if not any(M[:, mine].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
                 found.append(f"nonlinearities[{i}] acts on nothing: its columns of Bf, Df and Dqf are zero")
         return found
 
@@ -293,7 +298,13 @@ class Spec(metaclass=Called):
     def provisos(self) -> list[str]:
         """Where a guarantee of the observer holds, and what it assumes: clauses for the end of a sentence."""
         assumed = [f"assumed: {' and '.join(self.assumed)}"] if self.assumed else []
-        return [*([f"local: {self.validity}"] if self.validity else []), *assumed]
+        return [*([f"local: {self.validity}"] if self.validity else []), *assumed, *self.changed]
+
+    @property
+    def changed(self) -> list[str]:
+        """That a claim is of the spec with other values of some keys, as a clause; a trial changes no claim."""
+        told = [change for change in self.changes if not re.match(r"\s*(simulation|expect)\b", change)]
+        return [f"of the spec with {', '.join(told)}"] if told else []
 
     def starts_outside(self) -> Iterator[Problem]:
         """Arguments of f that the first estimate has outside the region of its type, with what to write."""

@@ -2,6 +2,7 @@
 
 from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
+from obsdesign.cli.diff import diff
 from obsdesign.cli.lipschitz import lipschitz
 from obsdesign.cli.program import app, main
 from obsdesign.cli.schema import schema
@@ -11,5 +12,5 @@ from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (solve, simulate, compare, check, lipschitz, verify, schema):  # as the help lists them
+for command in (solve, simulate, compare, check, lipschitz, verify, diff, schema):  # as the help lists them
     app.command()(command)

@@ -69,11 +69,11 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
     chosen = [FREE if K is None else rows(K) for K in found.slopes]
     if found.decay > 0:
-        instead = f"ask for {demand.key} below {found.decay:g}"
+        instead = f"{demand.key} below {found.decay:g} is necessary"
     else:
         declared = any(not block.type.endswith("(auto)") for block in spec.nonlinearities)
-        tighter = ", or tighten the type of the nonlinearity" if declared and helps(spec, demand) else ""
-        instead = f"measure another state{tighter}"
+        tighter = ", or a tighter type of the nonlinearity" if declared and helps(spec, demand) else ""
+        instead = f"a measurement that shows it is needed{tighter}"
     if named and not blind(spec.augmented, demand.rate) and (independent := together(spec)):
         must = f"{must} for every f of the class; the class takes {independent}, so that this member may not occur"
         instead += "; an observer.type that takes the equations as they are has no such class"

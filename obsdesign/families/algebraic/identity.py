@@ -22,8 +22,9 @@ Domain = Mapping[str, Ends]
 TRIES = 200  # points at which a statement is tried
 DIGITS = 3  # of their coordinates, if the domain is wide enough
 PRECISIONS = (64, 256, 1024)  # bits
-WORK = 20_000  # boxes at which a sign is looked for
-LONGEST = 400  # characters of a residual that are shown
+WORK = 20_000  # boxes at which a sign is looked for, and fewer the more operations a function has:
+OPERATIONS = 1_000_000  # on boxes, at most
+LONGEST = 120  # characters of a function that are shown
 
 
 class Answer(StrEnum):
@@ -96,9 +97,10 @@ class Negative:
         names = sorted(self.value.names)
         box = {name: outward(domain.get(name, EVERYWHERE)) for name in names}
         target = (-np.finfo(float).tiny if self.strict else 0.0) if names else None
-        found = supremum(self.value.enclose, box, WORK, target=target)
+        work = min(WORK, OPERATIONS / len(self.value.order))
+        found = supremum(self.value.enclose, box, work, target=target)
         if found.bound < 0 or (found.bound == 0 and not self.strict):
-            tight = supremum(self.value.enclose, box, WORK)
+            tight = supremum(self.value.enclose, box, work)
             return Verdict(self.name, Answer.PROVED, bound=tight.bound)
         wanted = "below 0" if self.strict else "at most 0"
         for point in points(self.value, domain):
