@@ -29,7 +29,7 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     rows += [*limits(claimed), *background(claimed)]
     rows += family.figures(made) if family else []
     rows += analysis(content.get("analysis", {}))
-    rows = rows if content["signals"] else [row for row in rows if not attenuates(row)]
+    rows = rows if content.get("signals", True) else [row for row in rows if not attenuates(row)]
     rows += proof(content.get("certificate", {}))
     if "diagnosis" in content:
         rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
