@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,7 @@ from obsdesign.families.algebraic.scheme import OPEN, Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
 from obsdesign.families.outcome import Verdict as Status
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import Array, printed, rational_number
+from obsdesign.lmi.formula import Array, below, printed, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -36,6 +36,7 @@ class Claim:
     form: Form
     scheme: Scheme
     region: Region
+    stated: Mapping[str, float] | None = None  # rates of a file; None: those that are proved
 
     @classmethod
     def of(cls, spec: Spec, form: Form) -> "Claim":
@@ -69,8 +70,10 @@ class Claim:
         return
 
     @property
-    def rates(self) -> dict[str, float]:
-        """Proved rates of decay, 1/s, by the name of the coordinate."""
+    def rates(self) -> Mapping[str, float]:
+        """Proved rates of decay, 1/s, by the name of the coordinate: decimals, none above what is proved."""
+        if self.stated is not None:
+            return self.stated
         bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
         found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
         proved = {name: rational_number(-bound) for name, bound in found.items() if bound is not None}
@@ -94,7 +97,7 @@ class Claim:
         """What is proved, and the statements that prove it."""
         if self.refuted:
             return {"certificate": {"kind": KIND, "checks": self.listed}}
-        guarantee = {**self.scheme.numbers, "rates": self.rates, "statement": self.statement(spec)}
+        guarantee = {**self.scheme.numbers, "rates": dict(self.rates), "statement": self.statement(spec)}
         return {"guarantee": guarantee, "certificate": {"kind": KIND, "checks": self.listed}}
 
     @property
@@ -120,15 +123,26 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     claim = Claim.of(spec, read_form(spec, file))
     if claim.refuted:
         return claim
+    claim = replace(claim, stated=read_rates(file, claim.rates))
     said = claim.written(spec, {})["guarantee"]
     found = file.table("guarantee")
     for name in said.keys() - {"rates"}:
         if as_text(found.get(name)) != as_text(said[name]):
             raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say", id="OBS705")
-    for name in file.table("guarantee", "rates"):
-        if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
-            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove", id="OBS705")
     return claim
+
+
+def read_rates(file: ResultFile, proved: Mapping[str, float]) -> dict[str, float]:
+    """Rates of decay of a file, each the decimal that it holds: one that is not above what is proved is believed."""
+    rates = {}
+    for name in file.table("guarantee", "rates"):
+        rate = file.number("guarantee", "rates", name)
+        if name not in proved:
+            raise file.wrong(f"guarantee.rates.{name}", "no rate of this is proved", id="OBS705")
+        if rate > printed(proved[name]):
+            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove", id="OBS705")
+        rates[name] = below(rate)
+    return rates
 
 
 def as_text(value: Any) -> str:

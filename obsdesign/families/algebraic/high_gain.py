@@ -18,7 +18,7 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import HighGain
-from obsdesign.families.algebraic.identity import Answer, Identity, Negative
+from obsdesign.families.algebraic.identity import Answer, Identity, Negative, short
 from obsdesign.families.algebraic.region import Region
 from obsdesign.families.algebraic.scheme import (
     DECAYS,
@@ -186,7 +186,8 @@ def motion(
 
 def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Negative, ...]:
     """Statements that a matrix is Hurwitz, which says nothing where it is not unless others hold."""
-    return tuple(Negative(f"{what}: {value} > 0", scaled(fmpq(-1), value), given=given) for value in hurwitz(M))
+    minors = hurwitz(M)
+    return tuple(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given) for v in minors)
 
 
 def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:

@@ -23,9 +23,10 @@ from obsdesign.families.algebraic.region import PRECISIONS, Point, Region, at
 from obsdesign.model.equations import Named
 from obsdesign.nonlinearities.evidence.enclosure import supremum
 
-WORK = 20_000  # boxes at which a sign is looked for
+WORK = 20_000  # boxes at which a sign is looked for, and fewer the more operations a function has:
+OPERATIONS = 1_000_000  # on boxes, at most
 HALVINGS = 40  # of the way between two signs, on which a zero is looked for
-LONGEST = 400  # characters of a residual that are shown
+LONGEST = 120  # characters of a function that are shown
 
 Place = Mapping[str, float]  # a point in doubles
 
@@ -136,9 +137,10 @@ class Negative:
         """Bound on a function that proves that it has this sign; None where it is not proved."""
         box = region.box(value.names)
         target = (-np.finfo(float).tiny if self.strict else 0.0) if box else None
-        found = supremum(value.enclose, box, WORK, target=target)
+        work = min(WORK, OPERATIONS / len(value.order))
+        found = supremum(value.enclose, box, work, target=target)
         if found.bound < 0 or (found.bound == 0 and not self.strict):
-            return supremum(value.enclose, box, WORK).bound
+            return supremum(value.enclose, box, work).bound
         return None
 
 

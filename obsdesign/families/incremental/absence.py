@@ -131,7 +131,7 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
     if known:
         id = "OBS611" if "bounds" in known else "OBS609"
         return {"id": id, "condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
-            "suggestion": "look at larger bounds" if "bounds" in known else "look at new gains: leave `gains` out"
+            "suggestion": "look at new gains: leave `gains` out"
         }
     structural = too_stiff(fixed) or failing_passivity(spec, fixed)
     if structural:

@@ -135,9 +135,8 @@ class Designer:
             if not free:
                 self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
         else:
-            raise UndecidedError(
-                f"the least gamma at alpha = {float(alpha):g} was not found: {answer.reason}", id="OBS507"
-            )
+            said = f"neither gains nor a proof that there are none were found at alpha = {float(alpha):g}"
+            raise UndecidedError(f"{said}: {answer.reason}", id="OBS507")
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
