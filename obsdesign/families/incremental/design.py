@@ -19,7 +19,7 @@ from obsdesign.dissipation.scaling import scaling
 from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
-from obsdesign.families.incremental.absence import covers, why_not
+from obsdesign.families.incremental.absence import covers, question, why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point
@@ -30,6 +30,7 @@ from obsdesign.families.incremental.request import request_of
 from obsdesign.families.incremental.theorems import THEOREMS, Linf
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict, bounded_kind
 from obsdesign.families.reach import judged
+from obsdesign.lmi.faces import refutation
 from obsdesign.lmi.formula import Values, in_floats, rational_number
 from obsdesign.lmi.solve import Status
 from obsdesign.model.structure import undetectable
@@ -309,10 +310,21 @@ class Designer:
 
     # Answers without gains
 
+    def absent(self) -> Outcome | None:
+        """Answer that there are no gains, where that is proved at every alpha that is asked for."""
+        if not covers(self.request, replace(self.family, alpha=self.lowest), None) or not self.excluded(self.lowest):
+            return None
+        return self.infeasible(self.lowest)
+
+    def excluded(self, alpha: fmpq) -> bool:
+        """Whether it is proved that no gain has any gamma at alpha, whatever a solver says."""
+        family = replace(self.family, alpha=alpha)
+        return family.L2 is not None and refutation(*question(family)) is not None
+
     def infeasible(self, alpha: fmpq, known: dict[str, Any] | None = None) -> Outcome:
         """Answer with the reason, in the terms of the model."""
         self.engine.report(0.9, "diagnosis")
-        found = known or {}
+        found = {} if known and not self.request.gains and self.excluded(alpha) else known or {}
         limits = {name: found[name] for name in ("limit", "limit_bounded") if name in found}
         found = {name: value for name, value in found.items() if name not in limits}
         largest = self.decay.largest_below(alpha) if not found or "gamma" in found else None
@@ -326,6 +338,8 @@ class Designer:
 
         `reached`: least gamma within the bounds, where a smaller one is asked for.
         """
+        if self.excluded(alpha):
+            return self.infeasible(alpha)
         self.engine.report(0.9, "diagnosis")
         decided, found = beyond(self.decay, alpha, limits.get("limit", {}).get("gamma"), reached)
         decided = decided and covers(self.request, replace(self.family, alpha=alpha), self.decay.bounds.gamma)
@@ -339,4 +353,12 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     L2. Raises `UndecidedError`: the solver found neither a solution nor that there is none.
     """
     designer = Designer(spec, engine)
-    return replace(designer.outcome(), scaling=scaling(searchable(designer.family)) if engine.solves else {})
+    try:
+        made = designer.outcome()
+    except UndecidedError:
+        if (absent := designer.absent()) is None:
+            raise
+        made = absent
+    if made.status is Verdict.UNCERTIFIED and not designer.request.gains:
+        made = designer.absent() or made
+    return replace(made, scaling=scaling(searchable(designer.family)) if engine.solves else {})
