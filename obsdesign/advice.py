@@ -38,16 +38,6 @@ def advised(spec: Spec, outcome: Outcome, engine: Engine) -> Outcome:
     return replace(outcome, diagnosis={**outcome.diagnosis, "suggestion": suggestion})
 
 
-def helped(spec: Spec, error: UndecidedError, engine: Engine) -> UndecidedError:
-    """Same error, with what was found to be certified instead, or that nothing was."""
-    if not derived(spec):
-        return error
-    tried = "types of smaller regions were tried, and none was certified"
-    found = next(smaller_region(spec, engine, {}), tried)
-    first, *others = error.problems
-    return UndecidedError(*(replace(first, message=f"{first.message}; {found}"), *others))
-
-
 def certified(spec: Spec, engine: Engine) -> bool:
     """Whether a spec is certified."""
     trial = Engine(engine.solver)
