@@ -13,13 +13,12 @@ from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable
 from obsdesign.errors import UsageError
 from obsdesign.families.finding import smaller_class
-from obsdesign.families.incremental.absence import CLOSE, question, within_bounds
+from obsdesign.families.incremental.absence import CLOSE, impossible, within_bounds
 from obsdesign.families.incremental.decay import Decay
 from obsdesign.families.incremental.extent import largest_class
 from obsdesign.families.incremental.stiffness import QUIET
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
-from obsdesign.lmi.faces import refutation
 from obsdesign.lmi.formula import printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.spec import Spec
@@ -97,6 +96,6 @@ def solvable(decay: Decay, alpha: fmpq) -> bool:
     """
     family = replace(decay.family, alpha=alpha)
     try:
-        return decay.feasible(alpha)[0] and (family.L2 is None or not refutation(*question(family)))
+        return decay.feasible(alpha)[0] and not impossible(family)
     except UsageError:
         return False
