@@ -484,7 +484,7 @@ def test_of_disturbance_and_noise_together_what_has_a_state_is_advised():
 
 
 def test_very_many_errors_end_in_a_last_line():
-    text = BASE.replace(A, f"  A: [{', '.join(['[oops, oops]'] * 300)}]")
+    text = BASE.replace(A, f"  A: [{', '.join(f'[oops{i}, oops]' for i in range(300))}]")
     problems = problems_of(text)
     assert len(problems) == 101
     assert problems[-1].message == "and more"
