@@ -22,6 +22,7 @@ from obsdesign.sections.scalars import DATE, MAX_QUOTED, NOT_FINITE, described
 from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)
+MOST_PLACES = 8  # of an unknown name, that are told
 MAX_SIZE = 400  # of a signal, such as the augmented state
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -148,7 +149,8 @@ def gathered(problems: list[Problem]) -> list[Problem]:
 
 def repeated(first: Problem, *others: Problem) -> Problem:
     """Problem with the other places where it is met."""
-    also = ", ".join(f"{other.line}:{other.column}" for other in others)
+    also = ", ".join(f"{other.line}:{other.column}" for other in others[:MOST_PLACES])
+    also += f" and {len(others) - MOST_PLACES} more" if len(others) > MOST_PLACES else ""
     return replace(first, message=f"{first.message}; also at {also}") if others else first
 
 
