@@ -18,7 +18,7 @@ from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
-from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import opened
 from obsdesign.tables.text import at_least, at_most
 
@@ -57,6 +57,12 @@ class Nonlinearity:
     def argument(self, k: int, otherwise: str) -> str:
         """What component k of its argument is called in a sentence: in the names of the plant, where it has some."""
         return self.arguments[k] if self.arguments else otherwise
+
+    def restricted(self, region: Mapping[str, Ends]) -> Restriction:
+        """F on the region of its type, with other ranges of some variables."""
+        assert self.f
+        own = {f"q{k}": ends for k, ends in enumerate(self.region or (), start=1)}
+        return Restriction.of(self.f, self.nq, {"t": SINCE_ZERO, **self.others, **own, **region})
 
 
 def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Range]]:
@@ -251,11 +257,15 @@ class Spec(metaclass=Called):
 
     @property
     def idle(self) -> list[str]:
-        """Nonlinearities that act on nothing, in sentences."""
-        plant, column, found = self.augmented, 0, []
+        """Nonlinearities and disturbances that act on nothing, in sentences."""
+        column, found = 0, []
+        for name, *columns in zip(self.plant.exogenous, self.plant.B.T, self.plant.D.T, self.plant.Dq.T, strict=True):
+            if not any(part.any() for part in columns):
+                found.append(f"the disturbance {name} acts on nothing: it enters neither the dynamics nor an output")
+        plant = self.augmented
         for i, block in enumerate(self.nonlinearities):
-            columns = slice(column, column := column + block.multiplier.member.shape[0])
-            if not any(M[:, columns].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
+            mine = slice(column, column := column + block.multiplier.member.shape[0])
+            if not any(M[:, mine].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
                 found.append(f"nonlinearities[{i}] acts on nothing: its columns of Bf, Df and Dqf are zero")
         return found
 

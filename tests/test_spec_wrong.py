@@ -484,7 +484,7 @@ def test_of_disturbance_and_noise_together_what_has_a_state_is_advised():
 
 
 def test_very_many_errors_end_in_a_last_line():
-    text = BASE.replace(A, f"  A: [{', '.join(['[oops, oops]'] * 300)}]")
+    text = BASE.replace(A, f"  A: [{', '.join(f'[oops{i}, 1]' for i in range(300))}]")
     problems = problems_of(text)
     assert len(problems) == 101
     assert problems[-1].message == "and more"
@@ -494,3 +494,12 @@ def test_a_state_may_not_have_the_name_of_a_state_of_the_disturbance_model():
     text = BASE.replace(A, "  states: [x1, dw1]\n" + A).replace("performance: x", "performance: w")
     (problem,) = problems_of(text.replace("integrator", "double-integrator"))
     assert (problem.key, problem.message[:40]) == ("disturbance", "dw1 names a state of the disturbance mod")
+
+
+def test_an_unknown_name_is_told_once_with_its_other_places():
+    text = BASE.replace(A, f"  A: [{', '.join(['[oops, oops]'] * 300)}]")
+    (problem,) = [one for one in problems_of(text) if one.id == "OBS302"]
+    assert problem.message.startswith("unknown name 'oops'; ")
+    line, column = problem.line, problem.column
+    assert f"; also at {line}:{column + 6}, {line}:{column + 14}, " in problem.message
+    assert problem.message.endswith(" and 92 more")  # of the hundred that are told of a file

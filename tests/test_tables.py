@@ -241,6 +241,37 @@ def test_a_nonlinearity_that_acts_on_nothing_is_pointed_out(family):
     assert f"{said} [OBS615]" not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
 
 
+IDLE = """\
+obsdesign: 1
+system:
+  disturbances: %s
+  dynamics: {x1: x2, x2: -sin(x1) - 0.2*x2}
+  outputs: {y: x1%s}
+observer: {type: %s, alpha: 0.5}
+"""
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", ["l2", "linf"])
+def test_a_disturbance_that_acts_on_nothing_is_pointed_out(family):
+    said = "the disturbance d acts on nothing: it enters neither the dynamics nor an output"
+    for command in ("check", "solve"):
+        notes = beside(printed(command, IDLE % ("[d, n]", " + 0.1*n", family)), "note")
+        assert said in [note.removesuffix(" [OBS615]") for note in notes]
+        assert said not in beside(printed(command, IDLE % ("[d]", " + 0.1*d", family)), "note")
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", ["l2", "linf"])
+def test_where_no_disturbance_acts_no_row_says_how_much_of_it_reaches_the_error(family):
+    attenuation = ("gamma", "limit", "peak gain")
+    quiet, driven = (printed("solve", IDLE % (w, part, family)) for w, part in (("[]", ""), ("[n]", " + 0.1*n")))
+    assert not any(beside(quiet, row) for row in attenuation)
+    assert beside(quiet, "decay rate")
+    assert any("no disturbance acts on this plant" in note for note in beside(quiet, "note"))
+    assert beside(driven, "gamma")
+
+
 @pytest.mark.usefixtures("here")
 def test_what_is_left_out_of_the_bounds_is_told_from_when_on():
     local = PLANT.replace("type: sin", "type: sin, region: {q: [-1.5, 1.05]}").replace("w: [sin(t)]", "w: [6]")

@@ -49,7 +49,7 @@ class Fraction:
 
     def __pow__(self, n: int) -> "Fraction":
         if n < 0:
-            return Fraction(self.below, self.above) ** -n
+            return (Fraction(self.below, self.below) / self) ** -n
         for side in (self.above, self.below):
             require_room(comb(max(len(side), 1) + n - 1, n), side)
         return Fraction(self.above**n, self.below**n)

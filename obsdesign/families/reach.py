@@ -29,6 +29,7 @@ def too_tight(
 
     `asked`: the bounds in words; `where`: for what; `enough`: by its key in `feasible`, the value of a bound or of a
     rate with which a solution was found, the others as they are, and how to ask for it; `hints`: what else may help.
+    Larger bounds and slower decays were tried; where none is given, none was found.
     """
     said = [f"{words} {value:g}, with which there is one" for value, words in enough.values()]
     return {
@@ -36,7 +37,7 @@ def too_tight(
         "condition": "bounds",
         "reason": f"no gain with {' and '.join(asked)} was found {where}",
         "feasible": {key: value for key, (value, _) in enough.items()},
-        "suggestion": ", or ".join([*said, *hints]) or "look at larger bounds",
+        "suggestion": ", or ".join([*said, *hints]) or "neither larger bounds nor a slower decay was found to do",
     }
 
 

@@ -22,6 +22,7 @@ from obsdesign.sections.scalars import DATE, MAX_QUOTED, NOT_FINITE, described
 from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)
+MOST_PLACES = 8  # of an unknown name, that are told
 MAX_SIZE = 400  # of a signal, such as the augmented state
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -137,6 +138,22 @@ def spaced(value: Sequence[Any]) -> list[list[str]] | None:
     return [[entry for entry in row if entry] for row in rows] if others else None
 
 
+def gathered(problems: list[Problem]) -> list[Problem]:
+    """Problems in their order, an unknown name once: where it stands first, with its other places."""
+    found: dict[str, list[Problem]] = {}
+    for problem in problems:
+        named = problem.id == "OBS302" and problem.line
+        found.setdefault(problem.message.partition(";")[0] if named else str(problem), []).append(problem)
+    return [repeated(*same) for same in found.values()]
+
+
+def repeated(first: Problem, *others: Problem) -> Problem:
+    """Problem with the other places where it is met."""
+    also = ", ".join(f"{other.line}:{other.column}" for other in others[:MOST_PLACES])
+    also += f" and {len(others) - MOST_PLACES} more" if len(others) > MOST_PLACES else ""
+    return replace(first, message=f"{first.message}; also at {also}") if others else first
+
+
 class Reader:
     """Reads values and collects what is wrong and what a user should know."""
 
@@ -167,7 +184,7 @@ class Reader:
 
     def stop(self) -> NoReturn:
         """Raise what was found wrong, in the order of the file."""
-        problems = sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column))
+        problems = gathered(sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)))
         if len(problems) > MAX_PROBLEMS:
             problems = [*problems[:MAX_PROBLEMS], Problem("and more", self.document.path, id="OBS103")]
         raise UsageError(*problems)

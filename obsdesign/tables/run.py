@@ -81,8 +81,10 @@ def shown(key: str, value: Any) -> str:
 
 
 def settling_text(times: Mapping[str, float | None]) -> str:
-    """When an estimate has come within 5 % and 1 % of its initial error for good, if it has."""
-    known = {key.removeprefix("t"): "not reached" if t is None else f"{t:.4g} s" for key, t in times.items()}
+    """When an estimate has come within 5 % and 1 % of its initial error for good, if it has and if there was one."""
+    if times["t5"] == 0:
+        return f"starts at 0, |error| at most {times['peak']:.4g}"
+    known = {share: "not reached" if (t := times[f"t{share}"]) is None else f"{t:.4g} s" for share in (5, 1)}
     return ", ".join(f"{share} % {text}" for share, text in known.items()) + " (of the initial error)"
 
 

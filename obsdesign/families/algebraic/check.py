@@ -24,7 +24,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
         finding(
             "statement",
             verdict.answer is Answer.PROVED,
-            verdict.sentence if verdict.answer is Answer.REFUTED else f"{verdict.name}: {verdict.answer}",
+            f"{verdict.name}: proved" if verdict.answer is Answer.PROVED else verdict.sentence,
             decides=verdict.answer is Answer.REFUTED,
             id="OBS612",
         )

@@ -24,7 +24,7 @@ from obsdesign.expressions import Expression, constant
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.tree import Variable, number, product
 from obsdesign.families.algebraic.find import Finder, Search, explicit
-from obsdesign.families.algebraic.identity import Domain
+from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import added, scaled
 from obsdesign.model.equations import Equations, Named, Typed, free
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, outward

@@ -10,6 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.algebraic.forms import Estimator
 from obsdesign.families.algebraic.scheme import ZERO, added, less, multiplied, scaled
+from obsdesign.model.equations import free
 
 MOST = 6  # rows of a determinant
 LEAST = fmpq(1, 10**6)  # of exp(theta), below which its logarithm is not taken
@@ -36,7 +37,8 @@ def filtered(estimator: Estimator, substitution: Mapping[str, Expression]) -> tu
     alpha, made, rows, Y = estimator.alpha, Estimation(), [], []
     for k, regression in enumerate(estimator.regressions, start=1):
         output = Expression.variable(regression.output)
-        z, f = f"filtered_{regression.output}_{k}", f"filtered_known_{k}"
+        z = f"filtered_{regression.output}_{k}"
+        f = free(f"filtered_known_{k}", {z})
         sides = {z: output, f: regression.known.substituted(substitution)}
         row = []
         for name, m in regression.m.items():

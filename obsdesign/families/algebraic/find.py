@@ -19,9 +19,9 @@ from obsdesign.expressions.exact import double
 from obsdesign.expressions.tree import Number, quotient
 from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured, simplified
 from obsdesign.families.algebraic.forms import Coordinate
-from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.inverse import enclosure, inverted
 from obsdesign.families.algebraic.rational import Eigenvalues, Vector, columns, eigenvalues, kernel
+from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import ZERO, less, scaled
 from obsdesign.families.algebraic.sylvester import Sylvester, linear
 from obsdesign.model.equations import Equations, Named, Typed, free

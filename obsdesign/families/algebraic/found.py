@@ -60,6 +60,8 @@ def read_found(spec: Spec, file: ResultFile) -> Transformed:
     sections = opened(spec.text, spec.path, spec.changes).root.plain()
     given = {key: value for key, value in sections["observer"].items() if key not in {"degree", "lambdas", "functions"}}
     given |= {name: file.at("observer", name) for name in ("coordinates", "left_inverse")}
+    if not isinstance(given["coordinates"], list):
+        raise file.wrong("observer.coordinates", "expected a list of coordinates", id="OBS702")
     estimated = [str(c.get("lambda")) == "0" for c in given["coordinates"] if isinstance(c, dict)]
     given["type"] = "kkl" if not any(estimated) else "pebo" if all(estimated) else "kkl+pebo"
     if not any(estimated):

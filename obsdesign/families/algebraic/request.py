@@ -247,6 +247,9 @@ def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Imm
         texts.reader.wrong((*root, "beta"), said, id="OBS209")
     b = tuple(f"b{i + 1}" for i in range(max(len(section.beta), len(section.phi))))
     loc: Loc = (*root, "left_inverse")
+    if section.left_inverse and (twice := [name for name in b if name in texts.known]):
+        said = f"{twice[0]} is a signal of the plant and the value of a beta; choose another name for the signal"
+        texts.reader.wrong(loc, said, id="OBS211")
     inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*b, *texts.known))
     texts.complete(inverse, typed, loc)
     dynamics = None

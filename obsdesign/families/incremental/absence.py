@@ -46,6 +46,11 @@ def refuted(family: Incremental, gamma: fmpq | None, multipliers: Mapping[str, A
     return check(*question(family, gamma), multipliers)
 
 
+def impossible(family: Incremental) -> bool:
+    """Whether it is proved that no gain has any gamma at this alpha, whatever a solver says; L2 must be given."""
+    return family.L2 is not None and refutation(*question(family)) is not None
+
+
 def absence(family: Incremental, known: dict[str, Any]) -> Diagnosis:
     """`proof` and, where it is exact, `certificate`: not for bounds, nor where the design has L2 to choose as well."""
     if family.L2 is None or "bounds" in known:
@@ -131,7 +136,7 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
     if known:
         id = "OBS611" if "bounds" in known else "OBS609"
         return {"id": id, "condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
-            "suggestion": "look at larger bounds" if "bounds" in known else "look at new gains: leave `gains` out"
+            "suggestion": "look at new gains: leave `gains` out"
         }
     structural = too_stiff(fixed) or failing_passivity(spec, fixed)
     if structural:

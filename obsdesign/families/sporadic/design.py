@@ -227,7 +227,10 @@ class Designer:
                     f"no {name} within the bounds was found, in units that are far from the data", id="OBS507"
                 )
             if limit is None:
-                return judged(out_of_bounds(name), decided=study.kappa is None, **limits)
+                bounded = out_of_bounds(name)
+                if study.kappa is not None:
+                    return judged(wider(study, bounded, *self.lowest), decided=False, **limits)
+                return judged(bounded, decided=True, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)

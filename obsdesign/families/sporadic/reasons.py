@@ -120,7 +120,7 @@ def out_of_bounds(name: str) -> Diagnosis:
         "condition": "bounds",
         "reason": f"no {name} of the range was reached",
         "feasible": {},
-        "suggestion": "look at larger bounds",
+        "suggestion": "without bounds there are solutions",
     }
 
 
