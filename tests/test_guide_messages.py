@@ -74,7 +74,7 @@ def test_explain_lists_topics_and_prints_them():
     listed = run("explain").stdout
     assert topics()
     for name, title in topics().items():
-        assert re.search(rf"^{name} +{re.escape(title)}$", listed, re.MULTILINE)
+        assert re.search(rf"^{re.escape(name)} +{re.escape(title)}$", listed, re.MULTILINE)
         assert run("explain", name).stdout.startswith(f"# {title}\n")
 
 

@@ -25,14 +25,14 @@ def explain(
 
         text = reference.explained(topic) if text is None else f"{text}\n{aligned(reference.listed())}"
     if text is None:
-        raise UsageError(missing(topic))
+        raise missing(topic)
     typer.echo(text.rstrip())
 
 
 KEYS = "spec"  # topic whose page ends with all keys
 
 
-def missing(topic: str) -> Problem:
+def missing(topic: str) -> UsageError:
     """What is said where there is no page: what was probably meant, or what there is."""
     from obsdesign.guide import topics
     from obsdesign.reading import reference
@@ -41,4 +41,4 @@ def missing(topic: str) -> Problem:
     meant = nearest(topic, [*topics(), *reference.entries()])
     question = f"; did you mean {meant}?" if meant else ";"
     allowed = f"{', '.join(topics())}, the id of a message such as OBS104, a key such as observer.alpha"
-    return Problem(f"there is no page of it{question} allowed: {allowed}", topic, id="OBS907")
+    return UsageError(Problem(f"there is no page of it{question} allowed: {allowed}", topic, id="OBS907"))
