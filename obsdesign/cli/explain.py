@@ -6,6 +6,8 @@ import typer
 
 from obsdesign.errors import Problem, UsageError
 
+KEYS = "spec"  # topic whose page ends with all keys
+
 
 def explain(
     topic: Annotated[str, typer.Argument(metavar="[TOPIC|ID|KEY]", help="Default: the list of topics.")] = "",
@@ -27,9 +29,6 @@ def explain(
     if text is None:
         raise missing(topic)
     typer.echo(text.rstrip())
-
-
-KEYS = "spec"  # topic whose page ends with all keys
 
 
 def missing(topic: str) -> UsageError:
