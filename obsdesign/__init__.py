@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from obsdesign.batches import batch
     from obsdesign.design import Design
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
     from obsdesign.families.finding import Finding
@@ -37,6 +38,7 @@ __all__ = [
     "TimeLimitError",
     "UndecidedError",
     "UsageError",
+    "batch",
     "check",
     "compare",
     "lipschitz",
@@ -48,6 +50,7 @@ __all__ = [
 
 HOMES = {
     "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
+    "batches": ("batch",),
     "design": ("Design",),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),

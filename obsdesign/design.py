@@ -198,8 +198,9 @@ class Design(Outcome):
 
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""
-        content = {**self.result, **({"simulation": summary} if summary else {})}
-        told = {key: value for key, value in self.spec.expect.items() if summary or not key.startswith("simulation.")}
+        run = {} if summary is None else {"simulation": summary}
+        content = {**self.result, **run}
+        told = {key: value for key, value in self.spec.expect.items() if run or not key.startswith("simulation.")}
         return [
             {
                 "key": key,

@@ -27,6 +27,7 @@ from obsdesign.lmi.proof import Check
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
 LARGEST_POWER = 400  # of ten
+STAGED = ".obsdesign."  # how the names of files begin that are not complete yet
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
 
@@ -281,9 +282,7 @@ def write_all(files: Mapping[str, bytes]) -> None:
     try:
         for path, content in files.items():
             if is_regular(path):
-                with tempfile.NamedTemporaryFile(
-                    dir=Path(path).resolve().parent, prefix=".obsdesign.", delete=False
-                ) as file:
+                with tempfile.NamedTemporaryFile(dir=Path(path).resolve().parent, prefix=STAGED, delete=False) as file:
                     staged[path] = Path(file.name)
                     file.write(content)
                 staged[path].chmod(0o666 & ~umask())

@@ -17,6 +17,7 @@ MODULES = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts).removesuff
 LAYERS = (
     ("__main__",),
     ("cli",),
+    ("batches",),
     ("work",),
     ("design", "advice"),
     ("tables", "simulate"),
@@ -64,6 +65,7 @@ WALLS = {  # vendor: the only files that may import it
     "yaml": {"sections/document.py"},
     "matplotlib": {"plot/canvas.py"},
     "typer": CLI,
+    "rich": CLI,
 }
 LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel"}  # imported only inside the functions that use them
 SPEAKERS = {*CLI, "__main__.py"}

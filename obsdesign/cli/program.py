@@ -11,8 +11,6 @@ from typer.core import TyperGroup
 from obsdesign.errors import ObsdesignError
 from obsdesign.watch import INTERRUPTED
 
-EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}
-
 
 class Commands(TyperGroup):
     """Group whose commands answer a user's mistake in lines on standard error and with the exit code of the error."""

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import EXIT, AsJson, Quiet, Solver, SpecPath, Timeout
+from obsdesign.cli.program import AsJson, Quiet, Solver, SpecPath, Timeout
 from obsdesign.cli.steps import drawn, ran, run_text, solved, stem
-from obsdesign.errors import UsageError
+from obsdesign.errors import EXIT, UsageError
 from obsdesign.watch import limited
 
 

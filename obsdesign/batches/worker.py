@@ -1,0 +1,67 @@
+"""A process that designs one spec after another: what is imported once stays, and what breaks it breaks one spec.
+
+It reads tasks from a pipe and answers each by its entry, once its files and its record are written. It ends with the
+pipe, and with the process that began it.
+"""
+
+import json
+import os
+import resource
+import signal
+import warnings
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from obsdesign.batches.find import Task
+from obsdesign.batches.perform import perform
+from obsdesign.batches.record import Entry, Options, entry_of, keep, to_bytes, written
+from obsdesign.errors import UsageError
+from obsdesign.watch import with_parent
+
+MIB = 2**20
+READY = b"{}"  # first answer
+
+
+def main(pipe: int, parent: int) -> None:
+    """Answer tasks until there are no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it
+    with_parent()
+    if os.getppid() != parent:
+        return
+    warnings.simplefilter("ignore")
+    with Connection(pipe) as connection:
+        connection.send_bytes(READY)
+        while True:
+            try:
+                asked = json.loads(connection.recv_bytes())
+            except EOFError:
+                return
+            connection.send_bytes(to_bytes(answer(asked)))
+
+
+def answer(asked: dict[str, Any]) -> Entry:
+    """Entry of a task, whose files are written; where they cannot be, it says so, and there is no record."""
+    task, options, out = Task(**asked["task"]), Options(**asked["options"]), Path(asked["out"])
+    with_memory(options.memory)
+    result = perform(task, options)
+    with_memory(None)
+    try:
+        return keep(result, task, options, out)
+    except UsageError as error:
+        problems = [written(replace(one, file=one.file or task.path)) for one in error.problems]
+        return {**entry_of(task, "invalid", error.exit_code), "problems": problems}
+
+
+def with_memory(limit: float | None) -> None:
+    """Let this process have so many MiB more than it has, or any number; beyond, Python raises MemoryError."""
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    soft = hard if limit is None else data() + int(limit * MIB)
+    resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
+def data() -> int:
+    """Bytes of this process that RLIMIT_DATA counts (Linux)."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmData:")) * 1024
