@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from obsdesign.batches import batch
     from obsdesign.design import Design
+    from obsdesign.difference import diff
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
     from obsdesign.families.finding import Finding
     from obsdesign.families.outcome import Proof
@@ -41,6 +42,7 @@ __all__ = [
     "batch",
     "check",
     "compare",
+    "diff",
     "lipschitz",
     "load",
     "read",
@@ -52,6 +54,7 @@ HOMES = {
     "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
     "batches": ("batch",),
     "design": ("Design",),
+    "difference": ("diff",),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
     "simulate.comparison": ("Comparison",),

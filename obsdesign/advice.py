@@ -6,21 +6,26 @@ from typing import Any, cast
 
 from flint import fmpq
 
+from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES
-from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
+from obsdesign.lmi.formula import printed
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
 from obsdesign.spec import Nonlinearity, Spec
 
+ROOM = (0.02, 0.15, 0.5)  # relative, beyond what is necessary
+Change = tuple[str, dict[str, Any]]  # in words, and of a request
 SHARES = (fmpq(1, 2), fmpq(1, 10), fmpq(1, 100))  # of a region, or half-widths where it has no end
 
 
 def advised(spec: Spec, outcome: Outcome, engine: Engine) -> Outcome:
     """Outcome whose suggestion begins with what was found to be certified instead."""
-    found = [*other_sign(spec, engine), *smaller_region(spec, engine)]
+    tried = (other_sign(spec, engine), smaller_region(spec, engine), within_reach(spec, outcome.diagnosis, engine))
+    found = [said for part in tried for said in part]
     if not found:
         return outcome
     known = outcome.diagnosis.get("suggestion")
@@ -75,6 +80,41 @@ def smaller_region(spec: Spec, engine: Engine) -> Iterator[str]:
         if certified(replace(spec, nonlinearities=tuple(blocks)), engine):
             yield f"f is too steep on the region of its type: there is a solution with {' and '.join(said)}"
             return
+
+
+def within_reach(spec: Spec, diagnosis: Diagnosis, engine: Engine) -> Iterator[str]:
+    """A rate, a gamma or a free L2 that does, where a diagnosis says what is necessary only."""
+    request = cast("Any", spec.observer)
+    for said, change in (*slower(diagnosis), *larger(request, diagnosis), *free_injection(request, diagnosis)):
+        if certified(replace(spec, observer=replace(request, **change)), engine):
+            yield f"{said}, with which there is a solution"
+            return
+
+
+def slower(diagnosis: Diagnosis) -> Iterator[Change]:
+    """Rates below that of a mode which no gain makes faster."""
+    feasible = diagnosis.get("feasible", {})
+    named = {"alpha_below": "alpha", "decay_below": "decay"}
+    named |= {"alpha": "alpha"} if diagnosis["condition"] == "zero dynamics" else {}
+    for key, limit in ((key, feasible[name]) for name, key in named.items() if name in feasible):
+        for value in (round_down(limit * (1 - room), 3) for room in ROOM):
+            yield f"ask for {key} at most {value:g}", {key: printed(value)}
+
+
+def larger(request: Any, diagnosis: Diagnosis) -> Iterator[Change]:
+    """Levels of gamma above the least that is possible."""
+    levels = diagnosis["gamma"] if diagnosis["condition"] == "gamma" and hasattr(request, "bounds") else {}
+    least = float(levels.get("bounded", levels.get("least", 0)))
+    for value in (round_up(least * (1 + room), 4) for room in ROOM) if levels else ():
+        bounded = {"bounds": replace(request.bounds, gamma=printed(value))}
+        objective = getattr(request, "gamma", None) is not None
+        yield f"ask for gamma at least {value:g}", {"gamma": printed(value)} if objective else bounded
+
+
+def free_injection(request: Any, diagnosis: Diagnosis) -> Iterator[Change]:
+    """L2 left to the tool, where one that is given is in the way."""
+    if diagnosis["condition"] in {"passivity", "noise"} and request.L2 is not None and not request.gains:
+        yield "ask for `L2: free`", {"L2": None}
 
 
 def narrowed(block: Nonlinearity, share: fmpq) -> dict[str, Ends]:

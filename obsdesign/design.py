@@ -124,8 +124,14 @@ class Design(Outcome):
         entries |= {"search": self.search.written()} if self.search else {}
         entries |= {"assumed": spec.assumed} if spec.assumed else {}
         entries |= {"notes": notes} if (notes := self.remarks()) else {}
-        paths = numerical(entries, spec)
+        paths = numerical({**entries, "solver": self.solved}, spec)
         return {"status": str(self.status), **entries, **({"numerical": paths} if paths else {})}
+
+    @property
+    def solved(self) -> dict[str, Any]:
+        """Sizes and units of what was solved, as a result file holds them."""
+        entries = {"scalars": self.scalars, "scaling": self.scaling}
+        return {name: entry for name, entry in entries.items() if entry}
 
     def remarks(self) -> list[str]:
         """Notes, and one on a design that is no better than none."""
@@ -136,13 +142,14 @@ class Design(Outcome):
         """Everything about the design, as a result file holds it; numbers are finite."""
         spec = self.spec
         assert self.solver
+        changed = {"set": list(spec.changes)} if spec.changes else {}
         return {
             "obsdesign": FORMAT,
             "name": spec.name,
-            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text},
+            "spec": {"path": spec.path, "sha256": digest(spec.text), "text": spec.text, **changed},
             **entry(spec),
             **self.contents(),
-            "solver": {**self.solver.written(), **({"scalars": self.scalars} if self.scalars else {})},
+            "solver": {**self.solver.written(), **self.solved},
             "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
@@ -198,8 +205,9 @@ class Design(Outcome):
 
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""
+        known = {} if self.status is Verdict.NO_GUARANTEE else self.result
         run = {} if summary is None else {"simulation": summary}
-        content = {**self.result, **run}
+        content = {**known, **run}
         told = {key: value for key, value in self.spec.expect.items() if run or not key.startswith("simulation.")}
         return [
             {
@@ -211,11 +219,21 @@ class Design(Outcome):
             for key, value in told.items()
         ]
 
+    def unmet(self, summary: Mapping[str, Any] | None = None) -> list[str]:
+        """What the spec expects of its result, or of a run with this summary, and does not get, in sentences."""
+        asked = (e for e in self.expected(summary) if e["key"].startswith("simulation.") == bool(summary))
+        return [
+            f"expect.{e['key']}: expected {e['expected']}, found {'nothing' if e['found'] is None else e['found']}"
+            for e in asked
+            if not e["holds"]
+        ]
+
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""
         from obsdesign.tables.design import design_rows
 
         local = {"local": self.spec.validity} if self.claim and self.spec.validity else {}
+        local |= {"set": ", ".join(self.spec.changes)} if self.spec.changes else {}
         return design_rows({"name": self.spec.name, "signals": self.spec.signals, **self.contents(), **local})
 
     def __repr__(self) -> str:
@@ -271,12 +289,14 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
 
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     """Spec that travels in a file, unaltered, which must be the one that is given, if one is."""
-    text = file.spec_text()
+    text, changes = file.spec_text(), file.changes()
     if spec is None:
-        spec, name = loads(text, f"{file.path} (spec.text)"), file.content.get("name")
+        spec, name = loads(text, f"{file.path} (spec.text)", changes), file.content.get("name")
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
         raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+    if spec.changes != changes:
+        spec = loads(text, spec.path, changes)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
@@ -292,6 +312,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
         if proof.holds and status == Verdict.INFEASIBLE:
             require_agreement(file, {}, spec)
             require_dual(file, proof)
+        proof = replace(proof, claim="; ".join([proof.claim, *spec.changed]))
     elif status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
     else:

@@ -19,7 +19,7 @@ from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
-from obsdesign.sections.document import compose
+from obsdesign.sections.changes import opened
 from obsdesign.tables.text import at_least, at_most
 
 Vector = npt.NDArray[np.float64]
@@ -169,6 +169,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
 
     @contextmanager
@@ -186,7 +187,7 @@ class Spec(metaclass=Called):
         if not problem.key or self.path.startswith("<"):
             return replace(problem, file=self.path)
         loc = [int(name) if name.isdigit() else name for name in re.findall(r"[^.\[\]]+", problem.key)]
-        return compose(self.text, self.path).problem(tuple(loc), problem.message)
+        return opened(self.text, self.path, self.changes).problem(tuple(loc), problem.message)
 
     def __repr__(self) -> str:
         return f"<spec {self.name!r}: {self.observer.type}, {self.plant.n} states>"
@@ -287,7 +288,13 @@ class Spec(metaclass=Called):
     def provisos(self) -> list[str]:
         """Where a guarantee of the observer holds, and what it assumes: clauses for the end of a sentence."""
         assumed = [f"assumed: {' and '.join(self.assumed)}"] if self.assumed else []
-        return [*([f"local: {self.validity}"] if self.validity else []), *assumed]
+        return [*([f"local: {self.validity}"] if self.validity else []), *assumed, *self.changed]
+
+    @property
+    def changed(self) -> list[str]:
+        """That a claim is of the spec with other values of some keys, as a clause; a trial changes no claim."""
+        told = [change for change in self.changes if not re.match(r"\s*(simulation|expect)\b", change)]
+        return [f"of the spec with {', '.join(told)}"] if told else []
 
     def starts_outside(self) -> Iterator[Problem]:
         """Arguments of f that the first estimate has outside the region of its type, with what to write."""

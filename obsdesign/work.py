@@ -1,8 +1,10 @@
 """The verbs of obsdesign, once, for the Python API and for the command line: from a spec to a design, a file, a run."""
 
 import os
+import re
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,8 @@ from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
-from obsdesign.reading import load
+from obsdesign.reading import load, loads
+from obsdesign.sections.scalars import described
 from obsdesign.simulate.comparison import Comparison
 from obsdesign.simulate.comparison import compare as compared
 from obsdesign.spec import Spec
@@ -97,9 +100,11 @@ def trial(
     gains: str = "",
     solver: str = "clarabel",
     report: Report = lambda *_: None,
+    changes: Sequence[str] = (),
 ) -> Design:
     """Design that is to be simulated: of a result file, or of a spec, with the gains of a file or solved first.
 
+    `changes`: of single keys of the spec, as `load` takes them; beside a result file, of keys of `simulation:` only.
     Raises `UsageError`: gains go with a spec; `InfeasibleError`: there are none.
     """
     if isinstance(source, Design):
@@ -108,16 +113,29 @@ def trial(
     if path.endswith(".json"):
         if gains:
             raise UsageError(f"{path}: already a gains file; --gains goes with a spec")
-        return read(path)
-    problem = source if isinstance(source, Spec) else load(source)
+        return otherwise(read(path), changes)
+    problem = source if isinstance(source, Spec) else load(source, () if gains else changes)
     if gains:
-        return read(gains, problem)
+        return otherwise(read(gains, problem), changes)
     if not FAMILIES[problem.observer.type].proves:
         return Design.of(problem, Outcome(Verdict.NO_GUARANTEE, form=problem.observer))
     design = solve(problem, solver, report)
     if not design.built:
         raise InfeasibleError(f"{problem.path}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
     return design
+
+
+def otherwise(design: Design, changes: Sequence[str]) -> Design:
+    """Design whose run is another one; raises `UsageError` if a change is not of a key of `simulation:`."""
+    for change in changes:
+        if not re.match(r"\s*simulation[.=]", change):
+            said = "these gains belong to their spec as it is; beside a result only keys of simulation: can be set"
+            raise UsageError(f"--set {described(change)}: {said}")
+    if not changes:
+        return design
+    spec = design.spec
+    changed = loads(spec.text, spec.path, (*spec.changes, *changes))
+    return replace(design, spec=replace(spec, simulation=changed.simulation, changes=changed.changes))
 
 
 def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:

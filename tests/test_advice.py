@@ -43,6 +43,41 @@ def test_gains_of_the_other_sign_are_recognised(family):
     assert "opposite sign" not in suggestion(text.replace("[[0, 1], [-1, -1]]", "[[0, 1], [9, 9]]"))
 
 
+SEEN = "[[-1, 1], [0, -0.5]], B: [1, 0], C: [1, 0]}\nnonlinearities: [{type: {lipschitz: 1.5}, Bf: [1, 0], Cq: [0, 1]}]"
+CUBIC = "[[-1, 1], [0, -1]], B: [1, 0], C: [1, 0]}\nnonlinearities: [{type: monotone, Bf: [0, -1], Cq: [1, 1]}]"
+STEEP = "[[-1, 0], [1, -1]], B: [0, 1], C: [0, 1]}\nnonlinearities: [{type: monotone, Bf: [0, -1], Cq: [0, 1]}]"
+CHAIN = "[[-1, 0], [0, -0.5]], B: [1, 0], C: [1, 0]}"
+NOISY = "[[0, 1], [0, -0.5]], B: [[0, 0], [1, 0]], C: [1, 0], D: [[0, 0.01]]}"
+SMALL = f"{NOISY}\nnonlinearities: [{{type: {{lipschitz: 0.1}}, Bf: [0, 1], Cq: [1, 0]}}]"
+NECESSARY = [
+    (SEEN, "{type: l2, L2: 0, alpha: 0.8, bounds: {L1: 50}}", "alpha: 0.8", "alpha: %s", "alpha below 0.5"),
+    (SEEN, "{type: linf, L2: 0, alpha: 0.8, bounds: {L1: 50}}", "alpha: 0.8", "alpha: %s", "alpha below 0.5"),
+    (CHAIN, "{type: l2, alpha: 0.6, bounds: {L1: 9}}", "alpha: 0.6", "alpha: %s", "alpha below 0.5"),
+    (CHAIN, "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.6}", "decay: 0.6", "decay: %s", "decay below 0.5"),
+    (STEEP, "{type: l2, L2: 0, alpha: 2.5, bounds: {L1: 9}}", "alpha: 2.5", "alpha: %s", "alpha at most 1"),
+    (CUBIC, "{type: linf, L2: 0, alpha: 0.1, bounds: {L1: 30}}", "L2: 0", "L2: free", "L2 <= -0.1"),
+    (NOISY, "{type: l2, alpha: 0.5, objective: {gamma: 0.001}}", "0.001", "%s", "gamma above 0.100313"),
+    (NOISY, "{type: linf, alpha: 0.5, bounds: {gamma: 0.001, L1: 1000}}", "0.001", "%s", "gamma above 0.377121"),
+    (SMALL, "{type: lipschitz, objective: min-gamma, decay: 0.5, bounds: {gamma: 0.001}}", "0.001", "%s", "gamma"),
+]
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("system", "observer", "asked", "instead", "necessary"), NECESSARY)
+def test_what_is_suggested_was_tried_and_what_is_only_necessary_is_said_to_be(
+    system, observer, asked, instead, necessary
+):
+    text = f"obsdesign: 1\nsystem: {{A: {system}\nobserver: {observer}\n"
+    said = suggestion(text)
+    cure, rest = said.split(", with which there is a solution; ", 1)
+    assert necessary in rest
+    assert "is necessary" in rest
+    number = cure.rpartition(" ")[2]
+    Path("spec.yaml").write_text(text.replace(asked, instead.replace("%s", number)))
+    assert run("solve", "spec.yaml").exit_code == 0
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
 LATERAL = """\
 obsdesign: 1
 name: tyres that saturate

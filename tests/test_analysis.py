@@ -1,5 +1,6 @@
 """Poles, steps and gains over the frozen members of a class, and what a file says of itself to be no proof."""
 
+import itertools
 import json
 import re
 from pathlib import Path
@@ -273,3 +274,51 @@ def test_the_peak_gain_of_a_vector_is_no_more_than_what_is_proved():
     peak = design.analysis["peak_gain"]
     assert peak["least"] == pytest.approx(12.94, rel=2e-3)
     assert peak["least"] <= peak["most"]
+
+
+SAMPLED = ANY.replace("B: [0, 1]", "B: [[0], [1]]") % ("{slope: [-0.4, 0.2]}", FAMILIES["sporadic"])
+
+
+def steps_of(content, name, slope):
+    """Step of (e, d) of the whole, and of e from one measurement to the next, for a slope."""
+    made, C = content["observer"], np.array([[1, 0]])
+    A = np.array([[0, 1], [-1 + 0.5 * slope, -1]])
+    flow = np.block([[A, -np.array(made["L"])], [np.zeros((1, 2)), np.array(made["H"])]])
+    E = expm(made[name] * flow)
+    return flow, E[:2, :2] + E[:2, 2:] @ C, E[:2, 2:]
+
+
+def test_the_noise_gain_of_sporadic_measurements_is_that_of_a_sinusoid_at_the_samples():
+    content, table = solved(SAMPLED)
+    found = content["observer"]["noise_gain"]
+    largest = np.zeros(2)
+    for name, slope in itertools.product(("T1", "T2"), (-0.4, -0.1, 0.2)):
+        _, Phi, Gamma = steps_of(content, name, slope)
+        for angle in np.linspace(0, np.pi, 40):
+            e, sizes = np.zeros(2, complex), []
+            for k in range(600):  # eta = exp(i k angle)
+                e = Phi @ e + Gamma[:, 0] * np.exp(1j * k * angle)
+                sizes.append(np.abs(e))
+            largest = np.maximum(largest, sizes[-1])
+    assert list(found) == ["x1", "x2"]
+    assert [*found.values()] == pytest.approx(largest, rel=0.02)
+    assert (np.array([*found.values()]) >= largest * (1 - 1e-3)).all()
+    assert "observer.noise_gain" in content["numerical"]
+    assert re.search("^noise gain +x1 .*at the measurements, T1 or T2 apart$", table, re.M)
+
+
+def test_the_peak_gain_of_sporadic_measurements_is_reached_by_the_worst_input_and_no_more_than_what_is_proved():
+    content, table = solved(SAMPLED)
+    peak, H = content["analysis"]["peak_gain"], np.eye(2)
+    reached = []
+    for name, slope in itertools.product(("T1", "T2"), (-0.4, -0.1, 0.2)):
+        flow, Phi, _ = steps_of(content, name, slope)
+        T = content["observer"][name]
+        area = np.zeros(2)
+        inside = [expm(flow * T * (i + 0.5) / 100)[:2, :2] @ [0, 1] * T / 100 for i in range(100)]
+        for k in range(400):
+            area += np.abs([H @ np.linalg.matrix_power(Phi, k) @ column for column in inside]).sum(axis=0)
+        reached.append(area.max())  # w = +-1 that drives one state
+    assert peak["most"] >= peak["least"] >= max(reached) * (1 - 1e-3)
+    assert peak["least"] <= np.sqrt(2) * max(reached)  # |z|^2 = z1^2 + z2^2
+    assert "sup|z| for sup|v| = 1" in table

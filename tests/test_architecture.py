@@ -17,7 +17,7 @@ MODULES = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts).removesuff
 LAYERS = (
     ("__main__",),
     ("cli",),
-    ("batches",),
+    ("batches", "difference"),
     ("work",),
     ("design", "advice"),
     ("tables", "simulate"),

@@ -142,7 +142,6 @@ def test_what_is_not_proved_must_be_named(path):
         ("certificate.theorem", "gamma = 1e-9"),
         ("certificate.checks", [{"name": "gamma <= 1e-9", "holds": True, "margin": 1.0}]),
         ("theorem", {"accepted": True}),
-        ("spec.set", ["observer.alpha=9"]),
     ],
 )
 def test_what_contradicts_what_is_proved_or_is_not_proved_is_refused(key, value):

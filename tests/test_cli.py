@@ -104,8 +104,19 @@ def test_quiet_prints_nothing_but_writes_everything_beside_the_gains():
     assert outcome.exit_code == 0
     assert (outcome.stdout, outcome.stderr) == ("", "")
     assert files() == ["results"]
-    assert files("results") == ["cart.run.csv", "cart.run.png", "g.json"]
-    assert Path("results/cart.run.png").read_bytes().startswith(PNG)
+    assert files("results") == ["g.json", "g.run.csv", "g.run.png"]
+    assert Path("results/g.run.png").read_bytes().startswith(PNG)
+
+
+@pytest.mark.parametrize("gains", ["a.json", "a.gains.json"])
+def test_a_run_has_the_name_of_its_gains_file_whichever_command_makes_it(gains):
+    Path("dd").mkdir()
+    outcome = run("solve", CART, "-o", f"dd/{gains}", "--simulate")
+    assert files("dd") == sorted([gains, "a.run.csv", "a.run.png"])
+    assert "dd/a.run.csv" in outcome.stdout
+    assert run("simulate", f"dd/{gains}", "-q").exit_code == 0
+    assert files() == ["a.run.csv", "a.run.png", "dd"]
+    assert Path("a.run.csv").read_text() == Path("dd/a.run.csv").read_text()
 
 
 def test_plot_draws_the_curve_of_a_range_of_alpha():
@@ -538,7 +549,7 @@ def test_what_is_undecided_names_its_file(monkeypatch):
 # Interrupts
 
 
-@pytest.mark.parametrize("where", ["obsdesign.work.solve", "obsdesign.files.os.replace"])
+@pytest.mark.parametrize("where", ["obsdesign.work.solve", "obsdesign.files.disk.os.replace"])
 def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
     monkeypatch.setattr(where, interrupted)
     assert_refused(run("solve", CART), "interrupted", code=130)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import PNG, run
+from support.shipped import SPECS
 
 import obsdesign as od
 
@@ -166,3 +167,35 @@ def test_no_trial_at_all_and_no_solution_are_told_apart():
     blind = PLANT.replace("{{y: angle}}", "{{y: 0*angle + t}}")
     outcome = run("compare", spec("a", L2, plant=blind))
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (3, 1)
+
+
+def test_the_comparison_of_readme_is_what_is_printed():
+    readme = (SPECS.parent / "README.md").read_text()
+    block = readme[readme.index("$ obsdesign compare specs/") :].partition("```")[0]
+    command, *shown = [line for line in block.splitlines() if line != ".."]
+    outcome = run("compare", *(SPECS.parent / name for name in command.split()[3:]))
+    assert outcome.exit_code == 0, outcome.output
+
+    def told(lines):
+        """Lines without their last word, which for a floor is no more than rounding."""
+        return [line.rpartition(" ")[0].rstrip() for line in lines]
+
+    assert len(shown) == 10
+    assert set(told(shown)) <= set(told(outcome.stdout.splitlines()))
+
+
+def test_an_error_that_still_falls_over_the_window_is_no_floor():
+    short = SIMULATION.replace("0.1*cos(t)", "0").replace("horizon: 6", "horizon: 2")
+    settled = SIMULATION.replace("horizon: 6", "horizon: 40")  # at what the disturbance leaves
+    for simulation, falling in ((short, ["angle", "rate"]), (settled, [])):
+        source = spec("l2", L2, simulation)
+        assert compared(source, seeds=1)["observers"][0]["transient"] == falling
+        table = run("compare", source, "--seeds", 1).stdout
+        assert ("* no floor: the error still falls over the window" in table) == bool(falling)
+        assert any(line.endswith("*") for line in table.splitlines()) == bool(falling)
+
+
+def test_a_window_that_a_run_does_not_reach_has_no_floor():
+    ended = SIMULATION.replace("  seed: 3\n", "  events: {high: t > 0.5}\n")
+    (observer,) = compared(spec("l2", L2, ended), seeds=1)["observers"]
+    assert (observer["states"]["angle"]["floor"], observer["transient"]) == (None, [])

@@ -117,7 +117,7 @@ def test_beyond_the_zero_of_the_bearing_the_zero_is_named():
     found = diagnosed(BEARING, type="l2", L2="[[0, -110]]", alpha=12, objective="{gamma: 0.05}")
     assert found["zeros"] == [[pytest.approx(-10), 0]]
     assert "the zero at lambda = -10 of v to y is no faster than alpha = 12" in found["reason"]
-    slower = float(re.search(r"alpha at most ([0-9.]+)$", found["suggestion"])[1])
+    slower = float(re.search(r"alpha at most ([0-9.]+), with which there is one$", found["suggestion"])[1])
     assert 9 < slower < 10
     reached = f"{BEARING}observer: {{type: l2, L2: [[0, -110]], alpha: {slower}, objective: {{gamma: 0.05}}}}\n"
     assert solve(loads(reached)).status == "certified"

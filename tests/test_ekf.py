@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
 from support.commands import PNG, run
+from support.shipped import FILTERS, SPECS, shipped
 
 from obsdesign.files import digest
 from obsdesign.reading import loads
@@ -169,3 +170,25 @@ def test_plants_that_it_does_not_take_are_refused(text, said):
     outcome = run("simulate", "p.yaml")
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
     assert said in outcome.stderr
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_shipped_filter_meets_what_its_spec_expects_and_says_so_where_it_does_not(name):
+    assert shipped(name).observer.type in {"ekf"}
+    assert len(shipped(name).expect) > 1
+    outcome = run("simulate", SPECS / f"{name}.yaml")
+    assert (outcome.exit_code, outcome.stderr) == (0, "")
+    assert "no guarantee" in outcome.stdout
+    Path("other.yaml").write_text(shipped(name).text.replace("verified: 0.002155", "verified: 0.001"))
+    outcome = run("simulate", "other.yaml")
+    assert outcome.exit_code == 0
+    assert outcome.stderr.startswith("other.yaml: expect.simulation.settling.i1.t5: expected 0.001, found 0.00215")
+    assert outcome.stderr.count("\n") == 1
+
+
+def test_a_shipped_filter_is_compared_with_observers_of_the_same_plant():
+    outcome = run("compare", *(SPECS / f"{name}.yaml" for name in ("cuk-kkl", "cuk-ekf")), "--json", "-q")
+    assert outcome.exit_code == 0, outcome.output
+    kkl, ekf = json.loads(outcome.stdout)["observers"]
+    assert (kkl["status"], ekf["status"]) == ("certified", "no guarantee")
+    assert ekf["states"]["i1"]["t5"] < 0.05 * kkl["states"]["i1"]["t5"]

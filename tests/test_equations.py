@@ -53,7 +53,7 @@ def test_equations_say_what_the_matrices_of_a_spec_say(path):
         return
     if spec.typed:
         written = spec.typed.equations
-        assert spec.equations(spec.augmented).dynamics == written.dynamics
+        assert spec.equations(spec.plant).dynamics == written.dynamics
         return
     p = spec.augmented
     equations = spec.equations(p)

@@ -1,6 +1,11 @@
 """Plants as equations that are wrong: each is answered in one line, at its place, in the names of the plant."""
 
+import json
+import re
+from pathlib import Path
+
 import pytest
+from support.commands import run
 from support.wrong_specs import problem_of, problems_of, wrong_in
 
 BASE = """\
@@ -131,3 +136,76 @@ def test_types_of_terms_are_refused_where_the_equations_are_not_split():
     text = BASE[: BASE.index("disturbance: i")] + observer
     problems = [problem for problem in problems_of(text) if problem.key == "system.types"]
     assert "is for designs that split the equations into terms" in problems[0].message
+
+
+PLANT = """obsdesign: 1
+system:
+  disturbances: [w1, n]
+  dynamics: {x: v, v: -sin(x) - v + w1}
+  outputs: {y: x}
+observer: %s
+"""
+SPORADIC, NO_W = "{type: sporadic, T1: 0.1, T2: 0.2}", (("  disturbances: [w1, n]\n", ""), (" + w1", ""))
+IN_THE_WORDS_OF_EQUATIONS = {  # observer, changes of the plant, key, what is said of it
+    "noise of y at instants": (
+        SPORADIC, [("y: x", "y: x + 0.1*n")], "system.outputs.y",
+        "holds the disturbance n, which type sporadic does not take; measurement noise acts at the samples",
+    ),
+    "a curved y at instants": (SPORADIC, [("y: x", "y: x + sin(v)")], "system.outputs.y", "the nonlinear term sin(v)"),
+    "a term of w at instants": (
+        SPORADIC, [("-sin(x)", "-sin(x + n)")], "system.dynamics.v",
+        "holds the term sin(x + n), a function of the disturbance n, which type sporadic does not take",
+    ),
+    "a curved y": (
+        "{type: lipschitz}", [("y: x", "y: x + sin(v)")], "system.outputs.y",
+        "holds the nonlinear term sin(v), which type lipschitz does not take; type l2 with L2: 0 takes it",
+    ),
+    "a term of w": ("{type: lipschitz}", [("-sin(x)", "-sin(x + n)")], "system.dynamics.v", "the term sin(x + n), a"),
+    "no term": ("{type: lipschitz}", [("-sin(x)", "-x")], "system.dynamics", "needs at least one nonlinear term"),
+    "no disturbance": (
+        "{type: lipschitz, objective: min-gamma}", NO_W, "observer.objective", "is none; give system.disturbances",
+    ),
+    "nothing to generate": (
+        "{type: l2}\ndisturbance: integrator", NO_W, "disturbance", "no w to generate; give system.disturbances",
+    ),
+    "two disturbances in one": (
+        "{type: linf, reconstruct: w, alpha: 1}", [("+ w1", "+ w1 + n")], "observer.reconstruct",
+        "needs disturbances that act on the states independently; 1 of 2 do",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("observer", "changes", "key", "said"), IN_THE_WORDS_OF_EQUATIONS.values(), ids=IN_THE_WORDS_OF_EQUATIONS
+)
+def test_what_a_type_does_not_take_is_told_in_the_words_of_the_equations(
+    observer, changes, key, said, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    text = PLANT % observer
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    Path("plant.yaml").write_text(text)
+    for command in ("solve", "check"):
+        outcome = run(command, "plant.yaml")
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1), outcome.stderr
+        assert f" {key}: " in outcome.stderr
+        assert said in outcome.stderr
+        assert not re.search(r"system\.[ABCD]\b|\b(D|Df|Dq|Bf|Cq)\b|nonlinearities", outcome.stderr)
+
+
+def test_a_plant_whose_terms_act_on_no_state_is_told_so():
+    text = (PLANT % "{type: lipschitz}").replace("-sin(x)", "-x").replace("y: x", "y: x + sin(v)")
+    first, other = problems_of(text)
+    assert (first.key, other.key) == ("system.dynamics", "system.outputs.y")
+    assert "no nonlinear term acts on a state; for a linear plant use type l2" in first.message
+
+
+def test_a_note_on_the_type_of_a_term_names_the_term(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("plant.yaml").write_text(PLANT % "{type: lipschitz, bounds: {L: 10}}")
+    outcome = run("solve", "plant.yaml", "--json")
+    assert outcome.exit_code == 0, outcome.output
+    notes = json.loads(outcome.stdout)["notes"]
+    assert any(note.startswith("sin(x): ") and note.endswith("is read as lipschitz 1") for note in notes)

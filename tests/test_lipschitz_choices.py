@@ -77,7 +77,7 @@ def test_where_no_decay_will_do_none_is_suggested():
     family = in_floats(unit(plant(np.diag([1, -1]), [[0, 1]])))
     unstable = hidden_mode(family.plant, family.multiplier.member, family.alpha)
     assert unstable["feasible"] == {}
-    assert "measure another state" in unstable["suggestion"]
+    assert "a measurement that shows it is needed" in unstable["suggestion"]
 
 
 # Levels

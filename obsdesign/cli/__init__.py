@@ -3,6 +3,7 @@
 from obsdesign.cli.batch import batch
 from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
+from obsdesign.cli.diff import diff
 from obsdesign.cli.lipschitz import lipschitz
 from obsdesign.cli.program import app, main
 from obsdesign.cli.schema import schema
@@ -12,5 +13,5 @@ from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (solve, simulate, batch, compare, check, lipschitz, verify, schema):  # as the help lists them
+for command in (solve, simulate, batch, compare, check, lipschitz, verify, diff, schema):  # as the help lists them
     app.command()(command)

@@ -1,27 +1,68 @@
 """`obsdesign check`: what the structure of a spec allows, before any design."""
 
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
 import typer
 
-from obsdesign.cli.program import AsJson, Quiet, SpecPath, Timeout
+from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout, show
+from obsdesign.cli.sources import Answer, each, found
 from obsdesign.cli.steps import as_text
+from obsdesign.errors import ObsdesignError, UsageError
 from obsdesign.watch import limited
 
+PAUSE = 0.2  # s between two looks at the files
 
-def check(spec: SpecPath, timeout: Timeout = 600, as_json: AsJson = False, quiet: Quiet = False) -> None:
+
+def check(
+    specs: SpecPaths,
+    changes: Changes = [],  # noqa: B006
+    watch: Annotated[bool, typer.Option("--watch", help="Check again whenever a file is saved, until Ctrl-C.")] = False,
+    timeout: Timeout = 600,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
     """Say what the structure of a spec allows, before any design."""
+    if watch and "-" in specs:
+        raise UsageError("--watch looks at files; standard input is read once")
+    for _ in saves(specs) if watch else [()]:
+        try:
+            with limited(timeout):
+                each(found(specs), lambda spec: checked(spec, changes, as_json, quiet), as_json=as_json)
+        except (typer.Exit, ObsdesignError) as ended:
+            if not watch:
+                raise
+            if isinstance(ended, ObsdesignError):
+                show(ended)
+
+
+def checked(spec: str, changes: Sequence[str], as_json: bool, quiet: bool) -> Answer:
+    """What is said of one spec."""
     from obsdesign import work
     from obsdesign.tables.split import entry, printed
 
-    with limited(timeout):
-        problem = work.load(spec)
-        findings = work.check(problem)
+    problem = work.load(spec, changes)
+    findings = work.check(problem)
     possible = all(finding.stands for finding in findings)
     if as_json:
         report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
-        typer.echo(as_text(report | entry(problem) | {"notes": list(problem.notes)}))
-    elif not quiet:
-        typer.echo(printed(problem), nl=False)
-        for finding in findings:
-            mark = "ok  " if finding.holds else "FAIL" if finding.decides else "note"
-            typer.echo(f"{mark}  {finding.sentence}")
-    raise typer.Exit(0 if possible else 3)
+        text = as_text(report | entry(problem) | {"notes": list(problem.notes)})
+    else:
+        marks = ("ok  " if f.holds else "FAIL" if f.decides else "note" for f in findings)
+        rows = (f"{mark}  {f.sentence}\n" for mark, f in zip(marks, findings, strict=True))
+        text = "" if quiet else printed(problem) + "".join(rows)
+    return Answer(text, 0 if possible else 3)
+
+
+def saves(sources: Sequence[str]) -> Iterator[None]:
+    """Begin, and go on after every save of a file, without end."""
+    seen: object = None
+    while True:
+        now = [(path, Path(path).stat().st_mtime_ns) for path in found(sources) if Path(path).exists()]
+        if now != seen:
+            seen = now
+            yield
+            typer.echo(f"checked at {time.strftime('%H:%M:%S')}, and again after every save; Ctrl-C ends", err=True)
+        time.sleep(PAUSE)

@@ -4,13 +4,16 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Quiet, SpecPath, Timeout
+from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
+from obsdesign.cli.sources import Answer, each, found
 from obsdesign.cli.steps import as_text
+from obsdesign.errors import InfeasibleError, UndecidedError
 from obsdesign.watch import limited
 
 
 def lipschitz(
-    spec: SpecPath,
+    specs: SpecPaths,
+    changes: Changes = [],  # noqa: B006
     scaling: Annotated[
         bool, typer.Option("--scaling", help="Search coordinates T x, f taken as any function of the states.")
     ] = False,
@@ -24,10 +27,14 @@ def lipschitz(
     from obsdesign.constants import require_finite
     from obsdesign.tables.constants import constants_table
 
+    def answer(spec: str) -> Answer:
+        report = work.lipschitz(work.load(spec, changes), scaling=scaling, T=T.split(",") if T else None)
+        text = as_text(report) if as_json else "" if quiet else constants_table(report)
+        try:
+            require_finite(report)
+        except (InfeasibleError, UndecidedError) as error:
+            return Answer(text, failure=error)
+        return Answer(text)
+
     with limited(timeout):
-        report = work.lipschitz(work.load(spec), scaling=scaling, T=T.split(",") if T else None)
-    if as_json:
-        typer.echo(as_text(report))
-    elif not quiet:
-        typer.echo(constants_table(report))
-    require_finite(report)
+        each(found(specs), answer, as_json=as_json)

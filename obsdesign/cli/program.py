@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from obsdesign import __version__
 from obsdesign.errors import ObsdesignError
 from obsdesign.watch import INTERRUPTED
 
@@ -20,8 +21,7 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except ObsdesignError as error:
-            for problem in error.problems:
-                typer.echo(str(problem), err=True)
+            show(error)
             raise typer.Exit(error.exit_code) from None
         except KeyboardInterrupt:
             typer.echo("interrupted", err=True)
@@ -30,16 +30,43 @@ class Commands(TyperGroup):
             raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
 
 
+def show(error: ObsdesignError) -> None:
+    """Say what is wrong, a line each."""
+    for problem in error.problems:
+        typer.echo(str(problem), err=True)
+
+
 app = typer.Typer(
     cls=Commands,
     help="Design, prove and simulate state observers for nonlinear systems with unknown inputs.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
 
-SpecPath = Annotated[str, typer.Argument(metavar="SPEC", help="Spec file (YAML); - is standard input.")]
+
+def tell_version(asked: bool) -> None:
+    """Print the version."""
+    if asked:
+        typer.echo(f"obsdesign {__version__}")
+        raise typer.Exit
+
+
+Version = Annotated[bool, typer.Option("--version", help="Show the version.", is_eager=True, callback=tell_version)]
+
+
+@app.callback()
+def options(version: Version = False) -> None:
+    """Options of the program itself."""
+
+
+SpecPaths = Annotated[
+    list[str], typer.Argument(metavar="SPEC..", help="Spec files (YAML), folders of them; - is standard input.")
+]
+Changes = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Another value of a key, such as observer.alpha=0.5."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only, and with --json the result.")]
 Solver = Annotated[str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.")]

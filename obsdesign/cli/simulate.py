@@ -5,15 +5,17 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
-from obsdesign.cli.steps import drawn, progress, ran, run_text, stem
+from obsdesign.cli.program import AsJson, Changes, Quiet, Solver, Timeout
+from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
+from obsdesign.cli.steps import broken, drawn, progress, ran, run_text, stem
 from obsdesign.watch import limited
 
 
 def simulate(
-    source: Annotated[
-        str, typer.Argument(metavar="[SPEC|GAINS.json]", help="Default: the newest certified gains.")
-    ] = "",
+    sources: Annotated[
+        list[str], typer.Argument(metavar="[SPEC|GAINS.json]..", help="Default: the newest certified gains.")
+    ] = [],  # noqa: B006
+    changes: Changes = [],  # noqa: B006
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
     output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV); - is standard output.")] = "",
     plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
@@ -24,28 +26,30 @@ def simulate(
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.files import newest, require_writable, write_all
-    from obsdesign.simulate.validity import require_kept
     from obsdesign.work import trial
 
     with limited(timeout):
-        if not source:
-            source = newest()
+        if not sources:
+            sources = [newest()]
             if not quiet:
-                typer.echo(f"simulating {source}", err=True)
-        name = stem(source)
-        files = output or f"{name}.run.csv", plot or f"{name}.run.png"
-        require_writable(*(file for file in files if file != "-"))
-        with progress(quiet) as report:
-            design = trial(source, gains, solver, report)
-        run = ran(design, quiet)
-        samples, figure = drawn(run)
-        if files[0] == "-":
-            typer.echo(samples.decode(), nl=False)
-        write_all({path: content for path, content in zip(files, (samples, figure), strict=True) if path != "-"})
-    if files[0] == "-":
-        return
-    if as_json:
-        typer.echo(json.dumps(run.summary, indent=2, allow_nan=False))
-    elif not quiet:
-        typer.echo(run_text(design, run.summary, files))
-    require_kept(run.summary, files[0])
+                typer.echo(f"simulating {sources[0]}", err=True)
+        files = found(sources, (*SPECS, *RESULTS))
+        require_one(files, output, plot, gains)
+        require_apart(files, [stem(file) for file in files])
+
+        def answer(source: str) -> Answer:
+            name = stem(source)
+            paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
+            require_writable(*(path for path in paths if path != "-"))
+            with progress(quiet) as report:
+                design = trial(source, gains, solver, report, changes)
+            run = ran(design, quiet)
+            samples, figure = drawn(run)
+            write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
+            if paths[0] == "-":
+                return Answer(samples.decode())
+            summary = json.dumps(run.summary, indent=2, allow_nan=False)
+            text = summary if as_json else "" if quiet else run_text(design, run.summary, paths)
+            return Answer(text, failure=broken(run, paths[0]))
+
+        each(files, answer, as_json=as_json)

@@ -5,16 +5,18 @@ from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Quiet, Solver, SpecPath, Timeout
-from obsdesign.cli.steps import drawn, ran, run_text, solved, stem
+from obsdesign.cli.program import AsJson, Changes, Quiet, Solver, SpecPaths, Timeout
+from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
+from obsdesign.cli.steps import broken, drawn, ran, run_text, solved, stem
 from obsdesign.errors import EXIT, UsageError
 from obsdesign.watch import limited
 
 
 def solve(
-    spec: SpecPath,
+    specs: SpecPaths,
+    changes: Changes = [],  # noqa: B006
     output: Annotated[str, typer.Option("-o", "--output", help="Gains file; - is standard output.")] = "",
-    simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: FILE.run.csv and FILE.run.png.")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="Plot the curves of a search, NAME.curve.png.")] = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
@@ -23,18 +25,17 @@ def solve(
 ) -> None:
     """Design the observer of a spec and write its certified gains."""
     from obsdesign.files import is_regular, require_writable, write_all
-    from obsdesign.simulate.validity import require_kept
     from obsdesign.tables.text import aligned
     from obsdesign.work import load
 
-    with limited(timeout):
-        problem = load(spec)
-        name = stem(spec)
-        target = output or f"{name}.gains.json"
+    def answer(spec: str) -> Answer:
+        problem = load(spec, changes)
+        target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
         if not printed:
             require_writable(target)
-        beside = Path(target).parent if not printed and is_regular(target) else Path()
+        named = not printed and is_regular(target)
+        beside, name = (Path(target).parent, stem(target)) if named else (Path(), stem(spec))
         paths = str(beside / f"{name}.run.csv"), str(beside / f"{name}.run.png")
         design = solved(problem, solver, quiet)
         text, run = design.text(), None
@@ -48,19 +49,21 @@ def solve(
             raise
         finally:
             write_all(files)
-        if printed or as_json:
-            typer.echo(text, nl=False)
-        elif not quiet:
-            typer.echo(aligned([*design.table(), ("file", target)]))
-            if run:
-                typer.echo(f"\n{run_text(design, run.summary, paths)}")
         if plot and not design.plot_search(str(beside / f"{name}.curve.png")) and not quiet:
             typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
         if design.status == "uncertified":
             typer.echo(f"{spec}: these gains are not certified: no proof of them was found", err=True)
-        for failed in (entry for entry in design.expected(run.summary if run else None) if not entry["holds"]):
-            said = f"expected {failed['expected']}, found {'nothing' if failed['found'] is None else failed['found']}"
-            typer.echo(f"{spec}: expect.{failed['key']}: {said}", err=True)
-        if run:
-            require_kept(run.summary, paths[0])
-    raise typer.Exit(EXIT[design.status])
+        for said in design.unmet():
+            typer.echo(f"{spec}: {said}", err=True)
+        if printed or as_json:
+            told = text.decode()
+        else:
+            told = "" if quiet else aligned([*design.table(), ("file", target)])
+            told += f"\n\n{run_text(design, run.summary, paths)}" if run and not quiet else ""
+        return Answer(told, EXIT[design.status], broken(run, paths[0]) if run else None)
+
+    with limited(timeout):
+        sources = found(specs)
+        require_one(sources, output)
+        require_apart(sources, [stem(source) for source in sources])
+        each(sources, answer, as_json=as_json)

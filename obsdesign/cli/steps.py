@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from obsdesign.errors import ObsdesignError, ViolatedError
+
 if TYPE_CHECKING:
     from obsdesign.design import Design
     from obsdesign.simulate import Run
@@ -56,8 +58,9 @@ def ran(design: "Design", quiet: bool) -> "Run":
         typer.echo(str(warning), err=True)
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
-    if run.status != "done" and not quiet:
-        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    early = [] if run.status == "done" else [f"the run ended early: {run.status} at t = {run.time:.6g} s"]
+    for said in () if quiet else (*early, *(f"{design.spec.path}: {each}" for each in design.unmet(run.summary))):
+        typer.echo(said, err=True)
     return run
 
 
@@ -66,6 +69,17 @@ def drawn(run: "Run") -> tuple[bytes, bytes]:
     from obsdesign.files import csv
 
     return csv(*run.table()), run.plot()
+
+
+def broken(run: "Run", samples: str) -> ObsdesignError | None:
+    """That a run breaks a bound that is proved, if it does."""
+    from obsdesign.simulate.validity import require_kept
+
+    try:
+        require_kept(run.summary, samples)
+    except ViolatedError as error:
+        return error
+    return None
 
 
 def stem(path: str) -> str:

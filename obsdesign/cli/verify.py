@@ -1,38 +1,69 @@
 """`obsdesign verify`: the claim of a result file, proved anew."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from obsdesign.cli.program import AsJson, Quiet, Timeout
+from obsdesign.cli.sources import RESULTS, Answer, each, found
 from obsdesign.cli.steps import as_text
-from obsdesign.errors import UndecidedError
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.sections.scalars import described
 from obsdesign.watch import limited
 
 
 def verify(
-    gains: Annotated[str, typer.Argument(metavar="GAINS.json", help="Result file of `solve`; - is standard input.")],
-    spec: Annotated[str, typer.Argument(metavar="[SPEC]", help="The spec it must belong to.")] = "",
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="GAINS.json.. [SPEC]",
+            help="Result files, folders of them; - is standard input. After one file: the spec it must belong to.",
+        ),
+    ],
+    specs: Annotated[
+        bool, typer.Option("--specs", help="Hold each file against the spec at the path that it names, too.")
+    ] = False,
     timeout: Timeout = 600,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Prove the claim of a gains file anew, or that there is no solution; exactly and without a solver."""
+    paired = len(sources) == 2 and not sources[1].endswith(".json")
+    gains, spec = (sources[:1], sources[1]) if paired else (sources, "")
+    with limited(timeout):
+        each(
+            found(gains, RESULTS),
+            lambda file: proved(file, named(file) if specs else spec, as_json, quiet),
+            as_json=as_json,
+        )
+
+
+def named(gains: str) -> str:
+    """Path of the spec that a result file names, as it was typed, below the current folder."""
+    from obsdesign.files import ResultFile
+
+    path = ResultFile.open(gains).at("spec", "path")
+    if not isinstance(path, str) or not Path(path).resolve().is_relative_to(Path.cwd()) or not Path(path).is_file():
+        said = "is no spec below the current folder; solve it from here, or leave --specs out"
+        raise UsageError(f"{gains}: spec.path: {described(path)} {said}")
+    return path
+
+
+def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:
+    """What is proved of one file."""
     from obsdesign import work
     from obsdesign.files import checks
 
-    with limited(timeout):
-        proof = work.verify(gains, work.load(spec) if spec else None)
+    proof = work.verify(gains, work.load(spec) if spec else None)
     rows = checks(proof.checks)
-    if as_json:
-        report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
-        typer.echo(as_text(report))
-    elif not quiet:
-        for row in rows:
-            typer.echo(f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}")
-        if proof.numerical:
-            typer.echo(f"numerical, no part of what is proved: {', '.join(proof.numerical)}")
-        typer.echo(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
-    if not proof.holds:
-        failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
-        raise UndecidedError(f"{gains}: the claim is not proved: {failed}")
+    lines = [f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}" for row in rows]
+    if proof.numerical:
+        lines.append(f"numerical, no part of what is proved: {', '.join(proof.numerical)}")
+    lines.append(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
+    report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
+    text = as_text(report) if as_json else "" if quiet else "\n".join(lines)
+    if proof.holds:
+        return Answer(text)
+    failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
+    return Answer(text, failure=UndecidedError(f"{gains}: the claim is not proved: {failed}"))

@@ -57,6 +57,11 @@ class Errors:
         return cls(p, multiplier, in_floats(H), L1, L2)
 
     @property
+    def gap(self) -> float | None:
+        """Longest time in s for which the error follows these alone; None: always."""
+        return None
+
+    @property
     def bounded(self) -> bool:
         """Whether the slopes of every block that acts are bounded, and its members known well enough to be sampled.
 
@@ -315,11 +320,16 @@ def area(A: Array, B: Array, H: Array) -> float:
     t = np.unique(np.concatenate([*dense, ends.max() * np.geomspace(1e-9, 1, SAMPLES)]))
     left, right = H @ V, np.linalg.solve(V, B)
     h = np.einsum("zk,kt,kv->tzv", left, np.exp(values[:, None] * t), right)
+    return largest_area(h, t)
+
+
+def largest_area(h: Array, t: Array) -> float:
+    """Largest integral over t of |u' h| for |u| = 1, over directions u; h: (nt, nz, nv)."""
     if not h.size:
         return 0.0
     moment = np.trapezoid(np.einsum("tzv,tyv->zyt", h, h), t, axis=2)
-    random = np.random.default_rng(0).normal(size=(DIRECTIONS, len(H)))
-    directions = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(len(H)), random])
+    random = np.random.default_rng(0).normal(size=(DIRECTIONS, h.shape[1]))
+    directions = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(h.shape[1]), random])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    along = np.linalg.norm(np.einsum("uz,tzv->tuv", directions if len(H) > 1 else np.eye(1), h), axis=2)
+    along = np.linalg.norm(np.einsum("uz,tzv->tuv", directions if h.shape[1] > 1 else np.eye(1), h), axis=2)
     return float(np.trapezoid(along, t, axis=0).max())

@@ -271,6 +271,11 @@ class Incremental(ABC):
 
         return replace(problem, inequalities=lambda v: (*problem.inequalities(v), *usable(v)))
 
+    @property
+    def place_of_v(self) -> tuple[int, int]:
+        """Which of the inequalities has rows of v, and the first of these."""
+        return 0, self.plant.n + self.plant.Bf.shape[1]
+
     def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
         """P >= floor I; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.
 

@@ -29,6 +29,7 @@ TABLE = (
 SUSPECT = 1e-3  # a gamma below this, likewise, may be a limit of zero: the table decides
 ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
 SHARE = 1e-3  # .. and that is certified in its place
+UNRESOLVED = 0.1  # share of what gamma can fall to, below which it is rounding
 HALF = -0.4 * math.log(10)  # of log gamma in a decade of gain: |L1| is of the order of 1 / gamma^2 at most
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 
@@ -96,6 +97,7 @@ class Level:
     gamma: float
     instead: float | None = None
     attained: bool = False  # the zero, by a finite gain
+    table: tuple[tuple[float, float], ...] = ()  # of `falling`
 
     @classmethod
     def of(cls, answer: Answer, zero: Vanishing) -> Self:
@@ -108,8 +110,18 @@ class Level:
     def of_all(cls, answer: Answer, zero: Vanishing) -> Self:
         """Least gamma over all gains: zero where it vanishes, whatever is left of it in an optimum."""
         if zero.table or zero.attained:
-            return cls(0.0, zero.instead, zero.attained)
+            return cls(0.0, zero.instead, zero.attained, zero.table)
         return cls.of(answer, zero)
+
+    @classmethod
+    def within(cls, answer: Answer, zero: Vanishing, bounds: Bounds) -> Self:
+        """Least gamma within bounds; that of a row of the table within them where a solver does not resolve it.
+
+        Gamma falls no faster than 1 / |L1| there: an error that rests has (A + L1 C) e = B v.
+        """
+        level, largest = cls.of(answer, zero), limit_of(bounds)
+        least, size = min(((gamma, size) for size, gamma in zero.table if size <= largest), default=(0.0, 1.0))
+        return cls(least) if level.gamma < UNRESOLVED * least * size / largest else level
 
     def target(self, slack: float) -> float:
         """Gamma to be certified, within the slack of the least, rounded down to 6 digits so that it stays there."""

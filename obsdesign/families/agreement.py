@@ -41,6 +41,8 @@ def numerical(entries: Mapping[str, Any], spec: Spec) -> list[str]:
         paths = ["observer", *(path for path in paths if not path.startswith("observer."))]
     paths += [f"diagnosis.{key}" for key in entries.get("diagnosis", {}) if key not in {"proof", "certificate"}]
     paths += [name for name in entries if name not in (*HELD, *KNOWN)]
+    solver = entries.get("solver")
+    paths += ["solver.scaling"] if isinstance(solver, Mapping) and "scaling" in solver else []
     return [*paths, *(["notes"] if any(note not in spec.notes for note in entries.get("notes", [])) else [])]
 
 

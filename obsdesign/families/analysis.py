@@ -12,19 +12,19 @@ from obsdesign.tables.text import at_most
 UNAIDED = {"zero": "z estimated by 0", "open_loop": "a copy of the plant that uses no y"}
 
 
-def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None, gap: float | None = None) -> dict[str, Any]:
+def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[str, Any]:
     """Worst pole, largest steps, and gains with and without the observer.
 
-    `errors`: of the observer as it runs; `gap`: in s, the longest time between measurements, where it runs so only
-    between these: then its poles say nothing of the error, and its steps are told up to that. `peak_gain` is that from
-    sup|v| to sup|z|: at least that of the worst frozen member, at most what the guarantee says.
+    `errors`: of the observer as it runs. Where it runs so between measurements only, its poles say nothing of the
+    error, and its steps are told up to the longest time between these. `peak_gain` is that from sup|v| to sup|z|: at
+    least that of the worst frozen member, at most what the guarantee says.
     """
-    steps: dict[str, Any] = {"largest_step": errors.largest_step}
+    step, gap = errors.largest_step, errors.gap
     if gap is not None:
-        steps["largest_step"] = {k: None if h is None else min(h, gap) for k, h in steps["largest_step"].items()}
-    else:
-        most = guarantee.peak(spec.H) if guarantee else None
-        steps = {"worst_pole": errors.worst_pole, **steps, "peak_gain": {"least": errors.least_peak(), "most": most}}
+        step = {name: None if h is None else min(h, gap) for name, h in step.items()}
+    steps: dict[str, Any] = {"worst_pole": errors.worst_pole} if gap is None else {}
+    most = guarantee.peak(spec.H) if guarantee else None
+    steps |= {"largest_step": step, "peak_gain": {"least": errors.least_peak(), "most": most}}
     unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}

@@ -1,6 +1,6 @@
 """What a section `observer:` may hold in any family: its type, ranges that are searched, bounds, the slack."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -44,6 +44,39 @@ class Estimation:
     H: Array
     nonlinearities: tuple[Nonlinearity, ...]  # as the family takes them
     typed: Typed | None = None  # the plant as equations, of a family that takes it so
+    as_equations: bool = False  # whether the matrices are those of equations that were split
+
+    def refused(self, name: str, kind: str) -> Iterator[tuple[Loc, str]]:
+        """Where D, Df, Dq or Dqf is not zero, which a type does not take, in words; of equations in their terms."""
+        plant = self.plant
+        if plant is None or not getattr(plant, name).any():
+            return
+        if not self.as_equations:
+            yield ("system", name) if name == "D" else ("nonlinearities",), f"{name} must be zero for type {kind}"
+            return
+        for place, what in disturbed(plant) if name == "D" else entering(plant, self.nonlinearities, name):
+            yield place, f"holds {what}, which type {kind} does not take"
+
+
+def disturbed(plant: Plant[Exact]) -> Iterator[tuple[Loc, str]]:
+    """Outputs that hold disturbances."""
+    for y, row in zip(plant.outputs, plant.D, strict=True):
+        if held := [w for w, entry in zip(plant.exogenous, row, strict=True) if entry != 0]:
+            yield ("system", "outputs", y), f"the disturbance {', '.join(held)}"
+
+
+def entering(plant: Plant[Exact], terms: Sequence[Nonlinearity], name: str) -> Iterator[tuple[Loc, str]]:
+    """Outputs that hold terms (Df), and right sides that hold terms of disturbances (Dq)."""
+    first = 0
+    for term, moves, shows in zip(terms, plant.Bf.T, plant.Df.T, strict=False):
+        rows, first = plant.Dq[first : first + term.nq], first + term.nq
+        sides: list[Loc] = [("system", "dynamics", x) for x, c in zip(plant.states, moves, strict=True) if c != 0]
+        outputs: list[Loc] = [("system", "outputs", y) for y, c in zip(plant.outputs, shows, strict=True) if c != 0]
+        acting = ", ".join(w for w, column in zip(plant.exogenous, rows.T, strict=True) if column.any())
+        if name == "Df":
+            yield from ((place, f"the nonlinear term {term.term}") for place in outputs)
+        elif acting:
+            yield [*sides, *outputs][0], f"the term {term.term}, a function of the disturbance {acting}"
 
 
 class ObserverSection(Section):

@@ -31,7 +31,7 @@ class Family:
     design.py     `design`
     claim.py      `written`, `read`, `read_gains`
     absence.py    `read`, if it refutes
-    observer.py   `observer`, `errors`
+    observer.py   `observer`, `errors`; `sampled` in place of it, if y is known at instants only
     table.py      `proved`, `figures`
 
     Where nothing is proved, `request`, `check` and `observer` do. A module is imported when it is first needed, so that
@@ -172,9 +172,9 @@ class Family:
         from obsdesign.families.analysis import analysis
 
         guarantee = outcome.claim.guarantee(spec) if outcome.claim and outcome.claim.holds else None
-        part = self.part("observer")
-        gap = part.gap(spec, guarantee) if self.sampled else None
-        return analysis(spec, part.errors(spec, outcome.gains), guarantee, gap)
+        part, gains = self.part("observer"), outcome.gains
+        errors = part.sampled(spec, gains, guarantee) if self.sampled else part.errors(spec, gains)
+        return analysis(spec, errors, guarantee)
 
     def proved(self, observer: Mapping[str, Any], guarantee: Mapping[str, Any]) -> Rows:
         """Lines of a table on what is proved, from the entries of these names of a result file."""

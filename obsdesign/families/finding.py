@@ -96,12 +96,11 @@ def hidden_mode(
     rate: float,
     symbol: str = "",
     key: str = "decay",
-    asked: str = "a decay",
     more: str = "",
 ) -> Diagnosis:
     """Answer that a mode of the plant with f = K q is undetectable at a rate; empty if none is.
 
-    The rate has a `symbol`, a `key` in a spec, and is `asked` for; `more` would help besides measuring another state.
+    The rate has a `symbol` and a `key` in a spec; `more` may help besides another measurement.
     """
     modes = undetectable(plant, K, rate)
     if not modes:
@@ -112,5 +111,7 @@ def hidden_mode(
         "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {symbol}{rate:g}",
         "mode": described(modes[0]),
         "feasible": {f"{key}_below": limit} if limit > 0 else {},
-        "suggestion": f"ask for {asked} below {limit:g}" if limit > 0 else f"measure another state{more}",
+        "suggestion": f"{key} below {limit:g} is necessary"
+        if limit > 0
+        else f"a measurement that shows it is needed{more}",
     }

@@ -66,9 +66,11 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
     chosen = [FREE if K is None else rows(K) for K in found.slopes]
     if found.decay > 0:
-        instead = f"ask for {demand.key} below {found.decay:g}"
+        instead = f"{demand.key} below {found.decay:g} is necessary"
     else:
-        instead = "measure another state" + (", or tighten the type of the nonlinearity" if helps(spec, demand) else "")
+        instead = "a measurement that shows it is needed" + (
+            ", or a tighter type of the nonlinearity" if helps(spec, demand) else ""
+        )
     return {
         "condition": "detectability",
         "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}",

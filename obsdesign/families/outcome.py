@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Any, Protocol
 
 from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.scaling import Factors
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
 from obsdesign.lmi.proof import Check, Proved
@@ -104,6 +105,7 @@ class Outcome:
     diagnosis: Diagnosis = field(default_factory=dict)  # why there are no gains; empty where there are some
     notes: tuple[str, ...] = ()  # what a user should know, in sentences
     scalars: dict[str, Any] = field(default_factory=dict)  # scalar unknowns of what was solved
+    scaling: Factors = field(default_factory=dict)  # units that were solved in; none: those of the spec
     form: Any = None  # of an observer that has no gains: its equations, as its family has them
 
     @property

@@ -35,7 +35,7 @@ def too_tight(
         "condition": "bounds",
         "reason": f"no gain with {' and '.join(asked)} was found {where}",
         "feasible": {key: value for key, (value, _) in enough.items()},
-        "suggestion": ", or ".join([*said, *hints]) or "allow larger bounds",
+        "suggestion": ", or ".join([*said, *hints]) or "look at larger bounds",
     }
 
 

@@ -53,9 +53,9 @@ def comparison_sheet(comparison: "Comparison") -> "Figure":
     first = comparison.entrants[0]
     names = list(first.run.summary["settling"])
     estimates: list[Panel] = [states_panel(comparison, i) for i in range(first.run.plant_states)]
-    noise = "with noise" if first.spread else "no noise"
+    count, noise = len(comparison.entrants), "with noise" if first.spread else "without noise"
     figure = compose(
-        f"{plain(comparison.title)}: {len(comparison.entrants)} observers, errors {noise}",
+        f"{plain(comparison.title)}: {count} observer{'s' if count > 1 else ''}, errors {noise}",
         [estimates, [error_panel(comparison, name) for name in names]],
     )
     legend_below(figure)

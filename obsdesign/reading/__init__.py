@@ -6,13 +6,14 @@ resolve.py    the sections to the types of the design: exact values, derived siz
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.reading.resolve import FORMAT, resolve
 from obsdesign.reading.schema import json_schema
+from obsdesign.sections.changes import opened
 from obsdesign.sections.document import compose, read
 from obsdesign.sections.writing import written
 from obsdesign.spec import Called, Noise, Nonlinearity, Simulation, Spec
@@ -32,25 +33,26 @@ __all__ = [
 PYTHON = "<python>"  # in place of a file
 
 
-def load(source: str | os.PathLike[str]) -> Spec:
+def load(source: str | os.PathLike[str], changes: Sequence[str] = ()) -> Spec:
     """Read a spec from a file, or from its text, which has more than one line.
 
-    Raises `UsageError`: one problem for everything that is wrong, with file, line, column and key.
+    `changes`: other values of single keys, such as `observer.alpha=0.5`, read as YAML; the spec keeps them. Raises
+    `UsageError`: one problem for everything that is wrong, with file, line, column and key.
     """
     path = os.fspath(source)
     if "\n" in path:
-        return loads(path)
+        return loads(path, changes=changes)
     try:
         path.encode()
     except UnicodeEncodeError:
         shown = path.encode(errors="backslashreplace").decode()
         raise UsageError(f"{shown}: the name of the file is not valid UTF-8; rename it") from None
-    return loads(read(path), path)
+    return loads(read(path), path, changes)
 
 
-def loads(text: str, path: str = "<text>") -> Spec:
+def loads(text: str, path: str = "<text>", changes: Sequence[str] = ()) -> Spec:
     """Read a spec from its text, YAML of at most 4 MiB; `path`: what messages call it. Raises as `load`."""
-    return resolve(compose(text, path))
+    return replace(resolve(opened(text, path, changes)), changes=tuple(changes))
 
 
 def build(sections: Mapping[str, Any]) -> Spec:
@@ -73,7 +75,7 @@ def with_simulation(spec: Spec, changes: Mapping[str, Any]) -> Spec:
 
     Raises `UsageError`: a change is wrong, with its key.
     """
-    sections = compose(spec.text, spec.path).root.plain()
+    sections = opened(spec.text, spec.path, spec.changes).root.plain()
     trial = {**sections.get("simulation", {}), **changes}
     return replace(spec, simulation=build({**sections, "simulation": trial}).simulation)
 

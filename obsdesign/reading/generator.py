@@ -56,7 +56,10 @@ def read_disturbance(
     if section is None:
         return Exogenous()
     if section != "unknown" and layout.w.size == 0:
-        reader.wrong(loc, "there is no w to generate; give system.B or system.D (with equations: system.disturbances)")
+        written = reader.document.find(("system",))[1].value
+        equations = isinstance(written, dict) and "dynamics" in written
+        key = "system.disturbances" if equations else "system.B or system.D"
+        reader.wrong(loc, f"there is no w to generate; give {key}")
         return Exogenous()
     channels = read_channels(reader, section, loc, layout)
     if sum(len(channel.generator.Cm) for channel in channels) != layout.w.size:

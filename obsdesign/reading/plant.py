@@ -7,6 +7,7 @@ from itertools import accumulate
 import numpy as np
 
 from obsdesign.expressions import Expression
+from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array, Exact, rational
 from obsdesign.model.disturbance import empty
 from obsdesign.model.equations import Typed
@@ -26,6 +27,7 @@ KINDS = (  # key of a section, attribute of `Names`, and what each is
     ("inputs", "inputs", "an input"),
     ("disturbances", "w", "a disturbance"),
 )
+KNOWN = {"t", "pi", *FUNCTIONS}  # in every expression
 X, Y, W = Axis(None, "state"), Axis(None, "output"), Axis(None, "w")
 Q, F = Axis(None, "component of q"), Axis(None, "component of f")
 
@@ -261,12 +263,12 @@ def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], 
 
 
 def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
-    """Values of the parameters, each from those before it."""
+    """Values of the parameters, each from those before it; one with a wrong name is not told where it is used."""
     for name, text in parameters.items():
         if reason := meaning(name):
             reader.wrong(("parameters", name), f"{described(name)} {reason}", at_key=True)
         value = reader.number(text, ("parameters", name))
-        if reason is None:
+        if reason is None or name not in KNOWN:
             reader.parameters[name] = value
 
 

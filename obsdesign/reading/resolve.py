@@ -41,11 +41,7 @@ def resolve(document: Document) -> Spec:
     Raises `UsageError` with everything that is wrong, in the order of the file.
     """
     reader = Reader(document, list(document.problems))
-    if isinstance(document.root.value, dict) and document.root.value.keys() >= RESULT:
-        piped = document.path == "-"
-        takers = "`verify -` takes it, and `simulate` as a file" if piped else "`simulate` and `verify` take it"
-        said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
-        raise UsageError(Problem(said, document.path))
+    require_spec(document)
     file, named = read_file(reader), document.find(("observer", "type"))[1].value
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
@@ -64,7 +60,8 @@ def resolve(document: Document) -> Spec:
     observer = None
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
-        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H)
+        split = isinstance(file.system, Equations) and not family.equations
+        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, as_equations=split)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=sampled)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
@@ -97,6 +94,17 @@ def resolve(document: Document) -> Spec:
     )
 
 
+def require_spec(document: Document) -> None:
+    """Refuse a result of `solve`, with where its spec is."""
+    if not isinstance(document.root.value, dict) or not document.root.value.keys() >= RESULT:
+        return
+    takers = (
+        "`verify -` takes it, and `simulate` as a file" if document.path == "-" else "`simulate` and `verify` take it"
+    )
+    said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
+    raise UsageError(Problem(said, document.path))
+
+
 def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
     """The plant, in matrices or as equations; what an unknown family takes is not told."""
     sampled, typed = (family is not None and getattr(family, name) for name in ("sampled", "equations"))
@@ -117,14 +125,23 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
 
 
 def read_observer(
-    reader: Reader, family: Family, section: ObserverSection, plant: Reading, exogenous: Exogenous, H: Array
+    reader: Reader,
+    family: Family,
+    section: ObserverSection,
+    plant: Reading,
+    exogenous: Exogenous,
+    H: Array,
+    *,
+    as_equations: bool,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
     blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
-    problem = Estimation(states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed)
+    problem = Estimation(
+        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations
+    )
     return family.request(reader, section, problem), blocks
 
 

@@ -72,7 +72,7 @@ class Simulation(Section):
     )
     period: str | None = key(ENTRY, "s, of periodic sampling; default T2")
     dropout: str | None = key(ENTRY, "share of the measurements that are lost, in [0, 1)")
-    xi0: dict[str, str] | None = key(MapOf(ENTRY), "coordinates of the observer at t = 0, by name; default 0")
+    xi0: dict[str, str] | None = key(MapOf(ENTRY), "coordinates at t = 0, by name; default those of xhat0, or 0")
     theta0: str | list[str] | dict[str, str] | None = key(
         Either("a number, a list, or values by coordinate", ENTRY, NUMBERS, mapping=MapOf(ENTRY)),
         "correction before the first measurement, or estimated constants of coordinates; default 0",

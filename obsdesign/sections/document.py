@@ -6,7 +6,6 @@ refused while their events arrive, before there is a tree.
 """
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -44,6 +43,7 @@ class Node(NamedTuple):
     begins: int  # index in the text
     size: int = 1  # nodes in it, each alias counted as what it stands for
     height: int = 0  # lists and mappings inside each other
+    origin: str = ""  # what put it there, if it stands in no line of the text
 
     def plain(self) -> Any:
         """Return the values without their places."""
@@ -54,8 +54,7 @@ class Node(NamedTuple):
         return self.value
 
 
-@dataclass(frozen=True)
-class Document:
+class Document(NamedTuple):
     """One YAML document, and what is wrong in it as YAML where the rest could still be read."""
 
     path: str
@@ -70,6 +69,8 @@ class Document:
         """
         key, value = self.find(loc)
         node = key if at_key else value
+        if node.origin:
+            return Problem(message, node.origin, key=dotted(loc))
         if column and isinstance(node.value, str):
             quote = int(self.text[node.begins] in "'\"")
             column = quote + column if self.text.startswith(node.value, node.begins + quote) else 0

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from obsdesign.design import Design
 
 WINDOW = 1 / 6  # of the horizon, after which noise and floor are looked at
+FALL = 2.0  # ratio of the rms in the first quarter of the window to that in the last, above which an error falls
+SEEN = 1e-6  # of the largest error: less is not looked at
 LOOKS = 60  # instants of a run at which it is asked how fast an observer is
 
 
@@ -87,6 +89,7 @@ class Entrant:
             "fastest": fastest if np.isfinite(fastest) else None,
             "run": self.run.status,
             "states": {name: {**times, **self.noise(name), "floor": self.floor(name)} for name, times in self.times},
+            "transient": [name for name, _ in self.times if self.falls(name)],
         }
 
     @property
@@ -105,9 +108,23 @@ class Entrant:
 
     def floor(self, name: str) -> float | None:
         """Rms of the error without noise over the window; None where the run ended before it did."""
+        if self.quiet[name][0][-1] < self.window[1] * (1 - 1e-9):
+            return None
+        return self.rms(name, *self.window)
+
+    def falls(self, name: str) -> bool:
+        """Whether the error without noise still falls over the window, so that its rms there is no floor."""
+        first, last = self.window
+        quarter = (last - first) / 4
+        early, late = self.rms(name, first, first + quarter), self.rms(name, last - quarter, last)
+        seen = SEEN * float(np.abs(self.quiet[name][1]).max())
+        return early is not None and late is not None and early > max(FALL * late, seen)
+
+    def rms(self, name: str, first: float, last: float) -> float | None:
+        """Rms of the error without noise between two times; None where the run has no two steps there."""
         t, e = self.quiet[name]
-        inside = t >= self.window[0]
-        if t[-1] < self.window[1] * (1 - 1e-9) or inside.sum() < 2:
+        inside = (t >= first) & (t <= last)
+        if inside.sum() < 2:
             return None
         t, e = t[inside], e[inside]
         return float(np.sqrt(np.trapezoid(e**2, t) / (t[-1] - t[0])))

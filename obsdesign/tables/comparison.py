@@ -6,17 +6,23 @@ from typing import Any
 HEADER = ("observer", "type", "status", "order", "fastest 1/s", "estimate", "5 % s", "1 % s", "noise rms", "floor")
 NUMBERS = {"order", "fastest 1/s", "5 % s", "1 % s", "noise rms", "floor"}  # columns that are aligned to the right
 
+MARK = "*"
+TRANSIENT = f"{MARK} no floor: the error still falls over the window; a longer horizon leaves the transient out of it"
+
 
 def comparison_table(report: Mapping[str, Any]) -> str:
     """One row an estimate of each observer."""
     rows = [row for observer in report["observers"] for row in rows_of(observer)]
     low, high = report["window"]
     seeds = len(report["seeds"])
+    falling = any(observer["transient"] for observer in report["observers"])
     notes = [
         "5 %, 1 %: last time at which the error without noise is above that part of the initial one",
-        f"noise rms: what noise adds to the estimate, {low:.4g} to {high:.4g} s, mean of {seeds} seeds +- deviation",
-        "floor: rms of the error without noise there",
-        *(f"{one['label']}: {said_of(one)}" for one in report["observers"]),
+        f"window: {low:.4g} to {high:.4g} s, the last 5/6 of the horizon",
+        f"noise rms: what noise adds to the estimate in the window, mean of {seeds} seeds +- deviation",
+        "floor: rms of the error without noise in the window",
+        *([TRANSIENT] if falling else []),
+        *(f"{one['label']}: {said_of(one)}".replace("; ", ";\n  ") for one in report["observers"]),
     ]
     return "\n".join([*columns([HEADER, *rows]), "", *notes])
 
@@ -29,7 +35,8 @@ def rows_of(observer: Mapping[str, Any]) -> list[Sequence[str]]:
     for name, state in observer["states"].items():
         times = [number(state[key], "never") for key in ("t5", "t1")]
         spread = f" +- {state['noise_rms_std']:.1e}" if state["noise_rms"] else ""
-        rows.append((*known, name, *times, number(state["noise_rms"], "none") + spread, number(state["floor"], "none")))
+        floor = number(state["floor"], "none") + (MARK if name in observer["transient"] else "")
+        rows.append((*known, name, *times, number(state["noise_rms"], "none") + spread, floor))
         known = ("",) * len(known)
     return rows
 

@@ -18,6 +18,7 @@ Rows = list[tuple[str, str]]
 def design_rows(content: Mapping[str, Any]) -> Rows:
     """What an engineer wants to know of a result, from the result file."""
     rows = [("problem", content["name"]), ("status", content["status"])]
+    rows += [("set", content["set"])] if "set" in content else []
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
     family = FAMILIES[made["type"]] if made else None
     rows += family.proved(made, claimed) if family else []

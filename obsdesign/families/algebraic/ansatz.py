@@ -6,6 +6,7 @@ with rational matrices: one row for each product of signals in the numerators of
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import combinations_with_replacement
@@ -13,7 +14,7 @@ from math import comb
 
 from flint import fmpq, fmpq_mat, fmpq_mpoly
 
-from obsdesign.expressions import Expression
+from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.expressions.algebra import Fraction, Symbols, identical
 from obsdesign.expressions.tree import Number, number, product
 from obsdesign.families.algebraic.forms import Coordinate
@@ -185,6 +186,13 @@ class Ansatz:
             return found
         values = [self.symbols.constant(1), *(term.value for term in found)]
         return [found[k - 1] for k in independent(table(self.numerators([values])))[1:]]
+
+    def holds(self, phi: Expression) -> bool:
+        """Whether a function is a combination of the m_k and a constant."""
+        with suppress(ExpressionError):  # one with further functions than there is room for is none
+            values = [self.symbols.constant(1), *(term.value for term in self.terms), self.fraction(phi)]
+            return len(values) - 1 not in independent(table(self.numerators([values])))
+        return False
 
     def is_known(self, value: Fraction) -> bool:
         """Whether a function is one of outputs, inputs and t."""

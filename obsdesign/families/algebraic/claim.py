@@ -7,19 +7,20 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 
-from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
 from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
 from obsdesign.families.algebraic.request import request_of
-from obsdesign.families.algebraic.scheme import Plant, Scheme
+from obsdesign.families.algebraic.scheme import OPEN, Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import Array, rational_number
+from obsdesign.lmi.formula import Array, printed, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
 
 KIND = "identities"
 DIGITS = 6  # of a rate
@@ -69,17 +70,22 @@ class Claim:
         """Proved rates of decay, 1/s, by the name of the coordinate."""
         bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
         found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
-        return {name: round_down(-bound, DIGITS) for name, bound in found.items() if bound is not None}
+        proved = {name: rational_number(-bound) for name, bound in found.items() if bound is not None}
+        return {name: float(at_least(rate, DIGITS)) for name, rate in proved.items()}
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
         return self.statement(spec)
 
-    def statement(self, spec: Spec) -> str:  # noqa: ARG002
-        """Claim in words, and what it does not say."""
-        said = [*self.scheme.says, *(f"{name} decays at least at {rate:.6g} 1/s" for name, rate in self.rates.items())]
-        where = "without disturbance and noise, as long as the plant stays in its domain and the observer has a value"
-        return "; ".join([*said, where, *self.scheme.depends])
+    def statement(self, spec: Spec) -> str:
+        """Claim in words, clause by clause, and what it does not say."""
+        assert spec.typed
+        rates = ", ".join(f"{rate:.6g} 1/s of {name}" for name, rate in self.rates.items())
+        fall = [f"these errors fall at least at the rate {rates}"] if rates else []
+        kept = [f"{name} in {interval(*ends)}" for name, ends in spec.typed.domain.items()]
+        domain = f"stays in its domain ({', '.join(kept)})" if kept else "has a solution"
+        where = f"all of it without disturbance and noise, as long as the plant {domain} and the observer has a value"
+        return "; ".join([*self.scheme.says, *fall, where, *(f"{OPEN}{said}" for said in self.scheme.depends)])
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
         """What is proved, and the statements that prove it."""
@@ -92,6 +98,11 @@ class Claim:
     def listed(self) -> list[dict[str, Any]]:
         """Statements of a certificate."""
         return [{"name": v.name, "holds": v.answer is Answer.PROVED, "answer": str(v.answer)} for v in self.verdicts]
+
+
+def interval(low: fmpq | None, high: fmpq | None) -> str:
+    """Range, in decimals that are within it."""
+    return f"[{'-inf' if low is None else at_most(low)}, {'inf' if high is None else at_least(high)}]"
 
 
 def built(plant: Plant, form: Form) -> Scheme:
@@ -112,7 +123,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
         if as_text(found.get(name)) != as_text(said[name]):
             raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
     for name in file.table("guarantee", "rates"):
-        if not file.number("guarantee", "rates", name) <= rational_number(claim.rates.get(name, 0.0)):
+        if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
             raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
     return claim
 

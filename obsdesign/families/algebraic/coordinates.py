@@ -20,12 +20,15 @@ from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion,
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
 from obsdesign.families.algebraic.scheme import (
+    INVERTED,
+    UNBOUNDED,
     ZERO,
     Excitation,
     Plant,
     Scheme,
     Statement,
     added,
+    decay,
     inverses,
     less,
     multiplied,
@@ -46,23 +49,23 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     observer, theta, excitation = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
     says = [said(c) + cascade(waits(form, c.B)) for c in form.coordinates]
-    says += ["the left inverse gives x"] if form.left_inverse else []
-    depends = []
+    depends = [UNBOUNDED] if form.left_inverse else []
     rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not waits(form, c.B)}
     if form.estimator and form.estimator.method == "proportional":
-        found, more = attraction(plant, form, theta)
+        found, more, moves = attraction(plant, form, theta)
         before = waits(form, *form.left_inverse.values()) - set(theta)
         before |= waits(form, *(c.B for c in form.coordinates if c.estimated))
         alone = not before and len(theta) == 1
         statements, rates = [*statements, *found], {**rates, **more} if alone else rates
-        each = ", each once those before it are right" if len(theta) > 1 else ""
-        says.append(f"the estimates of theta decay to theta{each}{cascade(before)}")
+        says += [move + cascade({*before, *list(theta)[:i]}) for i, move in enumerate(moves)]
     elif form.estimator:
         statements += regressions(plant, form.estimator, form.coordinates)
-        exact = "exactly" if form.estimator.consistent else "up to an error that decays with the filters"
         before = set().union(*(held(form, each) for each in form.estimator.regressions))
-        says.append(f"Y = psi theta {exact}{cascade(before)}")
-        depends.append(f"that the estimates of theta converge depends on excitation ({', '.join(parameters)})")
+        says.append(regressed(form.estimator) + cascade(before))
+        need = excited(form.estimator, len(parameters))
+        depends.insert(0, f"that the estimates of theta of {', '.join(parameters)} converge, {need}")
+    right = "the coordinates, theta included, are phi(x)" if theta else "the coordinates are phi(x)"
+    says += [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
     if form.recast:
         statements += still(plant, observer, theta)
         observer = recast(plant, form, observer, theta)
@@ -77,7 +80,28 @@ def described(c: Coordinate) -> dict[str, Any]:
 
 def said(c: Coordinate) -> str:
     """What a coordinate does."""
-    return f"({c.phi}) - {c.name} is constant" if c.estimated else f"{c.name} - ({c.phi}) decays as exp of int lambda"
+    if c.estimated:
+        return f"theta of {c.name}, ({c.phi}) - {c.name}, is constant"
+    return f"the error of {c.name}, {c.name} - ({c.phi}), {decay(c.rate)}"
+
+
+def regressed(estimator: Estimator) -> str:
+    """What is proved of the regressions of an estimator."""
+    value = "exp(theta)" if estimator.powers else "theta"
+    exact = "exactly" if estimator.consistent else f"up to an error that decays as exp(-{estimator.alpha}*t)"
+    regression = f"d(output)/dt = known + m {value} for every theta"
+    return f"{regression}, so that Y = psi {value} holds of the filtered signals {exact}"
+
+
+def excited(estimator: Estimator, count: int) -> str:
+    """What an estimator of so many constants needs of a run for them to converge."""
+    if estimator.method == "drem":
+        need = "int Delta^2 dt must grow without end"
+    elif count == 1:
+        need = "int psi^2 dt must grow without end, for an exponential rate by c > 0 over every window of one length"
+    else:
+        need = "it suffices that the least eigenvalue of int psi psi' dt over every window of one length exceeds c > 0"
+    return f"which takes excitation: {need} (`simulate` reports it of a run)"
 
 
 def waits(form: Transformed, *sides: Expression) -> set[str]:
@@ -102,7 +126,8 @@ def held(form: Transformed, regression: Regression) -> set[str]:
 
 def cascade(names: Collection[str]) -> str:
     """Clause on what has to be right before."""
-    return f", once the estimate of {', '.join(sorted(names))} is right" if names else ""
+    right = f", once the estimate of {', '.join(sorted(names))} is right"
+    return f"{right} (an error of it acts as a disturbance)" if names else ""
 
 
 def decays(c: Coordinate) -> str:
@@ -190,8 +215,11 @@ def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Se
     return {f"zeta_{name}": scaled(fmpq(-1), side) for name, side in sides.items()}
 
 
-def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str]]:
-    """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0."""
+def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str], list[str]]:
+    """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0.
+
+    With the names of those that give a rate, and what they say.
+    """
     assert form.estimator
     d = {name: Expression.variable(f"δ_{name}") for name in theta}
     off = {c.name: added([c.phi, d[c.name]]) if c.name in d else c.phi for c in form.coordinates}
@@ -200,7 +228,7 @@ def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Stat
     rates = plant.output_rates(estimates)
     zero = dict.fromkeys((side.text for side in d.values()), ZERO)
     found: list[Statement] = []
-    named = {}
+    named, says = {}, []
     for i, name in enumerate(theta):
         K = form.estimator.K[name]
         slopes = {y: plant.on(slope(K, y)) for y in plant.outputs}
@@ -211,7 +239,8 @@ def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Stat
         found.append(Identity(f"estimate of theta of {name}: d' = ({rate}) d", less(later, multiplied(rate, d[name]))))
         named[f"theta of {name}"] = f"estimate of theta of {name}: {rate} < 0"
         found.append(Negative(named[f"theta of {name}"], rate))
-    return found, named
+        says.append(f"the error of the estimate of theta of {name} {decay(rate)}")
+    return found, named, says
 
 
 def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:

@@ -16,7 +16,8 @@ from flint import fmpq, fmpq_mat
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant
 from obsdesign.expressions.exact import double
-from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured
+from obsdesign.expressions.tree import Number, quotient
+from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured, simplified
 from obsdesign.families.algebraic.forms import Coordinate
 from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.inverse import enclosure, inverted
@@ -170,6 +171,17 @@ class Finder:
             remarks += [remark for offer in offers for remark in self.remarks(offer)][:MOST]
         suited = Sylvester.of(self.equations, chosen) if self.linear else None
         return Found(chosen, states, inverse.missing, others, self.searched, tuple(remarks), suited)
+
+    def holds(self, coordinate: Coordinate) -> bool:
+        """Whether a coordinate is among what is searched: sign and form of its lambda, and phi in the ansatz."""
+        rate, lambdas = coordinate.rate, self.search.lambdas
+        wanted = self.search.zero if rate == ZERO else self.search.negative
+        if lambdas:
+            known = rate in lambdas
+        else:
+            ratios = (simplified(Expression(quotient(rate.root, s.root))).root for s in self.shapes)
+            known = any(isinstance(ratio, Number) for ratio in ratios)
+        return wanted and known and self.ansatz.holds(coordinate.phi)
 
     def offer(self, place: int, s: Expression) -> Offer:
         """What is known of one s."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from obsdesign.errors import UsageError
-from obsdesign.families.algebraic.find import Found, Search, find
+from obsdesign.families.algebraic.find import Finder, Found, Search, explicit, find
 from obsdesign.families.algebraic.forms import Sought, Transformed
 from obsdesign.families.algebraic.regress import regressions
 from obsdesign.families.algebraic.request import request_of
@@ -14,13 +14,17 @@ from obsdesign.sections.document import compose
 from obsdesign.spec import Spec
 
 
+def search_of(asked: Sought) -> Search:
+    """What a spec asks to be searched."""
+    return Search(asked.degree, asked.lambdas, asked.functions, asked.kind != "pebo", asked.kind != "kkl")
+
+
 def sought(typed: Typed, asked: Sought) -> tuple[Transformed | None, Found, tuple[str, ...]]:
     """Coordinates of a plant with all that an observer needs, if there are such, what was found, and what is missing.
 
     Missing are states that no coordinate gives, or coordinates whose constant no regression holds.
     """
-    search = Search(asked.degree, asked.lambdas, asked.functions, asked.kind != "pebo", asked.kind != "kkl")
-    made = find(typed, search)
+    made = find(typed, search_of(asked))
     if made.missing:
         return None, made, made.missing
     estimated = [c.name for c in made.coordinates if c.estimated]
@@ -68,9 +72,20 @@ def read_found(spec: Spec, file: ResultFile) -> Transformed:
     except UsageError as error:
         raise file.wrong(error.problems[0].key, error.problems[0].message) from None
     assert isinstance(form, Transformed)
-    asked = request_of(spec).form
-    known = {each.text for each in asked.lambdas} if isinstance(asked, Sought) else set()
-    for c in form.coordinates:
-        if known and not c.estimated and c.rate.text not in known:
-            raise file.wrong(f"observer.coordinates.{c.name}", f"the spec asks for lambda {' or '.join(sorted(known))}")
+    require_searched(spec, file, form)
     return form
+
+
+def require_searched(spec: Spec, file: ResultFile, form: Transformed) -> None:
+    """Refuse coordinates that the search of the spec does not look at: its degree, functions, lambdas and type.
+
+    Those before one in a cascade may have been taken as known, or not.
+    """
+    asked = request_of(spec).form
+    assert isinstance(asked, Sought)
+    assert spec.typed
+    finder = Finder(explicit(spec.typed), spec.typed.domain, search_of(asked))
+    for i, c in enumerate(form.coordinates):
+        if not any(replace(finder, earlier=form.coordinates[:k]).holds(c) for k in range(i + 1)):
+            said = f"is not among what the spec asks for (type {asked.kind}; {finder.searched})"
+            raise file.wrong(f"observer.coordinates[{i}]", said)

@@ -1,25 +1,33 @@
 """High-gain observers: a copy of the plant, or of it in other coordinates, with large injections of y - yhat.
 
 The error e obeys e' = M(x, u) e where it is linear in e. M is proved to be Hurwitz, frozen at every point of the
-domain; that does not prove that e decays while x and u vary.
+domain. Of errors that act on each other this proves that they decay where M is constant, or while the inputs are if M
+depends on nothing else; of a single one, e' = m(x, u) e, that it decays as exp(integral of m).
 """
 
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.decimals import round_down
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import HighGain
-from obsdesign.families.algebraic.identity import Identity, Negative
+from obsdesign.families.algebraic.identity import Answer, Identity, Negative
 from obsdesign.families.algebraic.scheme import (
+    INVERTED,
+    UNBOUNDED,
     ZERO,
     Plant,
     Scheme,
     Statement,
     added,
+    decay,
     inverses,
     less,
     multiplied,
@@ -27,11 +35,14 @@ from obsdesign.families.algebraic.scheme import (
     values,
 )
 from obsdesign.families.observer import Observer
+from obsdesign.lmi.formula import printed
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
 POLE = "σ"  # of the characteristic polynomial; like ε, a name that no spec can give to a signal
 MOST = 6  # errors that act on each other
+SHARE = 0.99  # of the rate of the slowest pole, which is proved
+DIGITS = 3  # of a rate
 
 
 def scheme(plant: Plant, form: HighGain) -> Scheme:
@@ -58,12 +69,25 @@ def scheme(plant: Plant, form: HighGain) -> Scheme:
     for name in rates:
         for gain in form.injection.get(name, {}).values():
             statements += values(plant, f"injection into {name}", gain, further)
-    statements += frozen(plant, sides, {own[name].text: side for name, side in meaning.items()})
+    found, M = linear(plant, sides, {own[name].text: side for name, side in meaning.items()})
+    held = {name for side in (form.states or {}).values() for name in side.names} & set(plant.inputs)
+    motions = [motion(M, block, list(sides), plant.inputs, held) for block in blocks(M)]
+    statements += [*found, *(one for each in motions for one in each.statements)]
     twins = {} if form.states else {side.text: name for name, side in own.items()}
     observer = Observer(sides, estimates, plant.inputs, tuple(plant.outputs), twins=twins)
-    says = ("e = 0 is invariant", "the matrix of e' = M e is Hurwitz, frozen at each point of the domain")
-    depends = ("that the error decays while x and u vary is not proved",)
-    return Scheme(tuple(statements), observer, numbers(sides), says, depends)
+    says = [f"the error e of the states of the observer obeys e' = M e{constant(held)}, so that e = 0 stays"]
+    says += [each.said for each in motions]
+    depends = [each.open for each in motions if each.open]
+    if form.states is not None:
+        says.append(f"xhat = x where e = 0, {INVERTED}")
+        depends.append(UNBOUNDED)
+    falls = {name: statement for each in motions for name, statement in each.rates.items()}
+    return Scheme(tuple(statements), observer, numbers(sides), tuple(says), tuple(depends), falls)
+
+
+def constant(names: Collection[str]) -> str:
+    """Clause on inputs that must not vary."""
+    return f" for constant {', '.join(sorted(names))}" if names else ""
 
 
 def numbers(sides: Named) -> dict[str, Any]:
@@ -101,8 +125,8 @@ def transformed(plant: Plant, form: HighGain) -> list[Statement]:
     ]
 
 
-def frozen(plant: Plant, sides: Named, meaning: Named) -> list[Statement]:
-    """E' = M e, with M Hurwitz at every point; `meaning`: what each state of the observer estimates."""
+def linear(plant: Plant, sides: Named, meaning: Named) -> tuple[list[Statement], Matrix]:
+    """E' = M e, with M at every point; `meaning`: what each state of the observer estimates."""
     e = {name: Expression.variable(f"ε_{name}") for name in sides}
     near = {name: added([meaning[name], e[name]]) for name in sides}
     still = dict.fromkeys((side.text for side in e.values()), ZERO)
@@ -111,21 +135,69 @@ def frozen(plant: Plant, sides: Named, meaning: Named) -> list[Statement]:
     for name, side in sides.items():
         moving = less(plant.on(side, near), plant.along(meaning[name]))
         row = [simplified(moving.derivative(f"ε_{other}").substituted(still)) for other in sides]
-        linear = [multiplied(c, e[other]) for c, other in zip(row, sides, strict=True)]
+        products = [multiplied(c, e[other]) for c, other in zip(row, sides, strict=True)]
         shown = " + ".join(f"({c}) {v}" for c, v in zip(row, e.values(), strict=True) if c.text != "0") or "0"
-        found.append(Identity(f"error: ε_{name}' = {shown}", less(moving, *linear)))
+        found.append(Identity(f"error: ε_{name}' = {shown}", less(moving, *products)))
         M.append(row)
-    for block in blocks(M):
-        if len(block) > MOST:
-            said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
-            raise UsageError(Problem(said, key="observer.injection"))
-        part = [[M[i][j] for j in block] for i in block]
-        names = ", ".join(list(sides)[i] for i in block)
-        found += [
-            Negative(f"the error of {names} is stable: {condition} > 0", scaled(fmpq(-1), condition))
-            for condition in hurwitz(part)
-        ]
-    return found
+    return found, M
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How errors that act on each other move: e' = M e with M Hurwitz at every point."""
+
+    statements: tuple[Statement, ...]
+    said: str  # what follows if they hold
+    open: str = ""  # what is not proved
+    rates: Mapping[str, str] = field(default_factory=dict)  # statement that gives the rate of an error, by its state
+
+
+def motion(M: Matrix, block: list[int], states: list[str], inputs: Collection[str], held: Collection[str]) -> Motion:
+    """Motion of the errors of a block; where others act on it, once these are 0.
+
+    `held`: inputs that must not vary for e' = M e.
+    """
+    if len(block) > MOST:
+        said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
+        raise UsageError(Problem(said, key="observer.injection"))
+    part = [[M[i][j] for j in block] for i in block]
+    who = f"the error of {', '.join(states[i] for i in block)}"
+    acting = [states[j] for j in range(len(M)) if j not in block and any(M[i][j].text != "0" for i in block)]
+    alone = f", where that of {', '.join(acting)} is 0 (otherwise it acts as a disturbance)" if acting else ""
+    signs = stable(part, f"{who} is stable")
+    open_ = f"that {who} falls for varying "
+    if len(block) == 1:
+        rates = {} if acting or held else {states[block[0]]: signs[0].name}
+        said = f"{who} {decay(part[0][0])}{constant(held)}{alone}"
+        return Motion(signs, said, open_ + ", ".join(sorted(held)) if held else "", rates)
+    varying = {*held, *(name for row in part for entry in row for name in entry.names)}
+    if not varying:
+        faster, rate = falling(part, f"{who} falls at least as exp")
+        return Motion((*signs, *faster), f"{who} falls exponentially, since M is constant{rate}{alone}")
+    said = f"M is Hurwitz for {who}, frozen at each point of the domain"
+    if varying <= set(inputs):
+        said = f"{who} falls exponentially{constant(varying)}, since M is Hurwitz then"
+    return Motion(signs, said + alone, open_ + ", ".join(sorted(varying)))
+
+
+def stable(M: Matrix, what: str) -> tuple[Negative, ...]:
+    """Statements that a matrix is Hurwitz."""
+    return tuple(Negative(f"{what}: {value} > 0", scaled(fmpq(-1), value)) for value in hurwitz(M))
+
+
+def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
+    """Statements that M + r I is Hurwitz, for a constant M and an r near the rate of its slowest pole, and in words.
+
+    None where they do not hold: M is not Hurwitz itself, or its poles are not known so well.
+    """
+    poles = np.linalg.eigvals([[entry.scalar([])() for entry in row] for row in M])
+    r = printed(round_down(-SHARE * float(poles.real.max()), DIGITS))
+    shift = Expression.number(r)
+    shifted = [[added([entry, shift]) if i == j else entry for j, entry in enumerate(row)] for i, row in enumerate(M)]
+    statements = stable(shifted, f"{what}(-{float(r):g}*t)")
+    if r > 0 and all(one.decided({}).answer is Answer.PROVED for one in statements):
+        return statements, f": |e(t)| <= c exp(-{float(r):g}*t) |e(0)| for some c"
+    return (), ""
 
 
 def blocks(M: Matrix) -> list[list[int]]:

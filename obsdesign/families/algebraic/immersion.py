@@ -12,16 +12,19 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.expressions.algebra import simplified
+from obsdesign.expressions.algebra import identical, simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import Immersion
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.scheme import (
+    INVERTED,
+    UNBOUNDED,
     ZERO,
     Plant,
     Scheme,
     Statement,
     added,
+    decay,
     inverses,
     less,
     multiplied,
@@ -32,6 +35,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
+WAITING = ", where those before it are 0 (otherwise they act as a disturbance)"
 
 
 def scheme(plant: Plant, form: Immersion) -> Scheme:
@@ -46,18 +50,17 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     statements += [invariance(plant, form, dynamics, estimates, i) for i in range(len(form.phi))]
     written = (("beta", form.beta), ("dynamics", dynamics.values()))
     statements += [one for what, sides in written for side in sides for one in values(plant, what, side)]
-    errors, rates = attraction(plant, form)
+    errors, rates, moves = attraction(plant, form)
     statements += errors
     numbers: dict[str, Any] = {
         "phi": [side.text for side in form.phi],
         "beta": [side.text for side in form.beta],
         "dynamics": {name: side.text for name, side in dynamics.items()},
     }
-    waiting = len(rates) < len(form.phi)
-    decays = "beta - phi decays" + (", each component once those before it have" if waiting else "")
-    says = ("beta(y, chi) = phi(x) is invariant", decays, "the left inverse gives x")
+    invariant = "where beta(y, chi) = phi(x) it stays so: the manifold is invariant"
+    says = (invariant, *moves, f"xhat = x where beta(y, chi) = phi(x), {INVERTED}")
     observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs))
-    return Scheme(tuple(statements), observer, numbers, says, rates=rates)
+    return Scheme(tuple(statements), observer, numbers, says, (UNBOUNDED,), rates)
 
 
 def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
@@ -84,6 +87,22 @@ def by_default(plant: Plant, form: Immersion, estimates: Named) -> dict[str, Exp
     return {name: simplified(side) for name, side in found.items()}
 
 
+def on_manifold(form: Immersion, estimate: Named) -> dict[str, Expression]:
+    """Chi with beta(y, chi) = phi(xhat), the least if there are several; none where that is not linear, or has none."""
+    J = [[slope(side, name) for name in form.chi] for side in form.beta]
+    if any(not entry.names.isdisjoint(form.chi) for row in J for entry in row):
+        return {}
+    wanted = [side.substituted(estimate) for side in form.phi]
+    rest = [side.substituted(dict.fromkeys(form.chi, ZERO)) for side in form.beta]
+    gaps = [less(phi, beta) for phi, beta in zip(wanted, rest, strict=True)]
+    found = {
+        name: added([multiplied(c, gap) for c, gap in zip(row, gaps, strict=True)])
+        for name, row in zip(form.chi, pseudo_inverse(J), strict=True)
+    }
+    met = (identical(beta.substituted(found), phi) for beta, phi in zip(form.beta, wanted, strict=True))
+    return {name: simplified(side) for name, side in found.items()} if all(met) else {}
+
+
 def pseudo_inverse(J: Matrix) -> Matrix:
     """J' (J J')^-1 by Cramer's rule."""
     m, n = len(J), len(J[0])
@@ -107,8 +126,11 @@ def invariance(plant: Plant, form: Immersion, dynamics: Named, estimates: Named,
     return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual)
 
 
-def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str]]:
-    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0."""
+def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str], list[str]]:
+    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0.
+
+    Statements, the names of those that give a rate, and what they say.
+    """
     d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
     states = {name: Expression.variable(name) for name in plant.dynamics}
@@ -116,7 +138,7 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
     estimates = {**shown, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
     rates = plant.output_rates(estimates)
     found: list[Statement] = []
-    names = {}
+    names, says = {}, []
     for i, phi in enumerate(form.phi):
         slopes = {y: plant.on(slope(form.beta[i], y)) for y in plant.outputs}
         pulled = [multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()]
@@ -130,6 +152,8 @@ def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str
         )
         sign = f"off the manifold, {i + 1}: {rate} < 0"
         found.append(Negative(sign, rate))
+        off_it = f"({form.beta[i]}) - ({phi})"
+        says.append(f"{off_it} {decay(rate)}" + (WAITING if before else ""))
         if not before:
-            names[f"({form.beta[i]}) - ({phi})"] = sign
-    return found, names
+            names[off_it] = sign
+    return found, names, says

@@ -9,8 +9,10 @@ from obsdesign.expressions import Expression
 from obsdesign.families.algebraic.claim import Claim
 from obsdesign.families.algebraic.estimator import exponential
 from obsdesign.families.algebraic.forms import Form, Immersion, Transformed
-from obsdesign.families.algebraic.scheme import less
+from obsdesign.families.algebraic.immersion import on_manifold
+from obsdesign.families.algebraic.scheme import Plant, less
 from obsdesign.families.observer import Observer
+from obsdesign.lmi.formula import printed
 from obsdesign.spec import Simulation, Spec
 
 
@@ -23,7 +25,7 @@ def observer(spec: Spec, form: Form) -> Observer:
     made = replace(claim.scheme.observer, proved=claim.holds)
     if spec.simulation is None:
         return made
-    begin = {name: Expression.number(value) for name, value in spec.simulation.xi0.items()}
+    begin = {**begins(spec, form), **{name: Expression.number(e) for name, e in spec.simulation.xi0.items()}}
     states = [name for name in made.states if name not in made.twins]
     if isinstance(form, Transformed):
         states = [c.name for c in form.coordinates]
@@ -31,6 +33,39 @@ def observer(spec: Spec, form: Form) -> Observer:
         states = list(form.chi)
     require_known(spec.simulation.xi0, states, "xi0")
     return replace(made, initial={**made.initial, **begin, **constants(spec.simulation, form)})
+
+
+def begins(spec: Spec, form: Form) -> dict[str, Expression]:
+    """Coordinates of an estimate xhat0 that is not 0, by name: phi(xhat0), the states that outputs show as measured.
+
+    None where a copy of the plant begins there by itself, and where beta(y, chi) = phi(xhat0) is not solved for chi.
+    """
+    assert spec.typed
+    assert spec.simulation
+    if not spec.simulation.xhat0.any():
+        return {}
+    plant = Plant.of(spec.typed)
+    estimate = dict(zip(spec.plant.states, map(Expression.number, printed(spec.simulation.xhat0)), strict=True))
+    estimate |= plant.measured()
+    if isinstance(form, Immersion):
+        return on_manifold(form, estimate)
+    phi = {c.name: c.phi for c in form.coordinates} if isinstance(form, Transformed) else form.states or {}
+    return {name: side.substituted(estimate) for name, side in phi.items()}
+
+
+def beginning(spec: Spec, form: Form) -> dict[str, str]:
+    """What a run says of an estimate xhat0 that is not 0, as `start` of its summary."""
+    assert spec.simulation
+    copies = not isinstance(form, Transformed | Immersion) and form.states is None
+    if copies or not spec.simulation.xhat0.any():
+        return {}
+    if not (names := begins(spec, form)):
+        return {"start": "xhat0 has no effect: beta = phi(xhat0) is not solved for chi; name chi in simulation.xi0"}
+    begun = [name for name in names if name not in spec.simulation.xi0]
+    if not begun:
+        return {"start": "xhat0 has no effect: simulation.xi0 says where every coordinate begins"}
+    said = "at the estimate xhat0, in which states that outputs show are as they are measured"
+    return {"start": f"{', '.join(begun)} {said}"}
 
 
 def constants(simulation: Simulation, form: Form) -> dict[str, Expression]:

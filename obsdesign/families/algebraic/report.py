@@ -8,6 +8,7 @@ import numpy as np
 from obsdesign.families.algebraic.claim import Claim
 from obsdesign.families.algebraic.estimator import LEAST
 from obsdesign.families.algebraic.forms import Form
+from obsdesign.families.algebraic.observer import beginning
 from obsdesign.families.algebraic.scheme import Excitation
 from obsdesign.lmi.formula import Array
 from obsdesign.spec import Spec
@@ -16,16 +17,17 @@ WINDOWS = 10  # in a run: how long excitation has to last is told for a tenth of
 
 
 def report(spec: Spec, form: Form, t: Array, signals: Mapping[str, Array]) -> dict[str, Any]:
-    """Excitation of a run, at its steps t (M,) with the states of the observer (M,) by name.
+    """Where it began, and its excitation, at its steps t (M,) with the states of the observer (M,) by name.
 
     least_eigenvalue    of int sum psi psi' dt, over the whole run, and the least over a tenth of it
     delta_squared       int Delta^2 dt, of DREM: what it needs to grow without end
     guard               how often exp(theta) has been kept from falling below its least value, and for how long
     """
-    found = Claim.of(spec, form).scheme.excitation
+    found, start = Claim.of(spec, form).scheme.excitation, beginning(spec, form)
     if found is None or len(t) < 2:
-        return {}
-    return {"excitation": {**gramian(found, t, signals), **memory(found, t, signals)}, **guards(found, t, signals)}
+        return start
+    excitation = {**gramian(found, t, signals), **memory(found, t, signals)}
+    return {**start, "excitation": excitation, **guards(found, t, signals)}
 
 
 def gramian(found: Excitation, t: Array, signals: Mapping[str, Array]) -> dict[str, Any]:

@@ -78,8 +78,9 @@ class Texts:
         return tuple(name for name in self.states if name not in shown)
 
     def complete(self, given: Mapping[str, Expression], typed: Typed, loc: Loc) -> None:
-        """Refuse a left inverse that leaves states out."""
-        if missing := [name for name in self.unmeasured(typed) if name not in given]:
+        """Refuse a left inverse that leaves states out; of one with wrong names that is not told too."""
+        missing = [name for name in self.unmeasured(typed) if name not in given]
+        if missing and self.reader.clean(loc):
             self.reader.wrong(loc, f"gives no {', '.join(missing)}, which no output shows; add an expression for each")
 
 
@@ -120,13 +121,14 @@ def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) ->
     inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*names, *texts.known))
     texts.complete(inverse, typed, loc)
     estimated = tuple(one.name for one in found if one.estimated)
+    clear = reader.clean(("observer", "coordinates"))  # otherwise a lambda may be a stand-in
     estimator = None
     if section.estimator is not None:
-        estimator = read_estimator(texts, section.estimator, names, estimated)
-        if not estimated:
+        estimator = read_estimator(texts, section.estimator, names, estimated if clear else names)
+        if not estimated and clear:
             said = "estimates the constants of coordinates with lambda 0, and there are none; leave it out"
             reader.wrong(("observer", "estimator"), said, at_key=True)
-    elif estimated and reader.clean(("observer", "coordinates")):
+    elif estimated and clear:
         said = f"is required: the constant of {', '.join(estimated)}, with lambda 0, must be estimated"
         reader.wrong(("observer", "estimator"), said)
     return Transformed(tuple(found), inverse, estimator, section.recast is not None)
@@ -176,12 +178,13 @@ def read_estimator(
             reader.wrong((*place, "output"), unknown("output", each.output, texts.outputs, {}))
         m = texts.by_name(each.m, (*place, "m"), "coordinate with lambda 0", chosen, known)
         regressions.append(Regression(each.output, texts.one(each.known, (*place, "known"), known), m))
-    require_keys(reader, section, estimated)
+    K = texts.by_name(section.K or {}, (*loc, "K"), "coordinate with lambda 0", chosen, texts.outputs)
     for kind, found in (("gamma", section.gamma), ("as", section.powers)):
         for name in found if isinstance(found, dict) else ():
             if name not in chosen:
                 said = unknown("coordinate with lambda 0", name, chosen, {})
                 reader.wrong((*loc, kind, name), said, at_key=True)
+    require_keys(reader, section, estimated)
 
     def number(name: str, otherwise: fmpq, sign: Literal[">= 0", "> 0"]) -> fmpq:
         text = getattr(section, name)
@@ -200,7 +203,7 @@ def read_estimator(
         },
         kappa=number("kappa", fmpq(0), ">= 0"),
         epsilon=number("epsilon", EPSILON, "> 0"),
-        K=texts.by_name(section.K or {}, (*loc, "K"), "coordinate with lambda 0", chosen, texts.outputs),
+        K=K,
         powers=frozenset(section.powers),
         consistent=section.filters == "consistent",
     )
@@ -216,7 +219,7 @@ def require_keys(reader: Reader, section: EstimatorSection, estimated: Sequence[
     for name in ("regressions", "K") if estimated is None else ():
         if getattr(section, name):
             reader.wrong((*loc, name), "cannot be given for coordinates that are to be found", at_key=True)
-    if estimated is None or not reader.clean(loc):
+    if estimated is None or not reader.clean(("observer", "coordinates")) or not reader.clean(loc):
         return
     rows = {name for row in section.regressions for name in row.m}
     held: dict[str, Collection[str]] = {"K": section.K or ()} if proportional else {"regressions": rows}
@@ -235,14 +238,15 @@ def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Imm
     if len(section.phi) != len(section.beta):
         said = f"has {len(section.beta)} entries, and phi {len(section.phi)}; give one for each"
         texts.reader.wrong((*root, "beta"), said)
-    b = tuple(f"b{i + 1}" for i in range(len(section.beta)))
+    b = tuple(f"b{i + 1}" for i in range(max(len(section.beta), len(section.phi))))
     loc: Loc = (*root, "left_inverse")
     inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*b, *texts.known))
     texts.complete(inverse, typed, loc)
     dynamics = None
     if section.dynamics is not None:
         dynamics = texts.by_name(section.dynamics, (*root, "dynamics"), "state of the observer", chi, known)
-        if missing := [name for name in chi if name not in section.dynamics]:
+        missing = [name for name in chi if name not in section.dynamics]
+        if missing and texts.reader.clean((*root, "dynamics")):
             texts.reader.wrong((*root, "dynamics"), f"gives no {', '.join(missing)}; add the derivative of each chi")
     return Immersion(
         chi,

@@ -8,12 +8,16 @@ from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
+from obsdesign.expressions.tree import Number
 from obsdesign.families.algebraic.identity import Domain, Identity, Negative, Verdict, nonzero
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
 from obsdesign.nonlinearities.evidence.restriction import SINCE_ZERO
 
 ZERO = Expression.number(0)
+OPEN = "not proved: "  # how a clause of a statement begins that says so
+INVERTED = "for the left inverse holds on the whole domain"  # why xhat = x
+UNBOUNDED = "a bound on xhat - x, which depends on what the left inverse makes of errors"
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class Scheme:
     observer: Observer
     numbers: Mapping[str, Any]  # entries of `guarantee`, but for the rates, which the statements give
     says: tuple[str, ...]  # what follows if every statement holds, clause by clause
-    depends: tuple[str, ...] = ()  # what depends on the run
+    depends: tuple[str, ...] = ()  # what is not proved, for it depends on the run
     rates: Mapping[str, str] = field(default_factory=dict)  # statement that gives the rate of a coordinate, by name
     excitation: Excitation | None = None  # of an estimator with regressions
 
@@ -118,6 +122,13 @@ def multiplied(*factors: Expression) -> Expression:
 def scaled(c: fmpq, e: Expression) -> Expression:
     """Multiple."""
     return Expression.combination([c], [e])
+
+
+def decay(rate: Expression) -> str:
+    """What e' = rate e says of an error, in words."""
+    if isinstance(rate.root, Number):
+        return f"obeys e' = {rate} e, so that e(t) = e(0) exp({multiplied(rate, Expression.variable('t'))})"
+    return f"obeys e' = lambda e, lambda = {rate} < 0, so that e(t) = e(0) exp(integral of lambda from 0 to t)"
 
 
 def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Statement]:

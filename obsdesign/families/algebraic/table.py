@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from obsdesign.families.algebraic.scheme import OPEN
+
 
 def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved: coordinates, and how fast they decay."""
@@ -14,7 +16,8 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
         for c in claimed.get("coordinates", [])
     ]
     rows += [("rate", f"{name}: at least {rate:.6g} 1/s") for name, rate in claimed.get("rates", {}).items()]
-    return [*rows, *([("says", claimed["statement"])] if "statement" in claimed else [])]
+    clauses = claimed["statement"].split("; ") if claimed else []
+    return rows + [("not proved", c.removeprefix(OPEN)) if c.startswith(OPEN) else ("says", c) for c in clauses]
 
 
 def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:

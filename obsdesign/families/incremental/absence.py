@@ -117,14 +117,14 @@ def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known:
 def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:
     """Answer without its proof."""
     fixed, alpha = in_floats(family), float(family.alpha)
-    named = ("alpha = ", "alpha", "alpha", ", or model w otherwise")
+    named = ("alpha = ", "alpha", ", or another model of w")
     if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, alpha, *named):
         return hidden
     if "gamma" in known:
         return out_of_reach(spec, fixed, known["gamma"], largest_alpha)
     if known:
         return {"condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
-            "suggestion": "allow larger bounds" if "bounds" in known else "design new gains: leave `gains` out"
+            "suggestion": "look at larger bounds" if "bounds" in known else "look at new gains: leave `gains` out"
         }
     structural = too_stiff(fixed) or failing_passivity(spec, fixed)
     if structural:
@@ -177,7 +177,7 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], larg
         "reason": f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": f"ask for gamma above {at_most(levels.get('bounded', least))}",
+        "suggestion": f"gamma above {at_most(levels.get('bounded', least))} is necessary",
     }
     if because:
         found["reason"] += f"; {'; '.join(because)}"
@@ -186,5 +186,5 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], larg
         found["zeros"] = [[z.real, z.imag] for z in slow]
     if largest_alpha is not None:
         found["feasible"]["alpha"] = largest_alpha
-        found["suggestion"] += f", or for alpha at most {at_least(largest_alpha * (1 - CLOSE), 4)}"
+        found["suggestion"] += f", or alpha at most {at_least(largest_alpha * (1 - CLOSE), 4)}, with which there is one"
     return found

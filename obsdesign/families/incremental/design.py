@@ -15,6 +15,7 @@ from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.scaling import scaling
 from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
@@ -144,7 +145,7 @@ class Designer:
             if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
                 raise unbounded(alpha, table)
             return limits, None
-        level = Level.of(bounded, zero)
+        level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(alpha), **bounded_kind(self.request.bounds)}
         return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
 
@@ -334,4 +335,5 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     Raises `UsageError`: the limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free
     L2. Raises `UndecidedError`: the solver found neither a solution nor that there is none.
     """
-    return Designer(spec, engine).outcome()
+    designer = Designer(spec, engine)
+    return replace(designer.outcome(), scaling=scaling(searchable(designer.family)) if engine.solves else {})

@@ -147,9 +147,10 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
         B = problem.plant.B
         rank = fmpq_mat(B.tolist()).rank() if B.size else 0
         if not B.shape[1] or rank < B.shape[1]:
-            reader.wrong(
-                loc, f"needs system.B of full column rank, for its left inverse; it has rank {rank} of {B.shape[1]}"
-            )
+            said = f"needs system.B of full column rank, for its left inverse; it has rank {rank} of {B.shape[1]}"
+            if problem.as_equations:
+                said = f"needs disturbances that act on the states independently; {rank} of {B.shape[1]} do"
+            reader.wrong(loc, said)
 
 
 def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:

@@ -80,7 +80,7 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
                 + shown(largest, Bf),
                 "value": largest,
                 "feasible": {},
-                "suggestion": QUIET if forced else "choose L2 with (Cq + L2 C) Bf < 0, or `L2: free`",
+                "suggestion": QUIET if forced else "(Cq + L2 C) Bf < 0 is necessary",
             }
         smallest = -extreme(-block.M12.T @ G @ (p.A @ Bf + alpha * Bf))
         if may_rest(family) and not (p.C @ Bf).any() and smallest < 0:
@@ -90,7 +90,7 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
             found = noisy(f"{steep}, so Dq + L2 D = 0 must hold, which noise in y breaks for this L2")
             return {
                 **found,
-                "suggestion": f"choose L2 = {matrix_text(quiet.tolist())}" if forced else "`L2: free` finds one",
+                "suggestion": f"L2 = {matrix_text(quiet.tolist())} is necessary" if forced else "look at another L2",
             }
     return None
 
@@ -125,9 +125,9 @@ def slow_injection(
         side, bound = ("<=" if gain < 0 else ">="), constant + slope * alpha
         needed += f", that is L2 {side} {affine(constant, slope)}"
         found["feasible"] = {f"L2_{'most' if gain < 0 else 'least'}": bound + 0.0}
-        found["suggestion"] = f"choose L2 {side} {bound + 0.0:g}, or `L2: free`"
+        found["suggestion"] = f"L2 {side} {bound + 0.0:g} is necessary"
     else:
-        found["suggestion"] = "choose another L2, or `L2: free`, or a smaller alpha"
+        found["suggestion"] = "look at another L2, or a smaller alpha"
     mode = slowest(family)
     limit = f"; and {allowed(mode)}: {remaining(mode)}" if mode else ""
     here = f"here (Cq + L2 C)(A + alpha I) Bf is {shown(smallest, Bf)}"
@@ -169,7 +169,9 @@ def too_stiff(family: Incremental) -> Diagnosis | None:
         f"alpha = {alpha:g} was asked for",
         "mode": described(mode),
         "feasible": {"alpha": limit} if limit > 0 else {},
-        "suggestion": f"ask for alpha at most {limit:g}" if limit > 0 else "bound the slope, or measure another state",
+        "suggestion": f"alpha at most {limit:g} is necessary"
+        if limit > 0
+        else "look at a bound on the slope, or another measurement",
     }
 
 

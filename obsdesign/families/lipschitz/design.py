@@ -74,7 +74,8 @@ def design_lipschitz(
     most = ceiling(unit) if len(decays) == 1 else None
 
     def of(relaxation: LipschitzRelaxation) -> Outcome:
-        made = designed(Study(engine, unit, replace(request, relaxation=relaxation), tolerable), decays)
+        study = Study(engine, unit, replace(request, relaxation=relaxation), tolerable)
+        made = replace(designed(study, decays), scaling=study.scaling)
         return made if most is None else replace(made, beyond={**made.beyond, "ceiling": most})
 
     return compared(of, bool(plant.B.shape[1])) if request.relaxation == "compare" else of(request.relaxation)

@@ -36,7 +36,7 @@ def least_gamma(study: Study) -> Outcome:
             decided, goals = answer.status is Status.INFEASIBLE, {"goal": asked**2, "least": limit.gamma**2}
             return study.out_of_bounds(solve_of, decided=decided, **goals, **limits)
         most = limit.gamma
-        limit = Level.of(answer, Vanishing(instead=limit.instead, attained=limit.attained))
+        limit = Level.within(answer, Vanishing(limit.table, limit.instead, limit.attained), study.bounds)
         attained = limit.attained or study.closed
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
     if study.restricted and most <= asked < limit.gamma:

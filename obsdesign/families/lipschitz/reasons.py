@@ -55,7 +55,7 @@ def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagno
         "reason": f"the Lipschitz constant of f is 0, and Theorem 3 divides by it{ELSEWHERE}",
         "lipschitz": {"asked": declared},
         "feasible": {},
-        "suggestion": "try relaxation s-procedure or norm-bound, or declare a constant above 0",
+        "suggestion": "look at relaxation s-procedure or norm-bound, or at a constant above 0",
     }
 
 
@@ -73,7 +73,7 @@ def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagno
             "sigma_H": h**0.5,
             "relaxations": found,
             "feasible": {"sigma_H_below": 1.0},
-            "suggestion": f"{instead(found)}, or scale H, and with it gamma, down",
+            "suggestion": f"{instead(found)}, or look at a smaller H, in whose unit gamma is",
         }
     return {
         "condition": "room",
@@ -106,14 +106,14 @@ def too_large(
         found["reason"] += f"; above {at_most(most, 8)} a linear f hides a mode, and no gain of any method can do it"
         found["ceiling"] = most
     rivals = others(engine, unit, declared, relaxation)
-    hints = [f"declare a constant below {at_least(supremum.value, 8)}"] if tolerable(supremum.value) else []
+    hints = [f"look at a constant below {at_least(supremum.value, 8)}"] if tolerable(supremum.value) else []
     hints += measured(engine, unit, declared, relaxation)
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
     slower = largest_for_gamma(engine, replace(unit, alpha=0 * unit.alpha), relaxation).value if unit.alpha else 0.0
     if slower > declared:
-        hints.append("ask for a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
+        hints.append("look at a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
     return {**found, "suggestion": ", or ".join(hints) or "f has a larger constant, and one more state will not do"}
 
 
@@ -127,7 +127,7 @@ def measured(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) 
         supremum = largest_for_gamma(engine, more, relaxation).value
         if supremum > declared:
             said = f"the supremum is {supremum:.8g}" if isfinite(supremum) else "every constant will do"
-            return [f"measure {p.states[i]} as well, with which {said}"]
+            return [f"look at {p.states[i]} as another measurement, with which {said}"]
     return []
 
 
@@ -150,7 +150,7 @@ def instead(relaxations: dict[str, dict[str, Any]]) -> str:
         f"{name} ({'any constant' if 'unbounded' in found else 'up to {:.8g}'.format(found['lipschitz_below'])})"
         for name, found in relaxations.items()
     ]
-    return f"try relaxation {' or '.join(named)}"
+    return f"look at relaxation {' or '.join(named)}"
 
 
 def out_of_reach(asked: float, least: float, lipschitz: float, slower: float | None = None) -> Diagnosis:
@@ -160,7 +160,7 @@ def out_of_reach(asked: float, least: float, lipschitz: float, slower: float | N
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {at_most(least)}"
+        "suggestion": f"gamma above {at_most(least)} is necessary"
         + (f", or ask for decay at most {slower:g}" if slower is not None else ""),
     }
 
@@ -207,5 +207,5 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         "pole": [pole.real, pole.imag],
         "feasible": {"lipschitz": tolerated} if smaller else {"decay_below": -pole.real} if pole.real < 0 else {},
         "suggestion": (f"declare a constant up to {at_least(tolerated)}, or " if smaller else "")
-        + "design new gains: leave `gains` out",
+        + "look at new gains: leave `gains` out",
     }

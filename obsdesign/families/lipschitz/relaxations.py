@@ -146,6 +146,11 @@ class Unstructured(Lipschitz):
         return tuple(Unknown(name, (1, 1)) for name in self.further)
 
     @property
+    def place_of_v(self) -> tuple[int, int]:
+        """Which of the inequalities has rows of v, and the first of these."""
+        return 1, self.plant.n
+
+    @property
     def injection(self) -> None:
         """None: the gain enters two inequalities."""
         return

@@ -186,7 +186,7 @@ def read_as_lipschitz(reader: Reader, block: Nonlinearity, place: Loc) -> Nonlin
     sizes = [whole] if len(constants) == 1 else [(1, 1)] * len(constants)
     if not block.type.startswith("lipschitz"):
         values = ", ".join(f"{float(k):g}" for k in constants)
-        reader.notes.append(f"{dotted(place)}: {block.type} is read as lipschitz {values}")
+        reader.notes.append(f"{block.term or dotted(place)}: {block.type} is read as lipschitz {values}")
     return replace(block, multiplier=combine(lipschitz(k, *size) for k, size in zip(constants, sizes, strict=True)))
 
 
@@ -197,19 +197,23 @@ def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: asked.
         return
     if H.size and not (H != 0).any():
         reader.wrong(("performance",), "z = H e is zero: nothing is to be estimated; leave it out for all states")
-    if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(("nonlinearities",)):
-        reader.wrong(("nonlinearities",), "type lipschitz needs at least one; for a linear plant use type l2")
+    place: Loc = ("system", "dynamics") if problem.as_equations else ("nonlinearities",)
+    if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(place):
+        term = "nonlinear term" if problem.as_equations else "nonlinearity"
+        reader.wrong(place, f"type lipschitz needs at least one {term}; for a linear plant use type l2")
     augmented = augment(plant, generator, (), ())
     acts = (augmented.Bf != 0).any() and (augmented.Cq != 0).any()
-    if plant.Bf.shape[1] and not acts and reader.clean(("nonlinearities",)):
-        reader.wrong(("nonlinearities",), "Bf or Cq is zero, and f does not act; for a linear plant use type l2")
+    if plant.Bf.shape[1] and not acts and reader.clean(place):
+        said = "no nonlinear term acts on a state" if problem.as_equations else "Bf or Cq is zero, and f does not act"
+        reader.wrong(place, f"{said}; for a linear plant use type l2")
     for name in ABSENT:
-        if getattr(plant, name).any():
-            reader.wrong(("nonlinearities",), f"{name} must be zero for type lipschitz; {INSTEAD}")
+        for where, said in problem.refused(name, "lipschitz"):
+            reader.wrong(where, f"{said}; {INSTEAD}")
     if any((getattr(augmented, name) != 0).any() and not (getattr(plant, name) != 0).any() for name in ABSENT):
         reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}")
     if request.objective != "max-lipschitz" and not augmented.B.shape[1]:
-        reader.wrong(("observer", "objective"), f"{request.objective} is about w, and there is none; give system.B")
+        key = "system.disturbances" if problem.as_equations else "system.B"
+        reader.wrong(("observer", "objective"), f"{request.objective} is about w, and there is none; give {key}")
     if request.relaxation in UNSTRUCTURED and not all(
         np.array_equal(M, identity(len(M), M)) for M in (augmented.Bf, augmented.Cq)
     ):

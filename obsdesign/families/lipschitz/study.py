@@ -14,6 +14,7 @@ from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import round_down, round_up, square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size
+from obsdesign.dissipation.scaling import Factors, scaling
 from obsdesign.dissipation.scan import edge
 from obsdesign.families.lipschitz.claim import Claim, held, needed
 from obsdesign.families.lipschitz.reasons import gate, too_small
@@ -89,6 +90,11 @@ class Study:
     def attenuation(self, constant: float, kind: type[Lipschitz] | None = None, L: Array | None = None) -> Lipschitz:
         """Inequalities of the relaxation with w and z for a constant, in doubles; for a gain in rationals, or any."""
         return in_floats(recast(self.unit, kind or KINDS[self.relaxation], L)).stretched(constant)
+
+    @property
+    def scaling(self) -> Factors:
+        """Units in which the inequalities with w and z are solved; none where nothing was, or f is zero."""
+        return scaling(self.attenuation(float(self.declared))) if self.engine.solves and self.declared else {}
 
     def stretch(self, L: Array | None = None) -> Stretch:
         """Search for the largest constant, without w and z, for a gain or over all."""

@@ -61,5 +61,5 @@ def wider(study: Study, known: Diagnosis, T2: fmpq, decay: fmpq) -> Diagnosis:
         if value
     }
     said += lower(study, edges, T2, decay)
-    otherwise = f"no larger {words}, and no smaller T2 or decay, was found to do; measure another state"
+    otherwise = f"no larger {words}, and no smaller T2 or decay, was found to do; look at another measurement"
     return {**known, "feasible": feasible, "suggestion": ", or ".join(said) or otherwise}

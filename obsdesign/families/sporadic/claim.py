@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds, ends
@@ -18,7 +17,7 @@ from obsdesign.families.sporadic.certificate import (
     certify_sporadic,
 )
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
-from obsdesign.families.sporadic.observer import errors
+from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
@@ -172,33 +171,16 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     """Entry `observer` of a result file: gains, their intervals, and how the error contracts over one."""
     if not isinstance(outcome.claim, Claim):
         return {}
-    L, H, proof = outcome.gains["L"], outcome.gains["H"], outcome.claim.certificate
-    found, flow = errors(spec, outcome.gains), np.block([[spec.augmented.doubles.A, -L], [np.zeros(L.T.shape), H]])
+    proof, gains = outcome.claim.certificate, outcome.gains
+    found = sampled(spec, gains, proof.guarantee)
     intervals = {"T1": float(proof.T1), "T2": float(proof.T2)}
-    frozen = [A for A, _, _ in found.systems]
     return {
-        "L": L.tolist(),
-        "H": H.tolist(),
+        "L": gains["L"].tolist(),
+        "H": gains["H"].tolist(),
         "T1": approximate(proof.T1),
         "T2": approximate(proof.T2),
         "delta": approximate(proof.family.delta),
-        "multipliers": {name: [[z.real, z.imag] for z in over(flow, spec, T)] for name, T in intervals.items()},
-        "contraction": {
-            name: max(abs(over(A, spec, T)[0]) for A in frozen) if found.bounded else None
-            for name, T in intervals.items()
-        },
+        "multipliers": {name: found.multipliers(T) for name, T in intervals.items()},
+        "contraction": {name: found.contraction(T) for name, T in intervals.items()},
+        "noise_gain": found.noise_gain(),
     }
-
-
-def over(flow: Array, spec: Spec, T: float) -> list[complex]:
-    """Eigenvalues of the error from one measurement to the next, T later, the largest first.
-
-    e' = A e - L d and d' = H d between measurements, d = C e at each: e+ = (E11 + E12 C) e, E = exp(flow T), where flow
-    = [A, -L; 0, H] has f = K q in A, or leaves f out.
-    """
-    from scipy.linalg import expm
-
-    C = spec.augmented.doubles.C
-    E, n = expm(flow * T), C.shape[1]
-    values: list[complex] = np.linalg.eigvals(E[:n, :n] + E[:n, n:] @ C).tolist()
-    return [complex(z) for z in sorted(values, key=lambda z: (-abs(z), complex(z).imag))]

@@ -69,7 +69,7 @@ class Designer:
         """Add what every answer has."""
         family = self.setting.family(float(self.decay.low))
         counts = {f"{s.injection} {s.relaxation}": s.counts(family) for s in self.schemes}
-        return replace(made, notes=tuple(self.notes), scalars=counts)
+        return replace(made, notes=tuple(self.notes), scalars=counts, scaling=self.setting.units.factors)
 
     # Gates
 
@@ -196,7 +196,7 @@ class Designer:
         """Answer that an interval hides modes, with a T2 that was tried."""
         study = self.studies[0]
         edges = {"T2": self.edges(study, float(T2), float(decay)).get("T2")}
-        hints = [*lower(study, edges, T2, decay), "measure another state"]
+        hints = [*lower(study, edges, T2, decay), "look at another measurement"]
         return Outcome(Verdict.INFEASIBLE, diagnosis={**diagnosis, "suggestion": ", or ".join(hints)})
 
     # Largest T2 or decay
@@ -302,7 +302,7 @@ class Designer:
             decay = within_slack(limit["decay"], float(decay), self.request.slack)
         certificate = prove(self.setting, gains, T2, decay)
         if certificate is None:
-            diagnosis = useless(float(T2), float(decay), most)
+            diagnosis = useless(float(self.request.T1), float(T2), float(decay), most)
             return Outcome(Verdict.INFEASIBLE, in_doubles(gains), diagnosis=diagnosis)
         if not limit:
             _, gamma = self.studies[0].confirmed(float(T2), float(decay))

@@ -10,6 +10,7 @@ from obsdesign.dissipation.bounds import ends
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
+from obsdesign.families.sporadic.periodic import Periodic
 from obsdesign.families.sporadic.request import request_of
 from obsdesign.lmi.formula import Array, identity, in_floats, printed
 from obsdesign.model.equations import free, linear
@@ -18,9 +19,7 @@ from obsdesign.spec import Spec
 
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     """Observer of a spec, for T1 and T2 that it asks for (the least where T2 is a range); see `holding`."""
-    request = request_of(spec)
-    T1, T2 = float(request.T1), float(ends(request.T2)[0])
-    return replace(holding(spec, gains), intervals=(T1, max(T2, T1)))
+    return replace(holding(spec, gains), intervals=intervals(spec))
 
 
 def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
@@ -52,13 +51,11 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     )
 
 
-def gap(spec: Spec, guarantee: SporadicGuarantee | None) -> float:
-    """Longest time between measurements, s: that of the guarantee, or the least that is asked for."""
-    return guarantee.T2 if guarantee else float(ends(request_of(spec).T2)[0])
+def sampled(spec: Spec, gains: Mapping[str, Array], guarantee: SporadicGuarantee | None) -> Periodic:
+    """Error systems between two measurements: e' = A e + Bf df - L d, d' = H d.
 
-
-def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
-    """Error systems between two measurements: e' = A e + Bf df - L theta~, theta~' = H theta~."""
+    Intervals are those of the guarantee, or the least that is asked for.
+    """
     p, (L, H) = spec.augmented.doubles, (gains["L"], gains["H"])
     n, ny = L.shape
     below, beside = ((0, ny), (0, 0)), ((0, 0), (0, ny))
@@ -70,4 +67,12 @@ def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
         C=np.pad(p.C, beside),
         Cq=np.pad(p.Cq, beside),
     )
-    return Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))
+    T1, T2 = (guarantee.T1, guarantee.T2) if guarantee else intervals(spec)
+    return Periodic(**vars(Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))), T1=T1, T2=T2)
+
+
+def intervals(spec: Spec) -> tuple[float, float]:
+    """T1 and T2 that a spec asks for, s; the least T2 of a range."""
+    request = request_of(spec)
+    T1, T2 = float(request.T1), float(ends(request.T2)[0])
+    return T1, max(T2, T1)

@@ -73,7 +73,7 @@ def hides(values: Array, T: float) -> Diagnosis:
         "reason": f"measurements every T = {T:.6g} are pathological: they cannot tell the modes at {found} apart",
         "interval": T,
         "feasible": {"T2_below": T},
-        "suggestion": f"ask for T2 well below {T:.6g}, or measure another state",
+        "suggestion": f"T2 below {T:.6g} is necessary, or another measurement",
     }
 
 
@@ -84,7 +84,7 @@ def too_long(T2: float, decay: float, feasible: Mapping[str, float], hints: Sequ
         "condition": "inequality",
         "reason": reason + (f"; the largest T2 is {feasible['T2']:.5g}" if "T2" in feasible else ""),
         "feasible": dict(feasible),
-        "suggestion": ", or ".join(hints) or "try another range of delta, or another relaxation or injection",
+        "suggestion": ", or ".join(hints) or "look at another range of delta, or another relaxation or injection",
     }
 
 
@@ -116,16 +116,19 @@ def out_of_bounds(name: str) -> Diagnosis:
         "condition": "bounds",
         "reason": f"no {name} of the range was reached",
         "feasible": {},
-        "suggestion": "allow larger bounds",
+        "suggestion": "look at larger bounds",
     }
 
 
-def useless(T2: float, decay: float, tolerated: float | None) -> Diagnosis:
-    """Answer that given gains achieve nothing."""
-    shorter = f"ask for T2 at most {at_least(tolerated * (1 - 1e-3), 4)}" if tolerated else "ask for a smaller decay"
+def useless(T1: float, T2: float, decay: float, tolerated: float | None) -> Diagnosis:
+    """Answer that given gains achieve nothing; `tolerated`: the largest T2 for which they are proved to."""
+    shorter = "look at a smaller decay"
+    if tolerated:
+        shorter = f"ask for T2 at most {at_least(tolerated * (1 - CLOSE), 4)}, which these gains are proved to tolerate"
+        shorter += f", and T1, which is {T1:g}, no longer than that" if tolerated * (1 - CLOSE) < T1 else ""
     return {
         "condition": "gains",
         "reason": f"no storage function of Theorem 2 proves these gains for T2 = {T2:g} with decay {decay:g}",
         "feasible": {"T2": tolerated} if tolerated else {},
-        "suggestion": f"{shorter}, or design new gains: leave `gains` out",
+        "suggestion": f"{shorter}, or look at new gains: leave `gains` out",
     }

@@ -147,11 +147,10 @@ def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
     """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
     if problem.generator is not None and len(problem.generator.Am):
         reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out")
-    for name in ABSENT if problem.plant is not None else ():
-        if getattr(problem.plant, name).any():
-            place: Loc = ("system", "D") if name == "D" else ("nonlinearities",)
-            instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
-            reader.wrong(place, f"{name} must be zero for type sporadic{instead}")
+    for name in ABSENT:
+        instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
+        for place, said in problem.refused(name, "sporadic"):
+            reader.wrong(place, f"{said}{instead}")
 
 
 def listed(written: str | list[str] | None) -> tuple[str, ...]:

@@ -29,4 +29,6 @@ def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
     known = ", ".join(f"{k:.3g} over {name}" for name, k in made["contraction"].items() if k is not None)
     said = f"{known}   the slowest that was found of f = K q of the types" if known else UNBOUNDED
-    return [*rows, ("delta", f"{made['delta']:g} 1/s"), ("contraction", said)]
+    rows += [("delta", f"{made['delta']:g} 1/s"), ("contraction", said)]
+    noise = ", ".join(f"{name} {gain:.3g}" for name, gain in made["noise_gain"].items())
+    return rows + ([("noise gain", f"{noise}   at the measurements, T1 or T2 apart")] if noise else [])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from obsdesign.dissipation.scaling import Factors, powers
 from obsdesign.lmi.equilibrate import factors
 from obsdesign.lmi.formula import Array, Values
 from obsdesign.model.plant import Plant
@@ -55,6 +56,11 @@ class Units:
         """P1, P2 and the multipliers of the spec; V' has the unit of |z|^2."""
         sizes = {"P1": self.time / np.outer(self.x, self.x), "P2": self.time / np.outer(self.y, self.y)}
         return {name: self.z**2 * sizes.get(name, 1.0) * value for name, value in values.items()}
+
+    @property
+    def factors(self) -> Factors:
+        """Units of states, outputs, disturbances and time, as a file holds them."""
+        return powers({"states": self.x, "outputs": self.y, "disturbances": self.w, "time": self.time})
 
     def told(self) -> str:
         """Note on them."""

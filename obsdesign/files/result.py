@@ -3,31 +3,25 @@
 A number in a result file is a decimal that is read as written, or a text "p/q" of any length.
 """
 
-import errno
 import hashlib
 import json
-import os
 import re
-import stat
-import sys
-import tempfile
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from fractions import Fraction
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, UsageError
+from obsdesign.files.disk import content_of
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
 LARGEST_POWER = 400  # of ten
-STAGED = ".obsdesign."  # how the names of files begin that are not complete yet
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
 
@@ -121,9 +115,16 @@ class ResultFile:
             raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
         if not right:
             raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
-        if further := self.table("spec").keys() - {"path", "sha256", "text"}:
-            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256 and text")
+        if further := self.table("spec").keys() - {"path", "sha256", "text", "set"}:
+            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256, text and set")
         return str(text)
+
+    def changes(self) -> tuple[str, ...]:
+        """Changes of single keys of the spec that travels in the file."""
+        found = self.table("spec").get("set", [])
+        if not isinstance(found, list) or not all(isinstance(change, str) for change in found):
+            raise self.wrong("spec.set", "expected a list of texts such as observer.alpha=0.5")
+        return tuple(found)
 
     def number(self, *keys: str) -> fmpq:
         """Exact value of one number."""
@@ -188,18 +189,6 @@ class ResultFile:
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
 
 
-def content_of(path: str, most: int) -> bytes:
-    """Bytes of a file, or of standard input for `-`; not more than one beyond so many. Raises `UsageError`."""
-    try:
-        if path == "-":
-            return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
-        with Path(path).open("rb") as file:
-            return file.read(most + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
-
-
 def rows(matrix: Array) -> list[list[str]]:
     """Exact entries."""
     return [[str(entry) for entry in row] for row in matrix]
@@ -261,87 +250,3 @@ def csv(header: list[str], samples: Array) -> bytes:
     """Table of a run, one row a sample, 12 digits."""
     lines = [",".join(header), *(",".join(f"{x:.12g}" for x in row) for row in samples)]
     return ("\n".join(lines) + "\n").encode()
-
-
-def write_whole(path: str | Path, content: bytes) -> None:
-    """Write one file, whole or not at all.
-
-    Raises `UsageError` if the folder does not exist or may not be written.
-    """
-    write_all({str(path): content})
-
-
-def write_all(files: Mapping[str, bytes]) -> None:
-    """Write files under temporary names beside them, and rename these when all are complete.
-
-    A link is followed; what is no regular file, such as a device or a pipe, is written through, after the others.
-    Raises `UsageError` if a folder does not exist or may not be written; then none of the files is.
-    """
-    staged: dict[str, Path] = {}
-    path = ""
-    try:
-        for path, content in files.items():
-            if is_regular(path):
-                with tempfile.NamedTemporaryFile(dir=Path(path).resolve().parent, prefix=STAGED, delete=False) as file:
-                    staged[path] = Path(file.name)
-                    file.write(content)
-                staged[path].chmod(0o666 & ~umask())
-        for path, temporary in staged.items():
-            temporary.replace(Path(path).resolve())
-        for path in files.keys() - staged:
-            Path(path).write_bytes(files[path])
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        for temporary in staged.values():
-            temporary.unlink(missing_ok=True)
-
-
-def require_writable(*paths: str) -> None:
-    """Refuse paths that could not be written, before anything is computed.
-
-    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
-    """
-    for path in paths:
-        try:
-            if not is_regular(path):
-                if not os.access(path, os.W_OK):
-                    raise UsageError(f"{path}: cannot be written: {os.strerror(errno.EACCES)}")
-                continue
-            folder = Path(path).resolve().parent
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
-        shown = Path(path).parent
-        if not folder.is_dir():
-            raise UsageError(f"{path}: cannot be written: there is no folder {shown}")
-        if not os.access(folder, os.W_OK):
-            raise UsageError(f"{path}: cannot be written: the folder {shown} may not be written")
-
-
-def is_regular(path: str) -> bool:
-    """Whether a path is that of a regular file, be it through a link or not there yet. Raises `OSError`."""
-    try:
-        mode = Path(path).stat().st_mode
-    except FileNotFoundError:
-        return True
-    if stat.S_ISDIR(mode):
-        raise IsADirectoryError(0, "it is a folder")
-    return stat.S_ISREG(mode)
-
-
-def umask() -> int:
-    """Permissions that the user withholds from new files."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def newest() -> str:
-    """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
-    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
-        try:
-            if json.loads(path.read_bytes()).get("status") == "certified":
-                return str(path)
-        except (OSError, ValueError, AttributeError):
-            continue
-    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")

@@ -1,0 +1,129 @@
+"""Two result files, and what changed from one to the other: as the files say it; nothing is proved here."""
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from obsdesign.files import ResultFile
+from obsdesign.lmi.formula import Array, approximate
+from obsdesign.sections.changes import opened
+from obsdesign.sections.document import Loc, dotted
+from obsdesign.sections.scalars import described
+
+Change = dict[str, Any]
+
+
+def diff(old: str | os.PathLike[str], new: str | os.PathLike[str]) -> dict[str, Any]:
+    """What changed from one result file to another.
+
+    Returns `status`: of both; `spec`: values of keys, as texts, None where there is none; `gains`: spectral norms of
+    those of both, and `relative`, the norm of the difference over that of the old one; `guarantee`: its numbers, and
+    `relative`, the difference over the old one. What is the same is left out, `relative` is None where it has no
+    meaning. Raises `UsageError`: a file is no result, or the spec in it was altered.
+    """
+    before, after = (ResultFile.open(os.fspath(path)) for path in (old, new))
+    return {
+        "status": [described(before.at("status")), described(after.at("status"))],
+        "spec": [*changes(keys_of(before), keys_of(after), "path")],
+        "gains": [*map(of_gains, changes(gains_of(before), gains_of(after), "name"))],
+        "guarantee": [*map(of_numbers, changes(numbers_of(before), numbers_of(after), "name"))],
+    }
+
+
+def changes(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterator[Change]:
+    """Entries that differ, in the order of the old ones, then of the new ones."""
+    for name in dict.fromkeys([*old, *new]):
+        pair = old.get(name), new.get(name)
+        if not np.array_equal(np.asarray(pair[0]), np.asarray(pair[1])):
+            yield {key: name, "old": pair[0], "new": pair[1]}
+
+
+def keys_of(file: ResultFile) -> dict[str, str]:
+    """Values of the spec in a file, by their dotted keys."""
+    document = opened(file.spec_text(), f"{file.path} (spec.text)", file.changes())
+    return dict(leaves(document.root.plain(), ()))
+
+
+def leaves(value: Any, loc: Loc) -> Iterator[tuple[str, str]]:
+    """Values of a tree, a list of values in one."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            yield from leaves(entry, (*loc, key))
+    elif isinstance(value, list) and any(isinstance(entry, Mapping) for entry in value):
+        for i, entry in enumerate(value):
+            yield from leaves(entry, (*loc, i))
+    else:
+        yield dotted(loc), shown(value)
+
+
+def shown(value: Any) -> str:
+    """Value of a spec in one line, whole."""
+    return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else " ".join(str(value).split())
+
+
+def gains_of(file: ResultFile) -> dict[str, Array]:
+    """Gains in a file: the matrices of its observer, in doubles."""
+    made, computed = file.content.get("observer"), file.content.get("numerical", ())
+    found = {}
+    for name, rows in made.items() if isinstance(made, dict) else ():
+        told = f"observer.{name}" in computed  # such as poles
+        if isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows) and not told:
+            exact = file.matrix((len(rows), len(rows[0])), "observer", name)
+            found[name] = np.vectorize(approximate, otypes=[float])(exact)
+    return found
+
+
+def of_gains(change: Change) -> Change:
+    """Change of a gain, in norms."""
+    old, new = change["old"], change["new"]
+    norms = [None if gain is None else norm(gain) for gain in (old, new)]
+    known = old is not None and new is not None and old.shape == new.shape and norm(old)
+    relative = norm(new - old) / known if known else None
+    return {"name": change["name"], "old": norms[0], "new": norms[1], "relative": relative}
+
+
+def norm(gain: Array) -> float:
+    """Spectral norm."""
+    return float(np.linalg.norm(gain, 2)) if gain.size else 0.0
+
+
+def numbers_of(file: ResultFile) -> dict[str, float]:
+    """Numbers of the guarantee in a file, by their dotted names."""
+    parts: list[tuple[Loc, Any]] = [((), file.content.get("guarantee", {}))]
+    found = {}
+    for loc, value in parts:
+        if isinstance(value, dict):
+            parts += [((*loc, key), entry) for key, entry in value.items()]
+        elif isinstance(value, list):
+            parts += [((*loc, i), entry) for i, entry in enumerate(value)]
+        elif isinstance(value, str) and value[:1] in "+-0123456789" and value:
+            found[dotted(loc)] = approximate(file.exact(value, f"guarantee.{dotted(loc)}"))
+    return found
+
+
+def of_numbers(change: Change) -> Change:
+    """Change of a number."""
+    old, new = change["old"], change["new"]
+    return {**change, "relative": (new - old) / abs(old) if old and new is not None else None}
+
+
+def as_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Table of what changed."""
+    old, new = found["status"]
+    rows = [("status", old if old == new else f"{old} -> {new}")]
+    rows += [("spec", f"{one['path']}: {side(one['old'])} -> {side(one['new'])}") for one in found["spec"]]
+    for part in ("gains", "guarantee"):
+        for one in found[part]:
+            label = f"|{one['name']}|" if part == "gains" else one["name"]
+            by = (
+                "" if one["relative"] is None else f"   ({100 * one['relative']:{'' if part == 'gains' else '+'}.3g} %)"
+            )
+            rows.append((part, f"{label} {side(one['old'])} -> {side(one['new'])}{by}"))
+    return rows
+
+
+def side(value: str | float | None) -> str:
+    """Value of one side in a row."""
+    return "nothing" if value is None else described(value) if isinstance(value, str) else f"{value:.6g}"

@@ -1,0 +1,108 @@
+"""What is computed of an observer in doubles where measurements are periodic, over frozen members f = K q of the class.
+
+With measurements T apart and their noise eta, the error at one is that at the last by
+
+    e+ = (E11 + E12 C) e + E12 eta,    [E11, E12; ., .] = exp([A + Bf F Cq, -L; 0, H] T),
+
+since d = C e + eta at the last. T is T1 or T2, so that what is said to be the worst is so of these; other sequences of
+intervals may be worse, and only what is proved holds of them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.dissipation.analysis import FREQUENCIES, INSIDE, Errors, largest_area
+from obsdesign.lmi.formula import Array
+
+HALVINGS = 4  # of an interval, in which w is followed
+FORGOTTEN = 1e-6  # what is left of an error after as many intervals as are followed
+MOST = 500  # intervals
+
+
+@dataclass(frozen=True)
+class Periodic(Errors):
+    """Error systems between two measurements, in (e, d), with the intervals T1 and T2 of these."""
+
+    T1: float = 0.0  # s
+    T2: float = 0.0  # s
+
+    @property
+    def gap(self) -> float:
+        """Longest time between measurements, s."""
+        return self.T2
+
+    @property
+    def n(self) -> int:
+        """Order of e."""
+        return self.plant.n - len(self.plant.C)
+
+    def step(self, A: Array, T: float) -> tuple[Array, Array]:
+        """E11 + E12 C and E12 for a matrix of (e, d)."""
+        from scipy.linalg import expm
+
+        E, n = expm(A * T), self.n
+        return E[:n, :n] + E[:n, n:] @ self.plant.C[:, :n], E[:n, n:]
+
+    def multipliers(self, T: float) -> list[list[float]]:
+        """Eigenvalues [re, im] of one step of the linear part, without f, the largest first."""
+        values = np.linalg.eigvals(self.step(self.plant.A, T)[0]).tolist()
+        return [[z.real, z.imag] for z in sorted(map(complex, values), key=lambda z: (-abs(z), z.imag))]
+
+    def contraction(self, T: float) -> float | None:
+        """Largest modulus of an eigenvalue of one step, of the worst member; None where slopes are not bounded."""
+        return max(radius(self.step(A, T)[0]) for A, _, _ in self.systems) if self.bounded else None
+
+    def noise_gain(self) -> dict[str, float]:
+        """Largest gain over frequency from eta to each error, both at the measurements; empty where one is unstable."""
+        steps = [self.step(A, T) for A, _, _ in self.systems for T in (self.T1, self.T2)]
+        largest = np.max([amplitudes(*step) for step in steps], axis=0).tolist()
+        return dict(zip(self.plant.states, largest, strict=False)) if all(stable(Phi) for Phi, _ in steps) else {}
+
+    def least_peak(self) -> float | None:
+        """Largest |z| at a measurement for |w| <= 1 from zero error, of the members that were tried and are stable."""
+        tried = [(A, B, T) for A, B, _ in self.systems for T in (self.T1, self.T2)]
+        return max((self.peak(*each) for each in tried if stable(self.step(each[0], each[2])[0])), default=None)
+
+    def peak(self, A: Array, B: Array, T: float) -> float:
+        """The same of one member: the sum over intervals of the areas of |u' H Phi^k E11(s) B|, over directions u."""
+        from scipy.linalg import expm
+
+        n, H, (Phi, _) = self.n, self.H[:, : self.n], self.step(A, T)
+        count = int(min(MOST, 1 + np.log(FORGOTTEN) / np.log(max(radius(Phi), FORGOTTEN))))
+        within = powers(expm(A * (T / 2**HALVINGS)), 2**HALVINGS + 1)[:, :n, :n] @ B[:n]
+        h = np.einsum("kzn,snv->kszv", H @ powers(Phi, count), within)
+        t = T * (np.arange(count)[:, None] + np.linspace(0, 1, len(within)))
+        return largest_area(h.reshape(t.size, len(H), B.shape[1]), t.ravel())
+
+
+def radius(Phi: Array) -> float:
+    """Largest modulus of an eigenvalue."""
+    return float(np.abs(np.linalg.eigvals(Phi)).max(initial=0.0))
+
+
+def stable(Phi: Array) -> bool:
+    """Whether an error contracts."""
+    return radius(Phi) <= 1 - INSIDE
+
+
+def amplitudes(Phi: Array, Gamma: Array) -> Array:
+    """Largest amplitude of each entry of e over frequency, e+ = Phi e + Gamma eta, for a sinusoid with |eta| = 1."""
+    z = np.exp(1j * angles(Phi))[:, None, None]
+    response = np.linalg.solve(z * np.eye(len(Phi)) - Phi, np.broadcast_to(Gamma, (len(z), *Gamma.shape)))
+    return np.asarray(np.linalg.norm(response, axis=2).max(axis=0))
+
+
+def powers(M: Array, count: int) -> Array:
+    """I, M, M^2, .., so many, by doubling."""
+    found, M = np.eye(len(M))[None], M[None]
+    while len(found) < count:
+        found, M = np.concatenate([found, found @ M]), M @ M
+    return found[:count]
+
+
+def angles(Phi: Array) -> Array:
+    """Frequencies in rad a sample, about the eigenvalues of a step too."""
+    values = np.linalg.eigvals(Phi)
+    near = (np.abs(np.angle(values)) + np.linspace(-2, 2, 9)[:, None] * (1 - np.abs(values))).ravel()
+    return np.unique(np.concatenate([np.linspace(0, np.pi, FREQUENCIES), np.clip(near, 0, np.pi)]))

@@ -1,0 +1,110 @@
+"""Files on a disk: read up to a size, written whole or not at all."""
+
+import errno
+import json
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from obsdesign.errors import Problem, UsageError
+
+STAGED = ".obsdesign."  # how the names of files begin that are not complete yet
+
+
+def content_of(path: str, most: int) -> bytes:
+    """Bytes of a file, or of standard input for `-`; not more than one beyond so many. Raises `UsageError`."""
+    try:
+        if path == "-":
+            return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
+        with Path(path).open("rb") as file:
+            return file.read(most + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
+
+
+def write_whole(path: str | Path, content: bytes) -> None:
+    """Write one file, whole or not at all.
+
+    Raises `UsageError` if the folder does not exist or may not be written.
+    """
+    write_all({str(path): content})
+
+
+def write_all(files: Mapping[str, bytes]) -> None:
+    """Write files under temporary names beside them, and rename these when all are complete.
+
+    A link is followed; what is no regular file, such as a device or a pipe, is written through, after the others.
+    Raises `UsageError` if a folder does not exist or may not be written; then none of the files is.
+    """
+    staged: dict[str, Path] = {}
+    path = ""
+    try:
+        for path, content in files.items():
+            if is_regular(path):
+                with tempfile.NamedTemporaryFile(dir=Path(path).resolve().parent, prefix=STAGED, delete=False) as file:
+                    staged[path] = Path(file.name)
+                    file.write(content)
+                staged[path].chmod(0o666 & ~umask())
+        for path, temporary in staged.items():
+            temporary.replace(Path(path).resolve())
+        for path in files.keys() - staged:
+            Path(path).write_bytes(files[path])
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+    finally:
+        for temporary in staged.values():
+            temporary.unlink(missing_ok=True)
+
+
+def require_writable(*paths: str) -> None:
+    """Refuse paths that could not be written, before anything is computed.
+
+    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
+    """
+    for path in paths:
+        try:
+            if not is_regular(path):
+                if not os.access(path, os.W_OK):
+                    raise UsageError(f"{path}: cannot be written: {os.strerror(errno.EACCES)}")
+                continue
+            folder = Path(path).resolve().parent
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+        shown = Path(path).parent
+        if not folder.is_dir():
+            raise UsageError(f"{path}: cannot be written: there is no folder {shown}")
+        if not os.access(folder, os.W_OK):
+            raise UsageError(f"{path}: cannot be written: the folder {shown} may not be written")
+
+
+def is_regular(path: str) -> bool:
+    """Whether a path is that of a regular file, be it through a link or not there yet. Raises `OSError`."""
+    try:
+        mode = Path(path).stat().st_mode
+    except FileNotFoundError:
+        return True
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(0, "it is a folder")
+    return stat.S_ISREG(mode)
+
+
+def umask() -> int:
+    """Permissions that the user withholds from new files."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def newest() -> str:
+    """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
+    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
+        try:
+            if json.loads(path.read_bytes()).get("status") == "certified":
+                return str(path)
+        except (OSError, ValueError, AttributeError):
+            continue
+    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")

@@ -1,0 +1,70 @@
+"""Changes of single keys of a spec, `observer.alpha=0.5`, which are read as if they stood in its text."""
+
+import re
+from collections.abc import Sequence
+
+from obsdesign.errors import Problem, UsageError
+from obsdesign.sections.document import Document, Loc, Node, compose, dotted
+from obsdesign.sections.scalars import described
+
+CHANGE = re.compile(r"\s*([A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*)\s*=(.*)", re.DOTALL)
+OPTION = "--set"
+
+
+def opened(text: str, path: str, changes: Sequence[str] = ()) -> Document:
+    """Read a YAML document, and put values in it: each `key=value`, a dotted key and what YAML has after it.
+
+    Raises `UsageError`: the text is wrong as YAML, or a change is no change of a key that can stand there.
+    """
+    document = compose(text, path)
+    for change in changes:
+        loc, node = read_change(change)
+        document = document._replace(root=put(document.root, loc, node, change))
+    return document
+
+
+def read_change(change: str) -> tuple[Loc, Node]:
+    """Place of a change and the value that it has there, which knows where it came from."""
+    found = CHANGE.fullmatch(change)
+    if not found:
+        said = f"expected KEY=VALUE with a dotted key, such as observer.alpha=0.5; found {described(change)}"
+        raise UsageError(Problem(said, OPTION))
+    loc = tuple(int(part[1:-1]) if part[0] == "[" else part for part in re.findall(r"[\w-]+|\[\d+\]", found[1]))
+    origin = f"{OPTION} {described(change)}"
+    if not found[2].strip():
+        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin))
+    try:
+        document = compose(found[2], origin)
+    except UsageError:
+        said = "the value is not YAML; a shell needs quotes around a space: --set 'observer.bounds={L1: 400}'"
+        raise UsageError(Problem(said, origin)) from None
+    if document.problems:
+        raise UsageError(*(Problem(one.message, origin, key=found[1]) for one in document.problems))
+    return loc, of_origin(document.root, origin)
+
+
+def of_origin(node: Node, origin: str) -> Node:
+    """Tree whose nodes stand in no line of the text."""
+    value = node.value
+    if isinstance(value, dict):
+        value = {name: (of_origin(key, origin), of_origin(entry, origin)) for name, (key, entry) in value.items()}
+    elif isinstance(value, list):
+        value = [of_origin(entry, origin) for entry in value]
+    return node._replace(value=value, line=0, column=0, origin=origin)
+
+
+def put(node: Node, loc: Loc, new: Node, change: str) -> Node:
+    """Tree with another node at a place; sections on the way that are not there yet are made."""
+    if not loc:
+        return new
+    name, rest = loc[0], loc[1:]
+    if isinstance(name, str) and isinstance(node.value, dict):
+        key, entry = node.value.get(name, (new._replace(value=name), new._replace(value={})))
+        return node._replace(value={**node.value, name: (key, put(entry, rest, new, change))})
+    if isinstance(name, int) and isinstance(node.value, list) and name < len(node.value):
+        entries = list(node.value)
+        entries[name] = put(entries[name], rest, new, change)
+        return node._replace(value=entries)
+    kind = "a list of more entries" if isinstance(name, int) else "a mapping"
+    said = f"{dotted((name,))} needs {kind} where the spec has {described(node.value)}; set the whole value instead"
+    raise UsageError(Problem(said, f"{OPTION} {described(change)}"))

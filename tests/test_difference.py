@@ -1,0 +1,83 @@
+"""`diff`: what changed from one result file to another."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.commands import run
+
+
+@pytest.fixture(autouse=True)
+def here(made, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(made / "cart.yaml", tmp_path)
+    shutil.copy(made / "cart.gains.json", tmp_path / "old.json")
+
+
+def solved(*changes, code=0):
+    options = [part for change in changes for part in ("--set", change)]
+    assert run("solve", "cart.yaml", "-q", "-o", "new.json", *options).exit_code == code
+
+
+def difference():
+    outcome = run("diff", "old.json", "new.json", "--json")
+    assert outcome.exit_code == 0
+    return json.loads(outcome.stdout)
+
+
+def test_the_same_is_no_difference():
+    solved()
+    assert difference() == {"status": ["certified", "certified"], "spec": [], "gains": [], "guarantee": []}
+    assert run("diff", "old.json", "new.json").stdout.split() == ["status", "certified"]
+
+
+def test_spec_gains_and_guarantee_are_told():
+    solved("observer.alpha=0.05", "observer.bounds={L1: 30}", "simulation.seed=3")
+    old, new = (json.loads(Path(name).read_text()) for name in ("old.json", "new.json"))
+    found = difference()
+    assert found["spec"] == [
+        {"path": "observer.alpha", "old": "0.1", "new": "0.05"},
+        {"path": "observer.bounds.L1", "old": "40", "new": "30"},
+        {"path": "simulation.seed", "old": None, "new": "3"},
+    ]
+    gain = {one["name"]: one for one in found["gains"]}["L1"]
+    L1 = [np.array(file["observer"]["L1"]) for file in (old, new)]
+    assert gain["old"] == pytest.approx(np.linalg.norm(L1[0], 2), rel=1e-12)
+    assert gain["relative"] == pytest.approx(np.linalg.norm(L1[1] - L1[0], 2) / gain["old"], rel=1e-12)
+    gamma = {one["name"]: one for one in found["guarantee"]}["gamma"]
+    assert [gamma["old"], gamma["new"]] == [file["guarantee"]["gamma"] for file in (old, new)]
+    assert gamma["relative"] == pytest.approx(gamma["new"] / gamma["old"] - 1, rel=1e-9)
+    text = run("diff", "old.json", "new.json").stdout
+    assert "observer.alpha: 0.1 -> 0.05" in text
+    assert "simulation.seed: nothing -> 3" in text
+
+
+def test_a_result_without_gains_is_told_too():
+    solved("system.C=[[0, 0]]", "nonlinearities=[]", "system.A=[[0, 1], [0, 1]]", code=3)
+    found = difference()
+    assert found["status"] == ["certified", "infeasible"]
+    assert {k: v for k, v in found["guarantee"][0].items() if k in {"name", "new"}} == {"name": "gamma", "new": None}
+    assert all(one["new"] is None and one["relative"] is None for one in found["gains"])
+    assert run("diff", "old.json", "new.json").stdout.startswith("status     certified -> infeasible")
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda file: file["spec"].update(text="obsdesign: 1"), "the spec in the file was altered"),
+        (lambda file: file["observer"].update(L1=[["1e999"]]), "is no finite number"),
+        (lambda file: file["observer"].update(L1=[[1], [1, 2]]), "expected a 2x1 matrix"),
+        (lambda file: file["guarantee"].update(gamma="1/0"), "is no finite number"),
+        (lambda file: file.update(status="\x1b[31m"), "texts of one line"),
+    ],
+)
+def test_a_file_that_is_wrong_is_refused(change, word):
+    file = json.loads(Path("old.json").read_text())
+    change(file)
+    Path("new.json").write_text(json.dumps(file))
+    outcome = run("diff", "old.json", "new.json")
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert word in outcome.stderr
+    assert run("diff", "old.json", "cart.yaml").exit_code == 2

@@ -1,0 +1,179 @@
+"""Commands on several sources, and other values of single keys: `--set`."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.commands import files, run
+
+import obsdesign as od
+from obsdesign.sections.changes import opened
+
+HIDDEN = """
+obsdesign: 1
+system: {A: [[1, 0], [0, -1]], B: [[0], [1]], C: [[0, 1]]}
+observer: {type: l2, alpha: 0.1}
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(made, tmp_path, monkeypatch):
+    """A folder with one good spec, one without an observer and one that is no YAML."""
+    (tmp_path / "specs" / "deep").mkdir(parents=True)
+    shutil.copy(made / "cart.yaml", tmp_path / "specs")
+    (tmp_path / "specs" / "deep" / "hidden.yml").write_text(HIDDEN)
+    (tmp_path / "specs" / "wrong.yaml").write_text("obsdesign: [1")
+    (tmp_path / "specs" / "notes.txt").write_text("no spec")
+    monkeypatch.chdir(tmp_path)
+
+
+def content(path):
+    return json.loads(Path(path).read_text())
+
+
+# Several sources
+
+
+def test_a_folder_is_every_spec_below_it_and_the_worst_code_counts():
+    outcome = run("check", "specs")
+    assert outcome.exit_code == 2
+    assert [line for line in outcome.stdout.splitlines() if line.startswith("==")] == [
+        "== specs/cart.yaml",
+        "== specs/deep/hidden.yml",
+    ]
+    assert "specs/wrong.yaml:2:" in outcome.stderr
+    assert run("check", "specs/cart.yaml", "specs/deep").exit_code == 3
+    assert run("check", "specs/cart.yaml", "specs/cart.yaml").exit_code == 0
+
+
+def test_the_json_of_several_is_a_list():
+    reports = json.loads(run("check", "specs/cart.yaml", "specs/deep/hidden.yml", "--json").stdout)
+    assert [report["possible"] for report in reports] == [True, False]
+
+
+def test_several_are_solved_verified_and_simulated():
+    assert run("solve", "specs/cart.yaml", "specs/deep", "-q").exit_code == 3
+    assert files() == ["cart.gains.json", "hidden.gains.json", "specs"]
+    outcome = run("verify", ".", "--json")
+    assert [proof["proved"] for proof in json.loads(outcome.stdout)] == [True, True]
+    assert run("verify", "cart.gains.json", "specs/cart.yaml").exit_code == 0
+    assert run("verify", "cart.gains.json", "specs/deep/hidden.yml").exit_code == 2
+    assert run("simulate", "cart.gains.json", "hidden.gains.json", "-q").exit_code == 2
+    assert "cart.run.csv" in files()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["solve", "specs/cart.yaml", "specs/deep", "-o", "x.json"], "go with one source"),
+        (["simulate", "specs", "--plot", "x.png"], "go with one source"),
+        (["solve", "specs/cart.yaml", "./specs/cart.yaml"], "would both write cart.*"),
+        (["verify", "specs"], "no file below this folder ends with .gains.json"),
+        (["check", "--watch", "-"], "standard input is read once"),
+    ],
+)
+def test_what_makes_no_sense_of_several_is_refused(arguments, word):
+    outcome = run(*arguments)
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert word in outcome.stderr
+    assert files() == ["specs"]
+
+
+def test_a_spec_is_checked_again_when_it_is_saved():
+    command = [sys.executable, "-m", "obsdesign", "check", "--watch", "-q", "specs/cart.yaml"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert "checked at" in process.stderr.readline()
+        Path("saved.yaml").write_text("obsdesign: [1")
+        Path("saved.yaml").replace("specs/cart.yaml")
+        assert "specs/cart.yaml:2:" in process.stderr.readline()
+        assert "checked at" in process.stderr.readline()
+        process.send_signal(2)
+        assert process.wait(10) == 130
+
+
+def test_the_version_is_told():
+    assert run("--version").stdout == f"obsdesign {od.__version__}\n"
+
+
+# Other values of single keys
+
+
+def test_another_value_is_solved_for_written_and_held():
+    changes = ["observer.alpha=0.05", "observer.bounds={L1: 30}", "simulation.horizon=1"]
+    options = [part for change in changes for part in ("--set", change)]
+    outcome = run("solve", "specs/cart.yaml", *options)
+    assert outcome.exit_code == 0
+    result = content("cart.gains.json")
+    assert result["spec"]["set"] == changes
+    assert result["spec"]["text"] == Path("specs/cart.yaml").read_text()
+    assert result["guarantee"]["alpha"] == 0.05
+    assert "of the spec with observer.alpha=0.05, observer.bounds={L1: 30}" in result["guarantee"]["statement"]
+    for arguments in (["cart.gains.json"], ["cart.gains.json", "specs/cart.yaml"]):
+        outcome = run("verify", *arguments)
+        assert outcome.exit_code == 0
+        assert outcome.stdout.splitlines()[-1].endswith(
+            "of the spec with observer.alpha=0.05, observer.bounds={L1: 30}"
+        )
+    assert od.read("cart.gains.json").simulate().t[-1] == 1
+
+
+@pytest.mark.parametrize("forged", [["observer.alpha=0.2"], [], "observer.alpha=0.05", [1], ["observer.gamma=1"]])
+def test_another_list_of_changes_is_refused(forged):
+    assert run("solve", "specs/cart.yaml", "--set", "observer.alpha=0.05", "-q").exit_code == 0
+    result = content("cart.gains.json")
+    result["spec"]["set"] = forged
+    Path("cart.gains.json").write_text(json.dumps(result))
+    assert run("verify", "cart.gains.json").exit_code in {2, 4}
+
+
+def test_a_verdict_of_infeasibility_is_of_the_changed_spec():
+    assert run("solve", "specs/deep/hidden.yml", "--set", "observer.alpha=0.3", "-q").exit_code == 3
+    outcome = run("verify", "hidden.gains.json")
+    assert outcome.exit_code == 0
+    assert outcome.stdout.splitlines()[-1].endswith("of the spec with observer.alpha=0.3")
+
+
+def test_a_run_of_given_gains_changes_its_trial_only():
+    assert run("solve", "specs/cart.yaml", "-q").exit_code == 0
+    assert run("simulate", "cart.gains.json", "--set", "simulation.horizon=0.5", "-q").exit_code == 0
+    assert Path("cart.run.csv").read_text().splitlines()[-1].startswith("0.5,")
+    outcome = run("simulate", "cart.gains.json", "--set", "observer.alpha=1")
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert "only keys of simulation: can be set" in outcome.stderr
+    paired = ["specs/cart.yaml", "--gains", "cart.gains.json", "--set", "simulation.horizon=0.25", "-q"]
+    assert run("simulate", *paired).exit_code == 0
+    assert Path("cart.run.csv").read_text().splitlines()[-1].startswith("0.25,")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("observer.alfa=1", ["--set observer.alfa=1: observer.alfa: ", "alpha"]),
+        ("observer.alpha=fast", ["--set observer.alpha=fast: observer.alpha: "]),
+        ("observer.alpha", ["expected KEY=VALUE"]),
+        ("observer.alpha.min=1", ["needs a mapping where the spec has 0.1"]),
+        ("system.A[7][0]=1", ["needs a list of more entries where the spec has a list"]),
+        ("observer.bounds={L1:", ["the value is not YAML"]),
+        ("observer.alpha=", ["the value is empty"]),
+        ("observer.bounds={L1: 1, L1: 2}", ["duplicate key L1"]),
+    ],
+)
+def test_a_change_that_cannot_be_is_told_in_one_line(change, words):
+    outcome = run("solve", "specs/cart.yaml", "--set", change)
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert len(outcome.stderr.splitlines()) == 1
+    for word in words:
+        assert word in outcome.stderr
+
+
+def test_a_change_is_read_as_if_it_stood_in_the_text():
+    text = "a: {b: 1, c: [1, 2]}\n"
+    changed = opened(text, "x.yaml", ["a.b=2", "a.c[1]=three", "a.d.e=[1e-3]", "f=yes"])
+    assert changed.root.plain() == {"a": {"b": "2", "c": ["1", "three"], "d": {"e": ["1e-3"]}}, "f": "yes"}
+    assert (
+        od.load("specs/cart.yaml", ["observer.alpha=0.3"]).observer
+        == od.load(Path("specs/cart.yaml").read_text().replace("alpha: 0.1", "alpha: 0.3")).observer
+    )
