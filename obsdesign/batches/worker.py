@@ -10,6 +10,7 @@ import resource
 import signal
 import warnings
 from dataclasses import replace
+from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -56,9 +57,21 @@ def answer(asked: dict[str, Any]) -> Entry:
 
 def with_memory(limit: float | None) -> None:
     """Let this process have so many MiB more than it has, or any number; beyond, Python raises MemoryError."""
+    if limit is not None:
+        with_buffers()
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     soft = hard if limit is None else data() + int(limit * MIB)
     resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
+@cache
+def with_buffers() -> None:
+    """Let the linear algebra of numpy and of scipy take its buffers: OpenBLAS asks for one that it lacks for ever."""
+    import numpy as np
+    from scipy.linalg import cholesky
+
+    np.linalg.cholesky(np.eye(2))
+    cholesky(np.eye(2))
 
 
 def data() -> int:

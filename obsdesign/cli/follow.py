@@ -58,7 +58,7 @@ class Live(Lines):
         super().__init__(quiet, verbose)
         self.running, self.recent = dict[str, float](), deque[str](maxlen=RECENT)
         self.counts: Counter[str] = Counter()
-        console = Console(stderr=True, highlight=False, markup=False)
+        console = Console(stderr=True, highlight=False, markup=False, emoji=False)
         self.live = Live(get_renderable=self.view, console=console, refresh_per_second=RATE, transient=True)
 
     def begun(self, path: str) -> None:
