@@ -1,12 +1,14 @@
 """Folders of specs: found, designed once, held against what they expect, and summed up."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from support.commands import files, run
 
 import obsdesign as od
+from obsdesign.batches import sweep
 from obsdesign.batches.find import Task, find, share
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import Options
@@ -205,7 +207,7 @@ def test_a_batch_gives_a_table_a_summary_and_one_folder_a_spec():
         **dict.fromkeys(["refuted", "uncertified", "invalid", "timeout", "memory", "crashed", "skipped"], 0),
     }
     assert list(content["specs"][0]) == [
-        *("path", "sha256", "status", "exit_code", "as_expected", "verified", "up_to_date", "why", "expected"),
+        *("path", "set", "sha256", "status", "exit_code", "as_expected", "verified", "up_to_date", "why", "expected"),
         *("guarantee", "problems", "files", "time_s"),
     ]
     assert content["specs"][2]["files"]["csv"] == "specs/good/good.run.csv"
@@ -303,12 +305,103 @@ def test_a_batch_may_end_with_the_first_that_is_not_as_expected():
         assert entries()["c.yaml"]["why"] == "--fail-fast"
 
 
+# Changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "combinations"),
+    [
+        ([], [()]),
+        (["a=1, 2"], [("a=1",), ("a=2",)]),
+        (["a=1,2,1", "b=0"], [("a=1", "b=0"), ("a=2", "b=0")]),
+        (["a.b=1,2", "c=3,4"], [(a, c) for a in ("a.b=1", "a.b=2") for c in ("c=3", "c=4")]),
+        (["a=[1, 2],{x: 1, y: [2, 3]}"], [("a=[1, 2]",), ("a={x: 1, y: [2, 3]}",)]),
+        (["""a='x,y',"\\",",[f(1, 2)],f(1,2)"""], [("a='x,y'",), ('a="\\","',), ("a=[f(1, 2)]",), ("a=f(1,2)",)]),
+        (["a=it's,so"], [("a=it's",), ("a=so",)]),
+    ],
+)
+def test_commas_separate_values_outside_of_what_encloses_them(changes, combinations):
+    assert sweep.combinations(changes) == combinations
+
+
+@pytest.mark.usefixtures("folder")
+def test_changes_are_tried_in_every_combination_and_kept_apart():
+    sets = "--set", "observer.alpha=0.1,0.2", "--set", "simulation={horizon: 1, points: 3},{horizon: 1, x0: [1]}"
+    outcome = run("batch", "specs/good.yaml", *sets)
+    assert outcome.exit_code == 0, outcome.output
+    found = summary()["specs"]
+    both = [["simulation={horizon: 1, points: 3}"], ["simulation={horizon: 1, x0: [1]}"]]
+    assert [entry["set"] for entry in found] == [
+        [f"observer.alpha={alpha}", *s] for alpha in ("0.1", "0.2") for s in both
+    ]
+    assert [entry["guarantee"]["alpha"] for entry in found] == [0.1, 0.1, 0.2, 0.2]
+    assert summary()["options"]["set"] == list(sets[1::2])
+    gains = Path("results", found[0]["files"]["gains"])
+    assert str(gains.parent.parent) == "results/specs/good"
+    assert json.loads(gains.read_text())["spec"]["set"] == found[0]["set"]
+    assert run("verify", gains, "specs/good.yaml").exit_code == 0
+    assert outcome.stdout.startswith(
+        "ok    certified    specs/good.yaml observer.alpha=0.1 simulation={horizon: 1, points"
+    )
+    run("batch", "specs/good.yaml", "--set", "observer.alpha=0.2", "-v")
+    assert files("results/specs/good/observer.alpha=0.2") == ["good.gains.json", "good.record.json"]
+    run("batch", "specs/good.yaml", *sets, "-q")
+    assert all(entry["up_to_date"] for entry in summary()["specs"])
+    run(
+        "batch", "specs/good.yaml", "--set", "observer.alpha=0.1", *sets[2:], "--changed-since", "results", "--out", "o"
+    )
+    assert summary("o")["counts"]["skipped"] == 2
+    run("batch", "--merge", "results", "--out", "all")
+    assert lasting("all") == lasting()
+
+
+@pytest.mark.usefixtures("folder")
+def test_names_of_changes_do_not_leave_their_folder():
+    hostile = ("name=../../x\n", "name=a,b")
+    (task,) = find(["specs/good.yaml"], (), [hostile])
+    assert task.place == "specs/good/name=..%2F..%2Fx%0A,name=a%2Cb"
+    alike = [(f"name={'x' * 300}{i}",) for i in range(2)]
+    places = {task.place for task in find(["specs/good.yaml"], (), alike)}
+    assert all(re.fullmatch(r"specs/good/name=x{75}\.\.[0-9a-f]{16}", place) for place in places)
+    assert len(places) == 2
+    put("specs/good/observer.alpha=1.yaml")
+    outcome = run("batch", "specs", "--set", "observer.alpha=1,2")
+    assert outcome.exit_code == 0  # that spec has its results below specs/good/observer.alpha=1/observer.alpha=1
+    put("specs/same/a=1.yaml")
+    put("specs/same.yaml")
+    with pytest.raises(od.UsageError, match="its results would stand in specs/same/a=1, as those of"):
+        find(["specs"], (), [(), ("a=1",)])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            "observer.alpha",
+            "--set: expected KEY=VALUE with a dotted key, such as observer.alpha=0.5; found observer.alpha",
+        ),
+        ("observer.alpha=1,", "--set observer.alpha=: the value is empty; give one, or leave the option out"),
+        ("observer.alpha=[1", "--set observer.alpha=[1: the value is not YAML"),
+        ("observer.alpa=1", "good.yaml: observer.alpa: unknown key alpa; did you mean alpha?"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_what_is_no_change_is_refused(change, said):
+    put("good.yaml")
+    outcome = run("batch", "good.yaml", "-q", "--set", change)
+    assert outcome.exit_code == 2
+    (line,) = outcome.stderr.splitlines()
+    assert line.removeprefix("invalid: ").startswith(said)
+    if line.startswith("invalid"):
+        assert line.endswith(f"(--set {change})")
+
+
 @pytest.mark.usefixtures("folder")
 def test_the_python_api_runs_a_batch():
-    made = od.batch(["specs/good.yaml"], out="api", jobs=1)
+    made = od.batch(["specs/good.yaml"], changes=["observer.alpha=0.2"], out="api", jobs=1)
     assert (made.exit_code, made.counts["certified"]) == (0, 1)
     assert [entry["path"] for entry in made.specs] == ["specs/good.yaml"]
     assert made.report == summary("api")
-    assert str(made).splitlines()[0].split()[:3] == ["ok", "certified", "specs/good.yaml"]
+    assert str(made).splitlines()[0].split()[:4] == ["ok", "certified", "specs/good.yaml", "observer.alpha=0.2"]
     with pytest.raises(od.UsageError, match="absent"):
         od.batch(["absent"])

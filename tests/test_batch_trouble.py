@@ -258,5 +258,7 @@ def test_what_is_no_whole_batch_is_not_merged():
     assert "altered: differs from same in status of specs/a.yaml" in refusal("same", "altered")
     put("up/summary.json", json.dumps({**content, "specs": [{**altered, "path": "../../etc/x.yaml"}]}))
     assert "is no path of a spec" in refusal("up")
+    put("change/summary.json", json.dumps({**content, "specs": [{**altered, "set": [".."]}]}))
+    assert "is no path of a spec" in refusal("change")
     assert run("batch", "--merge", "same", "--out", "all", "-q").exit_code == 0
     assert entries("all")["specs/a.yaml"]["files"] == {}  # a summary alone has none

@@ -1,6 +1,6 @@
 """Folders of specs: each solved, verified and held against what it expects, in parallel, and only where it is due.
 
-find.py       specs below paths, and where their results go
+find.py       specs below paths, and where their results go; sweep.py: with which changes
 perform.py    one spec, from its text to its entry and its files
 record.py     that entry on disk, and whether it is up to date
 workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them
@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from obsdesign.batches import workers
-from obsdesign.batches.find import Task, find, share
+from obsdesign.batches.find import Task, find, share, titled
 from obsdesign.batches.merge import merge
 from obsdesign.batches.record import LIMITS, Entry, Options, entry_of, printable, read, reason, sha256, tool
 from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.batches.sweep import combinations
 from obsdesign.errors import Problem, UsageError
 from obsdesign.files import STAGED
 
@@ -34,8 +35,8 @@ class Follower(Protocol):
     def found(self, total: int) -> None:
         """So many specs are to be run or are up to date."""
 
-    def begun(self, path: str) -> None:
-        """One is under way."""
+    def begun(self, title: str) -> None:
+        """One is under way, of which this is path and changes."""
 
     def ended(self, entry: Entry) -> None:
         """One has ended, or is up to date."""
@@ -47,7 +48,7 @@ class Nobody:
     def found(self, total: int) -> None:
         """Nothing."""
 
-    def begun(self, path: str) -> None:
+    def begun(self, title: str) -> None:
         """Nothing."""
 
     def ended(self, entry: Entry) -> None:
@@ -57,6 +58,7 @@ class Nobody:
 def batch(
     paths: Iterable[str | os.PathLike[str]],
     *,
+    changes: Iterable[str] = (),
     out: str | os.PathLike[str] = "results",
     jobs: int | None = None,
     simulate: bool = False,
@@ -72,27 +74,32 @@ def batch(
 ) -> Summary:
     """Solve, verify and (`simulate`) run every spec at and below some paths, in so many `jobs`; write `summary.json`.
 
-    `paths`, `exclude`: see `find.find`. `out`: folder of all results. `force`: redo what is up to date. `fail_fast`:
-    end with the first that is not as expected. `shard`: "I/N", every N-th spec. `changed_since`: summary or its folder;
-    what has the same text, tool and options there is skipped. `timeout` (s) and `memory` (MiB) of each spec.
+    `paths`, `exclude`: see `find.find`. `changes`: other values of single keys, such as `observer.alpha=0.5`; several,
+    `observer.alpha=0.1,0.5`, are all tried, in every combination, with results in folders of their own.
+
+    `out`: folder of all results. `force`: redo what is up to date. `fail_fast`: end with the first that is not as
+    expected. `shard`: "I/N", every N-th spec. `changed_since`: summary or its folder; what has the same text, changes,
+    tool and options there is skipped. `timeout` (s) and `memory` (MiB) of each spec.
 
     Returns the summary: `exit_code`, `counts`, and `specs`, an entry each. Raises `UsageError`: there are no specs, an
     option is wrong, or `out` cannot be written.
     """
     options = Options(solver, simulate, timeout, memory)
-    found = find(paths, exclude)
+    asked = list(changes)
+    found = find(paths, exclude, combinations(asked))
     if not found:
         raise UsageError("no specs found: no *.yaml or *.yml with a key `obsdesign` that is not excluded")
     tasks = share(found, shard)
-    run = Run(tasks, options, prepared(out), follower or Nobody())
+    head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
+    run = Run(tasks, options, prepared(out), head, follower or Nobody())
     if changed_since is not None:
         run.leave_out(os.fspath(changed_since))
     try:
         run.through(jobs or len(os.sched_getaffinity(0)), force=force, fail_fast=fail_fast)
     except KeyboardInterrupt:
-        run.summarise(shard, "interrupted", INTERRUPTED)
+        run.summarise("interrupted", INTERRUPTED)
         raise
-    return run.summarise(shard, "--fail-fast")
+    return run.summarise("--fail-fast")
 
 
 def prepared(out: str | os.PathLike[str]) -> Path:
@@ -110,8 +117,10 @@ def prepared(out: str | os.PathLike[str]) -> Path:
 class Run:
     """One batch, as far as it is."""
 
-    def __init__(self, tasks: list[Task], options: Options, out: Path, follower: Follower) -> None:
-        self.tasks, self.options, self.out, self.follower = tasks, options, out, follower
+    def __init__(
+        self, tasks: list[Task], options: Options, out: Path, head: dict[str, Any], follower: Follower
+    ) -> None:
+        self.tasks, self.options, self.out, self.head, self.follower = tasks, options, out, head, follower
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
         self.loose = dict[Task, Entry]()  # entries that have no record
         self.tally = Tally()
@@ -123,10 +132,11 @@ class Run:
         wanted = {**self.options.of(""), "tool": tool()}
         if {**{key: other["options"].get(key) for key in self.options.of("")}, "tool": other["tool"]} != wanted:
             return
-        known = {one["path"]: one.get("sha256") for one in other["specs"] if one.get("status") not in NOT_DONE}
+        done = [one for one in other["specs"] if one.get("status") not in NOT_DONE]
+        known = {titled(one["path"], one.get("set", ())): one.get("sha256") for one in done}
         for task in self.tasks:
             digest = sha256(task)
-            if digest is not None and known.get(printable(task.path)) == digest:
+            if digest is not None and known.get(printable(task.title)) == digest:
                 self.skip(task, f"unchanged since {source}", digest)
 
     def skip(self, task: Task, why: str, digest: str | None = None) -> None:
@@ -148,7 +158,9 @@ class Run:
                 self.ended(task, record["entry"], None)
         if fail_fast and self.tally.codes:
             return
-        running = workers.run(due, self.options, self.out, jobs, lambda task: self.follower.begun(task.path))
+        running = workers.run(
+            due, self.options, self.out, jobs, lambda task: self.follower.begun(printable(task.title))
+        )
         for task, entry in running:
             self.ended(task, entry, due[task])
             if fail_fast and self.tally.codes:
@@ -162,14 +174,12 @@ class Run:
             self.loose[task] = entry
         self.follower.ended({**entry, "up_to_date": why is None, "why": why})
 
-    def summarise(self, shard: str | None, skipped: str, exit_code: int | None = None) -> Summary:
+    def summarise(self, skipped: str, exit_code: int | None = None) -> Summary:
         """Write the summary; what did not end is skipped."""
         for task in self.tasks:
             if task not in self.why and task not in self.loose:
                 self.skip(task, skipped)
-        options = {**asdict(self.options), "shard": shard}
-        head: dict[str, Any] = {"tool": tool(), "options": options}
-        head["time_s"] = round(time.perf_counter() - self.started, 3)
+        head = {**self.head, "time_s": round(time.perf_counter() - self.started, 3)}
         code = self.tally.exit_code if exit_code is None else exit_code
         return write(self.out, self.tally, head, self.entries(), code)
 

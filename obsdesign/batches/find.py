@@ -6,27 +6,37 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from hashlib import sha256
+from itertools import product
 from pathlib import Path, PurePath
+from urllib.parse import quote
 
 from obsdesign.errors import Problem, UsageError
 
 ENDINGS = (".yaml", ".yml")
 SPEC = re.compile(rb"""(?:^|[{,])\s*["']?obsdesign["']?\s*:""", re.MULTILINE)
 MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
+LONGEST, KEPT = 120, 80  # characters of the folder of changes, and of one that is longer
 
 
 @dataclass(frozen=True, order=True)
 class Task:
-    """One spec of a batch."""
+    """One spec of a batch, with other values of single keys."""
 
     path: str  # relative to the current folder where it is below it, else absolute; without `..`
+    changes: tuple[str, ...] = ()  # such as observer.alpha=0.5
     text: str | None = None  # of the spec, where the file is not at hand to who designs
 
     @property
     def place(self) -> str:
-        """Folder of its results below that of all: a/b/c of a/b/c.yaml."""
+        """Folder of its results below that of all: a/b/c of a/b/c.yaml, with changes a/b/c/observer.alpha=0.5."""
         path = PurePath(self.path)
-        return str(path.relative_to(path.anchor).with_suffix(""))
+        return str(path.relative_to(path.anchor).with_suffix("") / folder(self.changes))
+
+    @property
+    def title(self) -> str:
+        """Path and changes."""
+        return titled(self.path, self.changes)
 
     @property
     def name(self) -> str:
@@ -34,8 +44,23 @@ class Task:
         return PurePath(self.path).stem
 
 
-def find(paths: Iterable[str | os.PathLike[str]], exclude: Iterable[str] = ()) -> list[Task]:
-    """Specs at and below paths, sorted by their paths, each once.
+def titled(path: str, changes: Iterable[str]) -> str:
+    """Name of a spec with changes."""
+    return " ".join((path, *changes))
+
+
+def folder(changes: Iterable[str]) -> str:
+    """Name of a folder for changes, another one for others; without changes it is empty."""
+    name = ",".join(quote(change, safe="=[]{}()+*", errors="surrogateescape") for change in changes)
+    return name if len(name) <= LONGEST else f"{name[:KEPT]}..{sha256(name.encode()).hexdigest()[:16]}"
+
+
+def find(
+    paths: Iterable[str | os.PathLike[str]],
+    exclude: Iterable[str] = (),
+    changes: Iterable[tuple[str, ...]] = ((),),
+) -> list[Task]:
+    """Specs at and below paths, sorted by their paths, each once with each combination of changes.
 
     `paths`: folders, of which every *.yaml and *.yml that has a key `obsdesign` is taken (hidden folders are left
     out, links to folders are not followed); files, which are taken as they are; globs of these, ** too. `exclude`:
@@ -44,7 +69,8 @@ def find(paths: Iterable[str | os.PathLike[str]], exclude: Iterable[str] = ()) -
     Raises `UsageError`: there is nothing at a path, or two specs would have their results in the same folder.
     """
     patterns = tuple(exclude)
-    found = sorted({Task(kept) for path in paths for kept in below(os.fspath(path)) if not excluded(kept, patterns)})
+    kept = {one for path in paths for one in below(os.fspath(path)) if not excluded(one, patterns)}
+    found = sorted(Task(path, combination) for path, combination in product(kept, changes))
     places: dict[str, Task] = {}
     for task in found:
         other = places.setdefault(task.place, task)

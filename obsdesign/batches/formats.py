@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from obsdesign import __version__
 from obsdesign.batches.record import LIMITS, Entry
 from obsdesign.batches.summary import Summary
-from obsdesign.batches.table import sentence, shown
+from obsdesign.batches.table import changed, sentence, shown
 
 NO_ANSWER = ("invalid", "crashed", *LIMITS)  # statuses that are errors, not failures, of a test
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -32,7 +32,8 @@ def junit(summary: Summary) -> Iterator[str]:
     yield f'<?xml version="1.0" encoding="UTF-8"?>\n{head}>\n{suite}>\n'
     for entry, kind in zip(summary.specs, kinds, strict=True):
         path = PurePath(in_xml(entry["path"]))
-        told = {"classname": str(path.parent), "name": path.name, "file": str(path), "time": f"{entry['time_s']:.3f}"}
+        name = path.name + in_xml(changed(entry))
+        told = {"classname": str(path.parent), "name": name, "file": str(path), "time": f"{entry['time_s']:.3f}"}
         case = Element("testcase", told)
         if kind:
             said = "\n".join(in_xml(sentence(problem)) for problem in entry["problems"]) or in_xml(entry["why"] or "")
@@ -67,7 +68,7 @@ def github(summary: Summary) -> Iterator[str]:
         properties = {**place, "title": title}
         told = ",".join(f"{key}={in_property(str(value))}" for key, value in properties.items() if value)
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)
-        yield f"::error {told}::{in_message(said)}\n"
+        yield f"::error {told}::{in_message(said + changed(entry))}\n"
 
 
 def wrong(summary: Summary) -> Iterator[tuple[Entry, dict[str, Any]]]:
@@ -96,7 +97,9 @@ def sarif(summary: Summary) -> Iterator[str]:
         if "line" in problem:
             where["region"] = {"startLine": problem["line"], "startColumn": problem["column"]}
         rule, place = str(problem.get("id", entry["status"])), {"physicalLocation": where}
-        results.append({"ruleId": rule, "level": "error", "message": {"text": shown(said)}, "locations": [place]})
+        results.append(
+            {"ruleId": rule, "level": "error", "message": {"text": shown(said + changed(entry))}, "locations": [place]}
+        )
     rules = [{"id": rule} for rule in sorted({result["ruleId"] for result in results})]
     driver = {"name": "obsdesign", "version": __version__, "rules": rules}
     run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "results": results}

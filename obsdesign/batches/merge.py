@@ -21,19 +21,24 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     paths = [os.fspath(source) for source in sources]
     contents = {path: opened(path) for path in paths}
     require_one_batch(contents)
-    found: dict[str, tuple[str, Entry]] = {}
+    found: dict[Task, tuple[str, Entry]] = {}
     for source, content in contents.items():
         for entry in content["specs"]:
             require_new(entry, source, found)
-            found[entry["path"]] = source, entry
+            found[task_of(entry)] = source, entry
     tally, first = Tally(), contents[paths[0]]
     for _, entry in found.values():
         tally.add(entry)
-    entries = (copied(*found[path], out) for path in sorted(found))
+    entries = (copied(*found[task], out) for task in sorted(found))
     head = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
     head["time_s"] = max(content["time_s"] for content in contents.values())
     code = 130 if any(content["exit_code"] == 130 for content in contents.values()) else tally.exit_code
     return write(out, tally, head, entries, code)
+
+
+def task_of(entry: Entry) -> Task:
+    """Task whose entry this is."""
+    return Task(str(entry["path"]), tuple(map(str, entry.get("set", ()))))
 
 
 def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
@@ -50,26 +55,30 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
             raise UsageError(f"--merge: of the shards, {', '.join(f'{index}/{count}' for index in missing)} missing")
 
 
-def require_new(entry: Entry, source: str, found: Mapping[str, tuple[str, Entry]]) -> None:
+def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:
     """Refuse an entry whose path would leave the folder of results, or of which another says something else."""
-    path = str(entry["path"])
-    if ".." in PurePath(path).parts or not PurePath(path).name:
-        raise UsageError(Problem(f"{path} is no path of a spec: it has no name, or leaves its folder", source))
-    other, known = found.get(path, ("", entry))
+    task = task_of(entry)
+    if ".." in PurePath(task.path).parts or not PurePath(task.path).name or not all("=" in one for one in task.changes):
+        raise UsageError(Problem(f"{task.title} is no path of a spec: it has no name, or leaves its folder", source))
+    other, known = found.get(task, ("", entry))
     volatile = {"time_s": 0.0, "up_to_date": False, "why": None}
     if changed := differing({**known, **volatile}, {**entry, **volatile}):
-        raise UsageError(Problem(f"differs from {other} in {changed} of {path}", source))
+        raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source))
 
 
 def copied(source: str, entry: Entry, out: Path) -> Entry:
     """Entry whose files are copied, as far as they are there."""
-    task, folder = Task(entry["path"]), Path(source) if Path(source).is_dir() else Path(source).parent
+    task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
     names = {kind: f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
     there = {kind: name for kind, name in names.items() if (folder / task.place / name).is_file()}
     if there:
         target = folder_of(out, task)
         write_all({str(target / name): (folder / task.place / name).read_bytes() for name in there.values()})
-    return {**entry, "files": {kind: str(Path(task.place, name)) for kind, name in files(there)}}
+    return {
+        **entry,
+        "set": list(task.changes),
+        "files": {kind: str(Path(task.place, name)) for kind, name in files(there)},
+    }
 
 
 def files(there: Mapping[str, str]) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,8 @@ from obsdesign.errors import EXIT, NOT_ONE_LINE, ObsdesignError, Problem, UsageE
 from obsdesign.families.outcome import Verdict
 from obsdesign.files import csv
 from obsdesign.reading import loads
-from obsdesign.sections.document import compose, read
+from obsdesign.sections.changes import OPTION, opened
+from obsdesign.sections.document import read
 from obsdesign.simulate.validity import require_kept
 from obsdesign.spec import Spec
 from obsdesign.work import solve
@@ -34,17 +35,23 @@ def perform(task: Task, options: Options) -> Result:
         solved = "gains" in result.files
         result.entry |= {"exit_code": error.exit_code, "as_expected": False}
         result.entry |= {} if solved else {"status": failure(error)}
-        result.entry["problems"] += [written(replace(one, file=one.file or task.path)) for one in error.problems]
+        result.entry["problems"] += [written(placed(one, task)) for one in error.problems]
     result.entry["time_s"] = round(time.perf_counter() - started, 4)
     return result
 
 
+def placed(problem: Problem, task: Task) -> Problem:
+    """Problem at the file of a task: one of a change has no place there, only its key."""
+    elsewhere = problem.file and not problem.file.startswith(OPTION)
+    return problem if elsewhere else replace(problem, file=task.path)
+
+
 def spec_of(task: Task) -> Spec:
-    """Spec of a task. Raises `UsageError`: it is not valid, or its path would forge lines."""
+    """Spec of a task, changed as it says. Raises `UsageError`: it is not valid, or its path would forge lines."""
     if found := NOT_ONE_LINE.search(task.path):
         said = f"the name of the file holds the character U+{ord(found[0]):04X}; rename it"
         raise UsageError(Problem(said, printable(task.path)))
-    return loads(read(task.path) if task.text is None else task.text, task.path)
+    return loads(read(task.path) if task.text is None else task.text, task.path, task.changes)
 
 
 def told(design: Design) -> dict[str, Any]:
@@ -105,7 +112,7 @@ def as_expected(entry: Mapping[str, Any], expect: Mapping[str, Any], expected: l
 def unmet(spec: Spec, expected: list[dict[str, Any]]) -> Iterator[Problem]:
     """What was found otherwise than expected, with its place in the spec."""
     failed = [one for one in expected if not one["holds"]]
-    document = compose(spec.text, spec.path) if failed else None
+    document = opened(spec.text, spec.path, spec.changes) if failed else None
     for one in failed:
         assert document
         found = "nothing" if one["found"] is None else one["found"]

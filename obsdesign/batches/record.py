@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign import __version__
-from obsdesign.batches.find import MOST, Task
+from obsdesign.batches.find import MOST, Task, titled
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.files import STAGED, content_of, write_all
 
@@ -67,6 +67,7 @@ def entry_of(task: Task, status: str, exit_code: int | None, *problems: Problem,
     """Entry of a spec, to be filled."""
     return {
         "path": printable(task.path),
+        "set": [printable(change) for change in task.changes],
         "sha256": None,
         "status": status,
         "exit_code": exit_code,
@@ -167,8 +168,8 @@ def reason(record: Mapping[str, Any] | None, task: Task, options: Options, out: 
 def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) -> Iterator[str]:
     """What speaks against a record, the plainest first."""
     entry = record["entry"]
-    if entry["path"] != printable(task.path):
-        yield f"these are the results of {entry['path']}"
+    if (title := titled(entry["path"], entry["set"])) != printable(task.title):
+        yield f"these are the results of {title}"
     if entry["sha256"] != sha256(task):
         yield "the spec changed"
     if entry["status"] == "crashed":

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from obsdesign.batches.find import titled
 from obsdesign.batches.record import STATUSES, Entry
 from obsdesign.errors import NOT_ONE_LINE
 
@@ -25,16 +26,26 @@ def shown(text: str) -> str:
 def line(entry: Entry, width: int = 0) -> str:
     """One spec: whether it is as expected, its status, its path, what is guaranteed, s it took."""
     told = ", ".join(f"{name} {value:.6g}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
-    path = shown(entry["path"])
+    path = title(entry)
     time = "up to date" if entry["up_to_date"] else f"{entry['time_s']:.1f} s" if entry["time_s"] else ""
     parts = (MARKS[entry["as_expected"]], f"{entry['status']:{COLUMN}}", f"{path:{width}}", f"{time:>10}", told)
     return "  ".join(parts).rstrip()
 
 
+def title(entry: Entry) -> str:
+    """Path of a spec and its changes."""
+    return shown(titled(entry["path"], entry["set"]))
+
+
 def complaints(entry: Entry) -> Iterator[str]:
     """What is wrong with a spec that is not as expected, a line each."""
     for problem in entry["problems"] if entry["as_expected"] is False else ():
-        yield f"{entry['status']}: {shown(sentence(problem))}"
+        yield f"{entry['status']}: {shown(sentence(problem) + changed(entry))}"
+
+
+def changed(entry: Entry) -> str:
+    """What was changed in a spec, behind a sentence on it."""
+    return f" (--set {' --set '.join(entry['set'])})" if entry["set"] else ""
 
 
 def sentence(problem: Mapping[str, Any]) -> str:
@@ -46,7 +57,7 @@ def sentence(problem: Mapping[str, Any]) -> str:
 
 def rows(summary: "Summary") -> Iterator[str]:
     """Table of a batch, and a last line on all of it."""
-    width = min(max((len(shown(entry["path"])) for entry in summary.specs), default=0), LONGEST)
+    width = min(max((len(title(entry)) for entry in summary.specs), default=0), LONGEST)
     done = 0
     for entry in summary.specs:
         done += bool(entry["up_to_date"])

@@ -44,7 +44,7 @@ def main(pipe: int, parent: int) -> None:
 
 def answer(asked: dict[str, Any]) -> Entry:
     """Entry of a task, whose files are written; where they cannot be, it says so, and there is no record."""
-    task, options, out = Task(**asked["task"]), Options(**asked["options"]), Path(asked["out"])
+    task, options, out = asked_for(**asked["task"]), Options(**asked["options"]), Path(asked["out"])
     with_memory(options.memory)
     result = perform(task, options)
     with_memory(None)
@@ -53,6 +53,11 @@ def answer(asked: dict[str, Any]) -> Entry:
     except UsageError as error:
         problems = [written(replace(one, file=one.file or task.path)) for one in error.problems]
         return {**entry_of(task, "invalid", error.exit_code), "problems": problems}
+
+
+def asked_for(path: str, changes: list[str], text: str | None) -> Task:
+    """Task, of its JSON."""
+    return Task(path, tuple(changes), text)
 
 
 def with_memory(limit: float | None) -> None:

@@ -25,6 +25,10 @@ class Format(StrEnum):
 
 def batch(
     paths: Annotated[list[str], typer.Argument(metavar="PATH..", help="Specs, folders of specs, globs.")],
+    changes: Annotated[
+        list[str],
+        typer.Option("--set", metavar="KEY=VALUE,..", help="Another value of a key; of several each combination."),
+    ] = [],  # noqa: B006
     out: Annotated[str, typer.Option("--out", help="Folder of all results.")] = "results",
     jobs: Annotated[int, typer.Option(min=0, max=4096, help="Processes; 0: one a core.")] = 0,
     simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
@@ -57,6 +61,7 @@ def batch(
         with followed(quiet, verbose) as follower:
             summary = batches.batch(
                 paths,
+                changes=changes,
                 out=out,
                 jobs=jobs or None,
                 simulate=simulate,

@@ -29,7 +29,7 @@ class Lines:
         """So many specs are to be run or are up to date."""
         self.total = total
 
-    def begun(self, path: str) -> None:
+    def begun(self, title: str) -> None:
         """Nothing is said of a beginning."""
 
     def ended(self, entry: dict[str, Any]) -> None:
@@ -61,15 +61,16 @@ class Live(Lines):
         console = Console(stderr=True, highlight=False, markup=False, emoji=False)
         self.live = Live(get_renderable=self.view, console=console, refresh_per_second=RATE, transient=True)
 
-    def begun(self, path: str) -> None:
+    def begun(self, title: str) -> None:
         """One is under way."""
-        self.running[path] = time.monotonic()
+        self.running[title] = time.monotonic()
 
     def ended(self, entry: dict[str, Any]) -> None:
         """One has ended, or is up to date."""
+        from obsdesign.batches.find import titled
         from obsdesign.batches.table import line
 
-        self.running.pop(entry["path"], None)
+        self.running.pop(titled(entry["path"], entry["set"]), None)
         self.counts[entry["status"]] += 1
         self.recent.append(line(entry))
         if self.verbose or entry["as_expected"] is False:
@@ -93,8 +94,8 @@ class Live(Lines):
         now, table = time.monotonic(), Table.grid(padding=(0, 2))
         for line in self.recent:
             table.add_row("", Text(line, style="dim", no_wrap=True, overflow="ellipsis"))
-        for path, begun in list(self.running.items()):
-            text = Text(shown(path), no_wrap=True, overflow="ellipsis")
+        for title, begun in list(self.running.items()):
+            text = Text(shown(title), no_wrap=True, overflow="ellipsis")
             table.add_row(Text(f"{now - begun:6.1f} s", style="cyan"), text)
         kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
         bar = Table.grid(padding=(0, 1))
