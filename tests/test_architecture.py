@@ -60,6 +60,7 @@ LONGEST_MODULE, LONGEST_FUNCTION = 350, 60  # lines
 
 CLI = {f"cli/{path.name}" for path in (ROOT / "cli").glob("*.py")}
 WALLS = {  # vendor: the only files that may import it
+    "distributed": {"batches/cluster.py"},
     "clarabel": {"lmi/solvers.py"},
     "cvxpy": {"lmi/solvers.py"},
     "yaml": {"sections/document.py"},
@@ -67,7 +68,7 @@ WALLS = {  # vendor: the only files that may import it
     "typer": CLI,
     "rich": CLI,
 }
-LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel"}  # imported only inside the functions that use them
+LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel", "distributed"}  # imported only inside the functions that use them
 SPEAKERS = {*CLI, "__main__.py"}
 SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}
 FORBIDDEN = {"eval", "exec", "compile", "__import__", "sympify"}

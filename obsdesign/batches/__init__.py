@@ -3,18 +3,18 @@
 find.py       specs below paths, and where their results go; sweep.py: with which changes
 perform.py    one spec, from its text to its entry and its files
 record.py     that entry on disk, and whether it is up to date
-workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them
+workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them; cluster.py: others, by Dask
 summary.py    all entries, counts, exit code; table.py: in lines; formats.py: for other programs; merge.py: of shards
 """
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
-from obsdesign.batches import workers
+from obsdesign.batches import cluster, workers
 from obsdesign.batches.find import Task, find, share, titled
 from obsdesign.batches.merge import merge
 from obsdesign.batches.record import LIMITS, Entry, Options, entry_of, printable, read, reason, sha256, tool
@@ -70,6 +70,7 @@ def batch(
     timeout: float = 600,
     memory: float | None = None,
     solver: str = "clarabel",
+    scheduler: str | None = None,
     follower: Follower | None = None,
 ) -> Summary:
     """Solve, verify and (`simulate`) run every spec at and below some paths, in so many `jobs`; write `summary.json`.
@@ -79,10 +80,11 @@ def batch(
 
     `out`: folder of all results. `force`: redo what is up to date. `fail_fast`: end with the first that is not as
     expected. `shard`: "I/N", every N-th spec. `changed_since`: summary or its folder; what has the same text, changes,
-    tool and options there is skipped. `timeout` (s) and `memory` (MiB) of each spec.
+    tool and options there is skipped. `timeout` (s) and `memory` (MiB) of each spec. `scheduler`: of a Dask
+    cluster, tcp://HOST:8786, whose workers take the place of the `jobs`.
 
     Returns the summary: `exit_code`, `counts`, and `specs`, an entry each. Raises `UsageError`: there are no specs, an
-    option is wrong, or `out` cannot be written.
+    option is wrong, `out` cannot be written, or no scheduler answers.
     """
     options = Options(solver, simulate, timeout, memory)
     asked = list(changes)
@@ -95,7 +97,7 @@ def batch(
     if changed_since is not None:
         run.leave_out(os.fspath(changed_since))
     try:
-        run.through(jobs or len(os.sched_getaffinity(0)), force=force, fail_fast=fail_fast)
+        run.through(jobs or len(os.sched_getaffinity(0)), scheduler, force=force, fail_fast=fail_fast)
     except KeyboardInterrupt:
         run.summarise("interrupted", INTERRUPTED)
         raise
@@ -144,7 +146,7 @@ class Run:
         self.loose[task] = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
         self.tally.add(self.loose[task])
 
-    def through(self, jobs: int, *, force: bool, fail_fast: bool) -> None:
+    def through(self, jobs: int, scheduler: str | None, *, force: bool, fail_fast: bool) -> None:
         """Run what is not up to date."""
         asked = [task for task in self.tasks if task not in self.loose]
         self.follower.found(len(asked))
@@ -158,13 +160,21 @@ class Run:
                 self.ended(task, record["entry"], None)
         if fail_fast and self.tally.codes:
             return
-        running = workers.run(
-            due, self.options, self.out, jobs, lambda task: self.follower.begun(printable(task.title))
-        )
+        running = self.running(due, jobs, scheduler)
         for task, entry in running:
             self.ended(task, entry, due[task])
             if fail_fast and self.tally.codes:
                 running.close()
+
+    def running(self, due: Iterable[Task], jobs: int, scheduler: str | None) -> Generator[tuple[Task, Entry]]:
+        """Tasks as they end, here or on a cluster."""
+
+        def begun(task: Task) -> None:
+            self.follower.begun(printable(task.title))
+
+        if scheduler is not None:
+            return cluster.run(scheduler, due, self.options, self.out, begun)
+        return workers.run(due, self.options, self.out, jobs, begun)
 
     def ended(self, task: Task, entry: Entry, why: str | None) -> None:
         """Count what ended; its entry stays in memory only where it has no record."""

@@ -7,7 +7,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -139,6 +139,15 @@ def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
     }
     write_all({str(folder / f"{task.name}{RECORD}"): to_bytes(record)})
     return entry
+
+
+def kept(result: Result, task: Task, options: Options, out: Path) -> Entry:
+    """Entry of a result that is written; where it cannot be, it says so, and there is no record."""
+    try:
+        return keep(result, task, options, out)
+    except UsageError as error:
+        problems = [written(replace(one, file=one.file or task.path)) for one in error.problems]
+        return {**entry_of(task, "invalid", error.exit_code), "problems": problems}
 
 
 def to_bytes(value: Any) -> bytes:

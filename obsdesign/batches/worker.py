@@ -9,7 +9,6 @@ import os
 import resource
 import signal
 import warnings
-from dataclasses import replace
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -17,8 +16,7 @@ from typing import Any
 
 from obsdesign.batches.find import Task
 from obsdesign.batches.perform import perform
-from obsdesign.batches.record import Entry, Options, entry_of, keep, to_bytes, written
-from obsdesign.errors import UsageError
+from obsdesign.batches.record import Entry, Options, kept, to_bytes
 from obsdesign.watch import with_parent
 
 MIB = 2**20
@@ -48,11 +46,7 @@ def answer(asked: dict[str, Any]) -> Entry:
     with_memory(options.memory)
     result = perform(task, options)
     with_memory(None)
-    try:
-        return keep(result, task, options, out)
-    except UsageError as error:
-        problems = [written(replace(one, file=one.file or task.path)) for one in error.problems]
-        return {**entry_of(task, "invalid", error.exit_code), "problems": problems}
+    return kept(result, task, options, out)
 
 
 def asked_for(path: str, changes: list[str], text: str | None) -> Task:

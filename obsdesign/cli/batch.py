@@ -42,6 +42,7 @@ def batch(
     form: Annotated[Format | None, typer.Option("--format", help="Print this in place of the table.")] = None,
     output_file: Annotated[str, typer.Option(help="Write what --format asks for to a file.")] = "",
     solver: Solver = "clarabel",
+    scheduler: Annotated[str, typer.Option(metavar="tcp://HOST:8786", help="Run on this Dask cluster.")] = "",
     timeout: Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds a spec.")] = 600,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Say why each is run.")] = False,
     as_json: AsJson = False,
@@ -73,6 +74,7 @@ def batch(
                 timeout=timeout,
                 memory=memory or None,
                 solver=solver,
+                scheduler=scheduler or None,
                 follower=follower,
             )
     told(summary, "json" if as_json and not form else form, output_file, quiet)
