@@ -180,6 +180,22 @@ def test_an_unmet_expectation_has_its_place():
     }
 
 
+@pytest.mark.usefixtures("here")
+def test_a_filter_of_which_nothing_is_proved_is_run_and_held_against_what_it_expects():
+    text = GOOD.replace("{type: l2, alpha: 0.1, bounds: {L1: 5}}", "{type: ekf, Q: [[1]], R: [[1]], P0: [[1]]}")
+    put("a.yaml", text.replace("B: [[1]]", "B: [[1]], D: [[0]]") + "expect: {simulation.status: done}\n")
+    result = perform(Task("a.yaml"), Options(simulate=True))
+    entry = result.entry
+    assert entry["problems"] == []
+    assert (entry["status"], entry["exit_code"], entry["as_expected"], entry["verified"]) == (
+        "uncertified",
+        0,
+        True,
+        None,
+    )
+    assert list(result.files) == ["csv", "png"]
+
+
 # The whole
 
 
