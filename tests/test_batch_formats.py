@@ -129,6 +129,24 @@ def test_no_line_obeys_a_name(hostile):
     assert shown("a\x1b[0m") == "a\\u001b[0m"
 
 
+def test_no_format_obeys_a_change(tmp_path):
+    change = f"name=</script>]]>&%0A::error::x,{BELL}\n::error::y ##[error]=1+1"
+    task = Task("../specs/a.yaml", (change,))
+    summary = made(tmp_path, entry_of(task, "uncertified", 4, Problem("no proof", task.path)))
+    (case,) = ET.fromstring(text("junit", summary)).iter("testcase")
+    name = shown(f"a.yaml (--set {change})")
+    assert (case.get("name"), case.get("classname"), case[0].tag) == (name, "../specs", "failure")
+    (line,) = text("github", summary).splitlines()
+    said = shown(f"no proof (--set {change})").replace("%", "%25")
+    assert line == f"::error file=../specs/a.yaml,title=obsdesign uncertified::{said}"
+    (result,) = json.loads(text("sarif", summary))["runs"][0]["results"]
+    assert result["message"]["text"] == shown(f"no proof (--set {change})")
+    assert json.loads(text("json", summary))["specs"][0]["set"] == [change]
+    for rendered in (*str(summary).splitlines(), line, result["message"]["text"]):
+        assert not re.search(r"[\x00-\x1f]|##\[", rendered)
+    assert str(summary).startswith(f"FAIL  uncertified  ../specs/a.yaml {shown(change)}")
+
+
 def test_a_hostile_spec_does_no_harm(here):
     Path("specs/::error::").mkdir(parents=True)
     for name in ("::error::/=1+1.yaml", "<script>.yaml", "..yaml", "...yaml"):
