@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from obsdesign.families.finding import Finding
     from obsdesign.families.outcome import Proof
     from obsdesign.reading import Spec
+    from obsdesign.reports.page import Report, report
     from obsdesign.simulate import Run
     from obsdesign.simulate.comparison import Comparison
     from obsdesign.work import check, compare, lipschitz, load, read, solve, verify
@@ -34,6 +35,7 @@ __all__ = [
     "InfeasibleError",
     "ObsdesignError",
     "Proof",
+    "Report",
     "Run",
     "Spec",
     "TimeLimitError",
@@ -46,6 +48,7 @@ __all__ = [
     "lipschitz",
     "load",
     "read",
+    "report",
     "solve",
     "verify",
 ]
@@ -54,6 +57,7 @@ HOMES = {
     "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
     "batches": ("batch",),
     "design": ("Design",),
+    "reports.page": ("Report", "report"),
     "difference": ("diff",),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),

@@ -1,7 +1,8 @@
 """What a user may have meant where a spec is infeasible: each change is tried, and told only if it is certified."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, cast
 
 from flint import fmpq
@@ -14,7 +15,7 @@ from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
 from obsdesign.lmi.formula import printed
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.automatic import choose
-from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
 from obsdesign.spec import Nonlinearity, Spec
 
 ROOM = (0.02, 0.15, 0.5)  # relative, beyond what is necessary
@@ -24,8 +25,12 @@ SHARES = (fmpq(1, 2), fmpq(1, 10), fmpq(1, 100))  # of a region, or half-widths 
 
 def advised(spec: Spec, outcome: Outcome, engine: Engine) -> Outcome:
     """Outcome whose suggestion begins with what was found to be certified instead."""
-    tried = (other_sign(spec, engine), smaller_region(spec, engine), within_reach(spec, outcome.diagnosis, engine))
-    found = [said for part in tried for said in part]
+    parts = (
+        other_sign(spec, engine),
+        smaller_region(spec, engine, outcome.diagnosis),
+        within_reach(spec, outcome.diagnosis, engine),
+    )
+    found = [said for part in parts for said in part]
     if not found:
         return outcome
     known = outcome.diagnosis.get("suggestion")
@@ -59,27 +64,81 @@ def other_sign(spec: Spec, engine: Engine) -> Iterator[str]:
             return
 
 
-def smaller_region(spec: Spec, engine: Engine) -> Iterator[str]:
-    """Regions on which the types that were derived from f are tight enough."""
-    derived = [i for i, block in enumerate(spec.nonlinearities) if block.f and block.type.endswith("(auto)")]
-    if not derived or FAMILIES[spec.observer.type].unstructured:
+def smaller_region(spec: Spec, engine: Engine, diagnosis: Diagnosis) -> Iterator[str]:
+    """Regions on which the types that were derived from f are tight enough: of its arguments, or of inputs in terms."""
+    found = derived(spec)
+    if not found:
         return
-    for share in SHARES:
+    ways = [narrowed, *([narrowed_inputs] if any(inputs(spec.nonlinearities[i], spec) for i in found) else [])]
+    for narrow, share in product(ways, SHARES):
         blocks, said, domain = list(spec.nonlinearities), [], dict[str, str]()
-        for i in derived:
-            region = narrowed(blocks[i], share)
+        for i in found:
+            region = narrow(blocks[i], share, spec)
             blocks[i] = on_region(blocks[i], region)
-            names = blocks[i].arguments or (["q"] if len(region) == 1 else list(region))
-            ends = ((float(low or 0), float(high or 0)) for low, high in region.values())
-            limits = {q: f"{q}: [{low:g}, {high:g}]" for q, (low, high) in zip(names, ends, strict=True)}
+            limits = in_words(blocks[i], region)
             if blocks[i].term:
                 domain |= limits
             else:
                 said.append(f"region: {{{', '.join(limits.values())}}} for nonlinearities[{i}]")
         said += [f"system.domain: {{{', '.join(domain.values())}}}"] if domain else []
         if certified(replace(spec, nonlinearities=tuple(blocks)), engine):
-            yield f"f is too steep on the region of its type: there is a solution with {' and '.join(said)}"
+            yield f"{too_wide(spec, diagnosis)}: there is a solution with {' and '.join(said)}"
             return
+
+
+def derived(spec: Spec) -> Sequence[int]:
+    """Nonlinearities whose types follow from f on a region, for a family that uses them."""
+    if FAMILIES[spec.observer.type].unstructured:
+        return ()
+    return [i for i, block in enumerate(spec.nonlinearities) if block.f and block.type.endswith("(auto)")]
+
+
+def too_wide(spec: Spec, diagnosis: Diagnosis) -> str:
+    """What a smaller region leaves out: the member that hides a mode, or the derived types as they are."""
+    called = [block.term or f"f of nonlinearities[{i}]" for i, block in enumerate(spec.nonlinearities)]
+    if failing := diagnosis.get("member"):
+        return f"a smaller region is without {failing}"
+    types = " or ".join(f"{spec.nonlinearities[i].type.removesuffix(' (auto)')} of {called[i]}" for i in derived(spec))
+    return f"the type {types} is too wide"
+
+
+def in_words(block: Nonlinearity, region: Mapping[str, Ends]) -> dict[str, str]:
+    """Limits of variables as a spec has them, by the names that they have there."""
+    own = {f"q{k + 1}": name for k, name in enumerate(block.arguments or (["q"] if block.nq == 1 else []))}
+    return {
+        own.get(q, q): f"{own.get(q, q)}: [{float(low or 0):g}, {float(high or 0):g}]"
+        for q, (low, high) in region.items()
+    }
+
+
+def inputs(block: Nonlinearity, spec: Spec) -> dict[str, Ends]:
+    """Ranges of the inputs on which the type of a term rests."""
+    known = block.others.items() if block.term else ()
+    return {name: ends for name, ends in known if name in spec.inputs and None not in ends}
+
+
+def narrowed_inputs(block: Nonlinearity, share: fmpq, spec: Spec) -> dict[str, Ends]:
+    """Smaller ranges of inputs."""
+    return {name: part(ends, share) for name, ends in inputs(block, spec).items()}
+
+
+def narrowed(block: Nonlinearity, share: fmpq, spec: Spec) -> dict[str, Ends]:  # noqa: ARG001
+    """Smaller region of the argument."""
+    return {f"q{k + 1}": part(ends, share) for k, ends in enumerate(block.region or (EVERYWHERE,) * block.nq)}
+
+
+def part(ends: Ends, share: fmpq) -> Ends:
+    """Smaller range around zero, or around its middle where zero is outside it."""
+    low, high = ends
+    outside = (low is not None and low > 0) or (high is not None and high < 0)
+    if low is None or high is None:
+        start = (low if low is not None else high) if outside else fmpq(0)
+        return (
+            start - share if low is None else max(low, start - share),
+            start + share if high is None else min(high, start + share),
+        )
+    middle = (low + high) / 2 if outside else fmpq(0)
+    return middle - share * (middle - low), middle + share * (high - middle)
 
 
 def within_reach(spec: Spec, diagnosis: Diagnosis, engine: Engine) -> Iterator[str]:
@@ -117,29 +176,13 @@ def free_injection(request: Any, diagnosis: Diagnosis) -> Iterator[Change]:
         yield "ask for `L2: free`", {"L2": None}
 
 
-def narrowed(block: Nonlinearity, share: fmpq) -> dict[str, Ends]:
-    """Smaller region around zero, or around its middle where that is outside it."""
-    region: dict[str, Ends] = {}
-    for k, (low, high) in enumerate(block.region or (EVERYWHERE,) * block.nq):
-        outside = (low is not None and low > 0) or (high is not None and high < 0)
-        if low is None or high is None:
-            start = (low if low is not None else high) if outside else fmpq(0)
-            ends = start - share, start + share
-            region[f"q{k + 1}"] = (
-                ends[0] if low is None else max(low, ends[0]),
-                ends[1] if high is None else min(high, ends[1]),
-            )
-        else:
-            middle = (low + high) / 2 if outside else fmpq(0)
-            region[f"q{k + 1}"] = middle - share * (middle - low), middle + share * (high - middle)
-    return region
-
-
 def on_region(block: Nonlinearity, region: dict[str, Ends]) -> Nonlinearity:
     """Block with the type that is derived on a region; raises `UsageError` if there is none."""
     assert block.f
-    choice = choose(Restriction.of(block.f, block.nq, {"t": SINCE_ZERO, **block.others, **region}))
+    choice = choose(block.restricted(region))
     template = TEMPLATES[choice.name]
     constants = template.constants(choice.data, block.nq)
     multiplier = template(choice.data, block.nq, len(block.f))
-    return replace(block, multiplier=multiplier, region=tuple(region.values()), lipschitz=constants)
+    own = tuple(region[f"q{k + 1}"] for k in range(block.nq)) if "q1" in region else block.region
+    others = {name: region.get(name, ends) for name, ends in block.others.items()}
+    return replace(block, multiplier=multiplier, region=own, others=others, lipschitz=constants)

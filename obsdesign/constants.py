@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
+from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
 from obsdesign.nonlinearities.evidence.constant import Constant, lipschitz_constant
 from obsdesign.nonlinearities.evidence.proof import lipschitz_proved
 from obsdesign.nonlinearities.evidence.restriction import SINCE_ZERO, Restriction
@@ -21,7 +21,7 @@ def constants(spec: Spec) -> dict[str, Any]:
     Raises `UsageError`: no block has an f.
     """
     if all(block.f is None for block in spec.nonlinearities):
-        raise UsageError("no nonlinearity has an f, of which there could be a constant; give f")
+        raise UsageError("no nonlinearity has an f, of which there could be a constant; give f", id="OBS402")
     return {
         "name": spec.name,
         "blocks": [entry(name, block) for name, block in zip(names(spec), spec.nonlinearities, strict=True)],
@@ -37,7 +37,8 @@ def require_finite(report: Mapping[str, Any]) -> None:
     if missing:
         error = InfeasibleError if any(block["infinite"] for block in missing) else UndecidedError
         said = {True: "the Lipschitz constant is infinite", False: "no bound of the Lipschitz constant is proved"}
-        raise error(*(f"{block['name']}: {said[block['infinite']]}: {block['reason']}" for block in missing))
+        told = [(block["name"], f"{said[block['infinite']]}: {block['reason']}") for block in missing]
+        raise error(*(Problem(reason, key=name, id="OBS403") for name, reason in told))
 
 
 def names(spec: Spec) -> list[str]:

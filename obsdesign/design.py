@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign import __version__
+from obsdesign.disk import write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
@@ -25,7 +26,7 @@ from obsdesign.families.analysis import useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
-from obsdesign.files import ResultFile, as_read, digest, to_json, write_whole
+from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
 from obsdesign.spec import Spec
@@ -79,6 +80,12 @@ class Design(Outcome):
         return self.status is Verdict.CERTIFIED and self.claim is not None and self.claim.holds
 
     @property
+    def proof(self) -> Proof:
+        """What is claimed of gains that have a claim, with the conditions that were checked of it."""
+        assert self.claim
+        return Proof("; ".join([self.claim.headline(self.spec), *self.spec.provisos]), self.claim.checks)
+
+    @property
     def guarantee(self) -> Guarantee | None:
         """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
         return self.claim.guarantee(self.spec) if self.proved and self.claim else None
@@ -91,7 +98,7 @@ class Design(Outcome):
         """
         if not self.built:
             said = f"no gains to simulate: {self.diagnosis.get('reason', self.status)}"
-            raise UsageError(Problem(said, self.spec.path))
+            raise UsageError(Problem(said, self.spec.path, id="OBS709"))
         with self.spec.placed():
             return FAMILIES[self.spec.observer.type].observer(self.spec, self.gains or self.form)
 
@@ -162,10 +169,10 @@ class Design(Outcome):
         write_whole(os.fspath(path), self.text())
 
     def plot_search(self, path: str) -> bool:
-        """Draw the points of its search as a PNG, at a path; False where there are none. Raises as `save`."""
-        from obsdesign.plot import search_figure
+        """Draw the points of its search, at a path (SVG, or PNG); False where there are none. Raises as `save`."""
+        from obsdesign.plot import form_of, search_figure
 
-        figure = search_figure(self.result, self.spec.conditions)
+        figure = search_figure(self.result, self.spec, form_of(path))
         if figure is not None:
             write_whole(path, figure)
         return figure is not None
@@ -177,7 +184,9 @@ class Design(Outcome):
         try:
             return to_json(self.result).encode()
         except ValueError:
-            raise UndecidedError(Problem("the numbers are beyond what doubles can hold", self.spec.path)) from None
+            raise UndecidedError(
+                Problem("the numbers are beyond what doubles can hold", self.spec.path, id="OBS508")
+            ) from None
 
     def verify(self) -> Proof:
         """Prove the claim anew from what `save` writes, in rationals and with no solver.
@@ -219,14 +228,14 @@ class Design(Outcome):
             for key, value in told.items()
         ]
 
-    def unmet(self, summary: Mapping[str, Any] | None = None) -> list[str]:
-        """What the spec expects of its result, or of a run with this summary, and does not get, in sentences."""
-        asked = (e for e in self.expected(summary) if e["key"].startswith("simulation.") == bool(summary))
-        return [
-            f"expect.{e['key']}: expected {e['expected']}, found {'nothing' if e['found'] is None else e['found']}"
-            for e in asked
-            if not e["holds"]
-        ]
+    def unmet(self, summary: Mapping[str, Any] | None = None) -> list[Problem]:
+        """What the spec expects of its result, or of a run with this summary, and does not get."""
+        found = []
+        for e in self.expected(summary):
+            if e["key"].startswith("simulation.") == bool(summary) and not e["holds"]:
+                said = f"expected {e['expected']}, found {'nothing' if e['found'] is None else e['found']}"
+                found.append(Problem(said, self.spec.path, key=f"expect.{e['key']}", id="OBS617"))
+        return found
 
     def table(self) -> list[tuple[str, str]]:
         """What an engineer wants to know of it, as rows of a name and a text."""
@@ -276,7 +285,7 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     spec = spec_of(file, spec)
     family, status = FAMILIES[spec.observer.type], file.at("status")
     if status == Verdict.INFEASIBLE:
-        raise file.wrong("status", "infeasible: this result has no gains")
+        raise file.wrong("status", "infeasible: this result has no gains", id="OBS709")
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
     proved = claim is not None and claim.holds
@@ -294,13 +303,13 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
         spec, name = loads(text, f"{file.path} (spec.text)", changes), file.content.get("name")
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}")
+        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}", id="OBS704")
     if spec.changes != changes:
         spec = loads(text, spec.path, changes)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
-        raise file.wrong("split", "is not how the equations of the spec are split")
+        raise file.wrong("split", "is not how the equations of the spec are split", id="OBS705")
     return spec
 
 
@@ -314,11 +323,9 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
             require_dual(file, proof)
         proof = replace(proof, claim="; ".join([proof.claim, *spec.changed]))
     elif status != Verdict.CERTIFIED:
-        raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified")
+        raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified", id="OBS706")
     else:
-        claim = design_of(file, spec).claim
-        assert claim
-        proof = Proof("; ".join([claim.headline(spec), *spec.provisos]), claim.checks)
+        proof = design_of(file, spec).proof
     return replace(proof, numerical=tuple(numerical(file.content, spec))) if proof.holds else proof
 
 
@@ -326,5 +333,5 @@ def doubles(file: ResultFile, name: str, gain: Array) -> Array:
     """Gain in doubles."""
     found = np.vectorize(approximate, otypes=[float])(gain)
     if not np.isfinite(found).all():
-        raise file.wrong(f"observer.{name}", "beyond the range of doubles")
+        raise file.wrong(f"observer.{name}", "beyond the range of doubles", id="OBS508")
     return np.asarray(found)

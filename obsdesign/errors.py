@@ -10,8 +10,11 @@ ObsdesignError            anything a person can act on; never a traceback
 An infeasible design is an answer, not an error: `solve` writes it with its diagnosis and exits with 3.
 """
 
+import json
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple, overload
 
 EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit codes of answers, by their status
 
@@ -19,32 +22,75 @@ EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit
 NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
+class Excerpt(NamedTuple):
+    """Line of a file, as far as it is shown, cut at the place that a problem is about."""
+
+    line: int  # from 1
+    before: str
+    after: str
+
+
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong, where it is, and what is allowed instead."""
+    """One thing that is wrong, where it is, and what is allowed instead.
+
+    `id`: its kind, which has one cause and one cure, and a page in the manual: `explain OBS104`.
+    """
 
     message: str
     file: str = ""
     line: int = 0
     column: int = 0
     key: str = ""
+    id: str = field(kw_only=True)
+    rows: tuple[str, ...] = field(default=(), kw_only=True)  # of a table that belongs to it
+    excerpt: Excerpt | None = field(default=None, kw_only=True, compare=False)
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return ": ".join(part for part in (place, self.key, self.message) if part)
+        said = ": ".join(part for part in (place, self.key, self.message) if part)
+        return "\n".join(map(one_line, (f"{said} [{self.id}]", *self.rows)))
+
+    def written(self) -> dict[str, str | int | None]:
+        """Entry of a report; null where there is no file, line, column or key."""
+        return {
+            "id": self.id,
+            "message": "\n".join((self.message, *self.rows)),
+            "file": self.file or None,
+            "line": self.line or None,
+            "column": self.column or None,
+            "key": self.key or None,
+        }
+
+
+def listed(problems: Iterable[Problem]) -> str:
+    """JSON of problems, as a command with --json prints it: no character in it that is not ASCII."""
+    return json.dumps({"problems": [problem.written() for problem in problems]}, indent=2)
+
+
+def one_line(text: str) -> str:
+    """Text with escapes in place of what would end the line, or change what stands in it."""
+    return NOT_ONE_LINE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class ObsdesignError(Exception):
     """Base class of every error that a person can act on.
 
-    `problems`: what is wrong, texts or `Problem`s with their places; printed one line each.
+    `problems`: what is wrong, one text with its `id` or `Problem`s with their places; printed one line each.
     """
 
     exit_code = 1
 
-    def __init__(self, *problems: str | Problem) -> None:
-        self.problems = tuple(Problem(p) if isinstance(p, str) else p for p in problems)
-        super().__init__("\n".join(map(str, self.problems)))
+    @overload
+    def __init__(self, *problems: Problem) -> None: ...
+    @overload
+    def __init__(self, problem: str, /, *, id: str) -> None: ...
+    def __init__(self, *problems: str | Problem, id: str = "") -> None:
+        self.problems = tuple(Problem(p, id=id) if isinstance(p, str) else p for p in problems)
+        super().__init__(*self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.problems))
 
 
 class ViolatedError(ObsdesignError):

@@ -18,7 +18,7 @@ from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
-from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends, Range, outward
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import opened
 from obsdesign.tables.text import at_least, at_most
 
@@ -57,6 +57,12 @@ class Nonlinearity:
     def argument(self, k: int, otherwise: str) -> str:
         """What component k of its argument is called in a sentence: in the names of the plant, where it has some."""
         return self.arguments[k] if self.arguments else otherwise
+
+    def restricted(self, region: Mapping[str, Ends]) -> Restriction:
+        """F on the region of its type, with other ranges of some variables."""
+        assert self.f
+        own = {f"q{k}": ends for k, ends in enumerate(self.region or (), start=1)}
+        return Restriction.of(self.f, self.nq, {"t": SINCE_ZERO, **self.others, **own, **region})
 
 
 def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Range]]:
@@ -169,6 +175,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    reproduces: tuple[str, ...] = ()  # figures and tables of the source
     changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
 
@@ -178,16 +185,18 @@ class Spec(metaclass=Called):
         try:
             yield
         except ObsdesignError as error:
-            raise type(error)(*(self.located(one) for one in error.problems)) from None
+            error.problems = error.args = tuple(map(self.located, error.problems))
+            raise
 
     def located(self, problem: Problem) -> Problem:
         """Return the same problem with its place; a spec of Python values has no lines."""
-        if problem.file or problem.message.startswith((" ", "--")):  # a row of a table, or of an option
+        if problem.file or problem.message.startswith("--"):  # of an option
             return problem
         if not problem.key or self.path.startswith("<"):
             return replace(problem, file=self.path)
         loc = [int(name) if name.isdigit() else name for name in re.findall(r"[^.\[\]]+", problem.key)]
-        return opened(self.text, self.path, self.changes).problem(tuple(loc), problem.message)
+        placed = opened(self.text, self.path, self.changes).problem(tuple(loc), problem.message, id=problem.id)
+        return replace(placed, rows=problem.rows)
 
     def __repr__(self) -> str:
         return f"<spec {self.name!r}: {self.observer.type}, {self.plant.n} states>"
@@ -227,7 +236,7 @@ class Spec(metaclass=Called):
                 break
             if block.f is None:
                 said = "has no `f`, which a simulation needs (a design does not)"
-                raise UsageError(Problem(said, key=f"nonlinearities[{i}]"))
+                raise UsageError(Problem(said, key=f"nonlinearities[{i}]", id="OBS402"))
             blocks.append((block.f, block.nq))
         known = [
             (*g, *[Expression.number(0)] * (rows - len(g)))
@@ -248,11 +257,15 @@ class Spec(metaclass=Called):
 
     @property
     def idle(self) -> list[str]:
-        """Nonlinearities that act on nothing, in sentences."""
-        plant, column, found = self.augmented, 0, []
+        """Nonlinearities and disturbances that act on nothing, in sentences."""
+        column, found = 0, []
+        for name, *columns in zip(self.plant.exogenous, self.plant.B.T, self.plant.D.T, self.plant.Dq.T, strict=True):
+            if not any(part.any() for part in columns):
+                found.append(f"the disturbance {name} acts on nothing: it enters neither the dynamics nor an output")
+        plant = self.augmented
         for i, block in enumerate(self.nonlinearities):
-            columns = slice(column, column := column + block.multiplier.member.shape[0])
-            if not any(M[:, columns].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
+            mine = slice(column, column := column + block.multiplier.member.shape[0])
+            if not any(M[:, mine].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
                 found.append(f"nonlinearities[{i}] acts on nothing: its columns of Bf, Df and Dqf are zero")
         return found
 
@@ -311,7 +324,7 @@ class Spec(metaclass=Called):
                 name = block.argument(k, f"q{k + 1} of nonlinearities[{i - 1}]")
                 where = f"{name} to {value:.4g}, outside its region [{low:g}, {high:g}]"
                 said = f"it sets {where}, where nothing is proved; give an xhat0 within it"
-                yield self.located(Problem(said, key="simulation.xhat0"))
+                yield self.located(Problem(said, key="simulation.xhat0", id="OBS806"))
 
     def limits(self, i: int) -> list[str]:
         """What must hold for the type of one nonlinearity."""

@@ -15,14 +15,13 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from obsdesign.errors import TimeLimitError
+from obsdesign.errors import TimeLimitError, listed
 
 LATE = 1.0  # s until which a command ends by itself
 UNDECIDED, INTERRUPTED, KILLED = 4, 130, 128  # exit codes, the last with the number of a signal
 HEARD = (signal.SIGCHLD, signal.SIGINT, signal.SIGTERM)
 DIES_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 
-OVER = "not finished after {:g} s; --timeout allows more"
 LIMIT = struct.Struct("dd")  # s that are allowed, and the end of them on the monotonic clock; zero: no limit
 shared = mmap.mmap(-1, LIMIT.size)  # by parent and child
 interrupted: list[int] = []  # signals that the child heard
@@ -36,7 +35,7 @@ def limited(seconds: float) -> Iterator[None]:
     """
 
     def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        raise TimeLimitError(OVER.format(seconds))
+        raise late(seconds)
 
     before = signal.signal(signal.SIGALRM, stop)
     signal.setitimer(signal.ITIMER_REAL, seconds, LATE)
@@ -47,6 +46,11 @@ def limited(seconds: float) -> Iterator[None]:
         LIMIT.pack_into(shared, 0, 0, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+
+
+def late(seconds: float) -> TimeLimitError:
+    """Error that so many seconds are over."""
+    return TimeLimitError(f"not finished after {seconds:g} s; --timeout allows more", id="OBS905")
 
 
 def watched(command: Callable[[], None]) -> int:
@@ -110,7 +114,9 @@ def awaited(child: int) -> int:
         if since and time.monotonic() > since + LATE:
             return killed(child, "interrupted", INTERRUPTED)
         if end and time.monotonic() > end + LATE:
-            return killed(child, OVER.format(seconds), UNDECIDED)
+            if "--json" in sys.argv:
+                os.write(1, f"{listed(late(seconds).problems)}\n".encode())
+            return killed(child, str(late(seconds)), UNDECIDED)
 
 
 def killed(child: int, why: str, code: int) -> int:

@@ -13,7 +13,7 @@ from obsdesign.advice import advised
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
-from obsdesign.errors import InfeasibleError, UndecidedError, UsageError
+from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
@@ -30,7 +30,7 @@ __all__ = ["check", "compare", "lipschitz", "load", "read", "solve", "verify"]
 def require_spec(spec: object) -> None:
     """Refuse what is no spec, such as its path; raises `UsageError` with what to write instead."""
     if not isinstance(spec, Spec):
-        raise UsageError(f"a spec is expected, not {type(spec).__name__}; load(path or text) reads one")
+        raise UsageError(f"a spec is expected, not {type(spec).__name__}; load(path or text) reads one", id="OBS904")
 
 
 def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
@@ -51,7 +51,7 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
             if outcome.status is Verdict.INFEASIBLE:
                 outcome = advised(spec, outcome, engine)
         except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
-            raise UndecidedError(f"the numbers are beyond what doubles can compute: {error}") from None
+            raise UndecidedError(f"the numbers are beyond what doubles can compute: {error}", id="OBS508") from None
     return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started))
 
 
@@ -59,7 +59,7 @@ def check(spec: Spec) -> list[Finding]:
     """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
     require_spec(spec)
     with spec.placed():
-        idle = [finding("acts", False, said) for said in spec.idle]
+        idle = [finding("acts", False, said, id="OBS615") for said in spec.idle]
         return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]
 
 
@@ -91,7 +91,7 @@ def compare(
     differ; there are no gains; `InfeasibleError`: a spec has no solution.
     """
     if not sources:
-        raise UsageError("nothing to compare; give at least one design, spec or path")
+        raise UsageError("nothing to compare; give at least one design, spec or path", id="OBS904")
     return compared([trial(source, "", solver, report) for source in sources], seeds, report)
 
 
@@ -112,7 +112,7 @@ def trial(
     path = "" if isinstance(source, Spec) else os.fspath(source)
     if path.endswith(".json"):
         if gains:
-            raise UsageError(f"{path}: already a gains file; --gains goes with a spec")
+            raise UsageError(Problem("already a gains file; --gains goes with a spec", path, id="OBS904"))
         return otherwise(read(path), changes)
     problem = source if isinstance(source, Spec) else load(source, () if gains else changes)
     if gains:
@@ -121,7 +121,9 @@ def trial(
         return Design.of(problem, Outcome(Verdict.NO_GUARANTEE, form=problem.observer))
     design = solve(problem, solver, report)
     if not design.built:
-        raise InfeasibleError(f"{problem.path}: no gains to simulate: {design.diagnosis.get('reason', design.status)}")
+        raise InfeasibleError(
+            Problem(f"no gains to simulate: {design.diagnosis.get('reason', design.status)}", problem.path, id="OBS709")
+        )
     return design
 
 
@@ -130,7 +132,7 @@ def otherwise(design: Design, changes: Sequence[str]) -> Design:
     for change in changes:
         if not re.match(r"\s*simulation[.=]", change):
             said = "these gains belong to their spec as it is; beside a result only keys of simulation: can be set"
-            raise UsageError(f"--set {described(change)}: {said}")
+            raise UsageError(Problem(said, f"--set {described(change)}", id="OBS904"))
     if not changes:
         return design
     spec = design.spec

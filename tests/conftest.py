@@ -88,7 +88,7 @@ def here(tmp_path, monkeypatch):
 @pytest.fixture
 def sketched(monkeypatch):
     """Figures that take no time to draw."""
-    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_: PNG)
+    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG)
 
 
 @pytest.fixture

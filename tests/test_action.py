@@ -57,7 +57,7 @@ def test_the_action_designs_a_folder_and_says_at_its_lines_what_is_wrong():
     put("other/wrong.yaml", WRONG)
     done = step(DESIGN, paths="other specs/hidden.yaml", out="out of these", options="-q")
     assert done.returncode == 2
-    assert "::error file=other/wrong.yaml,line=3,col=22,title=obsdesign invalid::" in done.stderr
+    assert "::error file=other/wrong.yaml,line=3,col=22,title=obsdesign invalid OBS201::" in done.stderr
     assert json.loads(Path("out of these/summary.json").read_text())["counts"]["total"] == 2
 
 

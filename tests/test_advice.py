@@ -1,6 +1,7 @@
 """What a user may have meant where a spec is infeasible: told where it is certified, and only there."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -94,9 +95,110 @@ observer: {type: %s}
 def test_a_region_that_makes_auto_infeasible_is_named(observer):
     text = LATERAL % observer
     said = suggestion(text)
-    assert said.startswith("f is too steep on the region of its type: there is a solution with region: {q: [-")
+    assert re.match(r"(a smaller region is without|the type) .*: there is a solution with region: \{q: \[-", said)
     region = said.partition("region: {q: ")[2].partition("}")[0]
     narrower = text.replace("type: auto", f"type: auto, region: {{q: {region}}}")
     Path("narrower.yaml").write_text(narrower)
     assert run("solve", "narrower.yaml", "-q").exit_code == 0
-    assert "too steep" not in suggestion(text.replace("type: auto", "type: {slope: [0, .inf]}"))
+    assert "region: {q" not in suggestion(text.replace("type: auto", "type: {slope: [0, .inf]}"))
+
+
+MOTOR = """\
+obsdesign: 1
+name: flux of a motor
+system:
+  inputs: [om]
+  dynamics:
+    ia: -262*ia + 1800*fa + 90*om*fb
+    ib: -262*ib + 1800*fb - 90*om*fa
+    fa: -40*fa - 2*om*fb + 3.6*ia
+    fb: -40*fb + 2*om*fa + 3.6*ib
+  outputs: {y1: ia, y2: ib}
+  domain: {om: [-20, 20], fa: [-1, 1], fb: [-1, 1]}
+observer: {type: l2, alpha: 1}
+"""
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("types", ["", "{om*fb: {lipschitz: 20}}"])
+def test_what_f_itself_contradicts_is_not_advised_but_the_region_of_an_input_is(types):
+    text = MOTOR.replace("  domain", f"  types: {types}\n  domain") if types else MOTOR
+    said = suggestion(text)
+    assert said.startswith("a smaller region is without the slope -20 of om*fb and the slope 20 of om*fa: there is")
+    assert "would be feasible" not in said
+    assert ("a tighter type" in said) == bool(types)
+    narrower = said.partition("system.domain: {om: ")[2].partition("}")[0]
+    Path("narrower.yaml").write_text(text.replace("om: [-20, 20]", f"om: {narrower}").replace(" 20}", " 10}"))
+    assert run("solve", "narrower.yaml", "-q").exit_code == 0
+
+
+@pytest.mark.usefixtures("here")
+def test_terms_that_share_a_signal_are_said_to_be_taken_as_independent():
+    suggestion(MOTOR)
+    found = json.loads(Path("spec.gains.json").read_text())["diagnosis"]
+    assert (
+        "the class takes om*fb and om*fa as independent, though they share om, so that this member" in found["reason"]
+    )
+    assert run("verify", "spec.gains.json").exit_code == 0
+    suggestion(FLAT)
+    assert "independent" not in json.loads(Path("spec.gains.json").read_text())["diagnosis"]["reason"]
+
+
+FLAT = """\
+obsdesign: 1
+system:
+  dynamics: {x1: x2, x2: sin(x1) + 0.2*x2}
+  outputs: {y: x2}
+observer: {type: l2, alpha: 0.1}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_a_slope_that_is_too_flat_is_not_called_too_steep():
+    said = suggestion(FLAT)
+    assert said.startswith("a smaller region is without the slope 0 of sin(x1): there is a solution with")
+    assert "steep" not in said
+    domain = said.partition("system.domain: ")[2].partition("}")[0] + "}"
+    Path("narrower.yaml").write_text(FLAT.replace("  outputs", f"  domain: {domain}\n  outputs"))
+    assert run("solve", "narrower.yaml", "-q").exit_code == 0
+
+
+DRAG = """\
+obsdesign: 1
+system:
+  inputs: [F]
+  disturbances: [d, n]
+  dynamics: {p: s, s: F - 0.3*s*abs(s) + d}
+  outputs: {y: p + n}
+disturbance: [integrator, unknown]
+observer: {type: l2, alpha: 0.3%s}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_larger_bounds_are_advised_only_where_they_help():
+    said = suggestion(DRAG % ", bounds: {L1: 50}")
+    assert said.startswith(
+        "the type slope [0, .inf] of s*abs(s) is too wide: there is a solution with system.domain: {s: ["
+    )
+    assert "bounds" not in said  # none would do
+
+
+@pytest.mark.usefixtures("here")
+def test_a_slope_without_bound_is_decided_with_what_would_do():
+    said = suggestion(DRAG % "")
+    assert said.startswith("the type slope [0, .inf] of s*abs(s) is too wide: there is a solution with system.domain")
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("bounds", ["{L: 0.001}", "{gamma: 0.01}"])
+def test_bounds_of_the_largest_interval_are_advised_as_they_were_tried(bounds):
+    observer = "{type: sporadic, objective: max-T2, T1: 0.01, T2: {min: 0.05, max: 1}, decay: 0.8, bounds: %s}"
+    text = PLANT + f"observer: {observer % bounds}\n"
+    said = suggestion(text)
+    if bounds == "{gamma: 0.01}":
+        assert said == "without bounds there are solutions"
+        return
+    size = said.removeprefix("allow |L| up to ").partition(",")[0]
+    Path("wider.yaml").write_text(text.replace("0.001", size))
+    assert run("solve", "wider.yaml", "-q").exit_code == 0

@@ -3,9 +3,12 @@
 import json
 import re
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support.commands import run
 from support.shipped import SPECS, shipped, solved
 
@@ -256,6 +259,50 @@ def test_a_file_that_says_otherwise_is_not_proved(keys, value):
     place[keys[-1]] = value
     Path("forged.gains.json").write_text(json.dumps(content))
     assert run("verify", "forged.gains.json").exit_code in (2, 4)
+
+
+CHEMOSTAT = """obsdesign: 1
+system:
+  inputs: [D]
+  dynamics: {X: 0.5*S*X - D*X, S: D*(5 - S) - S*X}
+  outputs: {y: S}
+  domain: {X: [0.1, 3], S: [0.01, 5], D: [%s, %s]}
+observer:
+  type: kkl
+  coordinates: [{name: xi, phi: X + 0.5*S, lambda: -D, B: 2.5*D}]
+  left_inverse: {X: xi - 0.5*y}
+"""
+
+
+@settings(max_examples=15)
+@given(least=st.decimals("0.00001", 50, places=5), more=st.decimals("0.001", 50, places=5))
+def test_the_file_of_a_certified_observer_is_proved_whatever_its_rate(least, more):
+    Path("rate.yaml").write_text(CHEMOSTAT % (least, least + more))
+    assert run("solve", "rate.yaml").exit_code == 0
+    outcome = run("verify", "rate.gains.json")
+    assert outcome.exit_code == 0, outcome.output
+    rate = json.loads(Path("rate.gains.json").read_text())["guarantee"]["rates"]["xi"]
+    assert float(least) * (1 - 1e-5) <= rate <= float(least)
+
+
+@pytest.mark.parametrize(("rate", "code"), [("0.0499999", 0), ("0.04", 0), ("0.05", 2), ("0.04999991", 2)])
+def test_a_rate_is_believed_if_it_is_no_better_than_the_one_that_is_proved(rate, code):
+    Path("rate.yaml").write_text(CHEMOSTAT % ("0.05", "0.4"))
+    assert run("solve", "rate.yaml").exit_code == 0
+    Path("rate.gains.json").write_text(Path("rate.gains.json").read_text().replace("0.0499999", rate))
+    outcome = run("verify", "rate.gains.json")
+    assert outcome.exit_code == code, outcome.output
+    said = f"these errors fall at least at the rate {rate} 1/s of xi"
+    assert said in outcome.stdout or "is faster than the statements prove" in outcome.stderr
+
+
+def test_a_rate_of_what_is_not_said_to_decay_is_refused():
+    Path("rate.yaml").write_text(CHEMOSTAT % ("0.05", "0.4"))
+    assert run("solve", "rate.yaml").exit_code == 0
+    content = json.loads(Path("rate.gains.json").read_text())
+    content["guarantee"]["rates"]["X"] = 0.01
+    Path("rate.gains.json").write_text(json.dumps(content))
+    assert "guarantee.rates.X: no rate of this is proved" in run("verify", "rate.gains.json").stderr
 
 
 def test_found_coordinates_that_are_forged_are_not_proved():
@@ -646,3 +693,32 @@ def test_found_coordinates_must_be_among_what_their_spec_asks_to_be_searched(tex
     if code:
         assert outcome.stderr.count("\n") == 1
         assert "observer.coordinates[0]: is not among what the spec asks for (type " in outcome.stderr
+
+
+CART = """\
+obsdesign: 1
+parameters: {M: 1, m: 0.2, l: 0.5, g: 9.81, c: 0.1}
+system:
+  inputs: [F]
+  dynamics:
+    p: pd
+    a: ad
+    pd: (F - c*pd + m*l*ad**2*sin(a) - m*g*sin(a)*cos(a))/(M + m*sin(a)**2)
+    ad: ((M+m)*g*sin(a) - cos(a)*(F - c*pd + m*l*ad**2*sin(a)))/(l*(M + m*sin(a)**2))
+  outputs: {y1: p, y2: a}
+  domain: {a: [-0.5, 0.5], ad: [-2, 2], pd: [-2, 2], F: [-5, 5], p: [-2, 2]}
+observer: {type: high-gain, copy: outputs, injection: {p: {y1: 20}, pd: {y1: 100}, a: {y2: 20}, ad: {y2: 100}}}
+"""
+
+
+def test_functions_of_many_operations_are_neither_written_out_nor_searched_without_end():
+    Path("cart.yaml").write_text(CART)
+    started = process_time()
+    outcome = run("solve", "cart.yaml")
+    assert outcome.exit_code == 4
+    assert process_time() - started < 30
+    assert "claimed     what follows of these gains is their claim only: it is not proved" in outcome.stdout
+    failing = [line for line in outcome.stdout.splitlines() if line.startswith(("NOT PROVED", "note"))]
+    assert len(failing) == 10
+    assert max(map(len, failing)) < 450
+    assert failing[2].endswith(" .. > 0")

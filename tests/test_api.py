@@ -173,7 +173,7 @@ def test_what_is_saved_is_what_the_command_writes():
         del result["created"], result["solver"]["time_s"]
     assert results[0] == results[1]
     kind, message = said(lambda: od.read("api.json").save("absent/api.json"))
-    assert (kind, message) == (od.UsageError, "absent/api.json: cannot be written: No such file or directory")
+    assert (kind, message) == (od.UsageError, "absent/api.json: cannot be written: No such file or directory [OBS902]")
 
 
 def test_a_wrong_change_of_a_run_is_answered_by_its_key(design):

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from support.commands import files
 from support.lipschitz import written
 
+from obsdesign.disk import write_whole
 from obsdesign.errors import UsageError
 from obsdesign.families.outcome import Outcome, Search, Verdict
-from obsdesign.files import csv, digest, to_json, write_whole
+from obsdesign.files import csv, digest, to_json
 from obsdesign.reading import loads
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -50,7 +51,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(folder, monkeypatch
     assert (folder / "gains.json").read_bytes() == b"old"
     assert files(folder) == ["gains.json"]
     if isinstance(error, OSError):
-        assert str(caught.value) == f"{folder / 'gains.json'}: cannot be written: No space left on device"
+        assert str(caught.value) == f"{folder / 'gains.json'}: cannot be written: No space left on device [OBS902]"
 
 
 def test_a_reader_never_sees_a_part_of_a_file(folder, monkeypatch):
@@ -81,7 +82,7 @@ def test_a_missing_folder_is_named(tmp_path):
     target = tmp_path / "absent" / "gains.json"
     with pytest.raises(UsageError) as caught:
         write_whole(target, b"new")
-    assert str(caught.value) == f"{target}: cannot be written: No such file or directory"
+    assert str(caught.value) == f"{target}: cannot be written: No such file or directory [OBS902]"
     assert not target.parent.exists()
 
 

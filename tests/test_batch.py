@@ -115,7 +115,7 @@ def test_two_specs_that_would_share_a_folder_of_results_are_refused():
     put("a.yml")
     outcome = run("batch", ".")
     assert outcome.exit_code == 2
-    assert outcome.stderr == "a.yml: its results would stand in a, as those of a.yaml; rename one of them\n"
+    assert outcome.stderr == "a.yml: its results would stand in a, as those of a.yaml; rename one of them [OBS912]\n"
 
 
 def test_shards_share_the_specs_out():
@@ -172,6 +172,7 @@ def test_an_unmet_expectation_has_its_place():
     put("a.yaml", GOOD + "expect:\n  alpha: 7\n")
     (problem,) = perform(Task("a.yaml"), Options()).entry["problems"]
     assert problem == {
+        "id": "OBS617",
         "message": "expected 7.0, found 0.1",
         "file": "a.yaml",
         "line": 8,

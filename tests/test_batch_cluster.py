@@ -132,7 +132,7 @@ def test_a_cluster_that_is_not_there_is_told_in_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     outcome = run("batch", "a.yaml", "--scheduler", "tcp://127.0.0.1:1")
     assert outcome.exit_code == 2
-    assert outcome.stderr == "--scheduler: Dask is not installed; pip install 'obsdesign[dask]'\n"
+    assert outcome.stderr == "--scheduler: Dask is not installed; pip install 'obsdesign[dask]' [OBS910]\n"
 
 
 @pytest.mark.usefixtures("here")
@@ -142,7 +142,10 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line():
     process = started("a.yaml", "--scheduler", "tcp://127.0.0.1:1")
     _, said = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert said == "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there within 5 s\n"
+    assert said == "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there within 5 s [OBS910]\n"
     outcome = run("batch", "a.yaml", "--scheduler", "127.0.0.1:1")
     assert outcome.exit_code == 2
-    assert outcome.stderr == "--scheduler 127.0.0.1:1: expected tcp://HOST:8786, the address of a Dask scheduler\n"
+    assert (
+        outcome.stderr
+        == "--scheduler 127.0.0.1:1: expected tcp://HOST:8786, the address of a Dask scheduler [OBS901]\n"
+    )

@@ -65,8 +65,8 @@ def hostile(tmp_path):
     entries = [FINE, entry_of(Task("left.yaml"), "skipped", None)]
     for i, name in enumerate(NAMES):
         status, code = (("invalid", 2), ("timeout", 4), ("infeasible", 3))[i % 3]
-        problem = Problem(f"{name}: a,b%{BELL}\n::error::x", f"deep/{name}", 3, 7, name)
-        entries.append(entry_of(Task(f"deep/{name}"), status, code, problem, Problem("=1+1")))
+        problem = Problem(f"{name}: a,b%{BELL}\n::error::x", f"deep/{name}", 3, 7, name, id="OBS104")
+        entries.append(entry_of(Task(f"deep/{name}"), status, code, problem, Problem("=1+1", id="OBS104")))
     return made(tmp_path, *entries)
 
 
@@ -85,16 +85,18 @@ def test_junit_counts_and_names_every_spec(hostile):
     assert list(cases[0]) == []
     assert cases[2].get("name").startswith("<-script>") or "script" in cases[2].get("name")
     assert cases[2][0].get("type") == "invalid"
-    assert cases[2][0].text.endswith("\n=1+1")
+    assert cases[2][0].text.endswith("\n=1+1 [OBS104]")
 
 
 def test_annotations_of_github_have_a_place_and_stay_one_line_each(hostile):
     lines = text("github", hostile).splitlines()
     assert len(lines) == 2 * len(NAMES)
-    pattern = r"::error file=[^:,]+,line=3,col=7,title=obsdesign (invalid|timeout|infeasible)::[^\x00-\x1f]+"
+    pattern = r"::error file=[^:,]+,line=3,col=7,title=obsdesign (invalid|timeout|infeasible) OBS104::[^\x00-\x1f]+"
     assert all(re.fullmatch(pattern, line) for line in lines[::2])
-    assert lines[2].startswith("::error file=deep/%3A%3Aerror%3A%3Abad.yaml,line=3,col=7,title=obsdesign timeout::")
-    assert lines[1] == "::error file=deep/<-script>.yaml,title=obsdesign invalid::=1+1"
+    assert lines[2].startswith(
+        "::error file=deep/%3A%3Aerror%3A%3Abad.yaml,line=3,col=7,title=obsdesign timeout OBS104::"
+    )
+    assert lines[1] == "::error file=deep/<-script>.yaml,title=obsdesign invalid OBS104::=1+1"
     assert "%25" in lines[0]
 
 
@@ -104,14 +106,16 @@ def test_sarif_keeps_the_published_schema(hostile, tmp_path):
     validator.validate(content)
     (run_,) = content["runs"]
     assert len(run_["results"]) == 2 * len(NAMES)
-    assert {rule["id"] for rule in run_["tool"]["driver"]["rules"]} == {"invalid", "timeout", "infeasible"}
+    assert {rule["id"] for rule in run_["tool"]["driver"]["rules"]} == {"OBS104"}
     place = run_["results"][2]["locations"][0]["physicalLocation"]
     assert place == {
         "artifactLocation": {"uri": "deep/%3A%3Aerror%3A%3Abad.yaml"},
         "region": {"startLine": 3, "startColumn": 7},
     }
     validator.validate(json.loads(text("sarif", made(tmp_path, FINE))))
-    outside = made(tmp_path, entry_of(Task("/tmp/a b.yaml"), "invalid", 2, Problem("wrong", "/tmp/a b.yaml")))
+    outside = made(
+        tmp_path, entry_of(Task("/tmp/a b.yaml"), "invalid", 2, Problem("wrong", "/tmp/a b.yaml", id="OBS104"))
+    )
     assert '"file:///tmp/a%20b.yaml"' in text("sarif", outside)
     assert not validator.is_valid({"version": "2.1.0", "runs": [{"tool": {}}]})
 
@@ -132,13 +136,13 @@ def test_no_line_obeys_a_name(hostile):
 def test_no_format_obeys_a_change(tmp_path):
     change = f"name=</script>]]>&%0A::error::x,{BELL}\n::error::y ##[error]=1+1"
     task = Task("../specs/a.yaml", (change,))
-    summary = made(tmp_path, entry_of(task, "uncertified", 4, Problem("no proof", task.path)))
+    summary = made(tmp_path, entry_of(task, "uncertified", 4, Problem("no proof", task.path, id="OBS616")))
     (case,) = ET.fromstring(text("junit", summary)).iter("testcase")
     name = shown(f"a.yaml (--set {change})")
     assert (case.get("name"), case.get("classname"), case[0].tag) == (name, "../specs", "failure")
     (line,) = text("github", summary).splitlines()
     said = shown(f"no proof (--set {change})").replace("%", "%25")
-    assert line == f"::error file=../specs/a.yaml,title=obsdesign uncertified::{said}"
+    assert line == f"::error file=../specs/a.yaml,title=obsdesign uncertified OBS616::{said}"
     (result,) = json.loads(text("sarif", summary))["runs"][0]["results"]
     assert result["message"]["text"] == shown(f"no proof (--set {change})")
     assert json.loads(text("json", summary))["specs"][0]["set"] == [change]
@@ -197,6 +201,6 @@ def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch
     assert not re.search(r"^\s*::", outcome.output, re.MULTILINE)
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     outcome = run("batch", ".")
-    assert "::error file=wrong.yaml,line=2,col=1,title=obsdesign invalid::" in outcome.stderr
+    assert "::error file=wrong.yaml,line=2,col=1,title=obsdesign invalid OBS201::" in outcome.stderr
     assert "::error" not in outcome.stdout
     assert run("batch", ".", "--format", "github", "-q").stdout.startswith("::error file=wrong.yaml,line=2")

@@ -76,7 +76,7 @@ def test_a_spec_that_hangs_eats_memory_or_breaks_its_process_takes_no_other_down
         *[("certified", 0, True)] * 3,
     ]
     assert found["a-hangs.yaml"]["problems"] == [
-        {"message": "not finished after 6 s; --timeout allows more", "file": "a-hangs.yaml"}
+        {"id": "OBS905", "message": "not finished after 6 s; --timeout allows more", "file": "a-hangs.yaml"}
     ]
     assert "needs more than 50 MiB; --memory allows more" in outcome.stderr
     assert run("batch", ".", "-q", *limits).exit_code == 4
@@ -246,7 +246,7 @@ def test_what_is_no_whole_batch_is_not_merged():
         assert outcome.exit_code == 2
         return outcome.stderr
 
-    assert refusal("1", "2") == "--merge: of the shards, 3/3 missing\n"
+    assert refusal("1", "2") == "--merge: of the shards, 3/3 missing [OBS911]\n"
     assert refusal("1", "absent").startswith("absent: cannot be read")
     content = summary("1")
     content["options"]["shard"] = None

@@ -378,11 +378,15 @@ def test_the_least_storage_function_and_the_gain_of_a_predictor_are_held_against
     assert "observer.H: not that of predictor" in outcome.stderr
 
 
-def test_another_slope_is_suggested_with_the_bound_that_it_keeps():
+def test_another_slope_is_suggested_with_the_bound_that_it_keeps_and_is_certified():
     plant = "{A: [[-1, 0], [0, -2]], B: [1, 0], C: [1, 0]}"
-    f = "nonlinearities: [{type: {lipschitz: 5}, Bf: [0, 1], Cq: [0, 1]}]"
-    code, said, _ = solved(
-        f"obsdesign: 1\nsystem: {plant}\n{f}\nobserver: {{type: l2, L2: 0, alpha: 0.5, bounds: {{L1: 20}}}}\n"
-    )
+    f = "nonlinearities: [{type: {lipschitz: %s}, Bf: [0, 1], Cq: [0, 1]}]"
+    observer = "observer: {type: l2, L2: 0, alpha: 0.5, bounds: {L1: 20}}"
+    text = f"obsdesign: 1\nsystem: {plant}\n{f}\n{observer}\n"
+    code, said, _ = solved(text % 5)
     assert code == 3
-    assert "would be feasible at this alpha with lipschitz 1.5 within the bounds (|L1| <= 20)" in said
+    told = re.search(
+        r"would be feasible at this alpha with lipschitz (1\.49\d*) within the bounds \(\|L1\| <= 20\)", said
+    )
+    assert told
+    assert solved(text % told[1])[0] == 0

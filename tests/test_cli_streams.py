@@ -90,7 +90,8 @@ def test_what_is_drawn_beside_a_device_is_drawn_here(spec):
 def test_a_link_to_itself_cannot_be_written(spec):
     Path("loop").symlink_to("loop")
     outcome = run("solve", spec, "-o", "loop")
-    assert (outcome.exit_code, outcome.stderr) == (2, "loop: cannot be written: Too many levels of symbolic links\n")
+    said = "loop: cannot be written: Too many levels of symbolic links [OBS902]\n"
+    assert (outcome.exit_code, outcome.stderr) == (2, said)
 
 
 # Standard streams
@@ -103,12 +104,13 @@ def test_output_that_cannot_be_written_is_one_line_and_a_failure(arguments):
     with Path("/dev/full").open("w") as full:
         code, _, err = ended(*arguments, **{stream: full})
     assert code == 1
-    assert stream == "stderr" or err == "standard output or standard error cannot be written: No space left on device\n"
+    said = "standard output or standard error cannot be written: No space left on device [OBS906]\n"
+    assert stream == "stderr" or err == said
 
 
 def test_a_closed_output_is_no_success(gains):
     code, out, err = ended("verify", gains, preexec_fn=lambda: os.close(1))
-    said = "standard output or standard error cannot be written: it is closed\n"
+    said = "standard output or standard error cannot be written: it is closed [OBS906]\n"
     assert (code, out, err) == (1, "", said)
 
 
@@ -135,7 +137,7 @@ def test_a_reader_that_left_is_one_line_and_a_failure():
     process.stdout.close()
     assert process.wait(60) == 1
     with process.stderr as said:
-        assert said.read() == "standard output or standard error cannot be written: Broken pipe\n"
+        assert said.read() == "standard output or standard error cannot be written: Broken pipe [OBS906]\n"
 
 
 def test_standard_input_is_read_for_a_dash(spec, gains):
@@ -150,7 +152,7 @@ def test_standard_input_is_read_for_a_dash(spec, gains):
         assert ended("solve", "-", "-q", stdin=text)[0] == 0
     assert "stdin.gains.json" in files()
     code, _, err = ended("solve", "-", stdin=subprocess.DEVNULL)
-    assert (code, err) == (2, "-: is empty; a spec begins with `obsdesign: 1`\n")
+    assert (code, err) == (2, "-: is empty; a spec begins with `obsdesign: 1` [OBS104]\n")
 
 
 # Interrupts and limits of time
@@ -191,7 +193,7 @@ def test_a_limit_of_time_is_kept_while_compiled_code_computes(gains):
     began = time.monotonic()
     code, out, err = ended("verify", "huge.json", "--timeout", "0.5")
     assert (code, out) == (4, "")
-    assert err.endswith("not finished after 0.5 s; --timeout allows more\n")
+    assert err.endswith("not finished after 0.5 s; --timeout allows more [OBS905]\n")
     assert time.monotonic() - began < 0.5 + 2 + 2  # and the time to start a process on a busy machine
 
 
@@ -266,8 +268,8 @@ def test_solve_holds_a_spec_against_what_it_expects(spec):
     assert [line.split(": ")[1] for line in lines] == [
         *("expect.status", "expect.nothing.here", "expect.limit.gamma", "expect.simulation.z_norm2"),
     ]
-    assert lines[0] == f"{spec}: expect.status: expected infeasible, found certified"
-    assert lines[1].endswith("expected 3.0, found nothing")
+    assert lines[0] == f"{spec}: expect.status: expected infeasible, found certified [OBS617]"
+    assert lines[1].endswith("expected 3.0, found nothing [OBS617]")
 
 
 # A file in the place of another
@@ -304,7 +306,7 @@ def test_an_estimate_that_begins_outside_the_region_is_told_before_the_run(spec)
     first = outcome.stderr.splitlines()[0]
     assert first == (
         f"{spec}:13:1: simulation.xhat0: it sets q1 of nonlinearities[0] to 0, outside its region [0.5, 3], "
-        "where nothing is proved; give an xhat0 within it"
+        "where nothing is proved; give an xhat0 within it [OBS806]"
     )
     Path(spec).write_text(text.replace("x0: [1, 0],", "x0: [1, 0], xhat0: [0.6, 0],"))
     assert "xhat0" not in run("simulate", spec).stderr

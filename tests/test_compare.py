@@ -1,6 +1,7 @@
 """The command compare: several observers on one plant, of any families, and what it refuses."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ KKL = """
   coordinates: [{name: xi, phi: rate - 4*angle, lambda: -4.1, B: -sin(y) - 16.4*y + u}]
   left_inverse: {rate: xi + 4*y}"""
 KKL_PLANT = PLANT.replace("  disturbances: [push]\n", "").replace(" + push", "")
-STATE = {"t5", "t1", "noise_rms", "noise_rms_std", "floor"}
+STATE = {"t5", "t1", "peak", "noise_rms", "noise_rms_std", "floor"}
 
 
 @pytest.fixture(autouse=True)
@@ -152,7 +153,7 @@ def test_what_is_another_problem_is_refused_in_one_line(change, said):
     assert outcome.exit_code == 2
     assert said in outcome.stderr
     assert outcome.stderr.count("\n") == 1
-    assert outcome.stderr.strip().endswith("a comparison needs one plant")
+    assert outcome.stderr.strip().endswith("a comparison needs one plant [OBS805]")
     assert not Path("compare.png").exists()
 
 
@@ -167,6 +168,20 @@ def test_no_trial_at_all_and_no_solution_are_told_apart():
     blind = PLANT.replace("{{y: angle}}", "{{y: 0*angle + t}}")
     outcome = run("compare", spec("a", L2, plant=blind))
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (3, 1)
+
+
+def test_an_estimate_without_an_initial_error_has_no_time_in_the_table_but_its_peak():
+    source = spec("l2", L2, SIMULATION.replace("  u:", "  xhat0: [0.5, 0]\n  u:"))
+    state = compared(source)["observers"][0]["states"]["angle"]
+    assert (state["t5"], state["t1"]) == (0, 0)
+    assert state["peak"] > 0.01
+    shown = run("compare", source, "--seeds", 2).stdout
+    assert re.search(rf"angle +from 0 +peak {state['peak']:.4g} ", shown)
+    assert "from 0: there is no initial error; peak of the error without noise instead" in shown
+    run("solve", source, "-q")
+    quiet = run("simulate", source, "--gains", "l2.gains.json").stdout
+    assert re.search(r"settling +angle: starts at 0, \|error\| at most 0\.\d+\n", quiet)
+    assert re.search(r"settling +rate: 5 % .*, 1 % .* \(of the initial error\)\n", quiet)
 
 
 def test_the_comparison_of_readme_is_what_is_printed():

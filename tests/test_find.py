@@ -303,8 +303,9 @@ def test_what_is_found_is_proved_like_what_is_given(name):
     estimator = Estimator(rows, "gradient", fmpq(1), gamma, fmpq(0), fmpq(1), {}, powers, consistent=True)
     form = Transformed(found.coordinates, found.left_inverse, estimator if rows else None, recast=False)
     assert {name for row in rows for name in row.m} == set(gamma)
-    for statement in scheme(Plant.of(typed), form).statements:
-        assert statement.decided(typed.domain).answer is Answer.PROVED, statement.name
+    plant = Plant.of(typed)
+    for statement in scheme(plant, form).statements:
+        assert statement.decided(plant.region).answer is Answer.PROVED, statement.name
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -86,7 +86,7 @@ STANCES = {
     " observer.multipliers observer.contraction",
     # anything; `verify` names it among what it does not prove
     "numerical": "analysis search notes guarantee.limit guarantee.limit_bounded guarantee.widened guarantee.ceiling"
-    " guarantee.comparison certificate.checks.margin diagnosis diagnosis.condition diagnosis.reason"
+    " guarantee.comparison certificate.checks.margin diagnosis diagnosis.id diagnosis.condition diagnosis.reason"
     " diagnosis.suggestion diagnosis.feasible diagnosis.mode diagnosis.slopes diagnosis.value diagnosis.nonlinearity"
     " diagnosis.gamma diagnosis.accuracy diagnosis.interval diagnosis.within",
     # anything; it says nothing of the observer

@@ -146,7 +146,11 @@ def test_the_tightest_relaxation_that_has_a_design_is_chosen():
 
 
 def test_what_was_refused_is_told_from_what_was_not_decided():
-    made = chosen(s_procedure=UsageError("bound L"), norm_bound=UndecidedError("stalled"), abbaszadeh=SECOND)
+    made = chosen(
+        s_procedure=UsageError("bound L", id="OBS502"),
+        norm_bound=UndecidedError("stalled", id="OBS507"),
+        abbaszadeh=SECOND,
+    )
     assert made.gains is SECOND.gains
     assert [row["status"] for row in made.beyond["comparison"]] == ["refused", "undecided", "certified"]
     assert [row.get("reason") for row in made.beyond["comparison"]] == ["bound L", "stalled", None]
@@ -155,7 +159,7 @@ def test_what_was_refused_is_told_from_what_was_not_decided():
 def test_there_is_no_solution_only_if_every_relaxation_says_so():
     assert chosen(s_procedure=NONE, norm_bound=NONE, abbaszadeh=NONE).status == "infeasible"
     with pytest.raises(UndecidedError, match="stalled"):
-        chosen(s_procedure=UndecidedError("stalled"), norm_bound=NONE, abbaszadeh=NONE)
+        chosen(s_procedure=UndecidedError("stalled", id="OBS507"), norm_bound=NONE, abbaszadeh=NONE)
 
 
 # Points of a curve

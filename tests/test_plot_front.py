@@ -1,5 +1,7 @@
 """The figures of trade-offs of Lipschitz observers: what is drawn, what is marked, what is left out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.colors import same_color
@@ -18,9 +20,13 @@ from obsdesign.plot.front import (
     front_sheet,
     shipped_among,
 )
-from obsdesign.plot.panels import Comparison, Curve
+from obsdesign.plot.panels import Signals
+from obsdesign.plot.signals import Curve
 from obsdesign.plot.surface import Field, Grid, surface_sheet
+from obsdesign.plot.traded import NAMES, names
+from obsdesign.reading import loads
 
+STAR = "this design"
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -57,12 +63,11 @@ def labelled(axes):
 
 def test_three_panels_share_the_weight_and_the_fourth_is_the_tradeoff():
     figure = front_sheet(CURVE, SHIPPED, "Cost $5")
-    assert [axes.get_ylabel() for axes in figure.axes] == ["lipschitz", r"$\gamma$", "$|L|$", r"$\gamma$ (L2 gain)"]
-    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "weight", "lipschitz (admissible constant)"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["lipschitz", "γ", "|L|", NAMES["gamma"]]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", NAMES["weight"], NAMES["lipschitz"]]
     assert [axes.get_yscale() for axes in figure.axes] == ["linear", "linear", "log", "linear"]
     assert figure.axes[0].get_shared_x_axes().joined(figure.axes[0], figure.axes[2])
-    assert figure.get_suptitle().startswith(r"Cost \$5")
-    assert "0.05 1/s" in figure.get_suptitle()
+    assert figure.get_suptitle() == "Cost $5\ndecay 0.05 1/s"
 
 
 def test_limits_are_lines_and_certified_gains_are_dots_in_the_order_of_the_weight():
@@ -132,18 +137,18 @@ def test_an_unbounded_constant_is_a_triangle_at_the_top_too():
 
 def test_the_shipped_point_is_a_star_at_its_weight():
     figure = front_sheet(CURVE, SHIPPED, "")
-    x = [float(labelled(axes)["shipped"].get_xdata()[0]) for axes in figure.axes]
+    x = [float(labelled(axes)[STAR].get_xdata()[0]) for axes in figure.axes]
     assert x == [0.5, 0.5, 0.5, SHIPPED["lipschitz"]]
-    assert labelled(figure.axes[2])["shipped"].get_ydata()[0] == CURVE[5]["certified"]["L"]
+    assert labelled(figure.axes[2])[STAR].get_ydata()[0] == CURVE[5]["certified"]["L"]
     elsewhere = front_sheet(CURVE, {"lipschitz": 0.1, "gamma": 0.1}, "")
-    assert ["shipped" in labelled(axes) for axes in elsewhere.axes] == [False, False, False, True]
+    assert [STAR in labelled(axes) for axes in elsewhere.axes] == [False, False, False, True]
     assert shipped_among(CURVE, None) is None
 
 
 def test_a_curve_over_the_decay_rate_is_drawn_over_it():
     figure = front_sheet([point(0.5, d) for d in (0.2, 0.0, 0.1)], None, "")
     assert list(labelled(figure.axes[0])["limits"].get_xdata()) == [0, 0.1, 0.2]
-    assert r"\beta" in figure.axes[2].get_xlabel()
+    assert figure.axes[2].get_xlabel() == "decay rate of the error [1/s]"
     assert "weight 0.5" in figure.get_suptitle()
 
 
@@ -160,31 +165,31 @@ def test_the_legend_has_every_mark_once():
 
 def test_a_surface_has_two_maps_with_bars_and_two_surfaces():
     figure = surface_sheet(SURFACE, None, "Cost $5")
-    maps = [axes for axes in figure.axes if axes.get_xlabel() == "weight" and axes.name == "rectilinear"]
+    maps = [axes for axes in figure.axes if axes.get_xlabel() == NAMES["weight"] and axes.name == "rectilinear"]
     solids = [axes for axes in figure.axes if axes.name == "3d"]
     bars = [axes.get_ylabel() for axes in figure.axes if axes not in maps and axes not in solids]
     assert (len(maps), len(solids)) == (2, 2)
     assert len(bars) == 2
     titles = [axes.get_title(loc="left") for axes in maps]
-    assert titles[0] == "lipschitz (admissible constant)"
-    assert r"\gamma" in titles[1]
+    assert titles[0] == NAMES["lipschitz"]
+    assert "γ" in titles[1]
     assert "cut at 1.2" in titles[1]  # the weight 1 does not ask for gamma
-    assert [axes.get_zlabel() for axes in solids] == ["lipschitz", r"$\gamma$"]
+    assert [axes.get_zlabel() for axes in solids] == ["lipschitz", "γ"]
     assert all(axes.texts for axes in maps)
     assert list(labelled(maps[1])[UNBOUNDED].get_xdata()) == [1.0] * 3
     assert UNBOUNDED not in labelled(maps[0])
 
 
 def test_the_order_of_the_points_does_not_matter_and_what_is_missing_is_masked():
-    full = Field.of(Grid.of(SURFACE), "lipschitz")
-    assert (Field.of(Grid.of(SURFACE[::-1]), "lipschitz").values == full.values).all()
+    full = Field.of(Grid.of(SURFACE), "lipschitz", "")
+    assert (Field.of(Grid.of(SURFACE[::-1]), "lipschitz", "").values == full.values).all()
     assert full.values.shape == (3, 11)
     assert len(full.quads) == 20
     holed = [refused(0.5, 0.1) if (p["weight"], p["decay"]) == (0.5, 0.1) else p for p in SURFACE[:-1]]
-    field = Field.of(Grid.of(holed), "lipschitz")
+    field = Field.of(Grid.of(holed), "lipschitz", "")
     assert [tuple(at) for at in np.argwhere(np.isnan(field.values))] == [(1, 5), (2, 10)]
     assert len(field.quads) == 20 - 4 - 1
-    maps = [axes for axes in surface_sheet(holed, None, "").axes if axes.get_xlabel() == "weight"]
+    maps = [axes for axes in surface_sheet(holed, None, "").axes if axes.get_xlabel() == NAMES["weight"]]
     assert list(labelled(maps[0])["infeasible"].get_xdata()) == [0.5]
     assert list(labelled(maps[0])["infeasible"].get_ydata()) == [0.1]
     assert [patch.get_label() for patch in maps[0].patches] == ["no value"]
@@ -217,7 +222,9 @@ def test_at_the_weight_0_any_lipschitz_would_do():
     free = [{k: v for k, v in p.items() if k != "lipschitz" or p["weight"] > 0} for p in SURFACE]
     (line,) = [v for k, v in labelled(front_sheet(free[:11], None, "").axes[0]).items() if k == ARBITRARY]
     assert list(line.get_xdata()) == [0, 0]
-    first, *_, second = [axes for axes in surface_sheet(free, None, "").axes if axes.get_xlabel() == "weight"][:3:2]
+    first, *_, second = [axes for axes in surface_sheet(free, None, "").axes if axes.get_xlabel() == NAMES["weight"]][
+        :3:2
+    ]
     assert list(labelled(first)[ARBITRARY].get_xdata()) == [0, 0, 0]
     assert ARBITRARY not in labelled(second)
 
@@ -225,7 +232,7 @@ def test_at_the_weight_0_any_lipschitz_would_do():
 def test_the_shipped_point_is_on_the_map():
     chosen = SURFACE[16]
     figure = surface_sheet(SURFACE, chosen["certified"], "")
-    star = labelled(figure.axes[0])["shipped"]
+    star = labelled(figure.axes[0])[STAR]
     assert (star.get_xdata()[0], star.get_ydata()[0]) == (chosen["weight"], chosen["decay"])
 
 
@@ -252,7 +259,11 @@ def test_the_figure_follows_from_what_was_searched(searched, figure, points):
     search = {"parameter": "weight", "points": points, **searched}
     result = {"name": "Example", "search": search, "guarantee": SHIPPED}
     assert search_figure(result) == figure(points, SHIPPED, "Example")
-    assert search_figure(result, ["|L| <= 20"]) == figure(points, SHIPPED, "Example\n|L| <= 20")
+    text = "obsdesign: 1\nsystem: {A: [[-1]], B: [[1]], C: [[1]]}\nobserver: {type: l2, L2: 0, bounds: {L1: 20}}"
+    spec = loads(text)
+    told = figure(points, SHIPPED, "Example\n|L1| <= 20", names=names(spec))
+    assert search_figure(result, spec) == told
+    assert search_figure(result, spec, form="svg").startswith(b"<?xml")
 
 
 def test_a_signal_that_escapes_is_readable_where_it_begins():
@@ -262,7 +273,8 @@ def test_a_signal_that_escapes_is_readable_where_it_begins():
     curve = Curve("x", 1 / (1.0001 - t) ** 2, np.zeros(101))
     panels = [Figure().add_subplot() for _ in range(2)]
     for axes, escapes in zip(panels, (False, True), strict=True):
-        Comparison(t, [curve], "x", escapes).draw(axes)
+        run = SimpleNamespace(t=t, time=1.0, status="escape" if escapes else "done", schedule=None)
+        Signals(run, [curve], "x").draw(axes)
     share = [
         np.subtract(*axes.transAxes.inverted().transform(axes.transData.transform([(0, 4), (0, 1)]))[:, 1])
         for axes in panels

@@ -31,7 +31,8 @@ def test_an_exponential_error_settles_when_it_must_however_few_samples_are_kept(
 
 def test_it_is_null_where_the_error_is_above_at_the_end_and_zero_where_there_was_none():
     found = settling(-1.0)
-    assert found == {"x": {"t5": pytest.approx(np.log(20)), "t1": None}, "still": {"t5": 0.0, "t1": 0.0}}
+    assert found["x"] == {"t5": pytest.approx(np.log(20)), "t1": None, "peak": 1.0}
+    assert found["still"] == {"t5": 0.0, "t1": 0.0, "peak": 0.0}
 
 
 def test_the_last_time_counts_where_an_error_comes_back():

@@ -140,7 +140,7 @@ def test_a_true_guarantee_is_kept_for_any_decay(decay, xhat0, w):
     assert found.V_bound[-1] >= found.V[-1]
     title = run_sheet(found).get_suptitle()
     assert ("decay = 0.25" in title) is bool(decay)
-    assert "gamma" in title
+    assert "γ = " in title
 
 
 def test_a_gain_from_w_that_is_claimed_too_small_is_found_out():
@@ -160,4 +160,4 @@ def test_without_w_nothing_is_said_of_gamma():
     found = simulate(spec, {"L": np.ones((1, 1))}, guarantee)
     assert found.summary["gamma"] is None
     assert all(bound["holds"] for bound in found.summary["bounds"])
-    assert "gamma" not in run_sheet(found).get_suptitle()
+    assert "γ" not in run_sheet(found).get_suptitle()

@@ -164,13 +164,31 @@ def test_noise_voids_the_bound_and_is_seen_in_what():
     assert run.what == pytest.approx(-1.5 * (run.xi + run.e - run.y[:, :1]), abs=1e-9)  # pinv(B) L1 = -3/2
 
 
-def test_the_reconstruction_has_a_panel_of_its_own_that_shows_the_signal_and_one_that_shows_the_peak(paper):
+def test_a_run_that_reconstructs_w_shows_w_and_its_error(paper):
     _spec, run = paper
-    axes = {a.get_ylabel(): a for a in run_sheet(run).axes}
-    signal, error = axes["w1"], axes[r"$\|\hat{w} - w\|$"]
+    signal, error = run_sheet(run).axes[:2]
+    assert signal.get_ylabel() == "w1"
     assert max(map(abs, signal.get_ylim())) < 7
-    assert "reaches $1.83 \\times 10^{7}$" in signal.get_title(loc="left")
-    assert error.get_yscale() == "symlog"
+    assert "reaches 1.83 × 10⁷" in signal.get_title(loc="left")
+    assert (error.get_ylabel(), error.get_yscale()) == ("|error| of w1", "log")
     assert error.get_ylim()[1] > 1.8e7
-    assert (error.get_lines()[0].get_ydata() == np.abs(run.steps.w_error[:, 0])).all()
-    assert "unknown-input errors" not in axes
+    line = error.get_lines()[0]
+    seen = np.isin(run.steps.t, line.get_xdata())
+    assert np.isin(line.get_ydata(), np.abs(run.steps.w_error[seen, 0])).all()
+    more = [axes.get_ylabel() for axes in run_sheet(run, every=True).axes]
+    assert {"x1", "x2", "x3"} <= set(more)
+
+
+def test_what_is_proved_of_a_reconstruction_is_drawn_for_the_last_fifth_only():
+    given, guarantee = proved()
+    run = simulate(reconstructing(SCALAR % "sin(t)"), given, guarantee)
+    lines = run_sheet(run).axes[1].get_lines()
+    found = run.summary["reconstruction"]
+    limits = [line for line in lines if line.get_linestyle() == "--" and len(line.get_xdata())]
+    assert limits
+    for line in limits:
+        assert list(line.get_xdata()) == [0.8 * run.t[-1], run.t[-1]]
+        assert set(np.abs(line.get_ydata())) == {found["bound"] + found["transient_left"]}
+    fed = simulate(reconstructing(SCALAR % "sin(t) + 0.01*x1"), given, guarantee)
+    assert "nothing is proved" in fed.summary["reconstruction"]["note"]
+    assert not [line for line in run_sheet(fed).axes[1].get_lines() if line.get_linestyle() == "--"]

@@ -1,13 +1,14 @@
 """Commands on several sources, and other values of single keys: `--set`."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from support.commands import files, run
+from support.commands import endless, files, run
 
 import obsdesign as od
 from obsdesign.sections.changes import opened
@@ -52,6 +53,49 @@ def test_a_folder_is_every_spec_below_it_and_the_worst_code_counts():
 def test_the_json_of_several_is_a_list():
     reports = json.loads(run("check", "specs/cart.yaml", "specs/deep/hidden.yml", "--json").stdout)
     assert [report["possible"] for report in reports] == [True, False]
+
+
+@pytest.mark.parametrize("command", ["check", "solve", "simulate", "lipschitz"])
+def test_the_json_of_several_tells_which_failed_and_why(command):
+    Path("specs/deep/hidden.yml").unlink()
+    outcome = run(command, "specs", "nonesuch.yaml", "--json")
+    reports = {report["source"]: report for report in json.loads(outcome.stdout)}
+    assert list(reports) == ["specs/cart.yaml", "specs/wrong.yaml", "nonesuch.yaml"]
+    assert outcome.exit_code == 2
+    told = {source: [p["id"] for p in report.get("problems", ())] for source, report in reports.items()}
+    assert told["specs/wrong.yaml"] == ["OBS104"]
+    assert told["nonesuch.yaml"] == ["OBS101"]
+    assert reports["nonesuch.yaml"]["problems"][0]["file"] == "nonesuch.yaml"
+    assert told["specs/cart.yaml"] == []
+    assert [line.rpartition(" [")[2] for line in outcome.stderr.splitlines()[-2:]] == ["OBS104]", "OBS101]"]
+
+
+def test_what_was_found_of_one_stands_beside_its_problem():
+    assert run("solve", "specs/cart.yaml", "-q").exit_code == 0
+    forged = content("cart.gains.json")
+    forged["guarantee"]["gamma"] /= 2
+    Path("forged.gains.json").write_text(json.dumps(forged))
+    outcome = run("verify", ".", "--json")
+    proved, refused = json.loads(outcome.stdout)
+    assert (outcome.exit_code, proved["proved"], "problems" in proved) == (4, True, False)
+    assert (refused["source"], refused["proved"]) == ("./forged.gains.json", False)
+    assert [problem["id"] for problem in refused["problems"]] == ["OBS708"]
+
+
+def test_none_is_begun_after_the_limit_of_time(monkeypatch):
+    monkeypatch.setattr("obsdesign.work.check", endless)
+    outcome = run("check", "specs/cart.yaml", "specs/deep/hidden.yml", "--json", "--timeout", "0.5")
+    (report,) = json.loads(outcome.stdout)
+    assert (outcome.exit_code, report["source"], report["problems"][0]["id"]) == (4, "specs/cart.yaml", "OBS905")
+    assert outcome.stderr.splitlines() == ["not finished after 0.5 s; --timeout allows more [OBS905]"]
+
+
+def test_findings_that_do_not_hold_and_reasons_name_their_id():
+    outcome = run("check", "specs/deep/hidden.yml")
+    assert all(("[OBS" in line) == (not line.startswith("ok  ")) for line in outcome.stdout.splitlines())
+    assert "[OBS601]" in outcome.stdout
+    table = run("solve", "specs/deep/hidden.yml").stdout
+    assert re.search(r"^reason .* \[OBS601\]$", table, re.MULTILINE)
 
 
 def test_several_are_solved_verified_and_simulated():

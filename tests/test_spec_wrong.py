@@ -472,7 +472,7 @@ def test_a_message_is_one_line_with_file_line_column_key_what_is_wrong_and_what_
     (problem,) = problems_of(BASE.replace(ALPHA, "  aplha: 0.5"))
     assert str(problem) == (
         "spec.yaml:17:3: observer.aplha: unknown key aplha; did you mean alpha? "
-        "allowed: type, L2, alpha, objective, slack, bounds, gains, reconstruct"
+        "allowed: type, L2, alpha, objective, slack, bounds, gains, reconstruct [OBS201]"
     )
 
 
@@ -484,7 +484,7 @@ def test_of_disturbance_and_noise_together_what_has_a_state_is_advised():
 
 
 def test_very_many_errors_end_in_a_last_line():
-    text = BASE.replace(A, f"  A: [{', '.join(['[oops, oops]'] * 300)}]")
+    text = BASE.replace(A, f"  A: [{', '.join(f'[oops{i}, oops]' for i in range(300))}]")
     problems = problems_of(text)
     assert len(problems) == 101
     assert problems[-1].message == "and more"

@@ -237,8 +237,39 @@ def test_a_nonlinearity_that_acts_on_nothing_is_pointed_out(family):
     text = PLANT.replace("Bf: [0, 0.5]", "Bf: [0, 0]") + f"observer: {FAMILIES[family][0]}\n"
     said = "nonlinearities[0] acts on nothing: its columns of Bf, Df and Dqf are zero"
     assert said in beside(printed("solve", text), "note")
-    assert said in beside(printed("check", text), "note")
-    assert said not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
+    assert f"{said} [OBS615]" in beside(printed("check", text), "note")
+    assert f"{said} [OBS615]" not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
+
+
+IDLE = """\
+obsdesign: 1
+system:
+  disturbances: %s
+  dynamics: {x1: x2, x2: -sin(x1) - 0.2*x2}
+  outputs: {y: x1%s}
+observer: {type: %s, alpha: 0.5}
+"""
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", ["l2", "linf"])
+def test_a_disturbance_that_acts_on_nothing_is_pointed_out(family):
+    said = "the disturbance d acts on nothing: it enters neither the dynamics nor an output"
+    for command in ("check", "solve"):
+        notes = beside(printed(command, IDLE % ("[d, n]", " + 0.1*n", family)), "note")
+        assert said in [note.removesuffix(" [OBS615]") for note in notes]
+        assert said not in beside(printed(command, IDLE % ("[d]", " + 0.1*d", family)), "note")
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("family", ["l2", "linf"])
+def test_where_no_disturbance_acts_no_row_says_how_much_of_it_reaches_the_error(family):
+    attenuation = ("gamma", "limit", "peak gain")
+    quiet, driven = (printed("solve", IDLE % (w, part, family)) for w, part in (("[]", ""), ("[n]", " + 0.1*n")))
+    assert not any(beside(quiet, row) for row in attenuation)
+    assert beside(quiet, "decay rate")
+    assert any("no disturbance acts on this plant" in note for note in beside(quiet, "note"))
+    assert beside(driven, "gamma")
 
 
 @pytest.mark.usefixtures("here")
@@ -267,7 +298,7 @@ def test_a_figure_of_a_search_names_the_bounds_and_the_region(family):
 @pytest.mark.usefixtures("here")
 def test_the_curve_of_a_search_is_drawn_with_what_bounds_it(monkeypatch):
     titles = []
-    monkeypatch.setattr("obsdesign.plot.tradeoff_figure", lambda *args: titles.append(args[2]) or PNG)
+    monkeypatch.setattr("obsdesign.plot.tradeoff_figure", lambda *args, **_: titles.append(args[2]) or PNG)
     observer = "{type: l2, L2: 0, alpha: {min: 0.1, max: 0.2, points: 2}, objective: pareto, bounds: {L1: 20}}"
     printed("solve", f"{PLANT}observer: {observer}\n", "--plot")
     assert titles == ["case\n|L1| <= 20"]

@@ -20,8 +20,8 @@ from obsdesign.batches.merge import merge
 from obsdesign.batches.record import LIMITS, Entry, Options, entry_of, printable, read, reason, sha256, tool
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
+from obsdesign.disk import STAGED
 from obsdesign.errors import Problem, UsageError
-from obsdesign.files import STAGED
 
 __all__ = ["Follower", "Summary", "batch", "merge", "prepared"]
 
@@ -90,7 +90,8 @@ def batch(
     asked = list(changes)
     found = find(paths, exclude, combinations(asked))
     if not found:
-        raise UsageError("no specs found: no *.yaml or *.yml with a key `obsdesign` that is not excluded")
+        said = "no specs found: no *.yaml or *.yml with a key `obsdesign` that is not excluded"
+        raise UsageError(said, id="OBS903")
     tasks = share(found, shard)
     head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
     run = Run(tasks, options, prepared(out), head, follower or Nobody())
@@ -112,7 +113,7 @@ def prepared(out: str | os.PathLike[str]) -> Path:
         for stray in folder.glob(f"{STAGED}*"):
             stray.unlink()
     except OSError as error:
-        raise UsageError(Problem(f"cannot be made or written: {error.strerror}", str(folder))) from None
+        raise UsageError(Problem(f"cannot be made or written: {error.strerror}", str(folder), id="OBS902")) from None
     return folder
 
 

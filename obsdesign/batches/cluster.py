@@ -19,7 +19,7 @@ from obsdesign.batches.find import Task
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import ENDINGS, RECORD, Entry, Options, Result, differing, entry_of, kept, sha256, tool
 from obsdesign.errors import Problem, UsageError
-from obsdesign.sections.document import read
+from obsdesign.sections.source import text_of
 
 ADDRESS = re.compile(r"(tcp|tls|wss?)://[^\s/]+:\d{1,5}", re.ASCII)
 PATIENCE = 5  # s until a scheduler has answered
@@ -51,7 +51,7 @@ def run(
                 task = waiting.popleft()
                 begun(task)
                 try:
-                    carried = replace(task, text=read(task.path))
+                    carried = replace(task, text=text_of(task.path))
                 except UsageError:
                     yield task, kept(perform(task, options), task, options, out)
                     continue
@@ -70,17 +70,18 @@ def run(
 def connected(address: str) -> Any:
     """Client of a scheduler. Raises `UsageError`: see `run`."""
     if not ADDRESS.fullmatch(address):
-        raise UsageError(Problem("expected tcp://HOST:8786, the address of a Dask scheduler", f"--scheduler {address}"))
+        said = "expected tcp://HOST:8786, the address of a Dask scheduler"
+        raise UsageError(Problem(said, f"--scheduler {address}", id="OBS901"))
     try:
         from distributed import Client
     except ImportError:
-        raise UsageError("--scheduler: Dask is not installed; pip install 'obsdesign[dask]'") from None
+        raise UsageError("--scheduler: Dask is not installed; pip install 'obsdesign[dask]'", id="OBS910") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told by its entry
     try:
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except OSError:
         said = f"no Dask scheduler answers there within {PATIENCE} s"
-        raise UsageError(Problem(said, f"--scheduler {address}")) from None
+        raise UsageError(Problem(said, f"--scheduler {address}", id="OBS910")) from None
 
 
 def performed(task: dict[str, Any], options: dict[str, Any]) -> dict[str, bytes]:
@@ -97,10 +98,10 @@ def result_of(future: Any, task: Task, address: str) -> Result:
     """What came of a task. Raises `UsageError`: another version of the tool made it."""
     if future.status != "finished":
         said = f"the cluster did not do it: {future.exception()!r}"
-        return Result(entry_of(task, "crashed", 1, Problem(said, task.path), sha256=sha256(task)))
+        return Result(entry_of(task, "crashed", 1, Problem(said, task.path, id="OBS909"), sha256=sha256(task)))
     files = future.result()
     record = json.loads(files.pop("record"))
     if changed := differing(record["tool"], tool()):
         said = f"{changed} of the tool differs there; the workers need what is installed here"
-        raise UsageError(Problem(said, f"--scheduler {address}"))
+        raise UsageError(Problem(said, f"--scheduler {address}", id="OBS910"))
     return Result({**record["entry"], "sha256": sha256(task)}, files)

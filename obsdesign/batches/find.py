@@ -76,7 +76,7 @@ def find(
         other = places.setdefault(task.place, task)
         if other is not task:
             said = f"its results would stand in {task.place}, as those of {other.path}; rename one of them"
-            raise UsageError(Problem(said, task.path))
+            raise UsageError(Problem(said, task.path, id="OBS912"))
     return found
 
 
@@ -84,12 +84,14 @@ def below(path: str) -> Iterator[str]:
     """Paths of the specs at one path, as a task has them."""
     matches = [path] if os.path.lexists(path) else sorted(glob.glob(path, recursive=True))
     if not matches:
-        raise UsageError(Problem("there is no such file or folder; give spec files, folders of them, or globs", path))
+        said = "there is no such file or folder; give spec files, folders of them, or globs"
+        raise UsageError(Problem(said, path, id="OBS101"))
     for match in matches:
         if Path(match).is_file():
             yield shortened(match)
         elif not Path(match).is_dir():
-            raise UsageError(Problem("is no file and no folder; a batch takes spec files and folders of them", match))
+            said = "is no file and no folder; a batch takes spec files and folders of them"
+            raise UsageError(Problem(said, match, id="OBS101"))
         for folder, folders, files in os.walk(match):
             folders[:] = [name for name in folders if not name.startswith(".")]
             inside = (Path(folder, name) for name in files if name.endswith(ENDINGS))
@@ -132,5 +134,5 @@ def parted(shard: str) -> tuple[int, int]:
     """I and N of "I/N". Raises `UsageError`."""
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard, re.ASCII)
     if not found or not 1 <= int(found[1]) <= int(found[2]):
-        raise UsageError(f"--shard {shard}: expected I/N with 1 <= I <= N, such as 3/40")
+        raise UsageError(f"--shard {shard}: expected I/N with 1 <= I <= N, such as 3/40", id="OBS901")
     return int(found[1]), int(found[2])

@@ -62,16 +62,16 @@ def in_xml(text: str) -> str:
 
 def github(summary: Summary) -> Iterator[str]:
     """Workflow commands that GitHub shows at the file, line and column of each problem."""
-    for entry, problem in wrong(summary):
+    for entry, problem in unexpected(summary):
         place = {"file": problem.get("file", entry["path"]), "line": problem.get("line"), "col": problem.get("column")}
-        title = f"obsdesign {problem.get('id', entry['status'])}"
+        title = f"obsdesign {entry['status']} {problem['id']}"
         properties = {**place, "title": title}
         told = ",".join(f"{key}={in_property(str(value))}" for key, value in properties.items() if value)
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)
         yield f"::error {told}::{in_message(said + changed(entry))}\n"
 
 
-def wrong(summary: Summary) -> Iterator[tuple[Entry, dict[str, Any]]]:
+def unexpected(summary: Summary) -> Iterator[tuple[Entry, dict[str, Any]]]:
     """Every problem of every spec that is not as expected."""
     for entry in summary.specs:
         if entry["as_expected"] is False:
@@ -91,12 +91,12 @@ def in_property(text: str) -> str:
 def sarif(summary: Summary) -> Iterator[str]:
     """SARIF 2.1.0: a result for each problem of a spec that is not as expected, at its place."""
     results: list[dict[str, Any]] = []
-    for entry, problem in wrong(summary):
+    for entry, problem in unexpected(summary):
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)
         where: dict[str, Any] = {"artifactLocation": {"uri": uri(str(problem.get("file", entry["path"])))}}
         if "line" in problem:
             where["region"] = {"startLine": problem["line"], "startColumn": problem["column"]}
-        rule, place = str(problem.get("id", entry["status"])), {"physicalLocation": where}
+        rule, place = problem["id"], {"physicalLocation": where}
         results.append(
             {"ruleId": rule, "level": "error", "message": {"text": shown(said + changed(entry))}, "locations": [place]}
         )

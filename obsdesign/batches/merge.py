@@ -8,8 +8,8 @@ from typing import Any
 from obsdesign.batches.find import Task, parted
 from obsdesign.batches.record import ENDINGS, RECORD, Entry, differing, folder_of
 from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.disk import write_all
 from obsdesign.errors import Problem, UsageError
-from obsdesign.files import write_all
 
 
 def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
@@ -47,23 +47,26 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
     for other, content in others:
         before, now = ({**one["options"], **one["tool"], "shard": None} for one in (first, content))
         if changed := differing(before, now):
-            raise UsageError(Problem(f"differs from {path} in {changed}; shards are of one batch", other))
+            said = f"differs from {path} in {changed}; shards are of one batch"
+            raise UsageError(Problem(said, other, id="OBS911"))
     shards = [parted(content["options"]["shard"]) for content in contents.values() if content["options"].get("shard")]
     for count in {count for _, count in shards}:
         missing = sorted(set(range(1, count + 1)) - {index for index, of in shards if of == count})
         if missing:
-            raise UsageError(f"--merge: of the shards, {', '.join(f'{index}/{count}' for index in missing)} missing")
+            shown = ", ".join(f"{index}/{count}" for index in missing)
+            raise UsageError(f"--merge: of the shards, {shown} missing", id="OBS911")
 
 
 def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:
     """Refuse an entry whose path would leave the folder of results, or of which another says something else."""
     task = task_of(entry)
     if ".." in PurePath(task.path).parts or not PurePath(task.path).name or not all("=" in one for one in task.changes):
-        raise UsageError(Problem(f"{task.title} is no path of a spec: it has no name, or leaves its folder", source))
+        said = f"{task.title} is no path of a spec: it has no name, or leaves its folder"
+        raise UsageError(Problem(said, source, id="OBS912"))
     other, known = found.get(task, ("", entry))
     volatile = {"time_s": 0.0, "up_to_date": False, "why": None}
     if changed := differing({**known, **volatile}, {**entry, **volatile}):
-        raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source))
+        raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source, id="OBS911"))
 
 
 def copied(source: str, entry: Entry, out: Path) -> Entry:

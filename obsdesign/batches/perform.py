@@ -14,7 +14,7 @@ from obsdesign.families.outcome import Verdict
 from obsdesign.files import csv
 from obsdesign.reading import loads
 from obsdesign.sections.changes import OPTION, opened
-from obsdesign.sections.document import read
+from obsdesign.sections.source import text_of
 from obsdesign.simulate.validity import require_kept
 from obsdesign.spec import Spec
 from obsdesign.work import solve, trial
@@ -55,8 +55,8 @@ def spec_of(task: Task) -> Spec:
     """Spec of a task, changed as it says. Raises `UsageError`: it is not valid, or its path would forge lines."""
     if found := NOT_ONE_LINE.search(task.path):
         said = f"the name of the file holds the character U+{ord(found[0]):04X}; rename it"
-        raise UsageError(Problem(said, printable(task.path)))
-    return loads(read(task.path) if task.text is None else task.text, task.path, task.changes)
+        raise UsageError(Problem(said, printable(task.path), id="OBS102"))
+    return loads(text_of(task.path) if task.text is None else task.text, task.path, task.changes)
 
 
 def told(design: Design) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def told(design: Design) -> dict[str, Any]:
     proof = design.verify() if claims else None
     if proof and not proof.holds:
         failed = ", ".join(repr(check.name) for check in proof.checks if not check.holds)
-        problems.append(Problem(f"the claim is not proved: {failed}", design.spec.path))
+        problems.append(Problem(f"the claim is not proved: {failed}", design.spec.path, id="OBS708"))
     return {
         "status": status,
         "exit_code": EXIT[status] if proof is None or proof.holds else NOT_PROVED,
@@ -80,13 +80,12 @@ def told(design: Design) -> dict[str, Any]:
 
 def reasons(design: Design) -> Iterator[Problem]:
     """Why there are no gains, or none that are certified."""
-    said = {
-        Verdict.UNCERTIFIED: "these gains are not certified: no proof of them was found",
-        Verdict.INFEASIBLE: design.diagnosis.get("reason", "no gain has what is asked"),
-        Verdict.REFUTED: design.diagnosis.get("reason", "what is claimed is false"),
-    }
-    if design.status in said:
-        yield design.spec.located(Problem(str(said[design.status]), key="observer.type"))
+    if design.status is Verdict.UNCERTIFIED:
+        said = "these gains are not certified: no proof of them was found"
+        yield design.spec.located(Problem(said, key="observer.type", id="OBS616"))
+    elif design.diagnosis:
+        found = design.diagnosis
+        yield design.spec.located(Problem(str(found["reason"]), key="observer.type", id=found["id"]))
 
 
 def tried(design: Design, options: Options, result: Result) -> None:
@@ -121,4 +120,4 @@ def unmet(spec: Spec, expected: list[dict[str, Any]]) -> Iterator[Problem]:
     for one in failed:
         assert document
         found = "nothing" if one["found"] is None else one["found"]
-        yield document.problem(("expect", one["key"]), f"expected {one['expected']}, found {found}")
+        yield document.problem(("expect", one["key"]), f"expected {one['expected']}, found {found}", id="OBS617")

@@ -14,8 +14,8 @@ from typing import Any
 
 from obsdesign import __version__
 from obsdesign.batches.find import MOST, Task, titled
+from obsdesign.disk import STAGED, content_of, write_all
 from obsdesign.errors import ObsdesignError, Problem, UsageError
-from obsdesign.files import STAGED, content_of, write_all
 
 FORMAT = 1
 ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of the files of a spec
@@ -86,9 +86,8 @@ def entry_of(task: Task, status: str, exit_code: int | None, *problems: Problem,
 
 def written(problem: Problem) -> dict[str, Any]:
     """Problem as JSON has it: what is known of it."""
-    return {
-        key: printable(value) if isinstance(value, str) else value for key, value in asdict(problem).items() if value
-    }
+    known = {key: value for key, value in problem.written().items() if value}
+    return {key: printable(value) if isinstance(value, str) else value for key, value in known.items()}
 
 
 def tool() -> dict[str, str]:
@@ -110,12 +109,13 @@ def folder_of(out: Path, task: Task) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not folder.resolve().is_relative_to(out.resolve()):
-            raise UsageError(Problem(f"its results would leave {out}: a link leads to {folder.resolve()}", task.path))
+            said = f"its results would leave {out}: a link leads to {folder.resolve()}"
+            raise UsageError(Problem(said, task.path, id="OBS912"))
         for stray in folder.glob(f"{STAGED}*"):
             stray.unlink()
     except OSError as error:
         said = f"{folder}: cannot be made or written: {error.strerror}"
-        raise UsageError(Problem(said, task.path)) from None
+        raise UsageError(Problem(said, task.path, id="OBS902")) from None
     return folder
 
 

@@ -11,8 +11,8 @@ from tempfile import NamedTemporaryFile
 from typing import IO, Any
 
 from obsdesign.batches.record import FORMAT, STATUSES, Entry
+from obsdesign.disk import STAGED, content_of, umask
 from obsdesign.errors import EXIT, Problem, UsageError
-from obsdesign.files import STAGED, content_of, umask
 
 NAME = "summary.json"
 WORST = (1, 2, 4, 3)  # exit codes, the worst first
@@ -107,7 +107,7 @@ def whole_or_not(path: Path) -> Iterator[IO[str]]:
             finally:
                 temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", str(path), id="OBS902")) from None
 
 
 def text(value: Any) -> str:
@@ -124,9 +124,10 @@ def opened(source: str) -> dict[str, Any]:
     try:
         content: dict[str, Any] = json.loads(content_of(path, LARGEST))
     except (ValueError, RecursionError) as error:
-        raise UsageError(Problem(f"not JSON: {error}", path)) from None
+        raise UsageError(Problem(f"not JSON: {error}", path, id="OBS911")) from None
     entries = content.get("specs") if isinstance(content, dict) else None
     whole = isinstance(entries, list) and all(isinstance(entry, dict) and "path" in entry for entry in entries)
     if not whole or content.get("obsdesign") != FORMAT or not content.keys() >= {"tool", "options"}:
-        raise UsageError(Problem("is no summary of a batch; `obsdesign batch` writes one, summary.json", path))
+        said = "is no summary of a batch; `obsdesign batch` writes one, summary.json"
+        raise UsageError(Problem(said, path, id="OBS911"))
     return content

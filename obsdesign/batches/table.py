@@ -52,7 +52,7 @@ def sentence(problem: Mapping[str, Any]) -> str:
     """Problem as any command prints it."""
     place = ":".join(str(problem[key]) for key in ("file", "line", "column") if key in problem)
     said = ": ".join(part for part in (place, problem.get("key"), problem["message"]) if part)
-    return f"{said} [{problem['id']}]" if "id" in problem else said
+    return f"{said} [{problem['id']}]"
 
 
 def rows(summary: "Summary") -> Iterator[str]:

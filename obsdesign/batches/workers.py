@@ -27,6 +27,7 @@ START = (
     "from obsdesign.batches.worker import main; main(int(sys.argv[2]), int(sys.argv[3]))"
 )
 OUT_OF_MEMORY = re.compile(r"MemoryError|memory allocation|allocate memory|bad_alloc|out of memory", re.IGNORECASE)
+IDS = {"timeout": "OBS905", "memory": "OBS908", "crashed": "OBS909"}
 TAIL = 4000  # characters of what a process said last
 
 
@@ -88,7 +89,9 @@ class Worker:
             status, said = self.why()
         taken = round(time.monotonic() - self.begun, 4)
         code = 1 if status == "crashed" else 4
-        made = entry_of(task, status, code, Problem(said, task.path), sha256=sha256(task), time_s=taken)
+        id = IDS[status]
+        problem = Problem(said, task.path, id=id)
+        made = entry_of(task, status, code, problem, sha256=sha256(task), time_s=taken)
         try:
             return keep(Result(made), task, self.options, self.out)
         except UsageError as error:

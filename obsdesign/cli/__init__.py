@@ -4,8 +4,10 @@ from obsdesign.cli.batch import batch
 from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
 from obsdesign.cli.diff import diff
+from obsdesign.cli.explain import explain
 from obsdesign.cli.lipschitz import lipschitz
 from obsdesign.cli.program import app, main
+from obsdesign.cli.report import report
 from obsdesign.cli.schema import schema
 from obsdesign.cli.simulate import simulate
 from obsdesign.cli.solve import solve
@@ -13,5 +15,5 @@ from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (solve, simulate, batch, compare, check, lipschitz, verify, diff, schema):  # as the help lists them
+for command in (solve, simulate, batch, compare, check, lipschitz, verify, diff, report, schema, explain):
     app.command()(command)

@@ -50,10 +50,10 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
-    from obsdesign.files import require_writable
+    from obsdesign.disk import require_writable
 
     if output_file and not form:
-        raise UsageError("--output-file: nothing to write; --format says what")
+        raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
     if output_file:
         require_writable(output_file)
     if merge:
@@ -85,7 +85,7 @@ def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) ->
     """Print a summary, or write it, in the form that is asked for; where GitHub runs this, also as its annotations."""
     from obsdesign.batches.formats import FORMATS, github
     from obsdesign.batches.table import rows
-    from obsdesign.files import write_whole
+    from obsdesign.disk import write_whole
 
     if os.environ.get("GITHUB_ACTIONS") == "true" and form != "github":
         for line in github(summary):

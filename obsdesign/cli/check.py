@@ -3,15 +3,19 @@
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout, show
+from obsdesign.cli.problems import show
+from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found
-from obsdesign.cli.steps import as_text
+from obsdesign.cli.steps import as_text, loaded
 from obsdesign.errors import ObsdesignError, UsageError
 from obsdesign.watch import limited
+
+if TYPE_CHECKING:
+    from obsdesign.families.finding import Finding
 
 PAUSE = 0.2  # s between two looks at the files
 
@@ -26,7 +30,7 @@ def check(
 ) -> None:
     """Say what the structure of a spec allows, before any design."""
     if watch and "-" in specs:
-        raise UsageError("--watch looks at files; standard input is read once")
+        raise UsageError("--watch looks at files; standard input is read once", id="OBS904")
     for _ in saves(specs) if watch else [()]:
         try:
             with limited(timeout):
@@ -35,25 +39,30 @@ def check(
             if not watch:
                 raise
             if isinstance(ended, ObsdesignError):
-                show(ended)
+                show(ended, as_json=as_json)
 
 
 def checked(spec: str, changes: Sequence[str], as_json: bool, quiet: bool) -> Answer:
     """What is said of one spec."""
+    problem = loaded(spec, changes)
     from obsdesign import work
     from obsdesign.tables.split import entry, printed
 
-    problem = work.load(spec, changes)
     findings = work.check(problem)
     possible = all(finding.stands for finding in findings)
     if as_json:
         report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
         text = as_text(report | entry(problem) | {"notes": list(problem.notes)})
     else:
-        marks = ("ok  " if f.holds else "FAIL" if f.decides else "note" for f in findings)
-        rows = (f"{mark}  {f.sentence}\n" for mark, f in zip(marks, findings, strict=True))
-        text = "" if quiet else printed(problem) + "".join(rows)
+        text = "" if quiet else printed(problem) + "".join(map(line, findings))
     return Answer(text, 0 if possible else 3)
+
+
+def line(finding: "Finding") -> str:
+    """Line of a finding; what does not hold with the id that explains it."""
+    if finding.holds:
+        return f"ok    {finding.sentence}\n"
+    return f"{'FAIL' if finding.decides else 'note'}  {finding.sentence} [{finding.id}]\n"
 
 
 def saves(sources: Sequence[str]) -> Iterator[None]:

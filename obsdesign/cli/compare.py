@@ -5,27 +5,29 @@ from typing import Annotated
 import typer
 
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
-from obsdesign.cli.steps import as_text, progress
+from obsdesign.cli.steps import as_text, progress, taken
 from obsdesign.watch import limited
 
 
 def compare(
     sources: Annotated[list[str], typer.Argument(metavar="SPEC|GAINS.json..", help="Specs and gains files.")],
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with noise of each observer.")] = 10,
-    output: Annotated[str, typer.Option("-o", "--output", help="Figure (PNG).")] = "compare.png",
+    output: Annotated[str, typer.Option("-o", "--output", help="Figure (PNG, or SVG by its ending).")] = "compare.png",
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
-    from obsdesign import work
-    from obsdesign.files import require_writable
+    from obsdesign.disk import require_writable
 
     with limited(timeout):
         require_writable(output)
+        problems = [taken(source) for source in sources]
+        from obsdesign import work
+
         with progress(quiet) as report:
-            found = work.compare(sources, seeds, solver, report)
+            found = work.compare(problems, seeds, solver, report)
         found.plot(output)
     if as_json:
         typer.echo(as_text(found.report))

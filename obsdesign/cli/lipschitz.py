@@ -6,8 +6,7 @@ import typer
 
 from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found
-from obsdesign.cli.steps import as_text
-from obsdesign.errors import InfeasibleError, UndecidedError
+from obsdesign.cli.steps import as_text, failing, loaded
 from obsdesign.watch import limited
 
 
@@ -23,18 +22,16 @@ def lipschitz(
     quiet: Quiet = False,
 ) -> None:
     """Prove bounds of the Lipschitz constant of every f of a spec on its region."""
-    from obsdesign import work
-    from obsdesign.constants import require_finite
-    from obsdesign.tables.constants import constants_table
 
     def answer(spec: str) -> Answer:
-        report = work.lipschitz(work.load(spec, changes), scaling=scaling, T=T.split(",") if T else None)
+        problem = loaded(spec, changes)
+        from obsdesign import work
+        from obsdesign.constants import require_finite
+        from obsdesign.tables.constants import constants_table
+
+        report = work.lipschitz(problem, scaling=scaling, T=T.split(",") if T else None)
         text = as_text(report) if as_json else "" if quiet else constants_table(report)
-        try:
-            require_finite(report)
-        except (InfeasibleError, UndecidedError) as error:
-            return Answer(text, failure=error)
-        return Answer(text)
+        return Answer(text, failure=failing(lambda: require_finite(report)))
 
     with limited(timeout):
         each(found(specs), answer, as_json=as_json)

@@ -9,20 +9,36 @@ import typer
 from typer.core import TyperGroup
 
 from obsdesign import __version__
-from obsdesign.errors import ObsdesignError
+from obsdesign.cli.problems import answer
+from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
+
+MISTAKE: Any = typer.BadParameter.__mro__[1]  # what typer raises of a command line
 
 
 class Commands(TyperGroup):
     """Group whose commands answer a user's mistake in lines on standard error and with the exit code of the error."""
 
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **options: Any) -> Any:
+        """Read the command line as far as the name of a command; without one typer prints the help."""
+        as_json, bare = "--json" in args, not args
+        try:
+            ctx = super().make_context(info_name, args, *rest, **options)
+        except MISTAKE as error:
+            if bare:
+                raise
+            answer(misused(error), as_json=as_json)
+        ctx.obj = as_json
+        return ctx
+
     def invoke(self, ctx: Any) -> Any:
         """Run a command."""
         try:
             return super().invoke(ctx)
+        except MISTAKE as error:
+            answer(misused(error), as_json=ctx.obj)
         except ObsdesignError as error:
-            show(error)
-            raise typer.Exit(error.exit_code) from None
+            answer(error, as_json=ctx.obj)
         except KeyboardInterrupt:
             typer.echo("interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
@@ -30,10 +46,10 @@ class Commands(TyperGroup):
             raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
 
 
-def show(error: ObsdesignError) -> None:
-    """Say what is wrong, a line each."""
-    for problem in error.problems:
-        typer.echo(str(problem), err=True)
+def misused(error: Any) -> UsageError:
+    """What typer says of a command line, in one line."""
+    path, said = error.ctx.command_path, error.format_message().rstrip(".")
+    return UsageError(f"{path}: {said[:1].lower()}{said[1:]}; see {path} --help", id="OBS901")
 
 
 app = typer.Typer(
@@ -69,6 +85,7 @@ Changes = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only, and with --json the result.")]
+PlotAll = Annotated[bool, typer.Option("--plot-all", help="Figure with every panel: all states, inputs, V, ..")]
 Solver = Annotated[str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.")]
 Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
 
@@ -88,7 +105,8 @@ def main() -> None:
         if error.filename is not None:  # not of a stream
             raise
         silence()
-        typer.echo(f"standard output or standard error cannot be written: {error.strerror or error}", err=True)
+        said = f"standard output or standard error cannot be written: {error.strerror or error}"
+        typer.echo(str(Problem(said, id="OBS906")), err=True)
         sys.exit(1)
 
 

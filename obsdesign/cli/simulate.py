@@ -1,13 +1,12 @@
 """`obsdesign simulate`: plant and observer run together."""
 
-import json
 from typing import Annotated
 
 import typer
 
-from obsdesign.cli.program import AsJson, Changes, Quiet, Solver, Timeout
+from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import broken, drawn, progress, ran, run_text, stem
+from obsdesign.cli.steps import as_text, drawn, failing, progress, ran, run_text, stem, taken
 from obsdesign.watch import limited
 
 
@@ -18,15 +17,15 @@ def simulate(
     changes: Changes = [],  # noqa: B006
     gains: Annotated[str, typer.Option(help="Gains file to use with a spec.")] = "",
     output: Annotated[str, typer.Option("-o", "--output", help="Samples (CSV); - is standard output.")] = "",
-    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG).")] = "",
+    plot: Annotated[str, typer.Option("--plot", help="Figure (PNG, or SVG by its ending).")] = "",
+    plot_all: PlotAll = False,
     solver: Solver = "clarabel",
     timeout: Timeout = 600,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.files import newest, require_writable, write_all
-    from obsdesign.work import trial
+    from obsdesign.disk import newest, require_writable, write_all
 
     with limited(timeout):
         if not sources:
@@ -41,15 +40,18 @@ def simulate(
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
             require_writable(*(path for path in paths if path != "-"))
+            problem = taken(source, () if gains else changes)
+            from obsdesign.simulate.validity import require_kept
+            from obsdesign.work import trial
+
             with progress(quiet) as report:
-                design = trial(source, gains, solver, report, changes)
+                design = trial(problem, gains, solver, report, changes)
             run = ran(design, quiet)
-            samples, figure = drawn(run)
+            samples, figure = drawn(run, paths[1], plot_all)
             write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
             if paths[0] == "-":
                 return Answer(samples.decode())
-            summary = json.dumps(run.summary, indent=2, allow_nan=False)
-            text = summary if as_json else "" if quiet else run_text(design, run.summary, paths)
-            return Answer(text, failure=broken(run, paths[0]))
+            text = as_text(run.summary) if as_json else "" if quiet else run_text(design, run.summary, paths)
+            return Answer(text, failure=failing(lambda: require_kept(run.summary, paths[0])))
 
         each(files, answer, as_json=as_json)

@@ -1,14 +1,15 @@
 """Commands on one source or on several: files, folders with all below them, and - for standard input."""
 
+import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import typer
 
-from obsdesign.cli.program import show
-from obsdesign.errors import ObsdesignError, TimeLimitError, UsageError
+from obsdesign.cli.problems import tell
+from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 
 SPECS, RESULTS = (".yaml", ".yml"), (".gains.json",)  # endings of files
 WORST = (1, 2, 4, 3, 0)  # exit codes, the worst first
@@ -23,30 +24,40 @@ class Answer(NamedTuple):
 
 
 def each(sources: Sequence[str], answer: Callable[[str], Answer], *, as_json: bool) -> None:
-    """Answer for every source, and exit with the worst of the codes; the JSON of several is a list.
+    """Answer for every source, and exit with the worst of the codes.
 
-    Raises what is raised of a source that is the only one; of several, each is told, and the others go on.
+    The JSON of several is a list with a report of each, which names its `source`; what failed is told in its report, as
+    `problems`. Raises what is raised of a source that is the only one; of several, the others go on, but none after the
+    limit of time.
     """
-    codes, texts = [], []
+    several, codes, reports = len(sources) > 1, [], []
     for source in sources:
         try:
             found = answer(source)
         except ObsdesignError as error:
-            if len(sources) == 1 or isinstance(error, TimeLimitError):
+            if not several:
                 raise
             found = Answer(failure=error)
-        if as_json and len(sources) > 1:
-            texts.append(found.text.strip())
+        if as_json and several:
+            reports.append({"source": source, **report_of(found)})
+        elif as_json and found.failure:
+            typer.echo(json.dumps(report_of(found), indent=2))
         elif found.text:
-            typer.echo(
-                f"== {source}\n{found.text}\n" if len(sources) > 1 else found.text, nl=not found.text.endswith("\n")
-            )
+            typer.echo(f"== {source}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
         if found.failure:
-            show(found.failure)
+            tell(found.failure.problems)
         codes.append(found.failure.exit_code if found.failure else found.code)
-    if as_json and len(sources) > 1:
-        typer.echo("[" + ",\n".join(filter(None, texts)) + "]")
+        if isinstance(found.failure, TimeLimitError):
+            break
+    if reports:
+        typer.echo(json.dumps(reports, indent=2))  # a path may hold what is no text: ASCII
     raise typer.Exit(min(codes, key=WORST.index))
+
+
+def report_of(answer: Answer) -> dict[str, Any]:
+    """Report of a source, with the problems of what failed."""
+    report: dict[str, Any] = json.loads(answer.text or "{}")
+    return report | ({"problems": [one.written() for one in answer.failure.problems]} if answer.failure else {})
 
 
 def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]:
@@ -66,7 +77,9 @@ def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]
             if name.endswith(endings) and not name.startswith(".")
         ]
         if not below:
-            raise UsageError(f"{source}: no file below this folder ends with {' or '.join(endings)}")
+            raise UsageError(
+                Problem(f"no file below this folder ends with {' or '.join(endings)}", source, id="OBS903")
+            )
         made += sorted(below)
     return list(dict.fromkeys(made))
 
@@ -74,7 +87,9 @@ def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]
 def require_one(sources: Sequence[str], *options: str) -> None:
     """Refuse options that name one file, where there are several sources; raises `UsageError`."""
     if len(sources) > 1 and any(options):
-        raise UsageError(f"-o, --plot and --gains go with one source, not with {len(sources)}: leave them out")
+        raise UsageError(
+            f"-o, --plot and --gains go with one source, not with {len(sources)}: leave them out", id="OBS904"
+        )
 
 
 def require_apart(sources: Sequence[str], names: Sequence[str]) -> None:
@@ -82,4 +97,5 @@ def require_apart(sources: Sequence[str], names: Sequence[str]) -> None:
     for i, name in enumerate(names):
         if name in names[:i]:
             pair = f"{sources[names.index(name)]} and {sources[i]}"
-            raise UsageError(f"{pair} would both write {name}.*; `obsdesign batch` keeps a folder for each")
+            said = f"{pair} would both write {name}.*; `obsdesign batch` keeps a folder for each"
+            raise UsageError(said, id="OBS904")

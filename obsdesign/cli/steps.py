@@ -2,14 +2,15 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from obsdesign.errors import ObsdesignError, ViolatedError
+from obsdesign.cli.problems import tell
+from obsdesign.errors import ObsdesignError, TimeLimitError
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
@@ -44,6 +45,21 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
         yield report
 
 
+def loaded(path: str, changes: Sequence[str] = ()) -> "Spec":
+    """Spec of a file. Its text is parsed before heavy modules are imported, so that a typing error is told at once."""
+    from obsdesign.sections.source import read
+
+    document = read(path, changes)
+    from obsdesign.reading.resolve import resolve
+
+    return resolve(document)
+
+
+def taken(path: str, changes: Sequence[str] = ()) -> "Spec | str":
+    """Spec of a file, or the path of a result file."""
+    return path if path.endswith(".json") else loaded(path, changes)
+
+
 def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
     """Design of a spec."""
     from obsdesign.work import solve
@@ -54,30 +70,30 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
 
 def ran(design: "Design", quiet: bool) -> "Run":
     """Run of a design, with what is to be known of it before and after."""
-    for warning in () if quiet else design.spec.starts_outside():
-        typer.echo(str(warning), err=True)
+    tell(() if quiet else [*design.spec.starts_outside()])
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
-    early = [] if run.status == "done" else [f"the run ended early: {run.status} at t = {run.time:.6g} s"]
-    for said in () if quiet else (*early, *(f"{design.spec.path}: {each}" for each in design.unmet(run.summary))):
-        typer.echo(said, err=True)
+    if run.status != "done" and not quiet:
+        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+    tell(() if quiet else design.unmet(run.summary))
     return run
 
 
-def drawn(run: "Run") -> tuple[bytes, bytes]:
-    """Samples and figure of a run."""
+def drawn(run: "Run", figure: str, every: bool) -> tuple[bytes, bytes]:
+    """Samples of a run, and its figure in the form that its path asks for; with every panel, or those that answer."""
     from obsdesign.files import csv
+    from obsdesign.plot import form_of, run_figure
 
-    return csv(*run.table()), run.plot()
+    return csv(*run.table()), run_figure(run, every=every, form=form_of(figure))
 
 
-def broken(run: "Run", samples: str) -> ObsdesignError | None:
-    """That a run breaks a bound that is proved, if it does."""
-    from obsdesign.simulate.validity import require_kept
-
+def failing(step: Callable[[], None]) -> ObsdesignError | None:
+    """Error of a step that follows a result, which is told all the same."""
     try:
-        require_kept(run.summary, samples)
-    except ViolatedError as error:
+        step()
+    except TimeLimitError:
+        raise
+    except ObsdesignError as error:
         return error
     return None
 

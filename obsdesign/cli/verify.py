@@ -7,8 +7,8 @@ import typer
 
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.sources import RESULTS, Answer, each, found
-from obsdesign.cli.steps import as_text
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.cli.steps import as_text, loaded
+from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.sections.scalars import described
 from obsdesign.watch import limited
 
@@ -46,16 +46,17 @@ def named(gains: str) -> str:
     path = ResultFile.open(gains).at("spec", "path")
     if not isinstance(path, str) or not Path(path).resolve().is_relative_to(Path.cwd()) or not Path(path).is_file():
         said = "is no spec below the current folder; solve it from here, or leave --specs out"
-        raise UsageError(f"{gains}: spec.path: {described(path)} {said}")
+        raise UsageError(Problem(f"{described(path)} {said}", gains, key="spec.path", id="OBS710"))
     return path
 
 
 def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:
     """What is proved of one file."""
+    problem = loaded(spec) if spec else None
     from obsdesign import work
     from obsdesign.files import checks
 
-    proof = work.verify(gains, work.load(spec) if spec else None)
+    proof = work.verify(gains, problem)
     rows = checks(proof.checks)
     lines = [f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}" for row in rows]
     if proof.numerical:
@@ -66,4 +67,4 @@ def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:
     if proof.holds:
         return Answer(text)
     failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
-    return Answer(text, failure=UndecidedError(f"{gains}: the claim is not proved: {failed}"))
+    return Answer(text, failure=UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708")))

@@ -71,6 +71,6 @@ def require_agreement(request: Conflicting) -> None:
 
     Raises `UsageError`: one problem for each key, as the reader of a spec reports them with their places.
     """
-    problems = [Problem(why, key=".".join(("observer", *keys))) for keys, why in request.conflicts()]
+    problems = [Problem(why, key=".".join(("observer", *keys)), id="OBS206") for keys, why in request.conflicts()]
     if problems:
         raise UsageError(*problems)

@@ -7,7 +7,17 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from obsdesign.families.guarantee import Bound, Course, InputBound, Rates, bound, envelope, largest_output, tightest
+from obsdesign.families.guarantee import (
+    Bound,
+    Course,
+    InputBound,
+    Rates,
+    bound,
+    envelope,
+    largest_output,
+    largest_outputs,
+    tightest,
+)
 from obsdesign.lmi.formula import Array, Float, approximate, rational
 from obsdesign.lmi.spectrum import extremes, lower, upper
 
@@ -18,7 +28,7 @@ class Quadratic(ABC):
 
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
     signals: ClassVar[str] = "square integrable"
-    symbol: ClassVar[str] = r"$\alpha$"
+    symbol: ClassVar[str] = "α"
 
     gamma: float
     alpha: float  # 1/s
@@ -38,6 +48,10 @@ class Quadratic(ABC):
     def peak(self, H: Array) -> float | None:
         """Bound on sup|H e|, H in rationals, for sup|v| = 1 from zero error; None where V need not decay."""
         return largest_output(self.rates(), rational(self.P), H)
+
+    def reach(self, H: Array) -> Array:
+        """Bounds on |h e| / sqrt(V) for the rows h of H, in rationals, (m,)."""
+        return largest_outputs(rational(self.P), H)
 
     @cached_property
     def spectrum(self) -> tuple[float, float]:

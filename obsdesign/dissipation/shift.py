@@ -29,7 +29,9 @@ def square_root(M: Array) -> Array:
     values, vectors = np.linalg.eigh(M)
     scale = np.abs(values).max(initial=0)
     if (values < -1e-12 * scale).any():
-        raise UsageError(Problem("a free L2 needs a multiplier with M11 >= 0; give L2 as a matrix", key="observer.L2"))
+        raise UsageError(
+            Problem("a free L2 needs a multiplier with M11 >= 0; give L2 as a matrix", key="observer.L2", id="OBS501")
+        )
     keep = values > 1e-12 * scale
     return np.asarray(vectors[:, keep] * np.sqrt(values[keep]))
 

@@ -214,7 +214,5 @@ def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
 
 def tabulated(first: str, gain: str, quantity: str, rows: Sequence[tuple[float, float]]) -> UsageError:
     """Refusal with a table of a quantity against the norm of a gain."""
-    return UsageError(
-        Problem(first, key="observer.objective"),
-        *(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows),
-    )
+    table = tuple(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows)
+    return UsageError(Problem(first, key="observer.objective", id="OBS502", rows=table))

@@ -44,12 +44,12 @@ class Fraction:
 
     def __truediv__(self, other: "Fraction") -> "Fraction":
         if other.above == 0:
-            raise ExpressionError("divides by zero")
+            raise ExpressionError("divides by zero", id="OBS304")
         return Fraction(times(self.above, other.below), times(self.below, other.above))
 
     def __pow__(self, n: int) -> "Fraction":
         if n < 0:
-            return Fraction(self.below, self.above) ** -n
+            return (Fraction(self.below, self.below) / self) ** -n
         for side in (self.above, self.below):
             require_room(comb(max(len(side), 1) + n - 1, n), side)
         return Fraction(self.above**n, self.below**n)
@@ -64,7 +64,7 @@ def times(a: fmpq_mpoly, b: fmpq_mpoly) -> fmpq_mpoly:
 def require_room(terms: int, p: fmpq_mpoly) -> None:
     """Refuse what may have so many terms, before there are any."""
     if terms * p.context().nvars() > MAX_SIZE:
-        raise ExpressionError("is too large to be multiplied out")
+        raise ExpressionError("is too large to be multiplied out", id="OBS303")
 
 
 @cache
@@ -100,7 +100,7 @@ class Symbols:
             if symbols.parts == found:
                 return cls(size, parts=found)
             found = symbols.parts
-        raise ExpressionError("has exponents or angles without a common part")
+        raise ExpressionError("has exponents or angles without a common part", id="OBS303")
 
     def constant(self, value: fmpq | int) -> Fraction:
         """A number."""
@@ -110,7 +110,7 @@ class Symbols:
         """The symbol of a key, which stands for an expression."""
         index = self.numbers.setdefault(key, len(self.numbers))
         if index >= self.size:
-            raise ExpressionError("has more functions than can be told apart")
+            raise ExpressionError("has more functions than can be told apart", id="OBS303")
         if index not in self.terms:
             self.terms[index] = meaning()
         return Fraction(ring(self.size).gen(index), ring(self.size).constant(1))

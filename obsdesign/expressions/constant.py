@@ -34,7 +34,7 @@ def rounded(order: Sequence[Node]) -> float:
                 low, high = nearest(value.lower()), nearest(value.upper())
             if low == high:
                 return low
-    raise ExpressionError("the value is undefined, infinite, or cannot be decided")
+    raise ExpressionError("the value is undefined, infinite, or cannot be decided", id="OBS304")
 
 
 def nearest(end: arb) -> float:
@@ -42,6 +42,6 @@ def nearest(end: arb) -> float:
     if abs(end) < arb(2) ** -1080:
         return 0.0
     if not abs(end) < arb(2) ** 1030:
-        raise ExpressionError("the value is not finite as a double")
+        raise ExpressionError("the value is not finite as a double", id="OBS304")
     mantissa, exponent = end.man_exp()
     return double(fmpq(mantissa) * fmpq(2) ** exponent)

@@ -18,16 +18,20 @@ class ExpressionError(UsageError):
     `message`: what is wrong, and what is allowed instead; `column`: offset in the text of the expression, from 0.
     """
 
-    def __init__(self, message: str, column: int = 0) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, column: int = 0, *, id: str) -> None:
+        super().__init__(message, id=id)
         self.message = message
         self.column = column
+        self.id = id
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return UsageError, self.problems  # in another process
 
 
 def bounded(value: fmpq) -> fmpq:
     """Return the value, or raise `ExpressionError` if writing it takes too many digits."""
     if value.height_bits() > MAX_BITS:
-        raise ExpressionError(f"a number grows beyond {MAX_BITS} bits")
+        raise ExpressionError(f"a number grows beyond {MAX_BITS} bits", id="OBS303")
     return value
 
 
@@ -49,7 +53,7 @@ def rational_power(base: fmpq, exponent: fmpq) -> fmpq | None:
         if base is None:
             return None
     if base.height_bits() * abs(n) > 2 * MAX_BITS:
-        raise ExpressionError(f"a number grows beyond {MAX_BITS} bits")
+        raise ExpressionError(f"a number grows beyond {MAX_BITS} bits", id="OBS303")
     return bounded(base**n)
 
 

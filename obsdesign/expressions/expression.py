@@ -11,7 +11,7 @@ from flint import fmpq
 
 from obsdesign.expressions.constant import rounded
 from obsdesign.expressions.exact import double
-from obsdesign.expressions.functions import OPERATIONS, apply, operation
+from obsdesign.expressions.functions import OPERATIONS, operation
 from obsdesign.expressions.interval import Interval, point
 from obsdesign.expressions.numeric import Closure, compiled
 from obsdesign.expressions.parse import tree
@@ -113,27 +113,6 @@ class Expression:
         """Whether it has neither kinks nor jumps, so that its derivatives say how it moves."""
         calls = (node for node in self.order if isinstance(node, Call))
         return not any(OPERATIONS[node.operation].switches(*node.arguments) for node in calls)
-
-    def divisors(self) -> list["Expression"]:
-        """What it divides by, numbers left out; the tangent divides by a cosine."""
-        calls = [node for node in self.order if isinstance(node, Call)]
-        found = [node.arguments[1] for node in calls if node.operation == "/"]
-        found += [apply("cos", node.arguments[0]) for node in calls if node.operation == "tan"]
-        return [Expression(node) for node in found if not isinstance(node, Number)]
-
-    def requirements(self) -> list[tuple["Expression", bool]]:
-        """What must not be negative for it to have a value, beside its divisors, and whether it must be positive."""
-        found = []
-        for node in self.order:
-            if isinstance(node, Call) and node.operation in {"sqrt", "log"}:
-                found.append((Expression(node.arguments[0]), node.operation == "log"))
-            elif isinstance(node, Call) and node.operation in {"asin", "acos"}:
-                found.append((Expression(number(1) - node.arguments[0] ** number(2)), False))
-            elif isinstance(node, Call) and node.operation == "**":
-                base, exponent = node.arguments
-                if not (isinstance(exponent, Number) and exponent.value.q == 1 and exponent.value > 0):
-                    found.append((Expression(base), not (isinstance(exponent, Number) and exponent.value > 0)))
-        return found
 
     def summands(self) -> list[tuple[fmpq, "Expression"]]:
         """Terms c e of a sum, with c a number and e no sum; the e of a number is 1."""

@@ -81,13 +81,15 @@ def tokens(text: str) -> list[Token]:
     """Words of a text; raises `ExpressionError` at the first character that has no place in one."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(
-            f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed", MAX_LENGTH
+            f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed",
+            MAX_LENGTH,
+            id="OBS303",
         )
     words, column = [], 0
     while column < len(text):
         match = TOKEN.match(text, column)
         if match is None:
-            raise ExpressionError(stray(text[column]), column)
+            raise ExpressionError(stray(text[column]), column, id="OBS301")
         if match.lastgroup != "space":
             words.append(Token(str(match.lastgroup), match.group(), column))
         column = match.end()
@@ -112,7 +114,9 @@ def tree(text: str, names: Collection[str], parameters: Mapping[str, fmpq]) -> N
         raise parser.unexpected("an operator")
     for node in postorder(root):
         if isinstance(node, Number) and not representable(node.value):
-            raise ExpressionError("a number is out of the range of a double", parser.columns.get(id(node), 0))
+            raise ExpressionError(
+                "a number is out of the range of a double", parser.columns.get(id(node), 0), id="OBS304"
+            )
     return root
 
 
@@ -159,16 +163,16 @@ class Parser:
         token = self.next
         found = token.text if token.kind == "end" else repr(token.text)
         hint = f"; {WORDS[token.text]}" if token.text in WORDS else ""
-        return ExpressionError(f"expected {wanted} but found {found}{hint}", token.column)
+        return ExpressionError(f"expected {wanted} but found {found}{hint}", token.column, id="OBS301")
 
     def build(self, token: Token, make: Callable[[], Node]) -> Node:
         """Node that a word makes; what is wrong with it is wrong at that word."""
         try:
             node = make()
         except ExpressionError as error:
-            raise ExpressionError(error.message, token.column) from None
+            raise ExpressionError(error.message, token.column, id=error.id) from None
         if depth_of(node) > MAX_NESTING:
-            raise ExpressionError(f"nested deeper than {MAX_NESTING} levels", token.column)
+            raise ExpressionError(f"nested deeper than {MAX_NESTING} levels", token.column, id="OBS303")
         self.columns[id(node)] = token.column
         return node
 
@@ -176,7 +180,7 @@ class Parser:
         """Expression one level further in."""
         self.nesting += 1
         if self.nesting > MAX_NESTING:
-            raise ExpressionError(f"nested deeper than {MAX_NESTING} levels", token.column)
+            raise ExpressionError(f"nested deeper than {MAX_NESTING} levels", token.column, id="OBS303")
         node = self.expression(level)
         self.nesting -= 1
         return node
@@ -215,16 +219,16 @@ class Parser:
         if name == "pi":
             return Call("pi", ())
         if name in FUNCTIONS:
-            raise ExpressionError(f"{name} is a function: write {name}(..)", token.column)
-        raise ExpressionError(unknown("name", name, {*self.names, *self.parameters, "pi"}), token.column)
+            raise ExpressionError(f"{name} is a function: write {name}(..)", token.column, id="OBS301")
+        raise ExpressionError(unknown("name", name, {*self.names, *self.parameters, "pi"}), token.column, id="OBS302")
 
     def call(self, token: Token) -> Node:
         """Read the arguments of a function."""
         name = token.text
         if name in self.names or name in self.parameters or name == "pi":
-            raise ExpressionError(f"'{name}' is no function; a product is written *", token.column)
+            raise ExpressionError(f"'{name}' is no function; a product is written *", token.column, id="OBS301")
         if name not in FUNCTIONS:
-            raise ExpressionError(unknown("function", name, FUNCTIONS), token.column)
+            raise ExpressionError(unknown("function", name, FUNCTIONS), token.column, id="OBS302")
         arguments = []
         separator = self.take()
         while separator.text != ")":
@@ -235,7 +239,7 @@ class Parser:
         least, most = FUNCTIONS[name].arity
         if not least <= len(arguments) <= most:
             count = str(least) if least == most else f"{least} to {most}"
-            raise ExpressionError(f"{name} takes {count} argument(s), not {len(arguments)}", token.column)
+            raise ExpressionError(f"{name} takes {count} argument(s), not {len(arguments)}", token.column, id="OBS301")
         return self.build(token, lambda: apply(name, *arguments))
 
     def sum(self, first: Node) -> Node:
@@ -259,7 +263,7 @@ class Parser:
                 factors.append(factor)
                 continue
             if isinstance(factor, Number) and factor.value == 0:
-                raise ExpressionError("division by zero", sign.column)
+                raise ExpressionError("division by zero", sign.column, id="OBS304")
             numerator = product(factors)
             factors = [self.build(sign, partial(quotient, numerator, factor))]
         return self.build(start, lambda: product(factors))
@@ -276,7 +280,7 @@ class Parser:
         token = self.take()
         right = self.expression(SUM)
         if LEVELS.get(self.next.text) == COMPARE:
-            raise ExpressionError("comparisons do not chain: write (a < b)*(b < c)", self.next.column)
+            raise ExpressionError("comparisons do not chain: write (a < b)*(b < c)", self.next.column, id="OBS301")
         return self.build(token, lambda: apply(token.text, left, right))
 
     infix: ClassVar = {COMPARE: comparison, SUM: sum, PRODUCT: product, POWER: power}
@@ -288,10 +292,10 @@ def literal(text: str) -> Number:
     whole, _, decimals = mantissa.partition(".")
     shift = int(exponent or 0) if len(exponent) < 8 else MAX_LENGTH + 1
     if abs(shift) > MAX_LENGTH:
-        raise ExpressionError("a number is out of the range of a double")
+        raise ExpressionError("a number is out of the range of a double", id="OBS304")
     value = number(fmpq(fmpz(whole + decimals)) * fmpq(10) ** (shift - len(decimals)))
     if exponent and not representable(value.value):
-        raise ExpressionError("a number is out of the range of a double")
+        raise ExpressionError("a number is out of the range of a double", id="OBS304")
     return value
 
 
@@ -301,7 +305,7 @@ def limit_exponent(exponent: Node, token: Token) -> None:
     if any(isinstance(node, Variable) for node in order):
         return
     if not abs(ball(order, {}, 64)) <= MAX_EXPONENT:
-        raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT} in magnitude", token.column)
+        raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT} in magnitude", token.column, id="OBS303")
 
 
 def unknown(kind: str, name: str, allowed: Collection[str]) -> str:

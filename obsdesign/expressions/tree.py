@@ -65,7 +65,7 @@ class Call(Node):
     def __post_init__(self) -> None:
         depth = 1 + max((depth_of(a) for a in self.arguments), default=0)
         if depth > MAX_DEPTH:
-            raise ExpressionError(f"an expression is nested deeper than {MAX_DEPTH} levels")
+            raise ExpressionError(f"an expression is nested deeper than {MAX_DEPTH} levels", id="OBS303")
         object.__setattr__(self, "depth", depth)
 
 
@@ -137,7 +137,7 @@ def power(a: Node, b: Node) -> Node:
     """Power; raises `ExpressionError` if the exponent is a large number."""
     if isinstance(b, Number):
         if abs(b.value) > MAX_EXPONENT:
-            raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT} in magnitude")
+            raise ExpressionError(f"an exponent may be at most {MAX_EXPONENT} in magnitude", id="OBS303")
         if b.value in (0, 1):
             return a if b.value == 1 else number(1)
         if isinstance(a, Number) and (value := rational_power(a.value, b.value)) is not None:

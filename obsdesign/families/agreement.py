@@ -57,12 +57,12 @@ def require_types(file: ResultFile, spec: Spec) -> None:
     """Refuse a file that says that a type is proved from f, or leaves out what is assumed, where it is not so anew."""
     notes = file.content.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
-        raise file.wrong("notes", "expected a list of sentences")
+        raise file.wrong("notes", "expected a list of sentences", id="OBS702")
     for i, note in enumerate(notes):
         if PROVED in note and note not in spec.notes:
-            raise file.wrong(f"notes[{i}]", "says that a type is proved from f, which is not proved anew")
+            raise file.wrong(f"notes[{i}]", "says that a type is proved from f, which is not proved anew", id="OBS705")
     if file.content.get("assumed", []) != spec.assumed:
-        raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec")
+        raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec", id="OBS705")
 
 
 def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> None:
@@ -81,19 +81,21 @@ def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> 
     listed = file.content.get("numerical", [])
     for path in numerical(file.content, spec):
         if not isinstance(listed, list) or path not in listed:
-            raise file.wrong("numerical", f"does not name {path}, which is not proved")
+            raise file.wrong("numerical", f"does not name {path}, which is not proved", id="OBS705")
 
 
 def require_entry(file: ResultFile, anew: Mapping[str, Any], part: str, key: str, found: Any) -> None:
     """Refuse an entry of a part that is not what is written of the claim."""
     if key not in anew or key in LIMITS:
         if key not in NUMERICAL.get(part, ()) and (part, anew) != ("observer", {}):
-            raise file.wrong(f"{part}.{key}", "is nothing that is proved anew; a result holds nothing else there")
+            raise file.wrong(
+                f"{part}.{key}", "is nothing that is proved anew; a result holds nothing else there", id="OBS705"
+            )
         return
     close = part == "observer" and key in NUMERICAL[part]
     same = decimal if part == "guarantee" else double
     if not (meets(file, found, anew[key]) if close else agree(file, found, anew[key], same)):
-        raise file.wrong(f"{part}.{key}", f"is not what is {'computed' if close else 'proved'} anew")
+        raise file.wrong(f"{part}.{key}", f"is not what is {'computed' if close else 'proved'} anew", id="OBS705")
 
 
 def meets(file: ResultFile, found: Any, anew: Any) -> bool:
@@ -153,7 +155,7 @@ def require_limit(file: ResultFile, name: str) -> None:
         best, reached = (approximate(file.number(*path, key)) for path in (("guarantee", name), ("guarantee",)))
         beyond = best - reached if key == "gamma" else reached - best
         if beyond > BETTER * abs(best):
-            raise file.wrong(f"guarantee.{name}.{key}", f"{best:g} is no limit: {reached:g} is proved")
+            raise file.wrong(f"guarantee.{name}.{key}", f"{best:g} is no limit: {reached:g} is proved", id="OBS705")
 
 
 def require_dual(file: ResultFile, proof: Proof) -> None:
@@ -162,6 +164,6 @@ def require_dual(file: ResultFile, proof: Proof) -> None:
     checks = [{"name": check.name, "holds": check.holds} for check in proof.checks]
     for key, value in file.table(*root).items():
         if key not in proof.used if key != "checks" else not agree(file, value, checks, double):
-            raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew")
+            raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew", id="OBS705")
     if file.at("diagnosis", "proof") != EXACT:
-        raise file.wrong("diagnosis.proof", f"is not what is proved anew; expected {EXACT}")
+        raise file.wrong("diagnosis.proof", f"is not what is proved anew; expected {EXACT}", id="OBS705")

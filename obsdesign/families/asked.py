@@ -136,7 +136,7 @@ def refuse_conflicts(reader: Reader, request: Conflicting) -> None:
     """Refuse keys that do not go with others."""
     for keys, why in request.conflicts():
         if reader.clean(("observer", *keys)):
-            reader.wrong(("observer", *keys), why, at_key=True)
+            reader.wrong(("observer", *keys), why, at_key=True, id="OBS206")
 
 
 def read_searched(reader: Reader, written: str | Interval, loc: Loc, sign: Sign, first: Sign = "> 0") -> fmpq | Range:
@@ -157,7 +157,9 @@ def read_range(reader: Reader, section: Interval, loc: Loc, sign: Sign = "> 0") 
     points = reader.integer(section.points, (*loc, "points"), 25, 2, MAX_POINTS)
     if len(reader.problems) == before and low >= high:
         reader.wrong(
-            loc, f"min {described(section.min)} is not below max {described(section.max)}; a range needs min < max"
+            loc,
+            f"min {described(section.min)} is not below max {described(section.max)}; a range needs min < max",
+            id="OBS208",
         )
     return Range(low, high, points, section.log)
 

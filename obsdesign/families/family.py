@@ -96,7 +96,7 @@ class Family:
             from obsdesign.errors import Problem, UsageError
 
             said = f"{spec.observer.type} has no guarantee: nothing is solved or proved; simulate and compare take it"
-            raise UsageError(spec.located(Problem(said, key="observer.type")))
+            raise UsageError(spec.located(Problem(said, key="observer.type", id="OBS505")))
 
     def design(self, spec: "Spec", engine: "Engine") -> "Outcome":
         """Gains and what is proved of them, or why there are none; status and claim of the very decimals of a file."""
@@ -141,12 +141,14 @@ class Family:
             refuted: Proof = self.part("absence").read(spec, file)
             return refuted
         if "certificate" not in file.table("diagnosis"):
-            raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified")
+            raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified", id="OBS706")
         kinds = {frozen.KIND: frozen.read, reach.KIND: reach.read}
         if (kind := str(file.table("diagnosis", "certificate").get("kind"))) in kinds:
             return kinds[kind](spec, self.demand(spec), file)
         if not self.refutes or kind != farkas.KIND:
-            raise file.wrong("diagnosis.certificate", f"there is none of this kind for type {spec.observer.type}")
+            raise file.wrong(
+                "diagnosis.certificate", f"there is none of this kind for type {spec.observer.type}", id="OBS706"
+            )
         proof: Proof = self.part("absence").read(spec, file)
         return proof
 

@@ -18,6 +18,7 @@ UNDISTURBED = "no disturbance acts on this plant, so that gamma bounds nothing: 
 class Finding:
     """One finding, with the numbers that belong to it."""
 
+    id: str
     name: str
     holds: bool
     decides: bool  # whether a failure rules every gain out
@@ -32,12 +33,12 @@ class Finding:
     def written(self) -> dict[str, Any]:
         """Entry of a report."""
         said = {"name": self.name, "holds": self.holds, "decides": self.decides, "sentence": self.sentence}
-        return {**said, **self.numbers}
+        return {"id": self.id, **said, **self.numbers}
 
 
-def finding(name: str, holds: bool, sentence: str, *, decides: bool = False, **numbers: Any) -> Finding:
+def finding(name: str, holds: bool, sentence: str, *, id: str, decides: bool = False, **numbers: Any) -> Finding:
     """One finding."""
-    return Finding(name, bool(holds), bool(decides), sentence, numbers)
+    return Finding(id, name, bool(holds), bool(decides), sentence, numbers)
 
 
 def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list[Finding]:
@@ -45,15 +46,26 @@ def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list
     limit = decay_limit(plant, K)
     found = [
         finding(
-            "detectability", False, mode.sentence + frozen_at(K), decides=True, eigenvalue=complex_pair(mode.eigenvalue)
+            "detectability",
+            False,
+            mode.sentence + frozen_at(K),
+            decides=True,
+            eigenvalue=complex_pair(mode.eigenvalue),
+            id="OBS601",
         )
         for mode in undetectable(plant, K, rate)
     ] or [
-        finding("detectability", True, f"no hidden mode is slower than {name} = {rate:g}{frozen_at(K)}", decides=True)
+        finding(
+            "detectability",
+            True,
+            f"no hidden mode is slower than {name} = {rate:g}{frozen_at(K)}",
+            decides=True,
+            id="OBS601",
+        )
     ]
     if isfinite(limit):
         said = f"detectability limits {name} to {limit + 0.0:g}{frozen_at(K)}"
-        found.append(finding("decay", limit > rate, said, decides=True, limit=limit))
+        found.append(finding("decay", limit > rate, said, decides=True, limit=limit, id="OBS602"))
     return found
 
 
@@ -107,6 +119,7 @@ def hidden_mode(
         return {}
     limit = decay_limit(plant, K)
     return {
+        "id": "OBS601",
         "condition": "detectability",
         "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {symbol}{rate:g}",
         "mode": described(modes[0]),

@@ -1,8 +1,9 @@
 """Answers that a frozen member of the class, f = K q, hides a mode: a reason, a finding and a proof, in any family."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, product
+from itertools import combinations, islice, product
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,10 @@ from obsdesign.lmi.proof import Check
 from obsdesign.model.frozen import MOST, Hidden, blind, hidden, proved
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
-from obsdesign.spec import Spec, numbered
+from obsdesign.spec import Spec, arguments, numbered
 
 KIND = "member"
+NAME = re.compile(r"[^\W\d]\w*")  # of a signal
 FREE = "free"  # a K that is whatever keeps y = 0
 
 
@@ -63,18 +65,24 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
 
 def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     """Answer that no observer makes the error decay as it must, with what proves it."""
+    named = members(found.member, terms(spec))
     must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
     chosen = [FREE if K is None else rows(K) for K in found.slopes]
     if found.decay > 0:
         instead = f"{demand.key} below {found.decay:g} is necessary"
     else:
-        instead = "a measurement that shows it is needed" + (
-            ", or a tighter type of the nonlinearity" if helps(spec, demand) else ""
-        )
+        declared = any(not block.type.endswith("(auto)") for block in spec.nonlinearities)
+        tighter = ", or a tighter type of the nonlinearity" if declared and helps(spec, demand) else ""
+        instead = f"a measurement that shows it is needed{tighter}"
+    if named and not blind(spec.augmented, demand.rate) and (independent := together(spec)):
+        must = f"{must} for every f of the class; the class takes {independent}, so that this member may not occur"
+        instead += "; an observer.type that takes the equations as they are has no such class"
     return {
+        "id": "OBS601",
         "condition": "detectability",
         "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}",
         "mode": described(found.mode),
+        **({"member": named} if named else {}),
         "slopes": slopes(found),
         "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
         "suggestion": instead,
@@ -92,6 +100,19 @@ def sentence(spec: Spec, found: Hidden, demand: Demand) -> str:
         return f"whatever f is, {always.sentence}"
     more = "" if helps(spec, demand) else ", and at every other member that was tried there is such a mode"
     return f"at {named}, which the types allow, {found.mode.sentence}{more}"
+
+
+def together(spec: Spec) -> str:
+    """Terms with a signal in common, which their types do not know of; nothing where there are none."""
+    blocks = [block for block in spec.nonlinearities if block.term]
+    used = {
+        block.term: {name for text in block.arguments for name in NAME.findall(text)}
+        | {name for f in block.f or () for name in f.names.difference(arguments(block.nq))}
+        for block in blocks
+    }
+    shared = {name for one, other in combinations(used.values(), 2) for name in one & other} - {"t"}
+    alike = [term for term, names in used.items() if names & shared]
+    return f"{' and '.join(alike)} as independent, though they share {', '.join(sorted(shared))}" if alike else ""
 
 
 def helps(spec: Spec, demand: Demand) -> bool:
@@ -131,7 +152,7 @@ def findings(spec: Spec, demand: Demand) -> list[Finding]:
     if not found:
         return []
     numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
-    return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers)]
+    return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers, id="OBS601")]
 
 
 def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
@@ -142,7 +163,9 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     root, shapes = ("diagnosis", "certificate", "members"), [b.member.shape for b in demand.multiplier.blocks]
     names, table = numbered("f", len(shapes)), file.table(*root)
     if set(table) != set(names):
-        raise file.wrong(".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities")
+        raise file.wrong(
+            ".".join(root), f"expected one for each of {', '.join(names) or 'no'} nonlinearities", id="OBS702"
+        )
     chosen = tuple(
         None if table[name] == FREE else file.matrix(shape, *root, name)
         for name, shape in zip(names, shapes, strict=True)

@@ -94,7 +94,7 @@ class Guarantee(Protocol):
 
     norm: ClassVar[Literal["norm2", "sup"]]  # of z and v, which gamma relates
     signals: ClassVar[str]  # v that it covers
-    symbol: ClassVar[str]  # of alpha, in mathematics of TeX
+    symbol: ClassVar[str]  # of alpha
 
     @property
     def gamma(self) -> float:
@@ -109,6 +109,9 @@ class Guarantee(Protocol):
 
     def peak(self, H: Array) -> float | None:
         """Bound on sup|H e| for sup|v| = 1 from zero error; None where V need not decay."""
+
+    def reach(self, H: Array) -> Array:
+        """Bounds on |h e| / sqrt(V) for the rows h of H, (m, n) in rationals: h e is within them for all times."""
 
     def storage(self, course: Course) -> Array:
         """V along a run, (M,)."""
@@ -142,10 +145,19 @@ def largest_output(rates: Rates, P: Array, H: Array) -> float | None:
     """Bound on |H e| that follows from e' P e <= V <= c / (2 alpha), P and H in rationals; None where there is none."""
     if not rates.alpha or not np.isfinite(rates.c):
         return None
-    HT = fmpq_mat(H.mT.tolist())
-    reach = np.array((HT.transpose() * fmpq_mat(P.tolist()).solve(HT)).tolist(), dtype=object)
     c, alpha = printed(rates.c), printed(rates.alpha)
-    return upper((arb(c / (2 * alpha)) * extremes(reach)[1]).sqrt())
+    return upper((arb(c / (2 * alpha)) * extremes(outputs(P, H))[1]).sqrt())
+
+
+def outputs(P: Array, H: Array) -> Array:
+    """H P^-1 H', in rationals: |H e|^2 is at most its largest eigenvalue times e' P e."""
+    HT = fmpq_mat(H.mT.tolist())
+    return np.array((HT.transpose() * fmpq_mat(P.tolist()).solve(HT)).tolist(), dtype=object)
+
+
+def largest_outputs(P: Array, H: Array) -> Array:
+    """Bounds on |h e| for e' P e = 1, for each row h of H, (m,); P and H in rationals."""
+    return np.array([upper(arb(size).sqrt()) for size in outputs(P, H).diagonal()])
 
 
 def envelope(guarantee: Guarantee, course: Course, V: Array) -> Array:

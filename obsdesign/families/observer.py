@@ -50,9 +50,9 @@ class Observer:
         for side in part.values():
             if measured := sorted(side.names.difference(names).intersection(self.outputs)):
                 text = f"{side} needs {measured[0]}, which the observer does not know between two measurements"
-                raise UsageError(text)
+                raise UsageError(text, id="OBS308")
             if stray := sorted(side.names.difference(names)):
-                raise UsageError(f"{stray[0]} in {side} is no signal of the observer")
+                raise UsageError(f"{stray[0]} in {side} is no signal of the observer", id="OBS203")
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -29,13 +29,15 @@ def too_tight(
 
     `asked`: the bounds in words; `where`: for what; `enough`: by its key in `feasible`, the value of a bound or of a
     rate with which a solution was found, the others as they are, and how to ask for it; `hints`: what else may help.
+    Larger bounds and slower decays were tried; where none is given, none was found.
     """
     said = [f"{words} {value:g}, with which there is one" for value, words in enough.values()]
     return {
+        "id": "OBS611",
         "condition": "bounds",
         "reason": f"no gain with {' and '.join(asked)} was found {where}",
         "feasible": {key: value for key, (value, _) in enough.items()},
-        "suggestion": ", or ".join([*said, *hints]) or "look at larger bounds",
+        "suggestion": ", or ".join([*said, *hints]) or "neither larger bounds nor a slower decay was found to do",
     }
 
 
@@ -59,7 +61,9 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
             proof = diagnosis(spec, found, demand)
             return replace(outcome, status=Verdict.INFEASIBLE, diagnosis={**outcome.diagnosis, **proof})
     if outcome.status is Verdict.UNDECIDED:
-        raise UndecidedError(f"{outcome.diagnosis['reason']}; {outcome.diagnosis['suggestion']}")
+        raise UndecidedError(
+            f"{outcome.diagnosis['reason']}; {outcome.diagnosis['suggestion']}", id=outcome.diagnosis["id"]
+        )
     return outcome
 
 
@@ -93,11 +97,15 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
     root, blocks = ("diagnosis", "certificate"), demand.multiplier.blocks
     names = numbered("f", len(blocks))
     if set(file.table(*root, "members")) != set(names):
-        raise file.wrong("diagnosis.certificate.members", f"expected one for each of {len(blocks)} nonlinearities")
+        raise file.wrong(
+            "diagnosis.certificate.members", f"expected one for each of {len(blocks)} nonlinearities", id="OBS702"
+        )
     slopes = (file.matrix(b.member.shape, *root, "members", name) for name, b in zip(names, blocks, strict=True))
     found = Needed(tuple(slopes), file.number(*root, "at"), file.number(*root, "size"))
     if demand.largest is None or found.size <= demand.largest:
-        raise file.wrong("diagnosis.certificate.size", "not above the bound of the spec, or the spec has none")
+        raise file.wrong(
+            "diagnosis.certificate.size", "not above the bound of the spec, or the spec has none", id="OBS707"
+        )
     holds = proved(spec.augmented, demand.multiplier, demand.rate, demand.L2, found)
     name = "a member of the class needs a larger gain"
     if demand.theorem:

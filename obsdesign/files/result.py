@@ -1,4 +1,4 @@
-"""Result files: written whole or not at all, and read back exactly.
+"""Result files: what stands in them, and how it is read back exactly.
 
 A number in a result file is a decimal that is read as written, or a text "p/q" of any length.
 """
@@ -14,8 +14,8 @@ from typing import Any, Self
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.errors import NOT_ONE_LINE, UsageError
-from obsdesign.files.disk import content_of
+from obsdesign.disk import content_of
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
@@ -35,7 +35,7 @@ class ResultFile:
         self.path, self.raw = path, raw
         self.content = self.parsed(raw)
         if self.content.get("obsdesign") != "1":
-            raise self.wrong("obsdesign", "not a result of format 1")
+            raise self.wrong("obsdesign", "not a result of format 1", id="OBS701")
 
     @classmethod
     def open(cls, path: str) -> Self:
@@ -45,7 +45,7 @@ class ResultFile:
     def parsed(self, raw: bytes) -> dict[str, Any]:
         """JSON with every number kept as the text that was written."""
         if len(raw) > LARGEST:
-            raise UsageError(f"{self.path}: larger than {LARGEST} bytes")
+            raise self.wrong("", f"larger than {LARGEST} bytes", id="OBS701")
         try:
             content = json.loads(
                 raw, parse_float=str, parse_int=str, parse_constant=self.no_number, object_pairs_hook=self.unique
@@ -53,10 +53,10 @@ class ResultFile:
         except (ValueError, RecursionError) as error:
             if re.search(rb"^obsdesign\s*:", raw, re.MULTILINE):
                 said = "is a spec; `obsdesign solve` makes of it the result file that is expected here"
-                raise UsageError(f"{self.path}: {said}") from None
-            raise UsageError(f"{self.path}: not JSON: {error}") from None
+                raise self.wrong("", said, id="OBS701") from None
+            raise self.wrong("", f"not JSON: {error}", id="OBS701") from None
         if not isinstance(content, dict):
-            raise UsageError(f"{self.path}: not a result file: an object is expected")
+            raise self.wrong("", "not a result file: an object is expected", id="OBS701")
         self.require_lines(content)
         return content
 
@@ -66,10 +66,14 @@ class ResultFile:
         while parts:
             path, value = parts.pop()
             if isinstance(value, str) and path != "spec.text" and (found := NOT_ONE_LINE.search(value)):
-                raise self.wrong(path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line")
+                raise self.wrong(
+                    path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line", id="OBS702"
+                )
             keys = value if isinstance(value, dict) else ()
             if found := next(filter(None, map(NOT_ONE_LINE.search, keys)), None):
-                raise self.wrong(path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line")
+                raise self.wrong(
+                    path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line", id="OBS702"
+                )
             parts += [(f"{path}.{key}".removeprefix("."), value[key]) for key in keys]
             parts += [(path, part) for part in value] if isinstance(value, list) else []
 
@@ -78,7 +82,7 @@ class ResultFile:
         try:
             content: dict[str, Any] = json.loads(self.raw)
         except ValueError as error:  # an integer of more digits than are converted
-            raise UsageError(f"{self.path}: {error}") from None
+            raise self.wrong("", str(error), id="OBS702") from None
         return content
 
     def unique(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -86,23 +90,25 @@ class ResultFile:
         made = dict(pairs)
         if len(made) < len(pairs):
             twice = next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))
-            raise self.wrong(twice[:40], "is given twice in the same object; a result holds every key once")
+            raise self.wrong(
+                twice[:40], "is given twice in the same object; a result holds every key once", id="OBS702"
+            )
         return made
 
     def no_number(self, text: str) -> None:
         """Refuse NaN and infinities."""
-        raise UsageError(f"{self.path}: {text} is no number; a result holds finite numbers only")
+        raise self.wrong("", f"{text} is no number; a result holds finite numbers only", id="OBS702")
 
-    def wrong(self, key: str, message: str) -> UsageError:
-        """Error about one key."""
-        return UsageError(f"{self.path}: {key}: {message}")
+    def wrong(self, key: str, message: str, *, id: str) -> UsageError:
+        """Error about one key, or about the whole file without one."""
+        return UsageError(Problem(message, self.path, key=key, id=id))
 
     def at(self, *keys: str) -> Any:
         """Entry at a path of keys, which must exist."""
         value: Any = self.content
         for i, key in enumerate(keys):
             if not isinstance(value, dict) or key not in value:
-                raise self.wrong(".".join(keys[: i + 1]), "missing")
+                raise self.wrong(".".join(keys[: i + 1]), "missing", id="OBS702")
             value = value[key]
         return value
 
@@ -112,18 +118,20 @@ class ResultFile:
         try:
             right = isinstance(text, str) and digest(text) == found
         except UnicodeEncodeError:
-            raise self.wrong("spec.sha256", "not the hash of spec.text, which is not valid Unicode") from None
+            raise self.wrong(
+                "spec.sha256", "not the hash of spec.text, which is not valid Unicode", id="OBS703"
+            ) from None
         if not right:
-            raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered")
+            raise self.wrong("spec.sha256", "not the hash of spec.text: the spec in the file was altered", id="OBS703")
         if further := self.table("spec").keys() - {"path", "sha256", "text", "set"}:
-            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256, text and set")
+            raise self.wrong(f"spec.{min(further)}", "is not known; expected path, sha256, text and set", id="OBS703")
         return str(text)
 
     def changes(self) -> tuple[str, ...]:
         """Changes of single keys of the spec that travels in the file."""
         found = self.table("spec").get("set", [])
         if not isinstance(found, list) or not all(isinstance(change, str) for change in found):
-            raise self.wrong("spec.set", "expected a list of texts such as observer.alpha=0.5")
+            raise self.wrong("spec.set", "expected a list of texts such as observer.alpha=0.5", id="OBS703")
         return tuple(found)
 
     def number(self, *keys: str) -> fmpq:
@@ -140,7 +148,7 @@ class ResultFile:
         rows, name = self.at(*keys), ".".join(keys)
         regular = isinstance(rows, list) and all(isinstance(r, list) and len(r) == shape[1] for r in rows)
         if not regular or len(rows) != shape[0]:
-            raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix")
+            raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix", id="OBS702")
         entries = [[self.exact(x, name) for x in row] for row in rows]
         return rational(np.array(entries, dtype=object).reshape(shape))
 
@@ -154,7 +162,7 @@ class ResultFile:
                 continue
             values[unknown.name] = matrix = self.matrix(unknown.shape, *path)
             if unknown.symmetric and (matrix != matrix.T).any():
-                raise self.wrong(".".join(path), "not symmetric")
+                raise self.wrong(".".join(path), "not symmetric", id="OBS702")
         return values
 
     def matrices(self, *keys: str) -> dict[str, Array]:
@@ -169,13 +177,13 @@ class ResultFile:
         """Object at a path of keys."""
         found = self.at(*keys)
         if not isinstance(found, dict):
-            raise self.wrong(".".join(keys), "expected an object")
+            raise self.wrong(".".join(keys), "expected an object", id="OBS702")
         return found
 
     def exact(self, text: Any, name: str) -> fmpq:
         """Rational of a decimal or of "p/q"."""
         if isinstance(text, str) and len(text) > LONGEST:
-            raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read")
+            raise self.wrong(name, f"a number of {len(text):,} characters; at most {LONGEST:,} are read", id="OBS702")
         try:
             if not isinstance(text, str) or not NUMBER.fullmatch(text):
                 raise ValueError
@@ -186,7 +194,7 @@ class ResultFile:
                 raise ValueError
             return rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
-            raise self.wrong(name, f"{str(text)[:40]!r} is no finite number") from None
+            raise self.wrong(name, f"{str(text)[:40]!r} is no finite number", id="OBS702") from None
 
 
 def rows(matrix: Array) -> list[list[str]]:

@@ -81,7 +81,9 @@ def probe(problem: Problem) -> Program:
         inequalities = problem.inequalities(points)
     for inequality in inequalities:
         if not np.isfinite(inequality.matrix).all():
-            raise UndecidedError(f"the numbers in {inequality.name!r} are too large for doubles: choose other units")
+            raise UndecidedError(
+                f"the numbers in {inequality.name!r} are too large for doubles: choose other units", id="OBS508"
+            )
         value = np.broadcast_to(inequality.matrix, (size + 2, *inequality.matrix.shape[-2:]))
         terms = (value[:-1] - value[0]) / FAR
         terms[0] = value[0]

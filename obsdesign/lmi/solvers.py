@@ -129,7 +129,7 @@ def through_cvxpy(name: str) -> Solver:
     if name.upper() not in installed or not able(name.upper()):
         why = "knows no semidefinite matrices" if name.upper() in installed else "not installed"
         others = (known.lower() for known in installed if known != "CLARABEL" and able(known))
-        raise UsageError(f"--solver {name}: {why}; available: {', '.join(['clarabel', *others])}")
+        raise UsageError(f"--solver {name}: {why}; available: {', '.join(['clarabel', *others])}", id="OBS506")
 
     def solve(program: Program) -> tuple[Ending, Array]:
         z = cp.Variable(len(program.cost))

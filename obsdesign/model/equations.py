@@ -39,10 +39,10 @@ class Equations:
         names = self.signals
         if len(set(names)) < len(names):
             twice = next(name for i, name in enumerate(names) if name in names[:i])
-            raise UsageError(f"{twice}: two signals of the plant have this name")
+            raise UsageError(f"{twice}: two signals of the plant have this name", id="OBS211")
         for name, side in self.sides():
             if stray := sorted(side.names.difference(names)):
-                raise UsageError(f"{name}: {stray[0]} in {side} is no signal of the plant")
+                raise UsageError(f"{name}: {stray[0]} in {side} is no signal of the plant", id="OBS203")
 
     @property
     def states(self) -> tuple[str, ...]:

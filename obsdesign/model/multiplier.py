@@ -227,7 +227,7 @@ class Multiplier:
                 needed = "a free L2 needs one scale for each nonlinearity"
                 instead = "a ball around it, {ball: {K: .., W: ..}}, or a slope has one; or give L2 as a matrix"
                 said = f"{needed}, and the type of f{label} has {found}; {instead}"
-                raise UsageError(Problem(said, key="observer.L2"))
+                raise UsageError(Problem(said, key="observer.L2", id="OBS501"))
             scaled.append(ray)
         return tuple(scaled)
 

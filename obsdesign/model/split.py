@@ -130,7 +130,9 @@ class Splitter:
         waiting = [node]
         while waiting:
             if len(done) + len(waiting) > MAX_TERMS:
-                raise UsageError(Problem(f"has more than {MAX_TERMS} products when it is multiplied out", key=name))
+                raise UsageError(
+                    Problem(f"has more than {MAX_TERMS} products when it is multiplied out", key=name, id="OBS303")
+                )
             factor, parts = factors(waiting.pop())
             summands = next(filter(None, (self.distributed(parts, i) for i in range(len(parts)))), None)
             if summands:
@@ -232,7 +234,7 @@ class Splitter:
     def refuse(self, name: str, node: Node) -> None:
         """Refuse a term of disturbances alone, which no guarantee covers."""
         said = f"{Expression(node).text} is not linear in the disturbance; write it as a disturbance of its own"
-        raise UsageError(Problem(said, key=name))
+        raise UsageError(Problem(said, key=name, id="OBS306"))
 
 
 def names(node: Node) -> frozenset[str]:

@@ -105,7 +105,9 @@ def linear(plant: Plant[Float], K: Array) -> System:
     """
     loop = np.eye(len(K)) - K @ plant.Dqf
     if np.linalg.matrix_rank(loop) < len(loop):
-        raise UsageError("Dqf: q = Cq x + Dqf f has no unique solution for the linear f = K q that the types allow")
+        raise UsageError(
+            "Dqf: q = Cq x + Dqf f has no unique solution for the linear f = K q that the types allow", id="OBS305"
+        )
     F = np.linalg.solve(loop, K)
     return System(
         plant.A + plant.Bf @ F @ plant.Cq,

@@ -21,7 +21,7 @@ def cocoercive(k: fmpq, nq: int, nf: int) -> Multiplier:
     """
     require_as_many("cocoercive", nq, nf)
     if k <= 0:
-        raise UsageError(f"cocoercive: the constant is {k}; it must be positive")
+        raise UsageError(f"cocoercive: the constant is {k}; it must be positive", id="OBS404")
     M = np.array([[fmpq(0), fmpq(1)], [fmpq(1), -2 / k]], dtype=object)
     return Multiplier((Scaled.of(np.kron(M, rational(np.eye(nq))), nq),))
 

@@ -70,7 +70,7 @@ class Constants(Data):
         """Return the numbers, in the order of the keys."""
         for name in self.form.forms():
             if getattr(written, name) == "auto":
-                reader.wrong((*loc, name), f"{name} cannot be auto; give a number")
+                reader.wrong((*loc, name), f"{name} cannot be auto; give a number", id="OBS403")
                 return None
         return tuple(reader.number(getattr(written, name), (*loc, name)) for name in self.form.forms())
 

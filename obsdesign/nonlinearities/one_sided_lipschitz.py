@@ -39,7 +39,8 @@ def linear_member(rho: fmpq, beta: fmpq, phi: fmpq) -> fmpq:
             return k
     raise UsageError(
         f"one-sided-lipschitz: no f satisfies both inequalities: they need a number k <= {rho} "
-        f"with k^2 <= {beta} + {phi} k, and there is none"
+        f"with k^2 <= {beta} + {phi} k, and there is none",
+        id="OBS404",
     )
 
 

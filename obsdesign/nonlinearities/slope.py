@@ -32,10 +32,10 @@ def slope(bounds: Sequence[tuple[fmpq, fmpq | None]], nq: int, nf: int) -> Multi
     """
     if not nf == nq == len(bounds):
         sizes = f"{len(bounds)} bounds for {nq} components of q and {nf} of f"
-        raise UsageError(f"slope: {sizes}; it takes as many of each")
+        raise UsageError(f"slope: {sizes}; it takes as many of each", id="OBS209")
     for a, b in bounds:
         if b is not None and a > b:
-            raise UsageError(f"slope: the lower bound {a} is above the upper bound {b}")
+            raise UsageError(f"slope: the lower bound {a} is above the upper bound {b}", id="OBS404")
     return Multiplier(tuple(component(a, b) for a, b in bounds))
 
 
@@ -72,7 +72,9 @@ class Bounds(Data):
         """
         low, high = (bounds * nq if len(bounds) == 1 else bounds for bounds in data)
         if len(low) != len(high):
-            raise UsageError(f"slope: {len(low)} lower and {len(high)} upper bounds; it takes as many of each")
+            raise UsageError(
+                f"slope: {len(low)} lower and {len(high)} upper bounds; it takes as many of each", id="OBS209"
+            )
         return list(zip(low, high, strict=True))
 
     def entry(self, data: Any) -> Any:

@@ -66,13 +66,13 @@ def require_shape(what: str, matrix: Array, rows: int, columns: int) -> None:
     """Refuse, by a `UsageError`, a matrix of another shape than q and f make it."""
     if matrix.shape != (rows, columns):
         given = " x ".join(map(str, matrix.shape))
-        raise UsageError(f"{what} is {given}, and q and f make it {rows} x {columns}")
+        raise UsageError(f"{what} is {given}, and q and f make it {rows} x {columns}", id="OBS209")
 
 
 def require_matrices(what: str, missing: str, matrices: Sequence[Array], rows: int, columns: int) -> None:
     """Refuse, by a `UsageError`, an empty list of matrices, with what to list, and one of another shape."""
     if not matrices:
-        raise UsageError(f"{what}: there is no matrix; list {missing}")
+        raise UsageError(f"{what}: there is no matrix; list {missing}", id="OBS209")
     for i, matrix in enumerate(matrices, start=1):
         require_shape(f"{what}: matrix {i}", matrix, rows, columns)
 
@@ -80,4 +80,4 @@ def require_matrices(what: str, missing: str, matrices: Sequence[Array], rows: i
 def require_as_many(what: str, nq: int, nf: int) -> None:
     """Refuse, by a `UsageError`, an f of another size than q."""
     if nf != nq:
-        raise UsageError(f"{what}: f has {nf} components and q has {nq}; it takes as many of both")
+        raise UsageError(f"{what}: f has {nf} components and q has {nq}; it takes as many of both", id="OBS209")

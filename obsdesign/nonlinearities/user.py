@@ -23,7 +23,7 @@ def user(M: Array, nq: int, nf: int) -> Multiplier:
     size = nq + nf
     require_shape("multiplier: M", M, size, size)
     if np.any(M.mT != M):
-        raise UsageError("multiplier: M is not symmetric")
+        raise UsageError("multiplier: M is not symmetric", id="OBS404")
     return Multiplier((Scaled.of(M, nq, linear_member(Scaled.of(M, nq))),))
 
 
@@ -43,7 +43,9 @@ def linear_member(given: Scaled) -> Array:
             K = np.array(inner.inv().tolist(), dtype=object) @ given.M12.mT
             if positive(replace(given, member=K).shifted().M11):
                 return K
-    raise UsageError("multiplier: no f was found that satisfies it, not even a linear f = K q; is its sign right?")
+    raise UsageError(
+        "multiplier: no f was found that satisfies it, not even a linear f = K q; is its sign right?", id="OBS404"
+    )
 
 
 def positive(symmetric: Array) -> bool:

@@ -1,38 +1,42 @@
-"""Figures of runs, and of trade-off curves and surfaces, as PNG."""
+"""Figures of runs, and of trade-off curves and surfaces, as PNG or SVG: the same bytes for the same arguments."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
-from obsdesign.plot import run as continuous
+from obsdesign.plot.canvas import Form, form_of
 from obsdesign.plot.front import front_figure
-from obsdesign.plot.hybrid import hybrid_figure
+from obsdesign.plot.run import run_figure
 from obsdesign.plot.surface import surface_figure
+from obsdesign.plot.traded import heading, names
 from obsdesign.plot.tradeoff import curves_figure, tradeoff_figure
+from obsdesign.spec import Spec
 
-if TYPE_CHECKING:
-    from obsdesign.simulate import Run
+__all__ = [
+    "Form",
+    "curves_figure",
+    "form_of",
+    "front_figure",
+    "run_figure",
+    "search_figure",
+    "surface_figure",
+    "tradeoff_figure",
+]
 
-__all__ = ["curves_figure", "front_figure", "run_figure", "search_figure", "surface_figure", "tradeoff_figure"]
 
-
-def run_figure(run: "Run") -> bytes:
-    """Draw a run of an observer; see `run.run_figure`, `hybrid.hybrid_figure`."""
-    return continuous.run_figure(run) if run.schedule is None else hybrid_figure(run)
-
-
-def search_figure(result: Mapping[str, Any], conditions: Sequence[str] = ()) -> bytes | None:
+def search_figure(result: Mapping[str, Any], spec: Spec | None = None, form: Form = "png") -> bytes | None:
     """Draw the points of a search, from a result file, in the form that fits them; None where there are none.
 
     Curves side by side, or a trade-off over a weight, over a weight and a decay rate, or of gamma against a rate.
-    `conditions`: what all points keep to, below the name.
+    `spec`: that of the result, for what all points keep to, and the names and units on the axes.
     """
     search, claimed = result.get("search", {}), result.get("guarantee", {})
-    points, title = search.get("points", []), "\n".join([result["name"], *conditions])
+    points, title = search.get("points", []), heading(result["name"], spec.conditions if spec else ())
+    told: dict[str, Any] = {"names": names(spec), "form": form}
     if "curves" in search:
-        return curves_figure(search["curves"], search["parameter"], title)
+        return curves_figure(search["curves"], search["parameter"], title, **told)
     if not points:
         return None
     if any("weight" in point for point in points):
         draw = surface_figure if "parameters" in search else front_figure
-        return draw(points, claimed if "lipschitz" in claimed else None, title)
-    return tradeoff_figure(points, claimed if "gamma" in claimed else None, title)
+        return draw(points, claimed if "lipschitz" in claimed else None, title, **told)
+    return tradeoff_figure(points, claimed if "gamma" in claimed else None, title, **told)

@@ -6,37 +6,56 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.canvas import COLORS, log_ticks
+from obsdesign.plot.canvas import COLORS, log_ticks, number
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-DECADES = 14  # below the peak that an error axis shows
-NEAR = 10  # times the threshold: what a linear axis shows as well
+DECADES = 9  # below its peak that an error is drawn: what an integration tells from zero
+SPAN = 30  # an error that spans so much is drawn on a logarithmic axis
+ABOVE = 1e3  # times the peak of an error: how far above it a bound is drawn
+CELLS = 1000  # of time, of each of which a curve shows the least and the largest value
+WINDOWS = 20  # of time, of each of which the largest error counts where an axis is chosen
+HUGE = 1e150  # what is beyond is drawn as this
 CLOSEST = 0.1  # of the height of a panel: ticks with labels that do not touch
+NAME = 40  # letters of a name
 
 
-def linear_threshold(values: Sequence[Array]) -> float:
-    """Power of ten above the smallest initial, median or final error, at most 14 decades below the peak.
-
-    Above, so that an error that goes on oscillating does so inside the linear part.
-    """
-    sizes = [np.abs(v) for v in values]
-    peak = max(float(size.max()) for size in sizes) or 1.0
-    ends = [(size[0], np.median(size), size[-max(1, len(size) // 20) :].max()) for size in sizes]
-    smallest = min((float(size) for three in ends for size in three if size > 0), default=peak)
-    return float(10.0 ** np.ceil(np.log10(max(smallest, peak * 10.0**-DECADES))))
+def finite(values: Array) -> Array:
+    """Values that can be drawn: NaN where one is not finite, and none that is huge."""
+    return np.where(np.isfinite(values), np.clip(values, -HUGE, HUGE), np.nan)
 
 
-def symlog_axis(axes: "Axes", threshold: float, low: float, high: float) -> None:
-    """Y axis for values from low to high, linear below the threshold, else logarithmic; linear if all are near it."""
-    low, high = min(low, 0.0), max(high, 0.0)
-    if max(-low, high) <= NEAR * threshold:
-        return
-    decades = sum(max(0.0, np.log10(size / threshold)) for size in (-low, high) if size > 0)
-    axes.set_yscale("symlog", linthresh=threshold, linscale=max(0.5, decades / 8))
-    signed_ticks(axes, threshold, low, high)
+def cells(t: Array, count: int) -> Array:
+    """Index of the first of some times in each of so many equal cells, as far as there are any."""
+    return np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], count, endpoint=False)))
+
+
+def thinned(t: Array, values: Array) -> tuple[Array, Array]:
+    """Times and values of a curve that looks the same: the least and the largest value in each cell of time."""
+    if len(t) <= 4 * CELLS:
+        return t, values
+    begin = cells(t, CELLS)
+    ends = np.append(begin[1:], len(t))
+    known = np.where(np.isfinite(values), values, -np.inf)
+    pairs = [(i, i + f(known[i:j]), j - 1) for i, j in zip(begin, ends, strict=True) for f in (np.argmin, np.argmax)]
+    kept = np.unique(np.array(pairs))
+    return t[kept], values[kept]
+
+
+def levels(t: Array, size: Array) -> Array:
+    """Largest of the sizes (M,) in each of some windows of time, as far as it is positive."""
+    largest = np.maximum.reduceat(np.nan_to_num(np.minimum(size, HUGE)), cells(t, WINDOWS))
+    return np.asarray(largest[largest > 0])
+
+
+def span(sizes: Sequence[Array], bounds: Sequence[Array]) -> tuple[float, float] | None:
+    """Least and largest of the levels of errors and of their bounds; None if they do not span decades."""
+    errors, every = (np.concatenate([np.zeros(0), *levels]) for levels in (sizes, (*sizes, *bounds)))
+    if not errors.size or every.max() <= SPAN * every.min():
+        return None
+    return max(float(errors.min()), float(errors.max()) * 10.0**-DECADES), float(every.max())
 
 
 def growing_axis(axes: "Axes", begin: float, low: float, high: float) -> None:
@@ -58,21 +77,16 @@ def signed_ticks(axes: "Axes", least: float, low: float, high: float) -> None:
             if sign and abs(tick) <= abs(end) and abs(float(np.subtract(*at(np.array([tick, last]))))) >= room:
                 ticks.append(tick)
                 last = tick
-    axes.set_yticks(sorted(ticks))
+    axes.set_yticks(sorted(ticks), [number(tick) for tick in sorted(ticks)])
     said = f"logarithmic beyond ±{number(least)}"
     axes.annotate(said, (1.01, 0.5), xycoords="axes fraction", va="center", rotation=90, fontsize=7, color="#555555")
     axes.minorticks_off()
 
 
-def time_axis(axes: "Axes", t: Array, log: bool) -> None:
-    """Label and limit the time axis; on a logarithmic one at most six decades."""
-    end = float(t[-1]) if len(t) and t[-1] > 0 else 1.0
-    if log:
-        axes.set_xscale("log")
-        axes.set_xlim(max(float(t[1]), 1e-6 * end), end)
-    else:
-        axes.set_xlim(0, end)
-        axes.locator_params(axis="x", nbins=6, steps=[1, 2, 5, 10])
+def time_axis(axes: "Axes", end: float) -> None:
+    """Label and limit the axis of time, from zero."""
+    axes.set_xlim(0, end if end > 0 else 1.0)
+    axes.locator_params(axis="x", nbins=6, steps=[1, 2, 5, 10])
     axes.set_xlabel("t [s]")
 
 
@@ -80,6 +94,7 @@ def spread_axis(axes: "Axes", which: str, values: Sequence[float]) -> None:
     """Logarithmic axis where positive values spread over more than a decade and a half."""
     if values and min(values) > 0 and max(values) > 30 * min(values):
         axes.set(**{f"{which}scale": "log"})
+        log_ticks(axes, which, (1,) if max(values) > 1e3 * min(values) else (1, 3))
 
 
 def log_axis(axes: "Axes", values: Array) -> None:
@@ -90,8 +105,7 @@ def log_axis(axes: "Axes", values: Array) -> None:
     axes.set_yscale("log")
     axes.set_ylim(float(seen.min()) / 1.15, float(seen.max()) * 1.15)
     spread = seen.max() / seen.min()
-    if spread < 1e3:
-        log_ticks(axes, (1, 2, 3, 6) if spread < 30 else (1, 3))
+    log_ticks(axes, multiples=(1,) if spread >= 1e3 else (1, 3) if spread >= 30 else (1, 2, 3, 6))
 
 
 def highest(values: Array) -> float:
@@ -123,35 +137,22 @@ def cross(status: str) -> dict[str, Any]:
     return {"linestyle": "none", "marker": marker, "color": color, "clip_on": False, "label": status}
 
 
-def mark_shipped(axes: "Axes", x: float, y: float) -> None:
+def mark_shipped(axes: "Axes", x: float, y: float, label: str = "this design") -> None:
     """Star."""
-    axes.plot(x, y, "*", color=COLORS[4], markeredgecolor="black", markersize=12, label="shipped", clip_on=False)
-
-
-def symbol(key: str) -> str:
-    """Greek letter of a key, or the key."""
-    greek = {
-        "alpha": r"decay rate $\alpha$ [1/s]",
-        "gamma": r"$\gamma$",
-        "omega": r"$\omega$ [rad/s]",
-        "T2": r"$T_2$ [s]",
-        "decay": r"decay rate $\lambda_t$ [1/s]",
-    }
-    return greek.get(key, plain(key))
+    axes.plot(x, y, "*", color=COLORS[4], markeredgecolor="black", markersize=12, label=label, clip_on=False)
 
 
 def with_unit(spec: Spec, name: str) -> str:
     """Name and unit of a signal."""
     unit = spec.units.get(name)
-    return plain(f"{name} [{unit}]" if unit else name)
+    return plain(name) + (f" [{plain(unit)}]" if unit else "")
 
 
-def number(value: float) -> str:
-    """Three digits; a power of ten is written as one."""
-    digits, _, exponent = f"{value:.3g}".partition("e")
-    return rf"${digits} \times 10^{{{int(exponent)}}}$" if exponent else digits
+def plain(text: str, most: int = NAME) -> str:
+    """Text of a spec in one line: what cannot be printed is replaced, and what is longer is cut.
 
-
-def plain(text: str) -> str:
-    """Text as it is, not as mathematics."""
-    return text.replace("$", r"\$")
+    A legend leaves out what begins with an underscore, unless there is a space before it.
+    """
+    line = "".join(c if c.isprintable() else "\ufffd" for c in " ".join(text.split()))
+    cut = line if len(line) <= most else f"{line[: most - 1]}…"
+    return f" {cut}" if cut.startswith("_") else cut

@@ -1,15 +1,17 @@
-"""Figures of one look, panels in their rows, legends, and figures as PNG. The only matplotlib code.
+"""Figures of one look, panels in their rows, legends, and figures as PNG or SVG. The only matplotlib code.
 
-One legend below all panels tells what they share, one above a panel what is its own.
+One legend below all panels tells what they share, one above a panel what is its own; none lies on curves. Text is drawn
+as it is and never read as mathematics, since names come from specs; Greek letters are written as such.
 
 Colors are those of Okabe and Ito, which people with any color vision tell apart.
 """
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,8 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Arguments = ParamSpec("Arguments")
+Form = Literal["png", "svg"]
+METADATA: dict[Form, dict[str, None]] = {"png": {"Software": None}, "svg": {"Date": None}}  # nothing that changes
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+TRUE, ESTIMATE, BOUND = COLORS[0], COLORS[1], COLORS[6]
+DASHED = (0, (4, 2))
 DPI = 150
 STYLE: dict[Any, Any] = {
     "figure.dpi": DPI,
@@ -33,7 +38,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,
+    "axes.formatter.useoffset": False,
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.6,
     "legend.fontsize": 8,
@@ -44,7 +49,11 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.3,
     "agg.path.chunksize": 20000,
     "text.usetex": False,
+    "text.parse_math": False,
+    "svg.fonttype": "none",  # text stays text: to be searched, copied and read aloud
+    "svg.hashsalt": "obsdesign",
 }
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 WIDTH = 10.5  # inches of a figure
 ROW = 3  # panels beside each other
@@ -57,10 +66,11 @@ Panel = Callable[["Axes"], None]  # draws curves, limits and labels
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Give every figure the same look, whatever the user's settings are."""
+    """Give every figure the same look, whatever the user's settings are; what the font lacks is drawn as a box."""
     from matplotlib import rc_context, rcdefaults, rcParams
 
-    with rc_context():
+    with rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph ")
         rcdefaults()
         rcParams.update(STYLE)
         yield
@@ -77,28 +87,31 @@ def new_figure(width: float, height: float, gap: float = 0.02) -> "Figure":
     return figure
 
 
-def png(figure: "Figure") -> bytes:
-    """PNG without anything that changes from run to run."""
-    buffer = BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+def drawn(sheet: "Callable[..., Figure]") -> "Callable[..., bytes]":
+    """Function that composes a figure as one that draws it: the same bytes for the same arguments.
 
-
-def drawn(sheet: "Callable[Arguments, Figure]") -> Callable[Arguments, bytes]:
-    """Function that composes a figure as one that draws it: a PNG, the same for the same arguments."""
+    It takes one keyword more, `form`: png, or svg.
+    """
 
     @wraps(sheet)
-    def picture(*args: Arguments.args, **kwargs: Arguments.kwargs) -> bytes:
+    def picture(*args: Any, form: Form = "png", **kwargs: Any) -> bytes:
+        buffer = BytesIO()
         with style():
-            return png(sheet(*args, **kwargs))
+            sheet(*args, **kwargs).savefig(buffer, format=form, metadata=METADATA[form])
+        return buffer.getvalue()
 
     return picture
 
 
-def compose(title: str, sections: Sequence[Sequence[Panel]]) -> "Figure":
-    """Draw sections of panels below each other, each in rows of at most three panels of the same width."""
+def form_of(path: str | None) -> Form:
+    """Form of a figure by the ending of its file: svg, else png."""
+    return "svg" if path is not None and path.lower().endswith(".svg") else "png"
+
+
+def compose(title: str, sections: Sequence[Sequence[Panel]], height: float = 2.35) -> "Figure":
+    """Draw sections of panels below each other, each in rows of at most three panels of the same width and height."""
     rows = [row for section in sections for row in shared(section, ROW)]
-    figure = new_figure(WIDTH, 1.0 + 0.2 * max(0, title.count("\n") - 1) + 2.35 * len(rows))
+    figure = new_figure(WIDTH, 1.0 + height * len(rows))
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(len(rows), COLUMNS)
     for i, row in enumerate(rows):
@@ -115,11 +128,10 @@ def shared(items: Sequence[Any], most: int) -> Iterator[Sequence[Any]]:
         yield items[i * len(items) // count : (i + 1) * len(items) // count]
 
 
-def legend_above(axes: "Axes") -> None:
+def legend_above(axes: "Axes", handles: Sequence[Any], labels: Sequence[str]) -> None:
     """Legend of a panel, above it, in as many columns as its width has room for."""
-    handles, labels = axes.get_legend_handles_labels()
-    columns = int(WIDTH * axes.get_position().width / (ENTRY + LETTER * max(len(label) for label in labels)))
-    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1, 1), ncols=max(1, min(4, columns)), **LEAN)
+    columns = columns_for(labels, WIDTH * axes.get_position().width)
+    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1, 1), ncols=columns, **LEAN)
 
 
 def legend_below(figure: "Figure") -> None:
@@ -132,9 +144,14 @@ def legend_below(figure: "Figure") -> None:
             if label not in own:
                 entries.setdefault(label, handle)
     if entries:
-        fitting = int(figure.get_figwidth() / (ENTRY + LETTER * max(map(len, entries))))
-        columns = -(-len(entries) // -(-len(entries) // max(1, min(MOST, fitting))))
+        columns = columns_for(list(entries), figure.get_figwidth())
         figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
+
+
+def columns_for(labels: Sequence[str], width: float) -> int:
+    """Columns of a legend in a width (inches), as equal as they can be."""
+    fitting = max(1, min(MOST, int(width / (ENTRY + LETTER * max(map(len, labels))))))
+    return -(-len(labels) // -(-len(labels) // fitting))
 
 
 def levels(low: float, high: float, most: int) -> Array:
@@ -144,13 +161,23 @@ def levels(low: float, high: float, most: int) -> Array:
     return np.array(MaxNLocator(most).tick_values(low, high))
 
 
-def log_ticks(axes: "Axes", multiples: Sequence[float]) -> None:
-    """Ticks of a logarithmic y axis at these multiples of the powers of ten, written as plain numbers."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+def log_ticks(axes: "Axes", which: str = "y", multiples: Sequence[float] = (1,)) -> None:
+    """Ticks of a logarithmic axis at these multiples of the powers of ten, written without mathematics."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axes.yaxis.set_major_locator(LogLocator(subs=multiples, numticks=20))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.3g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axis = getattr(axes, f"{which}axis")
+    axis.set_major_locator(LogLocator(subs=multiples, numticks=9 if len(multiples) == 1 else 20))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def number(value: float) -> str:
+    """Three digits; a power of ten is written as one."""
+    digits, _, exponent = f"{value:.3g}".partition("e")
+    if not exponent:
+        return digits
+    ten = f"10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+    return ten if digits == "1" else f"{digits} × {ten}"
 
 
 def halo(text: Any) -> None:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped, plain
+from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped
 from obsdesign.plot.canvas import COLORS, drawn, legend_below, new_figure
+from obsdesign.plot.traded import NAMES, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,16 +25,14 @@ SAME = 1e-3  # relative: limits that differ by less are one corner
 ARBITRARY = "any lipschitz would do"
 UNBOUNDED = "unbounded limit"
 ABOVE = {LIMIT: "limit above the panel", PROVED: "gain above the panel"}
-LABELS = {
-    "weight": "weight",
-    "decay": r"decay rate $\beta$ [1/s]",
-    "lipschitz": "lipschitz (admissible constant)",
-    "gamma": r"$\gamma$ (L2 gain)",
-}
-SYMBOLS = {"lipschitz": "lipschitz", "gamma": r"$\gamma$", "L": r"$|L|$"}
 
 
-def front_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> "Figure":
+def front_sheet(
+    points: Sequence[Mapping[str, Any]],
+    shipped: Mapping[str, Any] | None,
+    title: str,
+    names: Mapping[str, str] = NAMES,
+) -> "Figure":
     """Draw `lipschitz`, `gamma` and |L| against the weight (or the decay rate), and `gamma` against `lipschitz`.
 
     Lines are limits and dots are certified gains. Marked are limits that no gain attains, corners (one design is the
@@ -47,6 +46,8 @@ def front_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] 
         `certified`, a mapping with the `lipschitz`, `gamma` and norm `L` of the gains. They may come in any order.
     shipped
         `lipschitz` and `gamma` of the design that is shipped, or None.
+    title, names
+        Title, in at most two lines, and names of the quantities by their keys.
     """
     front = Front.of(points)
     figure = new_figure(10.5, 6.6)
@@ -58,8 +59,10 @@ def front_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] 
         draw_over_weight(axes, front, key, shipped)
         axes.tick_params(labelbottom=key == "L")
     figure.align_ylabels(list(stacked.values()))
-    stacked["L"].set_xlabel(LABELS[front.parameter])
-    draw_tradeoff(figure.add_subplot(grid[:, 1]), front, shipped)
+    stacked["L"].set_xlabel(names[front.parameter])
+    axes = figure.add_subplot(grid[:, 1])
+    draw_tradeoff(axes, front, shipped)
+    axes.set(xlabel=names["lipschitz"], ylabel=names["gamma"])
     legend_below(figure)
     return figure
 
@@ -156,7 +159,7 @@ def draw_over_weight(axes: "Axes", front: Front, key: str, shipped: Mapping[str,
     at = shipped_among(front.points, shipped)
     if at is not None:
         mark_shipped(axes, at[front.parameter], certified([at], key)[0])
-    axes.set_ylabel(SYMBOLS[key])
+    axes.set_ylabel(short(key))
     if key == "lipschitz":
         for free in x[[is_arbitrary(p) for p in front.points]]:
             axes.axvline(free, color=LIMIT, linestyle=":", label=ARBITRARY)
@@ -199,8 +202,6 @@ def draw_tradeoff(axes: "Axes", front: Front, shipped: Mapping[str, Any] | None)
         axes.tick_params(labelleft=False, labelbottom=False)
     if shipped is not None and "gamma" in shipped:
         mark_shipped(axes, shipped["lipschitz"], shipped["gamma"])
-    axes.set_xlabel(LABELS["lipschitz"])
-    axes.set_ylabel(LABELS["gamma"])
     gain_axis(axes, [(x, y, LIMIT), (xs, ys, PROVED)])
 
 
@@ -214,9 +215,10 @@ def gain_axis(axes: "Axes", drawn: Sequence[tuple[Array, Array, str]]) -> None:
 
 
 def heading(front: Front, title: str) -> str:
-    """Title, and what is the same for all points."""
+    """Title, with what is the same for all points in its last line."""
     other = {"weight": "decay", "decay": "weight"}[front.parameter]
     same = {p.get(other) for p in front.points}
     value = same.pop() if len(same) == 1 else None
-    fact = {"weight": f"weight {value:.4g}", "decay": rf"decay rate $\beta$ = {value:.4g} 1/s"}[other] if value else ""
-    return "\n".join(line for line in (plain(title), fact) if line)
+    name, _, more = title.partition("\n")
+    fact = f"{other} {value:.4g}{' 1/s' if other == 'decay' else ''}" if value else ""
+    return "\n".join(filter(None, (name, "; ".join(filter(None, (fact, more))))))

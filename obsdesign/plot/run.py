@@ -1,18 +1,18 @@
-"""The figure of a run."""
+"""The figure of a run: at most four panels that tell what the spec wants to know, or every panel."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import chain
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.families.guarantee import ESTIMATES, LAST, Guarantee
-from obsdesign.plot.axis import number, plain, with_unit
+from obsdesign.families.guarantee import ESTIMATES, Guarantee
+from obsdesign.plot import signals
+from obsdesign.plot.axis import plain
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
-from obsdesign.plot.panels import CURVES, SINGLE, Comparison, Curve, Level, comparisons, draw_errors, draw_storage
-from obsdesign.spec import limited
+from obsdesign.plot.hybrid import draw_distance, draw_injection, draw_intervals
+from obsdesign.plot.panels import CURVES, Signals, draw_errors, draw_storage
+from obsdesign.plot.signals import Curve, Estimate
 from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
@@ -20,22 +20,35 @@ if TYPE_CHECKING:
 
     from obsdesign.simulate import Run
 
-LINE = 118  # characters of the title
+LINE = 126  # characters of the title
+REASON = 110  # and of what a mark in the panels means
+SINGLE = 8  # so many signals get a panel each; more share panels
+TALL, LOW = 3.0, 2.35  # inches of a row, where there are two, and where there are more
+SHADE = "#F3D9D2"
+ENDED = "#B00000"
+HOW = {"stopped": "STOPPED", "escape": "ESCAPE", "stall": "STALLED"}
 
 
-def run_sheet(run: "Run") -> "Figure":
-    """Draw states and unknown inputs with their estimates, errors, and V(e) against its bound.
+def run_sheet(run: "Run", every: bool = False) -> "Figure":
+    """Draw what the spec wants to know: estimates beside the truth, their errors, what is measured, and the inputs.
 
-    Errors are drawn at the steps of the integrator, so that a peak between two samples is seen, and on a
-    symmetric logarithmic axis; where they settle early, over the logarithm of time.
+    Of many estimates those are drawn that settle last. Errors are drawn at the steps of the integrator, so that a peak
+    between two samples is seen. `every`: also all other estimates, outputs and inputs, arguments of f with their
+    regions, V, and what measurements at instants do.
     """
-    states = [Curve(name, run.xi[:, i], run.xihat[:, i]) for i, name in enumerate(run.states[: run.plant_states])]
-    sections: tuple[list[Panel], ...] = (
-        [panel.draw for panel in comparisons(run, states, "states (dashed: estimates)")],
-        [*input_panels(run), *region_panels(run)],
-        list(error_panels(run)),
-    )
-    figure = compose(heading(run), sections)
+    wanted = signals.wanted(run)
+    last = sorted(wanted, key=lambda each: each.unsettled, reverse=True)[:CURVES]
+    shown = [each for each in wanted if each in last]
+    measured, driven = signals.outputs(run), signals.driving(run, shown)
+    first = [Signals(run, [each.curve for each in shown], named("estimates", shown, wanted)).draw, errors(run, shown)]
+    second = [
+        Signals(run, some, named(what, some, part)).draw
+        for part, what in ((measured, "outputs"), (driven, "inputs"))
+        if (some := part[:CURVES])
+    ]
+    rest = further(run, shown, [*measured[CURVES:], *driven[CURVES:]]) if every else []
+    figure = compose(heading(run), [first, second, *rest], LOW if every else TALL)
+    mark_end(figure, run)
     legend_below(figure)
     return figure
 
@@ -43,100 +56,97 @@ def run_sheet(run: "Run") -> "Figure":
 run_figure = drawn(run_sheet)
 
 
-def input_panels(run: "Run") -> Iterator[Panel]:
-    """Panels of the unknown inputs, and beside a reconstruction its error."""
-    column = {channel: i for i, channel in enumerate(run.estimated)}
-    curves = [
-        Curve(name, run.w[:, i], run.what[:, column[i]] if i in column else None)
-        for i, name in enumerate(run.exogenous)
-    ]
-    yield from (panel.draw for panel in comparisons(run, curves, "unknown inputs (dashed: estimates)"))
-    if "reconstruction" in run.summary:
-        yield reconstruction_error(run, run.summary["reconstruction"])
+def named(what: str, shown: Sequence[Any], every: Sequence[Any]) -> str:
+    """Label of a panel of several signals, which says how many there are where it shows some."""
+    return what if len(shown) == len(every) else f"{len(shown)} of {len(every)} {what}"
 
 
-def reconstruction_error(run: "Run", accuracy: Mapping[str, Any]) -> Panel:
-    """Panel of |what - w|, with its proved limit if there is one, else with the one that the run shows."""
-    limit, what = ("bound", "proved limit") if "bound" in accuracy else ("limsup", "at the end")
-    level = Level(accuracy[limit], LAST * run.time, f"{what} {number(float(at_most(accuracy[limit], 3)))}")
-    curves = [(f"peak {number(accuracy['peak'])}", np.linalg.norm(run.steps.w_error, axis=1))]
-    return partial(draw_errors, run=run, curves=curves, label=r"$\|\hat{w} - w\|$", level=level)
+def errors(run: "Run", estimates: Sequence[Estimate]) -> Panel:
+    """Panel of the errors of some estimates."""
+    return partial(draw_errors, run=run, estimates=estimates)
 
 
-def region_panels(run: "Run") -> Iterator[Panel]:
-    """Panels of the arguments of f that have to stay in a region."""
-    for i, k, column, region in list(limited(run.spec.nonlinearities))[:SINGLE]:
-        name = run.spec.nonlinearities[i - 1].argument(k, f"q{k + 1} of nonlinearities[{i - 1}]")
-        curve = Curve(name.partition(" of ")[0], run.q[:, column], run.qhat[:, column], region)
-        yield Comparison(run.t, [curve], name, run.status == "escape").draw
+def further(run: "Run", shown: Sequence[Estimate], more: Sequence[Curve]) -> Iterator[list[Panel]]:
+    """Sections of the panels that are no answer to what the spec wants to know."""
+    others = signals.others(run, shown)
+    yield [panel.draw for panel in panels(run, [each.curve for each in others], "estimates")]
+    yield [errors(run, group) for group in shared(others, CURVES)]
+    yield [panel.draw for panel in panels(run, [*more, *signals.arguments(run)], "signals")]
+    last: list[Panel] = []
+    if run.steps.V is not None:
+        last.append(partial(draw_storage, run=run))
+    if run.schedule is not None:
+        last += [partial(draw_injection, run=run, which=some) for some in shared(range(run.theta.shape[1]), CURVES)]
+        last += [partial(draw_distance, run=run), partial(draw_intervals, schedule=run.schedule)]
+    yield last
 
 
-def error_panels(run: "Run") -> Iterator[Panel]:
-    """Errors of the states, errors of the modeled unknown inputs, and V(e)."""
-    n = run.plant_states
-    states = [(f"e_{with_unit(run.spec, name)}", run.steps.e[:, i]) for i, name in enumerate(run.states[:n])]
-    for group in shared(states, CURVES):
-        yield partial(draw_errors, run=run, curves=group, label="state errors")
-    inputs = [
-        (f"e_{with_unit(run.spec, run.exogenous[i])}", run.steps.w_error[:, k]) for k, i in enumerate(run.estimated)
-    ]
-    for group in shared([] if "reconstruction" in run.summary else inputs, CURVES):
-        yield partial(draw_errors, run=run, curves=group, label="unknown-input errors")
-    if run.steps.V is not None and run.steps.V_bound is not None:
-        yield partial(draw_storage, run=run, V=run.steps.V, bound=run.steps.V_bound)
+def panels(run: "Run", curves: Sequence[Curve], what: str) -> Iterator[Signals]:
+    """One panel a signal, or one for several where there are many."""
+    most = 1 if len(curves) <= SINGLE else CURVES
+    yield from (Signals(run, group, what) for group in shared(curves, most))
+
+
+def mark_end(figure: "Figure", run: "Run") -> None:
+    """Mark in all panels where a run ended before its horizon, and from where on nothing of it is guaranteed."""
+    begin, why = void(run)
+    for axes in figure.axes:
+        if begin < run.time:
+            axes.axvspan(begin, run.time, color=SHADE, linewidth=0, zorder=0, label=why)
+        if run.status != "done":
+            axes.axvline(run.time, color=ENDED, linewidth=1.5, label=plain(ended(run), REASON), clip_on=False)
+
+
+def void(run: "Run") -> tuple[float, str]:
+    """From when on the guarantee says nothing, or the declared types do not hold; infinite: never. And why."""
+    if run.left and (run.guarantee is None or run.left[0].time <= run.until):
+        what = "region of the declared types" if run.guarantee is None else "local guarantee"
+        return run.left[0].time, plain(f"{what} left: {run.left[0]}", REASON)
+    if run.guarantee is None or not np.isfinite(run.until):
+        return np.inf, ""
+    return run.until, f"nothing is guaranteed: a measurement is overdue at t = {run.until:.4g}"
 
 
 def heading(run: "Run") -> str:
-    """Name of the spec; how the run ended, what it achieved and what is proved; whether it stayed in its region."""
-    guarantee = run.guarantee
-    facts = ended(run, f"{run.time:.5g}")
-    sup = guarantee is not None and guarantee.norm == "sup"
-    for signal in ("z", run.spec.observer.drive):
-        key, text = (f"{signal}_sup", rf"$\sup|{signal}|$") if sup else (f"{signal}_norm2", rf"$\|{signal}\|_2$")
-        if run.summary[key] is not None:
-            facts.append(f"{text} = {run.summary[key]:.4g}")
-    estimates = str(run.summary.get("bounds_omitted", "")).startswith(ESTIMATES)
-    promises = ["no bound is proved" if estimates else "no guarantee"]
-    if guarantee is not None:
-        promises = [f"proved: {proved(run, guarantee)}", verdict(run, " until then" if run.left else "")]
-    return titled(run, facts, promises)
+    """Name of the spec, and below it how the run ended, what is proved, and whether the run keeps it; in two lines."""
+    said = [ended(run), *promises(run)]
+    return f"{plain(run.spec.name, LINE)}\n{plain('; '.join(filter(None, said)), LINE)}"
 
 
-def ended(run: "Run", time: str) -> list[str]:
-    """How a run ended before its horizon, if it did."""
-    how = {"done": "", "stopped": "STOPPED", "escape": "ESCAPE", "stall": "STALLED"}[run.status]
-    why = f" ({str(run.summary['reason']).partition(': ')[2]})" if run.status == "stopped" else ": valid until then"
-    return [f"{how} at t = {time} s{why}"] if how else []
-
-
-def titled(run: "Run", *facts: Sequence[str]) -> str:
-    """Name of the spec, lines of facts, the region of a local guarantee, and why a bound is left out."""
-    note = run.summary.get("validity", {}).get("note", "")
-    omitted = "" if run.guarantee is None or run.left else run.summary["bounds_omitted"] or ""
-    remarks = [part for text in (note, omitted) for part in text.split("; ")]
-    name, *rest = (wrap(plain(text), LINE) for text in (run.spec.name, *remarks))
-    return "\n".join([*name, *(",  ".join(line) for line in facts), *chain(*rest)])
+def promises(run: "Run") -> Iterator[str]:
+    """What is proved, whether the run keeps it, and why a bound is left out."""
+    omitted = str(run.summary["bounds_omitted"] or "")
+    if run.guarantee is None:
+        yield "no bound is proved" if omitted.startswith(ESTIMATES) else "no guarantee"
+        return
+    checks = run.summary["bounds"]
+    broken = sum(not check["holds"] for check in checks)
+    if broken:
+        yield f"{broken} of {len(checks)} bounds VIOLATED"
+    yield f"proved: {proved(run, run.guarantee)}"
+    if not checks:
+        yield f"no bound: {omitted}" if omitted else "no bound applies"
+        return
+    if not broken:
+        until = f" until t = {void(run)[0]:.4g}" if void(run)[0] < run.time else ""
+        yield f"all {len(checks)} bounds hold{until}"
+    if not run.left and not np.isfinite(run.until):
+        yield omitted
 
 
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {at_least(alpha, 4)}" if alpha else r"$e \rightarrow 0$"
+    decays = f"{guarantee.symbol} = {at_least(alpha, 4)} 1/s" if alpha else "e → 0 without a disturbance"
     if run.summary["gamma"] is None:
         return decays
-    begins = offset(run.summary["initial_error"])
-    return rf"$\gamma$ = {at_most(guarantee.gamma, 4)} from zero error{begins}, {decays}"
+    return f"γ = {at_most(guarantee.gamma, 4)} from zero error, {decays}"
 
 
-def offset(error: float) -> str:
-    """What to say of a gain from zero error where a run begins with an error: the norms above are another ratio."""
-    return " (this run begins with an error)" if error else ""
-
-
-def verdict(run: "Run", until: str) -> str:
-    """Whether the run keeps what is proved, and until when."""
-    checks = run.summary["bounds"]
-    broken = sum(not check["holds"] for check in checks)
-    if broken:
-        return f"{broken} of {len(checks)} bounds VIOLATED"
-    return f"all {len(checks)} bounds hold{until}" if checks else "no bound applies"
+def ended(run: "Run") -> str:
+    """How a run ended before its horizon, if it did."""
+    if run.status == "done":
+        return ""
+    event = str(run.summary["reason"]).partition(": ")[2]
+    why = f" ({event})" if run.status == "stopped" else ": valid until then"
+    return f"{HOW[run.status]} at t = {run.time:.5g} s{why}"

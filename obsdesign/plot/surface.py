@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import cross, highest, mark_shipped, plain
+from obsdesign.plot.axis import cross, highest, mark_shipped
 from obsdesign.plot.canvas import COLORS, drawn, facets, halo, legend_below, levels, new_figure, ticked
 from obsdesign.plot.front import (
     ARBITRARY,
     CORNER,
-    LABELS,
     ONE_DESIGN,
     OPEN,
-    SYMBOLS,
     UNBOUNDED,
     column,
     is_arbitrary,
@@ -23,6 +21,7 @@ from obsdesign.plot.front import (
     shipped_among,
     unattained,
 )
+from obsdesign.plot.traded import NAMES, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,21 +35,26 @@ AROUND = ((0, 0), (0, 1), (1, 1), (1, 0))  # a cell
 EDGE = 0.04  # of a map: labels are cut there
 
 
-def surface_sheet(points: Sequence[Mapping[str, Any]], shipped: Mapping[str, Any] | None, title: str) -> "Figure":
+def surface_sheet(
+    points: Sequence[Mapping[str, Any]],
+    shipped: Mapping[str, Any] | None,
+    title: str,
+    names: Mapping[str, str] = NAMES,
+) -> "Figure":
     """Draw the limits of `lipschitz` and `gamma` over weight and decay rate, as contour maps and as surfaces.
 
     Where there is no design, or where the batch has not got to, the maps are gray and the surfaces have holes; gamma
     is cut where a few values, near the weight 1 that does not ask for it, are far above all others.
 
-    `points`, `shipped`, `title`: as for `front.front_sheet`; the points may come in any order and need not fill the
-    grid.
+    `points`, `shipped`, `title`, `names`: as for `front.front_sheet`; the points may come in any order and need not
+    fill the grid.
     """
     grid = Grid.of(points)
     figure = new_figure(10.5, 8.4, gap=0.05)
-    figure.suptitle(plain(title), fontsize=11)
+    figure.suptitle(title, fontsize=11)
     cells = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
     for row, key in enumerate(MAPS):
-        field = Field.of(grid, key)
+        field = Field.of(grid, key, names[key])
         axes = figure.add_subplot(cells[row, 0])
         draw_map(axes, grid, field)
         mark_points(axes, grid, key, shipped)
@@ -91,12 +95,13 @@ class Field:
     """A quantity over the grid, NaN where there is none, and the levels of its contours."""
 
     key: str
+    name: str
     values: Array
     levels: Array
     cut: float  # larger values are drawn as this; infinity where all are drawn
 
     @classmethod
-    def of(cls, grid: Grid, key: str) -> "Field":
+    def of(cls, grid: Grid, key: str, name: str) -> "Field":
         """Cut what is far above most values."""
         table = grid.table(column(grid.points, key))
         top = highest(table) if key == "gamma" else np.inf
@@ -105,12 +110,12 @@ class Field:
         seen = values[np.isfinite(values)]
         low, high = (seen.min(), seen.max()) if seen.size else (0.0, 1.0)
         least = FLAT * abs(low) or FLAT
-        return cls(key, values, levels(low, max(high, low + least), LEVELS), cut)
+        return cls(key, name, values, levels(low, max(high, low + least), LEVELS), cut)
 
     @property
     def label(self) -> str:
         """Name, and where it is cut."""
-        return LABELS[self.key] + (f", cut at {self.cut:.3g}" if np.isfinite(self.cut) else "")
+        return self.name + (f", cut at {self.cut:.3g}" if np.isfinite(self.cut) else "")
 
     @property
     def quads(self) -> list[tuple[int, int]]:
@@ -143,7 +148,7 @@ def draw_map(axes: "Axes", grid: Grid, field: Field) -> None:
         )
     axes.figure.colorbar(colors, ax=axes)
     axes.set_title(field.label, loc="left")
-    axes.set(xlabel=LABELS["weight"], ylabel=LABELS["decay"])
+    axes.set(xlabel=NAMES["weight"], ylabel=NAMES["decay"])
 
 
 def tidy(axes: "Axes", labels: Sequence[Any]) -> None:
@@ -214,7 +219,7 @@ def draw_surface(axes: Any, grid: Grid, field: Field) -> None:
         else:
             axes.set(**{f"{which}ticks": values})
     axes.set_zlim(field.levels[0], field.levels[-1])
-    axes.set(xlabel=LABELS["weight"], ylabel=LABELS["decay"])
+    axes.set(xlabel=NAMES["weight"], ylabel=NAMES["decay"])
     axes.zaxis.set_rotate_label(False)
-    axes.set_zlabel(SYMBOLS[field.key], rotation=90, labelpad=7)
+    axes.set_zlabel(short(field.key), rotation=90, labelpad=7)
     axes.view_init(elev=26, azim=-130)

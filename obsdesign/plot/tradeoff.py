@@ -4,17 +4,20 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from obsdesign.plot.axis import mark_refused, mark_shipped, plain, spread_axis, symbol
-from obsdesign.plot.canvas import COLORS, drawn, new_figure
+from obsdesign.plot.axis import mark_refused, mark_shipped, plain, spread_axis
+from obsdesign.plot.canvas import COLORS, TRUE, drawn, legend_below, new_figure, number
+from obsdesign.plot.traded import NAMES, short
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TRUE = COLORS[0]
 MARKERS = "osD^vP"  # curves that coincide stay apart
 
 
-def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str) -> "Figure":
+def curves_sheet(
+    curves: Sequence[Mapping[str, Any]], parameter: str, title: str, names: Mapping[str, str] = NAMES
+) -> "Figure":
     """Draw several trade-off curves, one for each injection and relaxation: lines for the limits, marks for the gains.
 
     Parameters
@@ -24,13 +27,14 @@ def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str
         T2 against a decay), and `certified`, what the gains of the point are proved to achieve.
     parameter
         Key on the x axis.
+    title, names
+        Title, and names of the quantities by their keys.
     """
-    figure = new_figure(6.8, 4.4)
-    axes = figure.add_subplot()
-    axes.set_title(plain(title), fontsize=11)
+    figure, axes = sheet(title)
     y = next(
         (key for c in curves for p in c["points"] for key in ("gamma", "T2") if key in p and key != parameter), "gamma"
     )
+    drawn = False
     for curve, color, marker in zip(curves, cycle(COLORS), cycle(MARKERS), strict=False):
         look: dict[str, Any] = {"color": color, "markersize": 4.5}
         solved = [(p[parameter], p[y]) for p in curve["points"] if p.get(y) is not None]
@@ -40,13 +44,15 @@ def curves_sheet(curves: Sequence[Mapping[str, Any]], parameter: str, title: str
         if proved:
             axes.plot(*zip(*proved, strict=True), marker, markerfacecolor="none", **look)
         if solved or proved:
+            drawn = True
             axes.plot([], [], marker=marker, label=f"{curve['injection']}, {curve['relaxation']}", **look)
+    if drawn:
+        axes.plot([], [], color="black", label="best found")
+        axes.plot([], [], "o", color="black", markerfacecolor="none", label="certified gains")
     spread_axis(axes, "x", [p[parameter] for c in curves for p in c["points"]])
     spread_axis(axes, "y", [p[y] for c in curves for p in c["points"] if p.get(y) is not None])
-    axes.set_xlabel(symbol(parameter))
-    axes.set_ylabel(symbol(y))
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend(title="line: best found, mark: certified gains", title_fontsize=8, alignment="left")
+    axes.set(xlabel=names.get(parameter, plain(parameter)), ylabel=names[y])
+    legend_below(figure)
     return figure
 
 
@@ -56,28 +62,34 @@ def tradeoff_sheet(
     title: str,
     x: str = "alpha",
     y: str = "gamma",
+    names: Mapping[str, str] = NAMES,
 ) -> "Figure":
     """Draw the curve of a search; a point without a result stands at the foot, under its status.
 
     Points are mappings with the searched `x`, the result `y` (missing or None where there is none) and "status".
-    `shipped` is the point of the design that is shipped, or None.
+    `shipped` is the point of the design that is shipped, or None; `names` are those of the quantities.
     """
-    figure = new_figure(6.4, 4.2)
-    axes = figure.add_subplot()
-    axes.set_title(plain(title), fontsize=11)
+    figure, axes = sheet(title)
     solved = sorted((p[x], p[y]) for p in points if p.get(y) is not None)
     if solved:
-        axes.plot(*zip(*solved, strict=True), color=TRUE, marker="o", markersize=3.5, label=f"best {symbol(y)}")
+        axes.plot(*zip(*solved, strict=True), color=TRUE, marker="o", markersize=3.5, label=f"best {short(y)}")
     axes.margins(y=0.1)
     mark_refused(axes, [p[x] for p in points], [str(p["status"]) if p.get(y) is None else None for p in points])
     if shipped is not None:
-        mark_shipped(axes, shipped[x], shipped[y])
+        values = ", ".join(f"{short(key)} = {number(shipped[key])}" for key in (x, y))
+        mark_shipped(axes, shipped[x], shipped[y], f"this design: {values}")
     spread_axis(axes, "x", [p[x] for p in points])
     spread_axis(axes, "y", [value for _, value in solved])
-    axes.set_xlabel(symbol(x))
-    axes.set_ylabel(symbol(y))
-    axes.legend()
+    axes.set(xlabel=names.get(x, plain(x)), ylabel=names[y])
+    legend_below(figure)
     return figure
+
+
+def sheet(title: str) -> "tuple[Figure, Axes]":
+    """Figure of one panel."""
+    figure = new_figure(6.8, 4.6)
+    figure.suptitle(title, fontsize=11)
+    return figure, figure.add_subplot()
 
 
 curves_figure, tradeoff_figure = drawn(curves_sheet), drawn(tradeoff_sheet)

@@ -14,7 +14,8 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.reading.resolve import FORMAT, resolve
 from obsdesign.reading.schema import json_schema
 from obsdesign.sections.changes import opened
-from obsdesign.sections.document import compose, read
+from obsdesign.sections.document import compose
+from obsdesign.sections.source import read
 from obsdesign.sections.writing import written
 from obsdesign.spec import Called, Noise, Nonlinearity, Simulation, Spec
 
@@ -39,20 +40,12 @@ def load(source: str | os.PathLike[str], changes: Sequence[str] = ()) -> Spec:
     `changes`: other values of single keys, such as `observer.alpha=0.5`, read as YAML; the spec keeps them. Raises
     `UsageError`: one problem for everything that is wrong, with file, line, column and key.
     """
-    path = os.fspath(source)
-    if "\n" in path:
-        return loads(path, changes=changes)
-    try:
-        path.encode()
-    except UnicodeEncodeError:
-        shown = path.encode(errors="backslashreplace").decode()
-        raise UsageError(f"{shown}: the name of the file is not valid UTF-8; rename it") from None
-    return loads(read(path), path, changes)
+    return resolve(read(source, changes))
 
 
 def loads(text: str, path: str = "<text>", changes: Sequence[str] = ()) -> Spec:
     """Read a spec from its text, YAML of at most 4 MiB; `path`: what messages call it. Raises as `load`."""
-    return replace(resolve(opened(text, path, changes)), changes=tuple(changes))
+    return resolve(opened(text, path, changes))
 
 
 def build(sections: Mapping[str, Any]) -> Spec:
@@ -67,7 +60,7 @@ def build(sections: Mapping[str, Any]) -> Spec:
     try:
         return resolve(compose(text, PYTHON))
     except UsageError as error:
-        raise UsageError(*(Problem(one.message, PYTHON, key=one.key) for one in error.problems)) from None
+        raise UsageError(*(Problem(one.message, PYTHON, key=one.key, id=one.id) for one in error.problems)) from None
 
 
 def with_simulation(spec: Spec, changes: Mapping[str, Any]) -> Spec:

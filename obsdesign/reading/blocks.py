@@ -152,7 +152,7 @@ def read_declared(reader: Reader, block: Block) -> Assumption | None:
         if reader.clean((*block.loc, "type")):
             return Assumption.of(block, kind.name, kind.text, data)
     except UsageError as error:
-        reader.wrong((*block.loc, "type"), error.problems[0].message)
+        reader.wrong((*block.loc, "type"), error.problems[0].message, id=error.problems[0].id)
     return None
 
 
@@ -167,7 +167,7 @@ def derive(
     """Type that f is proved to have on its region; None after an error."""
     place = (*block.loc, "type")
     if f is None:
-        reader.wrong(place, f"{block.kind.text} is derived from f; give f")
+        reader.wrong(place, f"{block.kind.text} is derived from f; give f", id="OBS402")
         return None
     try:
         derivation = TEMPLATES[block.kind.name].derive if block.kind.name != AUTO else choose
@@ -175,7 +175,7 @@ def derive(
         choice = derivation(restricted(f, block.nq, region))
         derived = Assumption.of(block, choice.name, f"{choice.text} (auto)", choice.data)
     except UsageError as error:
-        reader.wrong(place, error.problems[0].message)
+        reader.wrong(place, error.problems[0].message, id=error.problems[0].id)
         return None
     reader.notes.append(f"{dotted(place)}: {choice.text} {PROVED}: {choice.reason}")
     return derived
@@ -188,7 +188,7 @@ def require_defined(reader: Reader, block: Block, f: Restriction) -> None:
         i, where = found
         place, text = ((i,), written[i]) if isinstance(written, list) else ((), written)
         instead = "give a region without that, or an f that is defined there (abs, max, where)"
-        reader.wrong((*block.loc, "f", *place), f"{text} has no value {where}; {instead}")
+        reader.wrong((*block.loc, "f", *place), f"{text} has no value {where}; {instead}", id="OBS304")
 
 
 def examine(
@@ -213,7 +213,7 @@ def examine(
             if free
             else ""
         )
-        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}{narrower}")
+        reader.wrong(place, f"{declared.text} is refuted by {found.text(where)}{narrower}", id="OBS401")
         return ""
     sought = f"on {searched(where)}"
     said = f"{declared.text} is assumed {sought}, where no pair of arguments that was tried contradicts it"
@@ -248,7 +248,7 @@ def same(reader: Reader, block: Block, text: str, f: Restriction) -> bool:
         if wrong.any():
             k = int(np.argmin(np.where(wrong, abs(q), np.inf)))
             place = f"{text} is {right[k]:.6g} at q = {q[k]:.6g}, where f is {found[k]:.6g}"
-            reader.wrong((*block.loc, "f"), f"differs from its type {block.kind.name}: {place}")
+            reader.wrong((*block.loc, "f"), f"differs from its type {block.kind.name}: {place}", id="OBS401")
             return False
     return True
 
@@ -264,18 +264,18 @@ def read_region(
     if not given:
         return {}
     for place, _ in given[1:]:
-        reader.wrong(place, "the region is given twice; give it once", at_key=True)
+        reader.wrong(place, "the region is given twice; give it once", at_key=True, id="OBS206")
     place, written = given[0]
     used = known if f is None else [name for name in known if any(name in g.names for g in f)]
     region: dict[str, Ends] = {}
     for name, ends in written.items():
         here, variable = (*place, name), "q1" if name == "q" and nq == 1 else name
         if name not in (*arguments(nq), *known):
-            reader.wrong(here, unknown("variable", name, (*arguments(nq), *used), {}), at_key=True)
+            reader.wrong(here, unknown("variable", name, (*arguments(nq), *used), {}), at_key=True, id="OBS203")
         elif name not in (*arguments(nq), *used):
-            reader.wrong(here, f"f does not depend on {name}; leave it out", at_key=True)
+            reader.wrong(here, f"f does not depend on {name}; leave it out", at_key=True, id="OBS213")
         elif variable in region:
-            reader.wrong(here, "q and q1 are the same; give one of them", at_key=True)
+            reader.wrong(here, "q and q1 are the same; give one of them", at_key=True, id="OBS206")
         else:
             region[variable] = read_range(reader, ends, here)
     return region
@@ -300,5 +300,5 @@ def read_range(reader: Reader, ends: Sequence[str], loc: Loc) -> Ends:
     low = None if ends[0] in MINUS_INFINITE else reader.number(ends[0], (*loc, 0))
     high = None if ends[1] in INFINITE else reader.number(ends[1], (*loc, 1))
     if len(reader.problems) == before and low is not None and high is not None and low >= high:
-        reader.wrong(loc, f"{ends[0]} is not below {ends[1]}; give [low, high]")
+        reader.wrong(loc, f"{ends[0]} is not below {ends[1]}; give [low, high]", id="OBS208")
     return low, high

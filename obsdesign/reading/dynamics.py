@@ -35,9 +35,13 @@ def read_sides(reader: Reader, system: schema.Equations, names: Names) -> tuple[
     strange = [name for name in system.dynamics if name not in names.states]
     for name in strange:
         said = f"; {missing[0]} has no equation" if missing else ""
-        reader.wrong(("system", "dynamics", name), unknown("state", name, names.states, {}) + said, at_key=True)
+        reader.wrong(
+            ("system", "dynamics", name), unknown("state", name, names.states, {}) + said, at_key=True, id="OBS203"
+        )
     for name in () if strange else missing:
-        reader.wrong(("system", "dynamics"), f"{name} has no equation; give {name}: its derivative", at_key=True)
+        reader.wrong(
+            ("system", "dynamics"), f"{name} has no equation; give {name}: its derivative", at_key=True, id="OBS205"
+        )
 
     def read(key: str, texts: Mapping[str, str]) -> dict[str, Expression]:
         places = {name: ("system", key, name) for name in texts}
@@ -61,7 +65,7 @@ def explicit(reader: Reader, outputs: Mapping[str, Expression]) -> dict[str, Exp
         loop = [name for name in outputs if name in error.args[1]]
         through = "itself" if len(loop) == 1 else f"{', '.join(loop[1:])}, which depend on it"
         said = f"depends on {through}: an algebraic loop; write it in states, inputs and disturbances"
-        reader.wrong(("system", "outputs", loop[0]), said)
+        reader.wrong(("system", "outputs", loop[0]), said, id="OBS305")
     return {name: known[name] for name in outputs if name in known}
 
 
@@ -74,7 +78,7 @@ def read_domain(reader: Reader, system: schema.Equations, names: Names) -> dict[
         if name in allowed:
             domain[name] = read_range(reader, ends, place)
         else:
-            reader.wrong(place, unknown("signal", name, allowed, {}), at_key=True)
+            reader.wrong(place, unknown("signal", name, allowed, {}), at_key=True, id="OBS203")
     return domain
 
 
@@ -100,12 +104,18 @@ def split(
             known[state] = Expression.combination([1 / factor], [Expression.variable(output)])
         found = Splitter(names.states, names.w, known).split(dynamics, outputs)
         if not found.proved({**dynamics, **outputs}, outputs):
-            raise UndecidedError("system.dynamics: that the matrices and terms are these equations could not be proved")
+            raise UndecidedError(
+                "system.dynamics: that the matrices and terms are these equations could not be proved", id="OBS507"
+            )
     except ExpressionError as error:
-        reader.wrong(("system", "dynamics"), error.message)
+        reader.wrong(("system", "dynamics"), error.message, id=error.id)
     except UsageError as error:
         for problem in error.problems:
-            reader.wrong(("system", "outputs" if problem.key in outputs else "dynamics", problem.key), problem.message)
+            reader.wrong(
+                ("system", "outputs" if problem.key in outputs else "dynamics", problem.key),
+                problem.message,
+                id=problem.id,
+            )
     else:
         return found, measured
     return None

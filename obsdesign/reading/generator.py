@@ -59,7 +59,7 @@ def read_disturbance(
         written = reader.document.find(("system",))[1].value
         equations = isinstance(written, dict) and "dynamics" in written
         key = "system.disturbances" if equations else "system.B or system.D"
-        reader.wrong(loc, f"there is no w to generate; give {key}")
+        reader.wrong(loc, f"there is no w to generate; give {key}", id="OBS405")
         return Exogenous()
     channels = read_channels(reader, section, loc, layout)
     if sum(len(channel.generator.Cm) for channel in channels) != layout.w.size:
@@ -77,7 +77,7 @@ def read_channels(
     if isinstance(section, str | ChannelData):
         return [read_channel(reader, section, loc, layout)] * (w.size or 0)
     if not w.admits(len(section)):
-        reader.wrong(loc, f"expected {counted(w.size, 'model')} ({w}), found {len(section)}")
+        reader.wrong(loc, f"expected {counted(w.size, 'model')} ({w}), found {len(section)}", id="OBS209")
         return []
     return [read_channel(reader, item, (*loc, i), layout) for i, item in enumerate(section)]
 
@@ -95,7 +95,9 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
     taken = set(layout.names.states + layout.names.outputs + layout.names.inputs) if layout.names else set()
     for name in states:
         if name in taken:
-            reader.wrong(loc, f"{name} names a state of the disturbance model; rename what is called so in system")
+            reader.wrong(
+                loc, f"{name} names a state of the disturbance model; rename what is called so in system", id="OBS211"
+            )
     return Exogenous(
         XM.of(nm),
         V.of(generator.Bm.shape[1]),

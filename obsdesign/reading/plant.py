@@ -125,7 +125,7 @@ def refuse_outputs(
         if measured := sorted(side.names.intersection(outputs)):
             place = (*loc, i) if isinstance(written, list) else loc
             why = f"needs {measured[0]}, which the observer does not know between two measurements"
-            reader.wrong(place, f"{side} {why}; write it in {instead}")
+            reader.wrong(place, f"{side} {why}; write it in {instead}", id="OBS308")
 
 
 def arguments_of(plant: Plant[Exact], first: int, nq: int) -> str:
@@ -149,7 +149,7 @@ def order(reader: Reader, A: Entries, otherwise: Size) -> Size:
         return 1
     rows, columns = A.shape()
     if not rows or rows != columns:
-        reader.wrong(A.loc, f"expected a square matrix, found {A}")
+        reader.wrong(A.loc, f"expected a square matrix, found {A}", id="OBS209")
         return None
     return rows
 
@@ -192,7 +192,9 @@ def left_out(reader: Reader, section: Section, loc: Loc, n: int) -> list[str]:
     count = len(section.f) if isinstance(section.f, list) else 1
     if "Bf" in missing and section.f is not None and count != n:
         components = counted(count, "component")
-        reader.wrong((*loc, "Bf"), f"is missing, and f has {components}, not one for each of {n} states; give Bf")
+        reader.wrong(
+            (*loc, "Bf"), f"is missing, and f has {components}, not one for each of {n} states; give Bf", id="OBS205"
+        )
         missing.remove("Bf")
     return missing
 
@@ -266,7 +268,7 @@ def read_parameters(reader: Reader, parameters: Mapping[str, str]) -> None:
     """Values of the parameters, each from those before it; one with a wrong name is not told where it is used."""
     for name, text in parameters.items():
         if reason := meaning(name):
-            reader.wrong(("parameters", name), f"{described(name)} {reason}", at_key=True)
+            reader.wrong(("parameters", name), f"{described(name)} {reason}", at_key=True, id="OBS211")
         value = reader.number(text, ("parameters", name))
         if reason is None or name not in KNOWN:
             reader.parameters[name] = value
@@ -290,20 +292,22 @@ def read_names(reader: Reader, system: InMatrices | Equations, states: Axis, out
                 place: Loc = ("system", key, *([i] if isinstance(given, list) else [name] if given else []))
                 if given is None and group == "states" and isinstance(system, Equations):
                     place = ("system", "dynamics", name)
-                reader.wrong(place, f"{described(name)} {reason}", at_key=not isinstance(given, list))
+                reader.wrong(place, f"{described(name)} {reason}", at_key=not isinstance(given, list), id="OBS211")
             taken[name] = each
     for name in reader.parameters:
         if name in taken:
             message = f"{name} is {taken[name]} already; choose another name"
-            reader.wrong(("parameters", name), message, at_key=True)
+            reader.wrong(("parameters", name), message, at_key=True, id="OBS211")
     for name in system.units:
         if name not in taken:
-            reader.wrong(("system", "units", name), unknown("signal", name, tuple(taken), {}), at_key=True)
+            reader.wrong(("system", "units", name), unknown("signal", name, tuple(taken), {}), at_key=True, id="OBS203")
     return names if len(reader.problems) == before else None
 
 
 def given_or(reader: Reader, key: str, given: Collection[str] | None, axis: Axis, letter: str) -> tuple[str, ...]:
     """Names as given, or the default ones."""
     if given is not None and not axis.admits(len(given)):
-        reader.wrong(("system", key), f"expected {counted(axis.size, 'name')} ({axis}), found {len(given)}")
+        reader.wrong(
+            ("system", key), f"expected {counted(axis.size, 'name')} ({axis}), found {len(given)}", id="OBS209"
+        )
     return numbered(letter, axis.size or 0) if given is None else tuple(given)

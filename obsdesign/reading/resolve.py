@@ -27,7 +27,7 @@ from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
-PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+|\[[0-9]+\])*")
+PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+( [A-Za-z0-9_-]+)*|\[[0-9]+\])*")
 RESULT = {"spec", "status"}  # keys that tell a result from a spec
 TOLERANCES = ("rtol", "atol")
 GROUPS = ("x", "w", "all")
@@ -40,19 +40,16 @@ def resolve(document: Document) -> Spec:
 
     Raises `UsageError` with everything that is wrong, in the order of the file.
     """
-    reader = Reader(document, list(document.problems))
     require_spec(document)
+    reader = Reader(document, list(document.problems))
     file, named = read_file(reader), document.find(("observer", "type"))[1].value
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
         reader.stop()
     if file.obsdesign is not None and file.obsdesign != FORMAT:
-        reader.wrong(
-            ("obsdesign",),
-            f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}",
-        )
+        said = f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}"
+        reader.wrong(("obsdesign",), said, id="OBS207")
     read_parameters(reader, file.parameters)
-    sampled = family is not None and family.sampled
     plant = read_system(reader, file, family)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
@@ -62,7 +59,7 @@ def resolve(document: Document) -> Spec:
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, as_equations=split)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=sampled)
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=bool(family and family.sampled))
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
@@ -71,8 +68,10 @@ def resolve(document: Document) -> Spec:
         name=file.name or Path(document.path).stem.strip("<>"),
         source=file.source or "",
         description=(file.description or "").strip(),
+        reproduces=tuple(file.reproduces or ()),
         text=document.text,
         path=document.path,
+        changes=document.changes,
         plant=plant.plant,
         generator=exogenous.generator,
         model_states=exogenous.states,
@@ -95,14 +94,12 @@ def resolve(document: Document) -> Spec:
 
 
 def require_spec(document: Document) -> None:
-    """Refuse a result of `solve`, with where its spec is."""
-    if not isinstance(document.root.value, dict) or not document.root.value.keys() >= RESULT:
-        return
-    takers = (
-        "`verify -` takes it, and `simulate` as a file" if document.path == "-" else "`simulate` and `verify` take it"
-    )
-    said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
-    raise UsageError(Problem(said, document.path))
+    """Refuse a result file; raises `UsageError` with what takes it."""
+    if isinstance(document.root.value, dict) and document.root.value.keys() >= RESULT:
+        piped = document.path == "-"
+        takers = "`verify -` takes it, and `simulate` as a file" if piped else "`simulate` and `verify` take it"
+        said = f"is a result of `solve`, not a spec; {takers}, and spec.text in it is its spec"
+        raise UsageError(Problem(said, document.path, id="OBS109"))
 
 
 def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
@@ -112,11 +109,16 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
     if isinstance(file.system, Equations):
         if file.nonlinearities:
             said = "are the terms of system.dynamics, which are found by themselves: leave this out"
-            reader.wrong(("nonlinearities",), f"{said}; the type of a term is declared under system.types", at_key=True)
+            reader.wrong(
+                ("nonlinearities",),
+                f"{said}; the type of a term is declared under system.types",
+                at_key=True,
+                id="OBS213",
+            )
             return Reading(Layout())
         if typed and file.system.types:
             said = "is for designs that split the equations into terms; this type of observer takes them as they are"
-            reader.wrong(("system", "types"), said, at_key=True)
+            reader.wrong(("system", "types"), said, at_key=True, id="OBS213")
         if typed:
             return read_typed(reader, file.system)
         return read_equations(reader, file.system, sampled=sampled, constants=identity)
@@ -156,9 +158,11 @@ def read_expectations(reader: Reader, written: Mapping[str, Any]) -> dict[str, A
     for key, value in written.items():
         loc: Loc = ("expect", key)
         if not PATH.fullmatch(key):
-            reader.wrong(loc, f"{described(key)} is no path into a result, such as limit.gamma", at_key=True)
+            reader.wrong(
+                loc, f"{described(key)} is no path into a result, such as limit.gamma", at_key=True, id="OBS201"
+            )
         elif key == "status" and value not in STATUSES:
-            reader.wrong(loc, unknown("status", value, STATUSES, {}))
+            reader.wrong(loc, unknown("status", value, STATUSES, {}), id="OBS202")
         elif isinstance(value, dict):
             expected[key] = {name: read_record(reader, name, item, (*loc, name)) for name, item in value.items()}
         else:
@@ -169,7 +173,7 @@ def read_expectations(reader: Reader, written: Mapping[str, Any]) -> dict[str, A
 def read_record(reader: Reader, name: str, value: Any, loc: Loc) -> Any:
     """One entry of an expectation."""
     if name not in RECORD:
-        reader.wrong(loc, unknown("key", name, RECORD, {}), at_key=True)
+        reader.wrong(loc, unknown("key", name, RECORD, {}), at_key=True, id="OBS201")
     if name in TOLERANCES and isinstance(value, str):
         return float(reader.number(value, loc, ">= 0"))
     return read_plain(reader, value, loc)
@@ -182,7 +186,7 @@ def read_plain(reader: Reader, value: Any, loc: Loc) -> Any:
     if isinstance(value, list):
         return [read_plain(reader, item, (*loc, i)) for i, item in enumerate(value)]
     if isinstance(value, dict):
-        reader.wrong(loc, "expected a number, text or a list, found a mapping")
+        reader.wrong(loc, "expected a number, text or a list, found a mapping", id="OBS204")
     return value
 
 
@@ -195,7 +199,7 @@ def read_performance(
         return read_weight(reader, section, layout, exogenous)
     if isinstance(section, str) and section not in GROUPS:
         allowed = (*GROUPS, "a list of names", "{H: a matrix}")
-        reader.wrong(loc, unknown("performance", section, allowed, {}))
+        reader.wrong(loc, unknown("performance", section, allowed, {}), id="OBS202")
     if layout.names is None or exogenous.generator is None or section is None:
         return empty(0, 0), ()
     x, w = layout.names.states, layout.names.w
@@ -204,20 +208,22 @@ def read_performance(
     chosen = groups.get(section, x) if isinstance(section, str) else section
     if section == "w" and (modelled := [name for name in w if table[name] is not None]) and len(modelled) < len(w):
         others = ", ".join(name for name in w if name not in modelled)
-        reader.wrong(loc, f"{others} {FEEDTHROUGH.partition(';')[0]}; name the rest: [{', '.join(modelled)}]")
+        reader.wrong(
+            loc, f"{others} {FEEDTHROUGH.partition(';')[0]}; name the rest: [{', '.join(modelled)}]", id="OBS214"
+        )
         chosen = modelled
     if isinstance(section, str) and (direct := [name for name in chosen if name in table and table[name] is None]):
         said = f"each of {', '.join(direct)}" if len(direct) > 1 else direct[0]
-        reader.wrong(loc, f"{said} {FEEDTHROUGH}")
+        reader.wrong(loc, f"{said} {FEEDTHROUGH}", id="OBS214")
         return empty(0, 0), ()
     for i, name in enumerate(chosen):
         place = loc if isinstance(section, str) else (*loc, i)
         if name not in table:
-            reader.wrong(place, unknown("state", name, tuple(table), {}))
+            reader.wrong(place, unknown("state", name, tuple(table), {}), id="OBS203")
         elif table[name] is None:
-            reader.wrong(place, f"{name} {FEEDTHROUGH}")
+            reader.wrong(place, f"{name} {FEEDTHROUGH}", id="OBS214")
     if not chosen:
-        reader.wrong(loc, "there is nothing to estimate; name at least one state")
+        reader.wrong(loc, "there is nothing to estimate; name at least one state", id="OBS214")
     H = [row for row in map(table.get, chosen) if row is not None]
     return np.array(H, dtype=object), tuple(chosen)
 

@@ -268,6 +268,9 @@ class File(Section):
     name: str | None = key(LINE)
     source: str | None = key(TEXT)
     description: str | None = key(TEXT)
+    reproduces: list[str] | None = key(
+        ListOf(LINE), "figures and tables of `source` that this spec makes again, such as Fig. 3", default=[]
+    )
     parameters: dict[str, str] | None = key(
         MapOf(ENTRY), "numbers, usable by name in entries and expressions", default={}
     )

@@ -79,11 +79,15 @@ def read_types(
                 found = texts.get(parse(key, signals, reader.parameters).text)
         if found is None:
             allowed = [term.text for term in terms] or ["none, for the plant is linear"]
-            reader.wrong(place, unknown("term", key, allowed, {}), at_key=True)
+            reader.wrong(place, unknown("term", key, allowed, {}), at_key=True, id="OBS203")
         elif not isinstance(value, str) and (value.region or getattr(value.data, "region", None)):
-            reader.wrong(place, "a type has no region here: a term stays where system.domain keeps what it depends on")
+            reader.wrong(
+                place,
+                "a type has no region here: a term stays where system.domain keeps what it depends on",
+                id="OBS213",
+            )
         elif found[0] in declared:
-            reader.wrong(place, f"{found[1].text} has a type already; give one", at_key=True)
+            reader.wrong(place, f"{found[1].text} has a type already; give one", at_key=True, id="OBS206")
         else:
             declared[found[0]] = found[1], place, value
     return declared
@@ -157,7 +161,9 @@ class Types:
         block = read_block(trial, section, place, nq, 1)
         found = read_nonlinearity(trial, block, self.known)
         if found is not None and self.constants and not found.lipschitz:
-            trial.wrong(place, f"{found.type} has no Lipschitz constant, which this type of observer needs")
+            trial.wrong(
+                place, f"{found.type} has no Lipschitz constant, which this type of observer needs", id="OBS406"
+            )
         return Trial(term, block, None if trial.problems else found, trial.problems, trial.notes)
 
     def region(self, term: Term) -> dict[str, Ends]:

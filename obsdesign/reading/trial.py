@@ -38,7 +38,9 @@ def read_simulation(
     horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
     known = layout.known("states")
     if section.w is not None and section.v is not None:
-        reader.wrong((*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model")
+        reader.wrong(
+            (*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model", id="OBS206"
+        )
     xm, v = exogenous.xm, exogenous.v
     names = (layout.names.states if layout.names else ()), exogenous.states
     xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm, names)
@@ -87,11 +89,11 @@ def read_signals(
     if known is None:
         return ()
     if "file" in written:
-        reader.wrong(loc, "files are not read here; write expressions, as a list or by name")
+        reader.wrong(loc, "files are not read here; write expressions, as a list or by name", id="OBS212")
         return ()
     for name in written:
         if name not in names:
-            reader.wrong((*loc, name), unknown(axis.each, name, names, {}), at_key=True)
+            reader.wrong((*loc, name), unknown(axis.each, name, names, {}), at_key=True, id="OBS203")
     return tuple(reader.expression(written.get(name, "0"), (*loc, name), known) for name in names)
 
 
@@ -108,7 +110,9 @@ def read_events(reader: Reader, written: Mapping[str, str], layout: Layout) -> d
         place: Loc = ("simulation", "events", name)
         events[name] = reader.expression(text, place, known or ())
         if reader.clean(place) and not is_condition(events[name].root):
-            reader.wrong(place, f"{described(text)} is no condition; write a comparison, such as abs(x1) > 1e3")
+            reader.wrong(
+                place, f"{described(text)} is no condition; write a comparison, such as abs(x1) > 1e3", id="OBS301"
+            )
     return events
 
 
@@ -117,7 +121,7 @@ def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
     for key in SAMPLING:
         if getattr(section, key) is not None and not isinstance(getattr(section, key), dict):
             owners = " or ".join(name for name, family in FAMILIES.items() if family.sampled)
-            reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True)
+            reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True, id="OBS213")
 
 
 def read_sampling(reader: Reader, written: str | schema.Law | None) -> str | Expression:
@@ -133,7 +137,7 @@ def read_dropout(reader: Reader, written: str | None) -> float:
     loc: Loc = ("simulation", "dropout")
     share = reader.number(written or "0", loc, ">= 0")
     if share >= 1 and reader.clean(loc):
-        reader.wrong(loc, f"{float(share):g} is no share below 1; give a number in [0, 1)")
+        reader.wrong(loc, f"{float(share):g} is no share below 1; give a number in [0, 1)", id="OBS208")
     return float(share)
 
 
@@ -164,7 +168,7 @@ def named_state(
     allowed = (*x, *xm)
     for name in written:
         if x and name not in allowed:
-            reader.wrong((*loc, name), unknown("state", name, allowed, {}), at_key=True)
+            reader.wrong((*loc, name), unknown("state", name, allowed, {}), at_key=True, id="OBS203")
     order = allowed if any(name in written for name in xm if name not in x) else x
     return Entries(loc, np.array([reader.number(written.get(name, "0"), (*loc, name)) for name in order], dtype=object))
 
@@ -177,10 +181,12 @@ def read_noise(
         return None
     loc: Loc = ("simulation", "noise")
     if section.period is None and not sampled:
-        reader.wrong((*loc, "period"), "is required")
+        reader.wrong((*loc, "period"), "is required", id="OBS205")
     period = horizon if section.period is None else reader.number(section.period, (*loc, "period"), "> 0")
     if horizon > MAX_PERIODS * period:
-        reader.wrong((*loc, "period"), f"more than {MAX_PERIODS:,} periods in the horizon; give a longer period")
+        reader.wrong(
+            (*loc, "period"), f"more than {MAX_PERIODS:,} periods in the horizon; give a longer period", id="OBS210"
+        )
     place = (*loc, "amplitude")
     if isinstance(section.amplitude, str):
         amplitude = [reader.number(section.amplitude, place, ">= 0")] * (outputs.size or 0)
@@ -189,7 +195,7 @@ def read_noise(
         amplitude = [reader.number(a, (*place, i), ">= 0") for i, a in enumerate(section.amplitude)]
         if not outputs.admits(len(amplitude)):
             expected = f"expected {counted(outputs.size, 'number')} ({outputs})"
-            reader.wrong(place, f"{expected}, found {len(amplitude)}")
+            reader.wrong(place, f"{expected}, found {len(amplitude)}", id="OBS209")
     return Noise(
         "uniform" if section.type == "uniform" else "gaussian", np.array([float(a) for a in amplitude]), float(period)
     )

@@ -52,13 +52,13 @@ def in_equations(reader: Reader, found: Reading) -> Reading:
     functions = [(block.f, block.nq) for block in found.nonlinearities if block is not None and block.f is not None]
     if plant is None or names is None or len(functions) < len(found.nonlinearities):
         if reader.clean(("nonlinearities",)):
-            reader.wrong(("nonlinearities",), "need an f each: this observer takes the plant as equations")
+            reader.wrong(("nonlinearities",), "need an f each: this observer takes the plant as equations", id="OBS402")
         return Reading(found.layout)
     made = from_matrices(plant, functions, (found.gx, found.gq, found.gy), names.inputs)
     for _ in made.algebraic:
         made = made.substituted(made.algebraic)
     if any(side.names.intersection(made.algebraic) for _, side in made.sides()):
         said = "depend on themselves (Dqf), and this observer takes the plant as equations; give system.dynamics"
-        reader.wrong(("nonlinearities",), said)
+        reader.wrong(("nonlinearities",), said, id="OBS305")
         return Reading(found.layout)
     return of_typed(found.layout, Typed(replace(made, algebraic={}), {}))

@@ -20,7 +20,7 @@ def opened(text: str, path: str, changes: Sequence[str] = ()) -> Document:
     for change in changes:
         loc, node = read_change(change)
         document = document._replace(root=put(document.root, loc, node, change))
-    return document
+    return document._replace(changes=tuple(changes))
 
 
 def read_change(change: str) -> tuple[Loc, Node]:
@@ -28,18 +28,18 @@ def read_change(change: str) -> tuple[Loc, Node]:
     found = CHANGE.fullmatch(change)
     if not found:
         said = f"expected KEY=VALUE with a dotted key, such as observer.alpha=0.5; found {described(change)}"
-        raise UsageError(Problem(said, OPTION))
+        raise UsageError(Problem(said, OPTION, id="OBS110"))
     loc = tuple(int(part[1:-1]) if part[0] == "[" else part for part in re.findall(r"[\w-]+|\[\d+\]", found[1]))
     origin = f"{OPTION} {described(change)}"
     if not found[2].strip():
-        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin))
+        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin, id="OBS110"))
     try:
         document = compose(found[2], origin)
     except UsageError:
         said = "the value is not YAML; a shell needs quotes around a space: --set 'observer.bounds={L1: 400}'"
-        raise UsageError(Problem(said, origin)) from None
+        raise UsageError(Problem(said, origin, id="OBS110")) from None
     if document.problems:
-        raise UsageError(*(Problem(one.message, origin, key=found[1]) for one in document.problems))
+        raise UsageError(*(Problem(one.message, origin, key=found[1], id=one.id) for one in document.problems))
     return loc, of_origin(document.root, origin)
 
 
@@ -67,4 +67,4 @@ def put(node: Node, loc: Loc, new: Node, change: str) -> Node:
         return node._replace(value=entries)
     kind = "a list of more entries" if isinstance(name, int) else "a mapping"
     said = f"{dotted((name,))} needs {kind} where the spec has {described(node.value)}; set the whole value instead"
-    raise UsageError(Problem(said, f"{OPTION} {described(change)}"))
+    raise UsageError(Problem(said, f"{OPTION} {described(change)}", id="OBS110"))

@@ -6,13 +6,12 @@ refused while their events arrive, before there is a tree.
 """
 
 import re
-from pathlib import Path
+from dataclasses import replace
 from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
-from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
-from obsdesign.files import content_of
+from obsdesign.errors import NOT_ONE_LINE, Excerpt, Problem, UsageError
 from obsdesign.sections.scalars import Number, described, scalar
 
 MAX_BYTES = 4 * 2**20
@@ -24,9 +23,11 @@ MAX_SEPARATORS = 250_000  # commas and lines: many more values than that are not
 TOO_MANY = f"more than {MAX_SEPARATORS:,} commas and lines; a spec may not have so many values"
 MAX_PROBLEMS = 100
 MAX_SHOWN = 4  # parts of a key in a message about YAML
+LONGEST = 200  # characters of a line that are kept on each side of a place
 MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LINE_END = re.compile("[\n\r\x85\u2028\u2029]")
 OPERATOR = re.compile(r"[*/()+<>]")
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
@@ -61,8 +62,9 @@ class Document(NamedTuple):
     text: str
     root: Node
     problems: tuple[Problem, ...]
+    changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
 
-    def problem(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> Problem:
+    def problem(self, loc: Loc, message: str, *, id: str, at_key: bool = False, column: int = 0) -> Problem:
         """Return what is wrong at `loc`, placed at its value or its key.
 
         `column`: where in a text, from 0. It moves the place only if the text is written out in one line.
@@ -70,11 +72,12 @@ class Document(NamedTuple):
         key, value = self.find(loc)
         node = key if at_key else value
         if node.origin:
-            return Problem(message, node.origin, key=dotted(loc))
+            return Problem(message, node.origin, key=dotted(loc), id=id)
         if column and isinstance(node.value, str):
             quote = int(self.text[node.begins] in "'\"")
             column = quote + column if self.text.startswith(node.value, node.begins + quote) else 0
-        return Problem(message, self.path, node.line, node.column + column, dotted(loc))
+        place = node._replace(column=node.column + column, begins=node.begins + column)
+        return about(place, message, self.path, self.text, dotted(loc), id=id)
 
     def find(self, loc: Loc) -> tuple[Node, Node]:
         """Key and value at `loc`, or of the part of `loc` that there is."""
@@ -95,48 +98,52 @@ def dotted(loc: Loc) -> str:
     return "".join(parts).removeprefix(".")
 
 
-def read(path: str) -> str:
-    """Text of a file.
-
-    Raises `UsageError`: it cannot be read, is larger than 4 MiB, or is not UTF-8 text.
-    """
-    if Path(path).is_dir():
-        raise UsageError(Problem("is a folder; give a spec file", path))
-    data = content_of(path, MAX_BYTES)
-    if len(data) > MAX_BYTES:
-        raise UsageError(Problem(TOO_LARGE, path))
-    try:
-        return data.decode()
-    except UnicodeDecodeError as error:
-        raise UsageError(Problem(f"is not UTF-8 text (byte {error.start}); a spec is a YAML file", path)) from None
-
-
 def compose(text: str, path: str) -> Document:
     """Read one YAML document.
 
     Raises `UsageError`: it is not YAML, is empty, too large, too deep, or holds more than one document.
     """
     if len(text) > MAX_BYTES:
-        raise UsageError(Problem(TOO_LARGE, path))
+        raise UsageError(Problem(TOO_LARGE, path, id="OBS103"))
     if text.count(",") + text.count("\n") > MAX_SEPARATORS:
-        raise UsageError(Problem(TOO_MANY, path, 1, 1))
+        raise UsageError(Problem(TOO_MANY, path, 1, 1, id="OBS103"))
     text = text.removeprefix("\ufeff")
     if found := NOT_TEXT.search(text):
         line = text.count("\n", 0, found.start()) + 1
-        column = found.start() - text.rfind("\n", 0, found.start())
+        place = Node(None, line, found.start() - text.rfind("\n", 0, found.start()), found.start())
         message = f"the character U+{ord(found[0]):04X} does not belong in a text file; a spec is a YAML file"
-        raise UsageError(Problem(message, path, line, column))
-    composer = Composer(path)
+        raise UsageError(about(place, message, path, text, id="OBS102"))
+    composer = Composer(path, text)
     try:
         for event in yaml.parse(text, LOADER):
             composer.take(event)
     except yaml.MarkedYAMLError as error:
-        mark = transpose(error, text) or error.problem_mark or error.context_mark
-        place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        raise UsageError(*composer.problems, Problem(explained(error, text), path, *place)) from None
+        raise UsageError(*composer.problems, invalid(error, path, text)) from None
     if composer.root is None or composer.root.value is None:
-        raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path))
+        raise UsageError(Problem("is empty; a spec begins with `obsdesign: 1`", path, id="OBS104"))
     return Document(path, text, composer.root, tuple(composer.problems))
+
+
+def invalid(error: yaml.MarkedYAMLError, path: str, text: str) -> Problem:
+    """Syntax error, with the line in which it is found, or else that in which begins what does not end."""
+    mark, began = transpose(error, text) or error.problem_mark or error.context_mark, error.context_mark
+    place = placed(None, mark) if mark else Node(None, 1, 1, 0)
+    problem = about(place, explained(error, text), path, text, id="OBS104")
+    blank = not "".join(excerpt(place, text)[1:]).strip()
+    return replace(problem, excerpt=excerpt(placed(None, began), text)) if began and blank else problem
+
+
+def about(place: Node, message: str, path: str, text: str, key: str = "", *, id: str) -> Problem:
+    """Problem at a place, with its line."""
+    return Problem(message, path, place.line, place.column, key, id=id, excerpt=excerpt(place, text))
+
+
+def excerpt(place: Node, text: str) -> Excerpt:
+    """Line of a place, as far as it is near."""
+    first, index = place.begins - place.column + 1, place.begins
+    end = LINE_END.search(text, index, index + LONGEST)
+    after = text[index : end.start() if end else index + LONGEST]
+    return Excerpt(place.line, text[max(first, index - LONGEST, 0) : index], after)
 
 
 def explained(error: yaml.MarkedYAMLError, text: str) -> str:
@@ -174,8 +181,9 @@ class Open:
 class Composer:
     """Builds the tree from the events of the parser, within the limits."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, text: str) -> None:
         self.path = path
+        self.text = text
         self.root: Node | None = None
         self.problems: list[Problem] = []
         self.stack: list[Open] = []
@@ -183,13 +191,13 @@ class Composer:
         self.nodes = 0
         self.aliased = 0
 
-    def stop(self, mark: Mark, message: str) -> NoReturn:
+    def stop(self, mark: Mark, message: str, *, id: str) -> NoReturn:
         """Give up reading, with all that was found wrong so far."""
-        raise UsageError(*self.problems, self.problem(mark, message))
+        raise UsageError(*self.problems, self.problem(mark, message, id=id))
 
-    def problem(self, mark: Mark, message: str) -> Problem:
+    def problem(self, mark: Mark, message: str, *, id: str) -> Problem:
         """Return what is wrong at the mark, with the key under which it stands."""
-        return Problem(message, self.path, mark.line + 1, mark.column + 1, dotted(self.here()[:MAX_SHOWN]))
+        return about(placed(None, mark), message, self.path, self.text, dotted(self.here()[:MAX_SHOWN]), id=id)
 
     def here(self) -> Loc:
         """Where the next node will stand."""
@@ -199,12 +207,12 @@ class Composer:
     def take(self, event: yaml.Event) -> None:
         """Add one event of the parser."""
         if len(self.problems) > MAX_PROBLEMS:
-            self.stop(event.start_mark, "too much is wrong to read on")
+            self.stop(event.start_mark, "too much is wrong to read on", id="OBS103")
         if isinstance(event, yaml.ScalarEvent):
             self.check(event)
             if found := NOT_TEXT.search(event.value):  # by an escape
                 message = f"holds the character U+{ord(found[0]):04X}, which does not belong in a text"
-                self.problems.append(self.problem(event.start_mark, message))
+                self.problems.append(self.problem(event.start_mark, message, id="OBS102"))
             plain = event.implicit[0]
             self.add(placed(scalar(event.value) if plain else event.value, event.start_mark), event.anchor)
         elif isinstance(event, yaml.CollectionStartEvent):
@@ -216,23 +224,23 @@ class Composer:
         elif isinstance(event, yaml.AliasEvent):
             self.add(self.target(event), None)
         elif isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
-            self.stop(event.start_mark, "a second document begins here; a spec is one document")
+            self.stop(event.start_mark, "a second document begins here; a spec is one document", id="OBS105")
 
     def check(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         """Refuse tags, and more nodes than a spec can have."""
         self.nodes += 1
         if self.nodes > MAX_NODES:
-            self.stop(event.start_mark, f"more than {MAX_NODES:,} values; a spec may not have so many")
+            self.stop(event.start_mark, f"more than {MAX_NODES:,} values; a spec may not have so many", id="OBS103")
         if event.tag is not None:
             message = f"the tag {described(event.tag)} is not read; write plain numbers, text, lists and mappings"
-            self.problems.append(self.problem(event.start_mark, message))
+            self.problems.append(self.problem(event.start_mark, message, id="OBS105"))
 
     def begin(self, event: yaml.CollectionStartEvent) -> None:
         """Open a list or a mapping."""
         if len(self.stack) == MAX_DEPTH:
-            self.stop(event.start_mark, TOO_DEEP)
+            self.stop(event.start_mark, TOO_DEEP, id="OBS103")
         if self.stack and self.stack[-1].mapping and self.stack[-1].key is None:
-            self.stop(event.start_mark, "a key must be text, found a list or a mapping")
+            self.stop(event.start_mark, "a key must be text, found a list or a mapping", id="OBS106")
         if event.anchor:
             self.anchors[event.anchor] = None
         mapping = isinstance(event, yaml.MappingStartEvent)
@@ -242,15 +250,17 @@ class Composer:
         """Node that an alias stands for."""
         name, mark = event.anchor, event.start_mark
         if name not in self.anchors:
-            self.stop(mark, f"the alias *{described(name)} has no anchor; quote an expression that begins with *")
+            self.stop(
+                mark, f"the alias *{described(name)} has no anchor; quote an expression that begins with *", id="OBS105"
+            )
         found = self.anchors[name]
         if found is None:
-            self.stop(mark, f"the alias *{described(name)} stands inside what it stands for")
+            self.stop(mark, f"the alias *{described(name)} stands inside what it stands for", id="OBS105")
         self.aliased += found.size
         if self.aliased > MAX_ALIASED:
-            self.stop(mark, f"aliases expand to more than {MAX_ALIASED:,} values")
+            self.stop(mark, f"aliases expand to more than {MAX_ALIASED:,} values", id="OBS103")
         if len(self.stack) + found.height > MAX_DEPTH:
-            self.stop(mark, TOO_DEEP)
+            self.stop(mark, TOO_DEEP, id="OBS103")
         return found
 
     def add(self, node: Node, anchor: str | None) -> None:
@@ -282,26 +292,29 @@ class Composer:
         message, where = "has no value; give one, or leave it out", dotted(self.here())
         if OPERATOR.search(str(self.here()[-1])):
             message = "is a part of a text, cut at a comma: write the whole text in quotes"
-        return Problem(message, self.path, node.line, node.column, where)
+        return about(node, message, self.path, self.text, where, id="OBS108")
 
     def key(self, node: Node, others: dict[str, tuple[Node, Node]]) -> Node:
         """Check a key. One that is wrong becomes None, and its value is dropped."""
         name = node.value
         if not isinstance(name, str) or isinstance(name, Number):
-            message = f"a key must be text, found {described(name)}"
+            id, message = "OBS106", f"a key must be text, found {described(name)}"
             if ends_decimal(node, others):
                 message += "; a decimal point is written as a point, such as 9.81"
         elif found := NOT_ONE_LINE.search(name):
-            message = f"a key is one line of text; this one holds the character U+{ord(found[0]):04X}"
+            id, message = "OBS102", f"a key is one line of text; this one holds the character U+{ord(found[0]):04X}"
             name = None
         elif name == "<<":
-            message = "merge keys (<<) are not read; write the keys out"
+            id, message = "OBS105", "merge keys (<<) are not read; write the keys out"
         elif name in others:
-            message = f"duplicate key {described(name)}; it is given in line {others[name][0].line} already"
+            id, message = (
+                "OBS107",
+                f"duplicate key {described(name)}; it is given in line {others[name][0].line} already",
+            )
         else:
             return node
         loc = self.here() if name is None else (*self.here(), str(name))
-        self.problems.append(Problem(message, self.path, node.line, node.column, dotted(loc)))
+        self.problems.append(about(node, message, self.path, self.text, dotted(loc), id=id))
         return node._replace(value=None)
 
 

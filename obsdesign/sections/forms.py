@@ -44,7 +44,7 @@ class Form(Protocol):
 def refuse(reader: Reader, expected: str, value: Any, loc: Loc) -> Any:
     """None, with a note that a value has another form; that it is missing was said by the reader of the text."""
     if value is not None:
-        reader.wrong(loc, f"expected {expected}; found {described(value)}")
+        reader.wrong(loc, f"expected {expected}; found {described(value)}", id="OBS204")
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class OneOf:
         if isinstance(value, str) and value in self.known:
             return str(value)
         if value is not None:
-            reader.wrong(loc, unknown(self.kind, value, self.known, self.hints(), self.beside()))
+            reader.wrong(loc, unknown(self.kind, value, self.known, self.hints(), self.beside()), id="OBS202")
         return None
 
     def schema(self, definitions: Schema) -> Schema:  # noqa: ARG002
@@ -273,7 +273,7 @@ class Section:
         found = cls.values(reader, value, loc)
         choices = [name for name in cls.forms() if name not in (cls.beside or ())]
         if cls.beside is not None and len(reader.problems) == before and sum(name in found for name in choices) != 1:
-            reader.wrong(loc, f"expected one of the keys {', '.join(choices)}")
+            reader.wrong(loc, f"expected one of the keys {', '.join(choices)}", id="OBS206")
         return cls.of(found) if len(reader.problems) == before and None not in found.values() else None
 
     @classmethod
@@ -284,9 +284,9 @@ class Section:
         misspelt = {nearest(name, tuple(keys)) for name in others}
         for name, one in keys.items():
             if one.required and name not in value and name not in misspelt:
-                reader.wrong((*loc, name), f"is required{one.asked}")
+                reader.wrong((*loc, name), f"is required{one.asked}", id="OBS205")
         for name in others:
-            reader.wrong((*loc, name), unknown("key", name, tuple(keys), cls.hinted()), at_key=True)
+            reader.wrong((*loc, name), unknown("key", name, tuple(keys), cls.hinted()), at_key=True, id="OBS201")
         return {name: one.form.read(reader, value[name], (*loc, name)) for name, one in keys.items() if name in value}
 
     @classmethod

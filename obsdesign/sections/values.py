@@ -137,6 +137,21 @@ def spaced(value: Sequence[Any]) -> list[list[str]] | None:
     return [[entry for entry in row if entry] for row in rows] if others else None
 
 
+def gathered(problems: list[Problem]) -> list[Problem]:
+    """Problems in their order, an unknown name once: where it stands first, with its other places."""
+    found: dict[str, list[Problem]] = {}
+    for problem in problems:
+        named = problem.id == "OBS302" and problem.line
+        found.setdefault(problem.message.partition(";")[0] if named else str(problem), []).append(problem)
+    return [repeated(*same) for same in found.values()]
+
+
+def repeated(first: Problem, *others: Problem) -> Problem:
+    """Problem with the other places where it is met."""
+    also = ", ".join(f"{other.line}:{other.column}" for other in others)
+    return replace(first, message=f"{first.message}; also at {also}") if others else first
+
+
 class Reader:
     """Reads values and collects what is wrong and what a user should know."""
 
@@ -147,9 +162,9 @@ class Reader:
         self.parameters: dict[str, fmpq] = {}
         self.exact: dict[str, fmpq] = {}  # values of the texts read so far
 
-    def wrong(self, loc: Loc, message: str, *, at_key: bool = False, column: int = 0) -> None:
+    def wrong(self, loc: Loc, message: str, *, id: str, at_key: bool = False, column: int = 0) -> None:
         """Note that something is wrong; stop where too much is."""
-        self.problems.append(self.document.problem(loc, message, at_key=at_key, column=column))
+        self.problems.append(self.document.problem(loc, message, at_key=at_key, column=column, id=id))
         if len(self.problems) > MAX_PROBLEMS:
             self.stop()
 
@@ -162,14 +177,14 @@ class Reader:
     def limit(self, count: Size, what: str, loc: Loc) -> None:
         """Stop at a size that no design can deal with, before there are matrices of it."""
         if count is not None and count > MAX_SIZE:
-            self.wrong(loc, f"{count} {what}; at most {MAX_SIZE} are allowed")
+            self.wrong(loc, f"{count} {what}; at most {MAX_SIZE} are allowed", id="OBS210")
             self.stop()
 
     def stop(self) -> NoReturn:
         """Raise what was found wrong, in the order of the file."""
-        problems = sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column))
+        problems = gathered(sorted(dict.fromkeys(self.problems), key=lambda problem: (problem.line, problem.column)))
         if len(problems) > MAX_PROBLEMS:
-            problems = [*problems[:MAX_PROBLEMS], Problem("and more", self.document.path)]
+            problems = [*problems[:MAX_PROBLEMS], Problem("and more", self.document.path, id="OBS103")]
         raise UsageError(*problems)
 
     def number(self, text: str, loc: Loc, sign: Sign = "any") -> fmpq:
@@ -180,10 +195,10 @@ class Reader:
         try:
             value = self.value(text, loc)
         except ExpressionError as error:
-            self.wrong(loc, error.message, column=error.column)
+            self.wrong(loc, error.message, column=error.column, id=error.id)
             return ONE
         if (sign == "> 0" and value <= 0) or (sign == ">= 0" and value < 0):
-            self.wrong(loc, f"{described(text)} is not allowed; give a number {sign}")
+            self.wrong(loc, f"{described(text)} is not allowed; give a number {sign}", id="OBS208")
             return ONE
         return value
 
@@ -191,9 +206,11 @@ class Reader:
         """Exact value, or `ExpressionError`."""
         if text not in self.exact:
             if NOT_FINITE.fullmatch(text):
-                raise ExpressionError(f"{text} is not a finite number")
+                raise ExpressionError(f"{text} is not a finite number", id="OBS212")
             if DATE.fullmatch(text):
-                raise ExpressionError(f"expected a number, found {described(text)}, which reads as a date or a time")
+                raise ExpressionError(
+                    f"expected a number, found {described(text)}, which reads as a date or a time", id="OBS212"
+                )
             self.require_plain(text, self.parameters)
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
@@ -204,7 +221,7 @@ class Reader:
     def require_plain(self, text: str, names: Collection[str]) -> None:
         """Refuse a number with a unit that is none of the names, or with a decimal comma, by an `ExpressionError`."""
         if len(text) <= MAX_QUOTED and (said := misread(text, {*names, "pi"})):
-            raise ExpressionError(said)
+            raise ExpressionError(said, id="OBS212")
 
     def integer(self, text: str | None, loc: Loc, default: int, low: int, high: int) -> int:
         """Whole number in a range."""
@@ -213,7 +230,7 @@ class Reader:
         before = len(self.problems)
         value = self.number(text, loc)
         if len(self.problems) == before and not (value.q == 1 and low <= value <= high):
-            self.wrong(loc, f"{described(text)} is not allowed; give a whole number from {low} to {high}")
+            self.wrong(loc, f"{described(text)} is not allowed; give a whole number from {low} to {high}", id="OBS208")
             return default
         return int(value.p)
 
@@ -229,6 +246,7 @@ class Reader:
             self.wrong(
                 loc,
                 f"rows are lists, and entries are separated by commas: write [[{'], ['.join(map(', '.join, rows))}]]",
+                id="OBS209",
             )
             value = rows
         self.limit(len(value), "rows or entries", loc)
@@ -245,7 +263,9 @@ class Reader:
         matrix = np.full((len(value), usual), ZERO, dtype=object)
         for i, row in enumerate(value):
             if len(row) != usual:
-                self.wrong((*loc, i), f"expected a row of {usual} like the others, found a row of {len(row)}")
+                self.wrong(
+                    (*loc, i), f"expected a row of {usual} like the others, found a row of {len(row)}", id="OBS209"
+                )
             for j, entry in enumerate(row[:usual]):
                 matrix[i, j] = self.number(entry, (*loc, i, j))
         return Entries(loc, matrix, wrong=min(lengths) < max(lengths))
@@ -254,7 +274,7 @@ class Reader:
         """Matrix of the size that there must be."""
         size = rows.size or 0, columns.size or 0
         if not entries.fits(rows, columns):
-            self.wrong(entries.loc, entries.mismatch(rows, columns))
+            self.wrong(entries.loc, entries.mismatch(rows, columns), id="OBS209")
         elif not entries.zero and not entries.wrong and None not in (rows.size, columns.size):
             return entries.values.reshape(size)
         return np.full(size, ZERO, dtype=object)
@@ -263,7 +283,7 @@ class Reader:
         """Vector with so many entries; the number 0 is zero."""
         if entries.fits(axis, SINGLE):
             return self.matrix(entries, axis, SINGLE).ravel()
-        self.wrong(entries.loc, f"expected {counted(axis.size, 'number')} ({axis}), found {entries}")
+        self.wrong(entries.loc, f"expected {counted(axis.size, 'number')} ({axis}), found {entries}", id="OBS209")
         return np.full(axis.size or 0, ZERO, dtype=object)
 
     def expressions(
@@ -277,7 +297,7 @@ class Reader:
             return (Expression.number(0),) * (axis.size or 0)
         texts = [value] if isinstance(value, str) else value
         if not axis.admits(len(texts)):
-            self.wrong(loc, f"expected {counted(axis.size, 'expression')} ({axis}), found {len(texts)}")
+            self.wrong(loc, f"expected {counted(axis.size, 'expression')} ({axis}), found {len(texts)}", id="OBS209")
             return ()
         if names is None:
             return ()
@@ -288,12 +308,14 @@ class Reader:
         """Expression of the given names; `about`: what to say of another one."""
         try:
             if NOT_FINITE.fullmatch(text) or DATE.fullmatch(text):
-                raise ExpressionError(f"expected an expression, found {described(text)}")
+                raise ExpressionError(f"expected an expression, found {described(text)}", id="OBS212")
             if RECORDED.fullmatch(text):
-                raise ExpressionError(f"files are not read here, such as {described(text)}; write an expression")
+                raise ExpressionError(
+                    f"files are not read here, such as {described(text)}; write an expression", id="OBS212"
+                )
             self.require_plain(text, {*names, *self.parameters})
             return parse(text, names, self.parameters)
         except ExpressionError as error:
             said = f"; {about}" if about and error.message.startswith("unknown name") else ""
-            self.wrong(loc, error.message + said, column=error.column)
+            self.wrong(loc, error.message + said, column=error.column, id=error.id)
             return Expression.number(0)

@@ -35,10 +35,12 @@ def plain(value: Any, loc: Loc, problems: list[Problem], path: str) -> Any:
     if isinstance(value, np.ndarray):
         value = value.tolist() if value.dtype.kind in "biu" else [*value] if value.ndim else value[()]
     if len(loc) > MAX_DEPTH:
-        problems.append(Problem(TOO_DEEP, path, key=dotted(loc[:4])))
+        problems.append(Problem(TOO_DEEP, path, key=dotted(loc[:4]), id="OBS103"))
     elif isinstance(value, Mapping):
         others = [name for name in value if not isinstance(name, str)]
-        problems += [Problem(f"a key must be text, found {name!r}", path, key=dotted(loc)) for name in others]
+        problems += [
+            Problem(f"a key must be text, found {name!r}", path, key=dotted(loc), id="OBS106") for name in others
+        ]
         known = {name: item for name, item in value.items() if item is not None and isinstance(name, str)}
         return {name: plain(item, (*loc, name), problems, path) for name, item in known.items()}
     elif isinstance(value, list | tuple):
@@ -47,7 +49,9 @@ def plain(value: Any, loc: Loc, problems: list[Problem], path: str) -> Any:
         return text
     else:
         expected = "a number, text, an array, a list or a mapping"
-        problems.append(Problem(f"expected {expected}; found {type(value).__name__}", path, key=dotted(loc)))
+        problems.append(
+            Problem(f"expected {expected}; found {type(value).__name__}", path, key=dotted(loc), id="OBS204")
+        )
     return ""
 
 
@@ -71,7 +75,7 @@ def whole(value: Any) -> str:
     try:
         return str(value)
     except ValueError:
-        raise UsageError("a whole number has more digits than Python converts; write a decimal") from None
+        raise UsageError("a whole number has more digits than Python converts; write a decimal", id="OBS212") from None
 
 
 def lines(name: str, value: Any, indent: str) -> Iterator[str]:

@@ -161,11 +161,15 @@ class Comparison:
         return shared(names) or names[0]
 
     def plot(self, path: str | None = None) -> bytes:
-        """Draw states and errors as a PNG, and write it where a path is given; raises `UsageError` if it cannot be."""
-        from obsdesign.files import write_whole
+        """Draw states and errors, and write them where a path is given: as SVG if this ends so, else as PNG.
+
+        Raises `UsageError` if the file cannot be written.
+        """
+        from obsdesign.disk import write_whole
+        from obsdesign.plot import form_of
         from obsdesign.plot.comparison import comparison_figure
 
-        figure = comparison_figure(self)
+        figure = comparison_figure(self, form=form_of(path))
         if path is not None:
             write_whole(path, figure)
         return figure

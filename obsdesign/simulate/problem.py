@@ -25,7 +25,7 @@ def one_problem(specs: Sequence[Spec]) -> list[Spec]:
     tried = [spec for spec in specs if spec.simulation]
     if not tried:
         said = "is missing in every spec; a comparison needs a horizon, x0, and what acts on the plant"
-        raise UsageError(specs[0].located(Problem(said, key="simulation")))
+        raise UsageError(specs[0].located(Problem(said, key="simulation", id="OBS801")))
     first = next((spec for spec in tried if not FAMILIES[spec.observer.type].sampled), tried[0])
     made = [spec if spec.simulation else adopted(spec, first) for spec in specs]
     asked = list(entries(first))
@@ -33,7 +33,7 @@ def one_problem(specs: Sequence[Spec]) -> list[Spec]:
         for (_, _, one), (key, what, other) in zip(asked, entries(spec), strict=False):
             if None not in (one, other) and not same(one, other):
                 said = f"{what} is {shown(other)}, but {shown(one)} in {first.path}; a comparison needs one plant"
-                raise UsageError(spec.located(Problem(said, key=key)))
+                raise UsageError(spec.located(Problem(said, key=key, id="OBS805")))
     return made
 
 

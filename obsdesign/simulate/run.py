@@ -38,7 +38,9 @@ class Samples:
     w_error: Array  # (N, len(estimated)): what - w, without cancellation where xm has a true value
     q: Array  # (N, nq), arguments of f in the plant
     qhat: Array  # (N, nq), in the observer
+    u: Array  # (N, nu), known inputs
     y: Array  # (N, ny), as measured: with noise
+    y_true: Array  # (N, ny), without noise, also where it is not measured
     theta: Array  # (N, further states of the observer)
     v: Array | None  # (N, nv)
     z: Array | None  # (N, nz)
@@ -105,18 +107,19 @@ class Run(Samples):
     def __getitem__(self, name: str) -> Array:
         """Return a signal by its name in the CSV file, (N,)."""
         if name not in self.columns:
-            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}")
+            raise UsageError(f"{name!r} is no signal of this run; it has {', '.join(self.columns)}", id="OBS203")
         return self.columns[name]
 
-    def plot(self, path: str | None = None) -> bytes:
-        """Draw the run as a PNG, and write it where a path is given.
+    def plot(self, path: str | None = None, *, every: bool = False) -> bytes:
+        """Draw the run, and write it where a path is given: as SVG if this ends so, else as PNG.
 
+        At most four panels tell what the spec wants to know; `every` adds the others: all states and inputs, V, ..
         Raises `UsageError` if the file cannot be written.
         """
-        from obsdesign.files import write_whole
-        from obsdesign.plot import run_figure
+        from obsdesign.disk import write_whole
+        from obsdesign.plot import form_of, run_figure
 
-        figure = run_figure(self)
+        figure = run_figure(self, every=every, form=form_of(path))
         if path is not None:
             write_whole(path, figure)
         return figure

@@ -48,12 +48,14 @@ def recorded(
     """
     simulation = spec.simulation
     if simulation is None:
-        raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation"))
+        raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation", id="OBS801"))
     system = system_of(spec, simulation, observer, guarantee, sampling)
     start, breaks = initial(system, simulation, sampling), system.breaks()
     if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
         name, _, condition = reason.partition(": ")
-        raise UsageError(Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}"))
+        raise UsageError(
+            Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}", id="OBS802")
+        )
     samples = np.linspace(0, simulation.horizon, simulation.points)
     quick = perturbed(spec, observer, samples) if applies(system) else None
     return Record(spec, system, breaks, quick or follow(system, start, breaks, samples, progress))

@@ -35,21 +35,23 @@ class Sampling:
 
     def __post_init__(self) -> None:
         if not 0 < self.T1 <= self.T2 < np.inf:
-            raise UsageError(f"the intervals need 0 < T1 <= T2, not T1 = {self.T1:g}, T2 = {self.T2:g}")
+            raise UsageError(f"the intervals need 0 < T1 <= T2, not T1 = {self.T1:g}, T2 = {self.T2:g}", id="OBS208")
         if self.period is not None and not 0 < self.period < np.inf:
-            raise UsageError(Problem(f"{self.period:g}; it must be positive", key="simulation.period"))
+            raise UsageError(Problem(f"{self.period:g}; it must be positive", key="simulation.period", id="OBS208"))
         if not 0 <= self.dropout < 1:
             raise UsageError(
                 Problem(
-                    f"{self.dropout:g}; a share in [0, 1) of the measurements can be lost", key="simulation.dropout"
+                    f"{self.dropout:g}; a share in [0, 1) of the measurements can be lost",
+                    key="simulation.dropout",
+                    id="OBS208",
                 )
             )
         if isinstance(self.law, str) and self.law not in {"periodic", "random"}:
             said = f"{self.law!r}; give periodic, random, or a law as an expression of t"
-            raise UsageError(Problem(said, key="simulation.sampling"))
+            raise UsageError(Problem(said, key="simulation.sampling", id="OBS202"))
         if isinstance(self.law, Expression) and (others := sorted(self.law.names - {"t"})):
             said = f"the law contains {', '.join(others)}; it may depend on t only"
-            raise UsageError(Problem(said, key="simulation.sampling"))
+            raise UsageError(Problem(said, key="simulation.sampling", id="OBS302"))
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,9 @@ def schedule(sampling: Sampling, horizon: float, intervals: np.random.Generator,
         if t >= horizon:
             break
         if len(sent) == MOST:
-            raise UsageError(Problem(f"more than {MOST:,} measurements in the horizon", key="simulation.sampling"))
+            raise UsageError(
+                Problem(f"more than {MOST:,} measurements in the horizon", key="simulation.sampling", id="OBS210")
+            )
         sent.append(t)
     times = np.array(sent)
     lost = loss.uniform(size=len(times)) < sampling.dropout
@@ -157,5 +161,5 @@ def following(law: Expression, t: float) -> Iterator[float]:
         wait = interval(t)
         if not 0 < wait < np.inf:
             said = f"the law gives {wait:g} at t = {t:.6g}; the time to the next measurement must be positive"
-            raise UsageError(Problem(said, key="simulation.sampling"))
+            raise UsageError(Problem(said, key="simulation.sampling", id="OBS803"))
         t += wait

@@ -174,7 +174,7 @@ def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
     count = int(np.ceil(simulation.horizon / noise.period))
     if count > NOISE_SAMPLES:
         said = f"{count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
-        raise UsageError(Problem(said, key="simulation.noise.period"))
+        raise UsageError(Problem(said, key="simulation.noise.period", id="OBS210"))
     return draw(noise, np.random.default_rng(simulation.seed), (count, ny)), noise.period
 
 

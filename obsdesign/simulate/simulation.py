@@ -80,7 +80,7 @@ def initial(system: System, simulation: Simulation, sampling: Sampling | None) -
             finite(system.program.run(0.0, start[: system.width], system.scenario.held(0.0)[: len(system.silent)]))
     except ArithmeticError as error:
         said = f"at t = 0 a signal, the v that w needs, or a nonlinearity has no value: {error}"
-        raise UsageError(Problem(said, key="simulation")) from error
+        raise UsageError(Problem(said, key="simulation", id="OBS304")) from error
     return start
 
 

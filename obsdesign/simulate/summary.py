@@ -164,13 +164,20 @@ def convergence(course: Course, names: Sequence[str]) -> dict[str, Any]:
 
 
 def settling(record: Record) -> dict[str, dict[str, float | None]]:
-    """Last times at which each estimate, of a state or of w, is off by more than 5 % and 1 % of its error at first."""
+    """Last times at which each estimate, of a state or of w, is off by more than 5 % and 1 % of its error at first.
+
+    They are 0 where there is no error at first; `peak` is the largest |error|.
+    """
     states = zip(record.acting.plant.states[: record.acting.n], record.e.T, strict=False)
     inputs = zip((record.acting.inputs[i] for i in record.estimated), record.signals.w_error.T, strict=True)
-    return {
-        name: {key: last_above(record.t, e, share * abs(float(e[0]))) if e[0] else 0.0 for key, share in SHARES.items()}
-        for name, e in (*states, *inputs)
-    }
+    return {name: settled(record.t, e) for name, e in (*states, *inputs)}
+
+
+def settled(t: Array, e: Array) -> dict[str, float | None]:
+    """Entry of `settling` of an error (N,) at times t."""
+    size = abs(float(e[0]))
+    times = {key: last_above(t, e, share * size) if size else 0.0 for key, share in SHARES.items()}
+    return {**times, "peak": float(np.abs(e).max())}
 
 
 def settling_time(t: Array, size: Array) -> float | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, Interval
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.program import Definition
@@ -155,10 +155,11 @@ def between_zeros(g: Expression, edges: Array) -> tuple[Array, Array]:
         found.append((low[zero & settled], high[zero & settled]))
         low, high = low[zero & ~settled], high[zero & ~settled]
         if len(low) + sum(len(part) for part, _ in found) > MOST:
-            raise UsageError(
-                f"simulation: the sign of {g} in t cannot be followed: it changes, or may change, more than {MOST:,} "
+            said = (
+                f"the sign of {g} in t cannot be followed: it changes, or may change, more than {MOST:,} "
                 f"times in {edges[-1]:g} s; shorten it, or write a signal without jumps and kinks"
             )
+            raise UsageError(Problem(said, key="simulation", id="OBS804"))
         parts = np.linspace(low, high, PARTS + 1)
         low, high = parts[:-1].ravel(), parts[1:].ravel()
     return np.concatenate([part for part, _ in found]), np.concatenate([part for _, part in found])

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from obsdesign.errors import ViolatedError
+from obsdesign.errors import Problem, ViolatedError
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.restriction import outward
 from obsdesign.spec import Nonlinearity, limited
@@ -120,8 +120,9 @@ def require_kept(summary: Mapping[str, Any], samples: str) -> None:
     broken = [bound for bound in summary["bounds"] if not bound["holds"]]
     if broken:
         first = broken[0]
-        raise ViolatedError(
-            f"{samples}: the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
+        said = (
+            f"the run breaks {len(broken)} of the bounds that are proved of it: {first['value']:.6g} is not "
             f"below {at_most(first['bound'])} in {first['name']}; this is a defect of obsdesign: please report it with "
             "the spec and the gains file"
         )
+        raise ViolatedError(Problem(said, samples, id="OBS807"))

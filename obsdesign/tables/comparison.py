@@ -5,6 +5,7 @@ from typing import Any
 
 HEADER = ("observer", "type", "status", "order", "fastest 1/s", "estimate", "5 % s", "1 % s", "noise rms", "floor")
 NUMBERS = {"order", "fastest 1/s", "5 % s", "1 % s", "noise rms", "floor"}  # columns that are aligned to the right
+STARTS = "from 0"  # an error that is 0 at first, of which no part is a level
 
 MARK = "*"
 TRANSIENT = f"{MARK} no floor: the error still falls over the window; a longer horizon leaves the transient out of it"
@@ -16,8 +17,10 @@ def comparison_table(report: Mapping[str, Any]) -> str:
     low, high = report["window"]
     seeds = len(report["seeds"])
     falling = any(observer["transient"] for observer in report["observers"])
+    still = any(STARTS in row for row in rows)
     notes = [
         "5 %, 1 %: last time at which the error without noise is above that part of the initial one",
+        *([f"{STARTS}: there is no initial error; peak of the error without noise instead"] if still else []),
         f"window: {low:.4g} to {high:.4g} s, the last 5/6 of the horizon",
         f"noise rms: what noise adds to the estimate in the window, mean of {seeds} seeds +- deviation",
         "floor: rms of the error without noise in the window",
@@ -34,6 +37,8 @@ def rows_of(observer: Mapping[str, Any]) -> list[Sequence[str]]:
     rows: list[Sequence[str]] = []
     for name, state in observer["states"].items():
         times = [number(state[key], "never") for key in ("t5", "t1")]
+        if state["t5"] == 0:
+            times = [STARTS, f"peak {state['peak']:.4g}"]
         spread = f" +- {state['noise_rms_std']:.1e}" if state["noise_rms"] else ""
         floor = number(state["floor"], "none") + (MARK if name in observer["transient"] else "")
         rows.append((*known, name, *times, number(state["noise_rms"], "none") + spread, floor))

@@ -11,6 +11,8 @@ QUANTITIES = ("lipschitz", "gamma")
 SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounded
 LONGEST = 60  # points that are listed one by one
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
+UNPROVED = "what follows of these gains is their claim only: it is not proved"
+ATTENUATION = ("gamma", "peak gain")  # rows that say nothing where no disturbance acts
 
 Rows = list[tuple[str, str]]
 
@@ -18,6 +20,7 @@ Rows = list[tuple[str, str]]
 def design_rows(content: Mapping[str, Any]) -> Rows:
     """What an engineer wants to know of a result, from the result file."""
     rows = [("problem", content["name"]), ("status", content["status"])]
+    rows += [("claimed", UNPROVED)] if content["status"] == "uncertified" else []
     rows += [("set", content["set"])] if "set" in content else []
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
     family = FAMILIES[made["type"]] if made else None
@@ -28,11 +31,20 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     rows += [*limits(claimed), *background(claimed)]
     rows += family.figures(made) if family else []
     rows += analysis(content.get("analysis", {}))
+    rows = rows if content.get("signals", True) else [row for row in rows if not attenuates(row)]
     rows += proof(content.get("certificate", {}))
     if "diagnosis" in content:
-        rows += [(k, str(v)) for k, v in content["diagnosis"].items() if k in {"reason", "suggestion"}]
+        found = content["diagnosis"]
+        rows += [("reason", f"{found['reason']} [{found['id']}]")] if "id" in found else []
+        rows += [("suggestion", str(found["suggestion"]))] if "suggestion" in found else []
     rows += search_rows(content.get("search", {}))
     return rows + [("note", note) for note in content.get("notes", [])]
+
+
+def attenuates(row: tuple[str, str]) -> bool:
+    """Whether a row says how much of a disturbance reaches the error."""
+    name, text = row
+    return name in ATTENUATION or (name in LIMITS.values() and text.startswith("gamma"))
 
 
 def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:

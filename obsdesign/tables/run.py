@@ -10,7 +10,12 @@ BOUNDS = ("gamma", "bound")
 
 
 def run_table(summary: Mapping[str, Any], spec: Spec, guaranteed: bool, files: tuple[str, str]) -> str:
-    """Summary of a run."""
+    """Summary of a run, and the files that it is in."""
+    return aligned([*run_rows(summary, spec, guaranteed), ("samples", files[0]), ("figure", files[1])])
+
+
+def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[tuple[str, str]]:
+    """Summary of a run, as rows of a name and a text; whether anything is proved of it is said where nothing is."""
     said = spec.signals
     rows = [("signals", said)] if said else []
     rows += [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
@@ -39,7 +44,7 @@ def run_table(summary: Mapping[str, Any], spec: Spec, guaranteed: bool, files: t
             rows.append((key.replace("_", " "), entries(value)))
         elif value is not None and key != "ratio_of":
             rows.append((key.replace("_", " "), shown(key, value)))
-    return aligned([*rows, ("samples", files[0]), ("figure", files[1])])
+    return rows
 
 
 def related(summary: Mapping[str, Any]) -> str:
@@ -76,8 +81,10 @@ def shown(key: str, value: Any) -> str:
 
 
 def settling_text(times: Mapping[str, float | None]) -> str:
-    """When an estimate has come within 5 % and 1 % of its initial error for good, if it has."""
-    known = {key.removeprefix("t"): "not reached" if t is None else f"{t:.4g} s" for key, t in times.items()}
+    """When an estimate has come within 5 % and 1 % of its initial error for good, if it has and if there was one."""
+    if times["t5"] == 0:
+        return f"starts at 0, |error| at most {times['peak']:.4g}"
+    known = {share: "not reached" if (t := times[f"t{share}"]) is None else f"{t:.4g} s" for share in (5, 1)}
     return ", ".join(f"{share} % {text}" for share, text in known.items()) + " (of the initial error)"
 
 

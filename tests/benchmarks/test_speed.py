@@ -86,6 +86,15 @@ def test_help_starts_fast(benchmark):
     assert seconds < 0.25 * slowness()
 
 
+def test_a_typing_error_is_told_within_300_ms(benchmark, tmp_path):
+    (tmp_path / "spec.yaml").write_text("obsdesign: 1\nname: [x\n")
+    program = Path(sys.executable).with_name("obsdesign")
+    told = f"! {program} check {tmp_path}/spec.yaml 2>&1 | grep -v OBS104"  # nothing but that
+    seconds = benchmark.pedantic(lambda: child_time("sh", "-c", told), rounds=1)
+    benchmark.extra_info["processor time [s]"] = seconds
+    assert seconds < 0.3 * slowness()
+
+
 def test_the_import_takes_less_than_30_ms(benchmark):
     bare = child_time(sys.executable, "-c", "pass")
     seconds = benchmark.pedantic(lambda: child_time(sys.executable, "-c", "import obsdesign") - bare, rounds=1)

@@ -34,7 +34,7 @@ def explicit(equations: Equations) -> Equations:
     """
     found = order(equations)
     if found is None:
-        raise UsageError("the plant has an algebraic loop: no right side in the states alone is known")
+        raise UsageError("the plant has an algebraic loop: no right side in the states alone is known", id="OBS305")
     definitions = {**equations.algebraic, **equations.outputs}
     known: dict[str, Expression] = {}
     for name in found:
@@ -94,10 +94,12 @@ def matrices(equations: Equations) -> Plant[Exact]:
     names = [name for name, _ in equations.sides()]
     parts = split([side for _, side in equations.sides()], (*states, *exogenous, *loose))
     if (parts.part(loose) != 0).any():
-        raise UsageError("no plant in matrices: an algebraic signal or an output stands in a right side by itself")
+        raise UsageError(
+            "no plant in matrices: an algebraic signal or an output stands in a right side by itself", id="OBS406"
+        )
     known = {"t", *equations.inputs, *equations.outputs}
     if stray := [term for term in parts.terms if not term.names <= known | equations.algebraic.keys()]:
-        raise UsageError(f"no plant in matrices: {stray[0]} is not linear in states and unknown inputs")
+        raise UsageError(f"no plant in matrices: {stray[0]} is not linear in states and unknown inputs", id="OBS406")
     f = [i for i, term in enumerate(parts.terms) if not term.names <= known]
     of_x, of_w, of_f = parts.part(states), parts.part(exogenous), parts.weights[:, f]
     x, q, y = (np.array([name in part for name in names]) for part in

@@ -18,14 +18,15 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
         assert spec.typed
         form, found, missing = sought(spec.typed, form)
         if form is None:
-            return [finding("coordinates", False, not_found(spec, found, missing)["reason"], decides=True)]
+            return [finding("coordinates", False, not_found(spec, found, missing)["reason"], decides=True, id="OBS613")]
     assert form is not None
     return [
         finding(
             "statement",
             verdict.answer is Answer.PROVED,
-            verdict.sentence if verdict.answer is Answer.REFUTED else f"{verdict.name}: {verdict.answer}",
+            f"{verdict.name}: proved" if verdict.answer is Answer.PROVED else verdict.sentence,
             decides=verdict.answer is Answer.REFUTED,
+            id="OBS612",
         )
         for verdict in Claim.of(spec, form).verdicts
     ]

@@ -2,22 +2,25 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from flint import fmpq
 
+from obsdesign.families.agreement import require_agreement
 from obsdesign.families.algebraic import coordinates, high_gain, immersion
 from obsdesign.families.algebraic.forms import Form, Immersion, Sought, Transformed
 from obsdesign.families.algebraic.found import found, read_found
-from obsdesign.families.algebraic.identity import Answer, Domain, Verdict
+from obsdesign.families.algebraic.identity import Answer, Verdict
+from obsdesign.families.algebraic.region import Region
 from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.algebraic.scheme import OPEN, Plant, Scheme
 from obsdesign.families.outcome import Outcome, Proof
+from obsdesign.families.outcome import Verdict as Status
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import Array, printed, rational_number
+from obsdesign.lmi.formula import Array, below, printed, rational_number
 from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -32,19 +35,20 @@ class Claim:
 
     form: Form
     scheme: Scheme
-    domain: Domain
+    region: Region
+    stated: Mapping[str, float] | None = None  # rates of a file; None: those that are proved
 
     @classmethod
     def of(cls, spec: Spec, form: Form) -> "Claim":
         """Claim of a spec with an observer."""
         assert spec.typed
         plant = Plant.of(spec.typed)
-        return cls(form, built(plant, form), plant.domain)
+        return cls(form, built(plant, form), plant.region)
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """What was found of each statement."""
-        return tuple(statement.decided(self.domain) for statement in self.scheme.statements)
+        return tuple(statement.decided(self.region) for statement in self.scheme.statements)
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -66,8 +70,10 @@ class Claim:
         return
 
     @property
-    def rates(self) -> dict[str, float]:
-        """Proved rates of decay, 1/s, by the name of the coordinate."""
+    def rates(self) -> Mapping[str, float]:
+        """Proved rates of decay, 1/s, by the name of the coordinate: decimals, none above what is proved."""
+        if self.stated is not None:
+            return self.stated
         bounds = {verdict.name: verdict.bound for verdict in self.verdicts}
         found = {name: bounds.get(statement) for name, statement in self.scheme.rates.items()}
         proved = {name: rational_number(-bound) for name, bound in found.items() if bound is not None}
@@ -91,7 +97,7 @@ class Claim:
         """What is proved, and the statements that prove it."""
         if self.refuted:
             return {"certificate": {"kind": KIND, "checks": self.listed}}
-        guarantee = {**self.scheme.numbers, "rates": self.rates, "statement": self.statement(spec)}
+        guarantee = {**self.scheme.numbers, "rates": dict(self.rates), "statement": self.statement(spec)}
         return {"guarantee": guarantee, "certificate": {"kind": KIND, "checks": self.listed}}
 
     @property
@@ -117,15 +123,26 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     claim = Claim.of(spec, read_form(spec, file))
     if claim.refuted:
         return claim
+    claim = replace(claim, stated=read_rates(file, claim.rates))
     said = claim.written(spec, {})["guarantee"]
     found = file.table("guarantee")
     for name in said.keys() - {"rates"}:
         if as_text(found.get(name)) != as_text(said[name]):
-            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say")
-    for name in file.table("guarantee", "rates"):
-        if not file.number("guarantee", "rates", name) <= printed(claim.rates.get(name, 0.0)):
-            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove")
+            raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say", id="OBS705")
     return claim
+
+
+def read_rates(file: ResultFile, proved: Mapping[str, float]) -> dict[str, float]:
+    """Rates of decay of a file, each the decimal that it holds: one that is not above what is proved is believed."""
+    rates = {}
+    for name in file.table("guarantee", "rates"):
+        rate = file.number("guarantee", "rates", name)
+        if name not in proved:
+            raise file.wrong(f"guarantee.rates.{name}", "no rate of this is proved", id="OBS705")
+        if rate > printed(proved[name]):
+            raise file.wrong(f"guarantee.rates.{name}", "is faster than the statements prove", id="OBS705")
+        rates[name] = below(rate)
+    return rates
 
 
 def as_text(value: Any) -> str:
@@ -136,14 +153,38 @@ def as_text(value: Any) -> str:
 def refutation(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none: a statement that it rests on is false."""
     if isinstance(request_of(spec).form, Sought):
-        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none")
-    refuted = Claim.of(spec, read_form(spec, file)).refuted
+        raise file.wrong("status", "refuted: coordinates that are found are proved, or there are none", id="OBS705")
+    claim = Claim.of(spec, read_form(spec, file))
+    refuted = claim.refuted
     if not refuted:
-        raise file.wrong("status", "refuted: every statement of the observer that could be decided is true")
+        said = "refuted: every statement of the observer that could be decided is true"
+        raise file.wrong("status", said, id="OBS705")
+    outcome = Outcome(Status.REFUTED, claim=claim, form=claim.form)
+    observer = {"type": spec.observer.type, **written(spec, outcome)}
+    require_agreement(file, {"observer": observer, **claim.written(spec, {})}, spec)
+    require_found(file, diagnosis(claim))
     return Proof(
         f"refuted: {refuted[0].sentence}",
         tuple(Check(f"it is false that {v.sentence}", True, abs(v.value)) for v in refuted),
     )
+
+
+def diagnosis(claim: Claim) -> dict[str, Any]:
+    """What is false, and where."""
+    first, *others = claim.refuted
+    also = f"; {len(others)} further statements fail" if others else ""
+    reason = f"{first.sentence}{also}"
+    return {"id": "OBS612", "condition": "identity", "reason": reason, **first.written(), "feasible": {}}
+
+
+def require_found(file: ResultFile, said: Mapping[str, Any]) -> None:
+    """Refuse a file whose diagnosis is not the one that is found anew."""
+    keys = {*file.table("diagnosis"), *said}
+    found = file.plain()["diagnosis"]
+    for key in sorted(keys):
+        if as_text(found.get(key)) != as_text(said.get(key)):
+            words = "is not what is found anew of the statements of the observer"
+            raise file.wrong(f"diagnosis.{key}", words, id="OBS705")
 
 
 def read_form(spec: Spec, file: ResultFile) -> Form:

@@ -20,6 +20,7 @@ from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion,
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
 from obsdesign.families.algebraic.scheme import (
+    DECAYS,
     INVERTED,
     UNBOUNDED,
     ZERO,
@@ -34,6 +35,7 @@ from obsdesign.families.algebraic.scheme import (
     multiplied,
     scaled,
     slope,
+    smooth,
     values,
 )
 from obsdesign.families.observer import Observer
@@ -143,9 +145,8 @@ def coordinate(plant: Plant, c: Coordinate, phi: dict[str, Expression]) -> list[
     found: list[Statement] = [Identity(name, residual)]
     if not c.estimated:
         found.append(Negative(decays(c), rate))
-    for side in (c.phi, c.rate, c.B):
-        found += values(plant, c.name, side, phi)
-    return found
+    found += smooth(c.name, c.phi)
+    return found + [one for side in (c.rate, c.B) for one in values(c.name, side, phi)]
 
 
 def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordinate]) -> list[Statement]:
@@ -156,10 +157,11 @@ def regressions(plant: Plant, estimator: Estimator, coordinates: Sequence[Coordi
     found: list[Statement] = []
     for k, each in enumerate(estimator.regressions, start=1):
         sides = [multiplied(plant.on(m, xi), value[name]) for name, m in each.m.items()]
-        residual = less(plant.along(plant.outputs[each.output]), plant.on(each.known, xi), *sides)
+        residual = less(plant.rate(each.output), plant.on(each.known, xi), *sides)
         terms = " + ".join(f"({m}) {'exp(theta)' if n in estimator.powers else 'theta'}" for n, m in each.m.items())
         for side in (each.known, *each.m.values()):
-            found += values(plant, f"regression {k}", side, xi)
+            found += values(f"regression {k}", side, xi)
+        found += plant.differentiable(Expression.variable(each.output))
         found.append(Identity(f"regression {k}: d/dt {each.output} = {each.known} + {terms}", residual))
     return found
 
@@ -199,7 +201,7 @@ def require_own(plant: Plant, coordinates: Collection[str], own: Named) -> None:
     for name in own:
         if name in taken:
             said = f"{name} is the name of a state of the estimator; choose another name for the signal"
-            raise UsageError(Problem(said, key="observer.estimator"))
+            raise UsageError(Problem(said, key="observer.estimator", id="OBS211"))
 
 
 def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:
@@ -210,9 +212,7 @@ def corrected(form: Transformed, theta: Named) -> dict[str, Expression]:
 
 def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Sequence[str]) -> dict[str, Expression]:
     """Zeta' = -dK/dy ydot(xhat, u): theta = zeta + K(y) stays where it is right, theta' = dK/dy (ydot - ydot(xhat))."""
-    rates = plant.output_rates(estimates)
-    sides = {n: added([multiplied(slope(estimator.K[n], y), rate) for y, rate in rates.items()]) for n in names}
-    return {f"zeta_{name}": scaled(fmpq(-1), side) for name, side in sides.items()}
+    return {f"zeta_{name}": scaled(fmpq(-1), plant.driven(estimator.K[name], estimates)) for name in names}
 
 
 def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str], list[str]]:
@@ -225,20 +225,19 @@ def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Stat
     off = {c.name: added([c.phi, d[c.name]]) if c.name in d else c.phi for c in form.coordinates}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     estimates = {**states, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
-    rates = plant.output_rates(estimates)
     zero = dict.fromkeys((side.text for side in d.values()), ZERO)
     found: list[Statement] = []
     named, says = {}, []
     for i, name in enumerate(theta):
         K = form.estimator.K[name]
-        slopes = {y: plant.on(slope(K, y)) for y in plant.outputs}
-        moving = added([multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()])
+        moving = plant.on(less(plant.driven(K), plant.driven(K, estimates)))
         later = moving.substituted({f"δ_{other}": ZERO for other in list(theta)[:i]})
         rate = simplified(later.derivative(f"δ_{name}").substituted(zero))
-        found += values(plant, f"K of {name}", K)
-        found.append(Identity(f"estimate of theta of {name}: d' = ({rate}) d", less(later, multiplied(rate, d[name]))))
+        found += [*smooth(f"K of {name}", K), *plant.differentiable(K)]
+        residual = less(later, multiplied(rate, d[name]))
+        error = Identity(f"estimate of theta of {name}: d' = ({rate}) d", residual, f"whether {DECAYS}")
         named[f"theta of {name}"] = f"estimate of theta of {name}: {rate} < 0"
-        found.append(Negative(named[f"theta of {name}"], rate))
+        found += [error, Negative(named[f"theta of {name}"], rate, given=(error,))]
         says.append(f"the error of the estimate of theta of {name} {decay(rate)}")
     return found, named, says
 
@@ -249,14 +248,12 @@ def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
     N_zeta M + N_xi B + N_y ydot(xhat, u) = 0 for all arguments. It is the hypothesis of Proposition 5 that {theta =
     thetahat} is invariant, read for every xi and zeta; (26) has it where xi = phi(x) only.
     """
-    rates = {**observer.dynamics, **plant.output_rates(observer.estimates)}
-    return [
-        Identity(
-            f"condition (*) for {name}: its estimate of theta stands still where xhat is right",
-            added([multiplied(slope(side, signal), rate) for signal, rate in rates.items()]),
-        )
-        for name, side in theta.items()
-    ]
+    found: list[Statement] = []
+    for name, side in theta.items():
+        moves = [multiplied(slope(side, signal), rate) for signal, rate in observer.dynamics.items()]
+        said = f"condition (*) for {name}: its estimate of theta stands still where xhat is right"
+        found.append(Identity(said, added([plant.driven(side, observer.estimates), *moves])))
+    return found
 
 
 def recast(plant: Plant, form: Transformed, observer: Observer, theta: Named) -> Observer:

@@ -4,7 +4,7 @@ from typing import Any
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
-from obsdesign.families.algebraic.claim import Claim
+from obsdesign.families.algebraic.claim import Claim, diagnosis
 from obsdesign.families.algebraic.empirical import Empirical, fit
 from obsdesign.families.algebraic.find import Found
 from obsdesign.families.algebraic.forms import Sought
@@ -37,16 +37,8 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     if claim.refuted:
         return Outcome(Verdict.REFUTED, claim=claim, form=form, diagnosis=diagnosis(claim), notes=notes)
     status = Verdict.CERTIFIED if claim.holds else Verdict.UNCERTIFIED
-    undecided = [verdict.name for verdict in claim.verdicts if verdict.answer is Answer.OPEN]
-    notes += tuple(f"neither proved nor refuted: {name}" for name in undecided)
+    notes += tuple(verdict.sentence for verdict in claim.verdicts if verdict.answer is Answer.OPEN)
     return Outcome(status, claim=claim, form=form, notes=notes)
-
-
-def diagnosis(claim: Claim) -> dict[str, Any]:
-    """What is false, and where."""
-    first, *others = claim.refuted
-    also = f"; {len(others)} further statements fail" if others else ""
-    return {"condition": "identity", "reason": f"{first.sentence}{also}", **first.written(), "feasible": {}}
 
 
 def not_found(spec: Spec, found: Found, missing: tuple[str, ...]) -> dict[str, Any]:
@@ -62,6 +54,7 @@ def not_found(spec: Spec, found: Found, missing: tuple[str, ...]) -> dict[str, A
         *([f"filters whose inverse is fitted are an observer, {numeric.sentence}"] if numeric else []),
     ]
     return {
+        "id": "OBS613",
         "condition": "coordinates",
         "reason": reason,
         "missing": list(missing),

@@ -24,7 +24,7 @@ from obsdesign.expressions import Expression, constant
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.tree import Variable, number, product
 from obsdesign.families.algebraic.find import Finder, Search, explicit
-from obsdesign.families.algebraic.identity import Domain
+from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import added, scaled
 from obsdesign.model.equations import Equations, Named, Typed, free
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, outward
@@ -223,7 +223,9 @@ def box_of(equations: Equations, domain: Domain) -> Array:
     box = np.array([outward(domain.get(name, EVERYWHERE)) for name in equations.states])
     for name, ends in zip(equations.states, box, strict=True):
         if not np.isfinite(ends).all():
-            raise UsageError(f"system.domain: {name} has no bounded range, in which runs could begin; add one")
+            raise UsageError(
+                f"system.domain: {name} has no bounded range, in which runs could begin; add one", id="OBS205"
+            )
     return box
 
 
@@ -240,7 +242,7 @@ def samples(bank: Bank, box: Array, fast: float, draw: np.random.Generator) -> l
     alive = np.all([np.isfinite(values).all(axis=0) for values in runs.values()], axis=0)
     fitted, others = np.flatnonzero(alive[:STARTS]), STARTS + np.flatnonzero(alive[STARTS:])
     if min(len(fitted), len(others)) < STARTS / 4:
-        raise UndecidedError("most runs that begin in system.domain do not stay finite; make it smaller")
+        raise UndecidedError("most runs that begin in system.domain do not stay finite; make it smaller", id="OBS507")
     first, last = slice(0, SAMPLES), slice(SAMPLES, None)
     parts = [(first, fitted), (first, others), (last, others)]
     return [{name: values[rows][:, columns].ravel() for name, values in runs.items()} for rows, columns in parts]

@@ -10,6 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, parse
 from obsdesign.families.algebraic.forms import Estimator
 from obsdesign.families.algebraic.scheme import ZERO, added, less, multiplied, scaled
+from obsdesign.model.equations import free
 
 MOST = 6  # rows of a determinant
 LEAST = fmpq(1, 10**6)  # of exp(theta), below which its logarithm is not taken
@@ -36,7 +37,8 @@ def filtered(estimator: Estimator, substitution: Mapping[str, Expression]) -> tu
     alpha, made, rows, Y = estimator.alpha, Estimation(), [], []
     for k, regression in enumerate(estimator.regressions, start=1):
         output = Expression.variable(regression.output)
-        z, f = f"filtered_{regression.output}_{k}", f"filtered_known_{k}"
+        z = f"filtered_{regression.output}_{k}"
+        f = free(f"filtered_known_{k}", {z})
         sides = {z: output, f: regression.known.substituted(substitution)}
         row = []
         for name, m in regression.m.items():
@@ -128,7 +130,9 @@ def determinant(rows: list[list[Expression]]) -> Expression:
     """Determinant by Leibniz' formula; there are few parameters."""
     n = len(rows)
     if n > MOST:
-        raise UsageError(Problem(f"{n} constants; at most {MOST} are mixed at once", key="observer.estimator"))
+        raise UsageError(
+            Problem(f"{n} constants; at most {MOST} are mixed at once", key="observer.estimator", id="OBS210")
+        )
     parts, signs = [], []
     for order in permutations(range(n)):
         inversions = sum(order[i] > order[j] for i in range(n) for j in range(i + 1, n))

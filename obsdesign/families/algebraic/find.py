@@ -13,15 +13,15 @@ from math import isfinite
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant
 from obsdesign.expressions.exact import double
 from obsdesign.expressions.tree import Number, quotient
 from obsdesign.families.algebraic.ansatz import MAX_FUNCTIONS, Ansatz, Measured, simplified
 from obsdesign.families.algebraic.forms import Coordinate
-from obsdesign.families.algebraic.identity import Domain
 from obsdesign.families.algebraic.inverse import enclosure, inverted
 from obsdesign.families.algebraic.rational import Eigenvalues, Vector, columns, eigenvalues, kernel
+from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import ZERO, less, scaled
 from obsdesign.families.algebraic.sylvester import Sylvester, linear
 from obsdesign.model.equations import Equations, Named, Typed, free
@@ -303,12 +303,13 @@ def find(typed: Typed, search: Search) -> Found:
     """
     for each in search.functions:
         if not each.smooth:
-            raise UsageError(f"observer.functions: {each} has a kink or a jump; phi must be smooth; leave it out")
+            said = f"{each} has a kink or a jump; phi must be smooth; leave it out"
+            raise UsageError(Problem(said, key="observer.functions", id="OBS307"))
     try:
         return Finder(explicit(typed), typed.domain, search).found()
     except ExpressionError as error:
         said = f"the equations of products up to degree {search.degree}: {error.message}; lower observer.degree"
-        raise UndecidedError(said) from None
+        raise UndecidedError(said, id="OBS507") from None
 
 
 def explicit(typed: Typed) -> Equations:

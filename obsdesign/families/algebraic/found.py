@@ -10,7 +10,7 @@ from obsdesign.families.algebraic.regress import regressions
 from obsdesign.families.algebraic.request import request_of
 from obsdesign.files import ResultFile
 from obsdesign.model.equations import Typed
-from obsdesign.sections.document import compose
+from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec
 
 
@@ -57,9 +57,11 @@ def found(form: Transformed) -> dict[str, Any]:
 
 def read_found(spec: Spec, file: ResultFile) -> Transformed:
     """Coordinates of a file whose spec asks for them to be found: read as if the spec had given them."""
-    sections = compose(spec.text, spec.path).root.plain()
+    sections = opened(spec.text, spec.path, spec.changes).root.plain()
     given = {key: value for key, value in sections["observer"].items() if key not in {"degree", "lambdas", "functions"}}
     given |= {name: file.at("observer", name) for name in ("coordinates", "left_inverse")}
+    if not isinstance(given["coordinates"], list):
+        raise file.wrong("observer.coordinates", "expected a list of coordinates", id="OBS702")
     estimated = [str(c.get("lambda")) == "0" for c in given["coordinates"] if isinstance(c, dict)]
     given["type"] = "kkl" if not any(estimated) else "pebo" if all(estimated) else "kkl+pebo"
     if not any(estimated):
@@ -70,7 +72,7 @@ def read_found(spec: Spec, file: ResultFile) -> Transformed:
     try:
         form = request_of(Spec(**{**sections, "observer": given})).form
     except UsageError as error:
-        raise file.wrong(error.problems[0].key, error.problems[0].message) from None
+        raise file.wrong(error.problems[0].key, error.problems[0].message, id=error.problems[0].id) from None
     assert isinstance(form, Transformed)
     require_searched(spec, file, form)
     return form
@@ -88,4 +90,4 @@ def require_searched(spec: Spec, file: ResultFile, form: Transformed) -> None:
     for i, c in enumerate(form.coordinates):
         if not any(replace(finder, earlier=form.coordinates[:k]).holds(c) for k in range(i + 1)):
             said = f"is not among what the spec asks for (type {asked.kind}; {finder.searched})"
-            raise file.wrong(f"observer.coordinates[{i}]", said)
+            raise file.wrong(f"observer.coordinates[{i}]", said, id="OBS707")

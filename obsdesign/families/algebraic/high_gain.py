@@ -5,7 +5,7 @@ domain. Of errors that act on each other this proves that they decay where M is 
 depends on nothing else; of a single one, e' = m(x, u) e, that it decays as exp(integral of m).
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,8 +18,10 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import HighGain
-from obsdesign.families.algebraic.identity import Answer, Identity, Negative
+from obsdesign.families.algebraic.identity import Answer, Identity, Negative, short
+from obsdesign.families.algebraic.region import Region
 from obsdesign.families.algebraic.scheme import (
+    DECAYS,
     INVERTED,
     UNBOUNDED,
     ZERO,
@@ -32,6 +34,7 @@ from obsdesign.families.algebraic.scheme import (
     less,
     multiplied,
     scaled,
+    smooth,
     values,
 )
 from obsdesign.families.observer import Observer
@@ -68,10 +71,10 @@ def scheme(plant: Plant, form: HighGain) -> Scheme:
     further = form.states if form.states is not None else None
     for name in rates:
         for gain in form.injection.get(name, {}).values():
-            statements += values(plant, f"injection into {name}", gain, further)
+            statements += values(f"injection into {name}", gain, further)
     found, M = linear(plant, sides, {own[name].text: side for name, side in meaning.items()})
     held = {name for side in (form.states or {}).values() for name in side.names} & set(plant.inputs)
-    motions = [motion(M, block, list(sides), plant.inputs, held) for block in blocks(M)]
+    motions = [motion(M, found, block, list(sides), plant.inputs, held) for block in blocks(M)]
     statements += [*found, *(one for each in motions for one in each.statements)]
     twins = {} if form.states else {side.text: name for name, side in own.items()}
     observer = Observer(sides, estimates, plant.inputs, tuple(plant.outputs), twins=twins)
@@ -101,7 +104,7 @@ def injected(form: HighGain, name: str, side: Expression, shown: Named) -> Expre
     for y in gains:
         if y not in shown:
             said = f"no state of the observer is {y}, so that there is no {y} - yhat; add a state with this phi"
-            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}"))
+            raise UsageError(Problem(said, key=f"observer.injection.{name}.{y}", id="OBS504"))
     errors = {y: less(Expression.variable(y), shown[y]) for y in shown}
     return added([side, *(multiplied(gain, errors[y]) for y, gain in gains.items())])
 
@@ -110,34 +113,28 @@ def transformed(plant: Plant, form: HighGain) -> list[Statement]:
     """Derivatives of the other coordinates, with u constant."""
     assert form.states is not None
     assert form.dynamics is not None
-    found: list[Statement] = [
-        one
-        for name, phi in form.states.items()
-        for side in (phi, form.dynamics[name])
-        for one in values(plant, name, side, form.states)
-    ]
-    return found + [
-        Identity(
-            f"{name}: d/dt ({phi}) = {form.dynamics[name]} while u is constant",
-            less(plant.along(phi), plant.on(form.dynamics[name], form.states)),
-        )
-        for name, phi in form.states.items()
-    ]
+    found: list[Statement] = []
+    for name, phi in form.states.items():
+        side = form.dynamics[name]
+        said = f"{name}: d/dt ({phi}) = {side} while u is constant"
+        found.append(Identity(said, less(plant.along(phi), plant.on(side, form.states))))
+        found += [*smooth(name, phi), *values(name, side, form.states)]
+    return found
 
 
-def linear(plant: Plant, sides: Named, meaning: Named) -> tuple[list[Statement], Matrix]:
+def linear(plant: Plant, sides: Named, meaning: Named) -> tuple[list[Identity], Matrix]:
     """E' = M e, with M at every point; `meaning`: what each state of the observer estimates."""
     e = {name: Expression.variable(f"ε_{name}") for name in sides}
     near = {name: added([meaning[name], e[name]]) for name in sides}
     still = dict.fromkeys((side.text for side in e.values()), ZERO)
-    found: list[Statement] = []
+    found: list[Identity] = []
     M: Matrix = []
     for name, side in sides.items():
         moving = less(plant.on(side, near), plant.along(meaning[name]))
         row = [simplified(moving.derivative(f"ε_{other}").substituted(still)) for other in sides]
         products = [multiplied(c, e[other]) for c, other in zip(row, sides, strict=True)]
         shown = " + ".join(f"({c}) {v}" for c, v in zip(row, e.values(), strict=True) if c.text != "0") or "0"
-        found.append(Identity(f"error: ε_{name}' = {shown}", less(moving, *products)))
+        found.append(Identity(f"error: ε_{name}' = {shown}", less(moving, *products), f"whether {DECAYS}"))
         M.append(row)
     return found, M
 
@@ -152,19 +149,26 @@ class Motion:
     rates: Mapping[str, str] = field(default_factory=dict)  # statement that gives the rate of an error, by its state
 
 
-def motion(M: Matrix, block: list[int], states: list[str], inputs: Collection[str], held: Collection[str]) -> Motion:
+def motion(
+    M: Matrix,
+    rows: Sequence[Identity],
+    block: list[int],
+    states: list[str],
+    inputs: Collection[str],
+    held: Collection[str],
+) -> Motion:
     """Motion of the errors of a block; where others act on it, once these are 0.
 
-    `held`: inputs that must not vary for e' = M e.
+    `rows`: statements that e' = M e; `held`: inputs that must not vary for it.
     """
     if len(block) > MOST:
         said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
-        raise UsageError(Problem(said, key="observer.injection"))
+        raise UsageError(Problem(said, key="observer.injection", id="OBS210"))
     part = [[M[i][j] for j in block] for i in block]
     who = f"the error of {', '.join(states[i] for i in block)}"
     acting = [states[j] for j in range(len(M)) if j not in block and any(M[i][j].text != "0" for i in block)]
     alone = f", where that of {', '.join(acting)} is 0 (otherwise it acts as a disturbance)" if acting else ""
-    signs = stable(part, f"{who} is stable")
+    signs = stable(part, f"{who} is stable", tuple(rows[i] for i in block))
     open_ = f"that {who} falls for varying "
     if len(block) == 1:
         rates = {} if acting or held else {states[block[0]]: signs[0].name}
@@ -180,9 +184,10 @@ def motion(M: Matrix, block: list[int], states: list[str], inputs: Collection[st
     return Motion(signs, said + alone, open_ + ", ".join(sorted(varying)))
 
 
-def stable(M: Matrix, what: str) -> tuple[Negative, ...]:
-    """Statements that a matrix is Hurwitz."""
-    return tuple(Negative(f"{what}: {value} > 0", scaled(fmpq(-1), value)) for value in hurwitz(M))
+def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Negative, ...]:
+    """Statements that a matrix is Hurwitz, which says nothing where it is not unless others hold."""
+    minors = hurwitz(M)
+    return tuple(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given) for v in minors)
 
 
 def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
@@ -195,7 +200,7 @@ def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
     shift = Expression.number(r)
     shifted = [[added([entry, shift]) if i == j else entry for j, entry in enumerate(row)] for i, row in enumerate(M)]
     statements = stable(shifted, f"{what}(-{float(r):g}*t)")
-    if r > 0 and all(one.decided({}).answer is Answer.PROVED for one in statements):
+    if r > 0 and all(one.decided(Region()).answer is Answer.PROVED for one in statements):
         return statements, f": |e(t)| <= c exp(-{float(r):g}*t) |e(0)| for some c"
     return (), ""
 

@@ -7,6 +7,7 @@ d = beta - phi(x) obeys d' = d beta/dy (ydot(x) - ydot(xhat)) - phi_dot(x) + phi
 with xhat = phiL(phi(x) + d, y), if the manifold is invariant, whatever Q is.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 from flint import fmpq
@@ -17,6 +18,7 @@ from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import Immersion
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.scheme import (
+    DECAYS,
     INVERTED,
     UNBOUNDED,
     ZERO,
@@ -29,12 +31,14 @@ from obsdesign.families.algebraic.scheme import (
     less,
     multiplied,
     slope,
+    smooth,
     values,
 )
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
+UNKNOWN = "whether chi comes there"
 WAITING = ", where those before it are 0 (otherwise they act as a disturbance)"
 
 
@@ -46,28 +50,30 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     estimates = {name: estimates[name] for name in plant.dynamics}
     dynamics = form.dynamics or by_default(plant, form, estimates)
     statements = inverses(plant, form.left_inverse, phi)
-    statements += [one for side in form.phi for one in values(plant, "phi", side)]
-    statements += [invariance(plant, form, dynamics, estimates, i) for i in range(len(form.phi))]
-    written = (("beta", form.beta), ("dynamics", dynamics.values()))
-    statements += [one for what, sides in written for side in sides for one in values(plant, what, side)]
-    errors, rates, moves = attraction(plant, form)
+    statements += [one for side in form.phi for one in smooth("phi", side)]
+    manifold = on_manifold(form, {name: Expression.variable(name) for name in plant.dynamics})
+    leaves = "" if manifold else UNKNOWN
+    invariant = [invariance(plant, form, dynamics, estimates, i, manifold, leaves) for i in range(len(form.phi))]
+    statements += invariant
+    statements += [one for side in form.beta for one in smooth("beta", side, manifold, leaves)]
+    statements += [one for side in dynamics.values() for one in values("dynamics", side, manifold, leaves)]
+    statements += plant.differentiable(*form.beta)
+    errors, rates, moves = attraction(plant, form, invariant)
     statements += errors
     numbers: dict[str, Any] = {
         "phi": [side.text for side in form.phi],
         "beta": [side.text for side in form.beta],
         "dynamics": {name: side.text for name, side in dynamics.items()},
     }
-    invariant = "where beta(y, chi) = phi(x) it stays so: the manifold is invariant"
-    says = (invariant, *moves, f"xhat = x where beta(y, chi) = phi(x), {INVERTED}")
+    stays = "where beta(y, chi) = phi(x) it stays so: the manifold is invariant"
+    says = (stays, *moves, f"xhat = x where beta(y, chi) = phi(x), {INVERTED}")
     observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs))
     return Scheme(tuple(statements), observer, numbers, says, (UNBOUNDED,), rates)
 
 
 def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
     """D beta_i/dy ydot(xhat) - phi_i_dot(xhat): what chi has to follow, with the other sign."""
-    rates = plant.output_rates(estimates)
-    seen = [multiplied(slope(form.beta[i], y), rate) for y, rate in rates.items()]
-    return less(added(seen), plant.along(form.phi[i]).substituted(estimates))
+    return less(plant.driven(form.beta[i], estimates), plant.along(form.phi[i]).substituted(estimates))
 
 
 def by_default(plant: Plant, form: Immersion, estimates: Named) -> dict[str, Expression]:
@@ -119,39 +125,41 @@ def cofactor(rows: Matrix, i: int, j: int) -> Expression:
     return Expression.combination([fmpq(-1) ** (i + j)], [minor])
 
 
-def invariance(plant: Plant, form: Immersion, dynamics: Named, estimates: Named, i: int) -> Statement:
-    """d/dt beta_i = d/dt phi_i wherever beta = phi(xhat): an identity in y, chi and u."""
+def invariance(
+    plant: Plant, form: Immersion, dynamics: Named, estimates: Named, i: int, manifold: Named, leaves: str
+) -> Identity:
+    """d/dt beta_i = d/dt phi_i wherever beta = phi(xhat): an identity in y, chi and u; on the manifold it must hold."""
     followed = [multiplied(slope(form.beta[i], name), side) for name, side in dynamics.items()]
     residual = added([moved(plant, form, estimates, i), *followed])
-    return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual)
+    return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual, leaves, manifold)
 
 
-def attraction(plant: Plant, form: Immersion) -> tuple[list[Statement], dict[str, str], list[str]]:
+def attraction(
+    plant: Plant, form: Immersion, given: Sequence[Identity]
+) -> tuple[list[Statement], dict[str, str], list[str]]:
     """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0.
 
-    Statements, the names of those that give a rate, and what they say.
+    Statements, the names of those that give a rate, and what they say; `given`: that the manifold is invariant.
     """
     d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     shown = {name: side for name, side in states.items() if name in plant.measured()}
     estimates = {**shown, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
-    rates = plant.output_rates(estimates)
     found: list[Statement] = []
     names, says = {}, []
     for i, phi in enumerate(form.phi):
-        slopes = {y: plant.on(slope(form.beta[i], y)) for y in plant.outputs}
-        pulled = [multiplied(slopes[y], less(plant.along(h), rates[y])) for y, h in plant.outputs.items()]
-        moving = less(added([*pulled, plant.along(phi).substituted(estimates)]), plant.along(phi))
+        pulled = plant.on(less(plant.driven(form.beta[i]), plant.driven(form.beta[i], estimates)))
+        moving = less(added([pulled, plant.along(phi).substituted(estimates)]), plant.along(phi))
         later = moving.substituted({f"δ{k + 1}": ZERO for k in range(i)})
         at_zero = {f"δ{k + 1}": ZERO for k in range(len(d))}
         rate = simplified(later.derivative(f"δ{i + 1}").substituted(at_zero))
         before = f", where {', '.join(f'δ{k + 1}' for k in range(i))} = 0" if moving != later else ""
-        found.append(
-            Identity(f"off the manifold: δ{i + 1}' = ({rate}) δ{i + 1}{before}", less(later, multiplied(rate, d[i])))
-        )
+        residual = less(later, multiplied(rate, d[i]))
+        error = Identity(f"off the manifold: δ{i + 1}' = ({rate}) δ{i + 1}{before}", residual, f"whether {DECAYS}")
         sign = f"off the manifold, {i + 1}: {rate} < 0"
-        found.append(Negative(sign, rate))
+        leaves = "" if rate.names.isdisjoint(form.chi) else UNKNOWN
+        found += [error, Negative(sign, rate, leaves=leaves, given=(error, *given))]
         off_it = f"({form.beta[i]}) - ({phi})"
         says.append(f"{off_it} {decay(rate)}" + (WAITING if before else ""))
         if not before:

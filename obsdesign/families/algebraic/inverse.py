@@ -8,7 +8,7 @@ from obsdesign.expressions.algebra import identical
 from obsdesign.expressions.tree import Number, quotient
 from obsdesign.families.algebraic.ansatz import Measured, simplified
 from obsdesign.families.algebraic.forms import Coordinate
-from obsdesign.families.algebraic.identity import Domain
+from obsdesign.families.algebraic.region import Domain
 from obsdesign.families.algebraic.scheme import ZERO, less
 from obsdesign.model.equations import Equations, Named
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, outward

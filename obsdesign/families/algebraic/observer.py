@@ -92,4 +92,4 @@ def require_known(given: object, names: list[str], key: str) -> None:
     for name in given if isinstance(given, dict) else ():
         if name not in names:
             said = f"{name} is no coordinate here; allowed: {', '.join(names) or 'none'}"
-            raise UsageError(Problem(said, key=f"simulation.{key}.{name}"))
+            raise UsageError(Problem(said, key=f"simulation.{key}.{name}", id="OBS203"))

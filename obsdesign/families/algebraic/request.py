@@ -61,14 +61,14 @@ class Texts:
             if name in allowed:
                 found[name] = self.one(text, (*loc, name), names)
             else:
-                self.reader.wrong((*loc, name), unknown(kind, name, allowed, {}), at_key=True)
+                self.reader.wrong((*loc, name), unknown(kind, name, allowed, {}), at_key=True, id="OBS203")
         return found
 
     def new(self, name: str, loc: Loc) -> str:
         """Name of a signal of the observer, which no other signal may have."""
         reason = meaning(name) or ("is a signal already; choose another name" if name in self.taken else None)
         if reason:
-            self.reader.wrong(loc, f"{described(name)} {reason}")
+            self.reader.wrong(loc, f"{described(name)} {reason}", id="OBS211")
         self.taken.add(name)
         return name
 
@@ -81,7 +81,8 @@ class Texts:
         """Refuse a left inverse that leaves states out; of one with wrong names that is not told too."""
         missing = [name for name in self.unmeasured(typed) if name not in given]
         if missing and self.reader.clean(loc):
-            self.reader.wrong(loc, f"gives no {', '.join(missing)}, which no output shows; add an expression for each")
+            said = f"gives no {', '.join(missing)}, which no output shows; add an expression for each"
+            self.reader.wrong(loc, said, id="OBS504")
 
 
 def request(reader: Reader, section: asked.ObserverSection, problem: asked.Estimation) -> Request:
@@ -106,7 +107,7 @@ def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) ->
         return read_sought(texts, section)
     for name in ("degree", "lambdas", "functions"):
         if getattr(section, name) is not None:
-            reader.wrong(("observer", name), "goes with coordinates: find; leave it out", at_key=True)
+            reader.wrong(("observer", name), "goes with coordinates: find; leave it out", at_key=True, id="OBS213")
     for i, each in enumerate(section.coordinates):
         loc: Loc = ("observer", "coordinates", i)
         earlier = tuple(one.name for one in found)
@@ -127,10 +128,10 @@ def read_coordinates(texts: Texts, section: CoordinatesSection, typed: Typed) ->
         estimator = read_estimator(texts, section.estimator, names, estimated if clear else names)
         if not estimated and clear:
             said = "estimates the constants of coordinates with lambda 0, and there are none; leave it out"
-            reader.wrong(("observer", "estimator"), said, at_key=True)
+            reader.wrong(("observer", "estimator"), said, at_key=True, id="OBS213")
     elif estimated and clear:
         said = f"is required: the constant of {', '.join(estimated)}, with lambda 0, must be estimated"
-        reader.wrong(("observer", "estimator"), said)
+        reader.wrong(("observer", "estimator"), said, id="OBS205")
     return Transformed(tuple(found), inverse, estimator, section.recast is not None)
 
 
@@ -138,12 +139,14 @@ def read_sought(texts: Texts, section: CoordinatesSection) -> Sought:
     """What is searched for."""
     reader = texts.reader
     if section.left_inverse:
-        reader.wrong(("observer", "left_inverse"), "follows from coordinates: find; leave it out", at_key=True)
+        reader.wrong(
+            ("observer", "left_inverse"), "follows from coordinates: find; leave it out", at_key=True, id="OBS213"
+        )
     estimator = None
     if section.estimator is not None:
         estimator = read_estimator(texts, section.estimator, (), None)
     elif section.type != "kkl":
-        reader.wrong(("observer", "estimator"), f"is required: type {section.type} estimates constants")
+        reader.wrong(("observer", "estimator"), f"is required: type {section.type} estimates constants", id="OBS205")
     known = (*texts.outputs, *texts.inputs)
     return Sought(
         reader.integer(section.degree, ("observer", "degree"), 3, 1, MOST_DEGREE),
@@ -162,7 +165,9 @@ def require_kind(reader: Reader, kind: str, found: Sequence[Coordinate]) -> None
     if not wanted[kind]:
         right = "kkl" if not any(estimated) else "pebo" if all(estimated) else "kkl+pebo"
         said = "coordinates with lambda 0 are estimated up to a constant, the others decay"
-        reader.wrong(("observer", "type"), f"{kind} does not fit these coordinates ({said}); write {right}")
+        reader.wrong(
+            ("observer", "type"), f"{kind} does not fit these coordinates ({said}); write {right}", id="OBS504"
+        )
 
 
 def read_estimator(
@@ -175,7 +180,7 @@ def read_estimator(
     for i, each in enumerate(section.regressions):
         place: Loc = (*loc, "regressions", i)
         if each.output not in texts.outputs:
-            reader.wrong((*place, "output"), unknown("output", each.output, texts.outputs, {}))
+            reader.wrong((*place, "output"), unknown("output", each.output, texts.outputs, {}), id="OBS203")
         m = texts.by_name(each.m, (*place, "m"), "coordinate with lambda 0", chosen, known)
         regressions.append(Regression(each.output, texts.one(each.known, (*place, "known"), known), m))
     K = texts.by_name(section.K or {}, (*loc, "K"), "coordinate with lambda 0", chosen, texts.outputs)
@@ -183,7 +188,7 @@ def read_estimator(
         for name in found if isinstance(found, dict) else ():
             if name not in chosen:
                 said = unknown("coordinate with lambda 0", name, chosen, {})
-                reader.wrong((*loc, kind, name), said, at_key=True)
+                reader.wrong((*loc, kind, name), said, at_key=True, id="OBS203")
     require_keys(reader, section, estimated)
 
     def number(name: str, otherwise: fmpq, sign: Literal[">= 0", "> 0"]) -> fmpq:
@@ -215,10 +220,10 @@ def require_keys(reader: Reader, section: EstimatorSection, estimated: Sequence[
     proportional, method = section.method == "proportional", f"for method {section.method}"
     for name in ("K",) if proportional else ("regressions", "alpha", "gamma"):
         if not getattr(section, name) and not (estimated is None and name == "regressions"):
-            reader.wrong((*loc, name), f"is required {method}", at_key=True)
+            reader.wrong((*loc, name), f"is required {method}", at_key=True, id="OBS205")
     for name in ("regressions", "K") if estimated is None else ():
         if getattr(section, name):
-            reader.wrong((*loc, name), "cannot be given for coordinates that are to be found", at_key=True)
+            reader.wrong((*loc, name), "cannot be given for coordinates that are to be found", at_key=True, id="OBS213")
     if estimated is None or not reader.clean(("observer", "coordinates")) or not reader.clean(loc):
         return
     rows = {name for row in section.regressions for name in row.m}
@@ -227,7 +232,9 @@ def require_keys(reader: Reader, section: EstimatorSection, estimated: Sequence[
         held["gamma"] = section.gamma
     for kind, names in held.items():
         if missing := [name for name in estimated if name not in names]:
-            reader.wrong((*loc, kind), f"has nothing for {', '.join(missing)}, whose constant is to be estimated")
+            reader.wrong(
+                (*loc, kind), f"has nothing for {', '.join(missing)}, whose constant is to be estimated", id="OBS504"
+            )
 
 
 def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Immersion:
@@ -237,9 +244,12 @@ def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Imm
     known = (*texts.known, *chi)
     if len(section.phi) != len(section.beta):
         said = f"has {len(section.beta)} entries, and phi {len(section.phi)}; give one for each"
-        texts.reader.wrong((*root, "beta"), said)
+        texts.reader.wrong((*root, "beta"), said, id="OBS209")
     b = tuple(f"b{i + 1}" for i in range(max(len(section.beta), len(section.phi))))
     loc: Loc = (*root, "left_inverse")
+    if section.left_inverse and (twice := [name for name in b if name in texts.known]):
+        said = f"{twice[0]} is a signal of the plant and the value of a beta; choose another name for the signal"
+        texts.reader.wrong(loc, said, id="OBS211")
     inverse = texts.by_name(section.left_inverse, loc, "state", texts.states, (*b, *texts.known))
     texts.complete(inverse, typed, loc)
     dynamics = None
@@ -247,7 +257,8 @@ def read_immersion(texts: Texts, section: ImmersionSection, typed: Typed) -> Imm
         dynamics = texts.by_name(section.dynamics, (*root, "dynamics"), "state of the observer", chi, known)
         missing = [name for name in chi if name not in section.dynamics]
         if missing and texts.reader.clean((*root, "dynamics")):
-            texts.reader.wrong((*root, "dynamics"), f"gives no {', '.join(missing)}; add the derivative of each chi")
+            said = f"gives no {', '.join(missing)}; add the derivative of each chi"
+            texts.reader.wrong((*root, "dynamics"), said, id="OBS504")
     return Immersion(
         chi,
         tuple(texts.one(text, (*root, "phi", i), texts.states) for i, text in enumerate(section.phi)),
@@ -265,7 +276,9 @@ def read_high_gain(texts: Texts, section: HighGainSection, typed: Typed) -> High
     root: Loc = ("observer",)
     given = [section.states is not None, section.dynamics is not None, section.left_inverse is not None]
     if any(given) and not all(given):
-        texts.reader.wrong(root, "other coordinates need states, dynamics and left_inverse; give all three, or none")
+        texts.reader.wrong(
+            root, "other coordinates need states, dynamics and left_inverse; give all three, or none", id="OBS504"
+        )
     names = tuple(texts.new(name, (*root, "states", name)) for name in section.states or ())
     known = (*texts.known, *names)
     injected = names or texts.states
@@ -273,7 +286,7 @@ def read_high_gain(texts: Texts, section: HighGainSection, typed: Typed) -> High
     for state, by_output in section.injection.items():
         loc: Loc = (*root, "injection", state)
         if state not in injected:
-            texts.reader.wrong(loc, unknown("state", state, injected, {}), at_key=True)
+            texts.reader.wrong(loc, unknown("state", state, injected, {}), at_key=True, id="OBS203")
         injection[state] = texts.by_name(by_output, loc, "output", texts.outputs, texts.known)
     states = dynamics = inverse = None
     if names and all(given):

@@ -8,29 +8,19 @@ from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
+from obsdesign.expressions.needs import Need, further, needs
 from obsdesign.expressions.tree import Number
-from obsdesign.families.algebraic.identity import Domain, Identity, Negative, Verdict, nonzero
+from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero
+from obsdesign.families.algebraic.region import Region
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
-from obsdesign.nonlinearities.evidence.restriction import SINCE_ZERO
+from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends
 
 ZERO = Expression.number(0)
 OPEN = "not proved: "  # how a clause of a statement begins that says so
 INVERTED = "for the left inverse holds on the whole domain"  # why xhat = x
+DECAYS = "this error decays, which is not linear"
 UNBOUNDED = "a bound on xhat - x, which depends on what the left inverse makes of errors"
-
-
-@dataclass(frozen=True)
-class Nonzero:
-    """A divisor that must not vanish on the domain."""
-
-    name: str
-    value: Expression
-
-    def decided(self, domain: Domain) -> Verdict:
-        """Whether it does not."""
-        return nonzero(self.name, self.value, domain)
-
 
 Statement = Identity | Negative | Nonzero
 
@@ -65,39 +55,79 @@ class Plant:
     dynamics: Named  # of states and inputs and t; the outputs are written out
     outputs: Named
     inputs: tuple[str, ...]
-    domain: Domain
+    region: Region
 
     @classmethod
     def of(cls, typed: Typed) -> "Plant":
-        """Plant of a spec."""
+        """Plant of a spec; raises `UsageError` if ranges of the same signal have nothing in common."""
         still = typed.undisturbed
         written = still.substituted(still.outputs)
-        shown = {y: typed.domain[side.text] for y, side in written.outputs.items() if side.text in typed.domain}
-        return cls(written.dynamics, written.outputs, written.inputs, {"t": SINCE_ZERO, **shown, **typed.domain})
+        ranges = {**typed.domain, "t": common("t", "time", typed.domain.get("t", EVERYWHERE), SINCE_ZERO)}
+        for y, side in written.outputs.items():
+            if side.text in written.dynamics:
+                ends = (ranges.get(name, EVERYWHERE) for name in (y, side.text))
+                ranges[y] = ranges[side.text] = common(y, side.text, *ends)
+        sides = (*written.dynamics.values(), *written.outputs.values())
+        return cls(written.dynamics, written.outputs, written.inputs, Region(ranges, written.outputs, sides))
 
     def along(self, phi: Expression) -> Expression:
-        """L_f phi, the derivative of a function of the states; raises `UsageError` if it has none everywhere."""
+        """Derivative of a function of the states and t, with the inputs constant.
+
+        Raises `UsageError`: it has none everywhere.
+        """
         rates = [(slope(phi, name), side) for name, side in self.dynamics.items()]
-        return added([multiplied(slope, side) for slope, side in rates])
+        return added([slope(phi, "t"), *(multiplied(slope, side) for slope, side in rates)])
+
+    def rate(self, y: str) -> Expression:
+        """Derivative of an output; raises `UsageError` if it depends on an input, whose derivative is not known."""
+        h = self.outputs[y]
+        if varying := [name for name in self.inputs if name in h.names]:
+            u = varying[0]
+            said = (
+                f"{y} = {h} is differentiated here, and {u}' is not known; make {u} a parameter if it is constant, or "
+                f"a state with its derivative, or use an output without inputs"
+            )
+            raise UsageError(Problem(said, key=f"system.outputs.{y}", id="OBS504"))
+        return self.along(h)
+
+    def driven(self, side: Expression, estimates: Named | None = None) -> Expression:
+        """What the outputs add to the derivative of a function of them, with ydot(x), or ydot at estimates of x.
+
+        Raises `UsageError`: one of those that it depends on has no known derivative.
+        """
+        seen = [y for y in self.outputs if y in side.names]
+        rates = [self.rate(y).substituted(estimates or {}) for y in seen]
+        return added([multiplied(slope(side, y), rate) for y, rate in zip(seen, rates, strict=True)])
+
+    def differentiable(self, *sides: Expression) -> "list[Statement]":
+        """Statements that the outputs on which these depend move as their derivatives say."""
+        seen = [y for y in self.outputs if any(y in side.names for side in sides)]
+        return [stated(f"output {y}", need) for y in seen for need in further(self.outputs[y])]
 
     def on(self, expression: Expression, further: Named | None = None) -> Expression:
         """Expression of outputs (and of further signals) in terms of the states."""
         return expression.substituted({**self.outputs, **(further or {})})
-
-    def output_rates(self, estimates: Named) -> dict[str, Expression]:
-        """Return ydot at an estimate."""
-        return {y: self.along(h).substituted(estimates) for y, h in self.outputs.items()}
 
     def measured(self) -> dict[str, Expression]:
         """States that an output shows by itself, as the output."""
         return {side.text: Expression.variable(y) for y, side in self.outputs.items() if side.text in self.dynamics}
 
 
+def common(name: str, other: str, *ends: Ends) -> Ends:
+    """Range of a signal that has two; raises `UsageError` if they have nothing in common."""
+    low = max((low for low, _ in ends if low is not None), default=None)
+    high = min((high for _, high in ends if high is not None), default=None)
+    if low is not None and high is not None and low >= high:
+        said = f"{name} is {other}, and their ranges have nothing in common; give one range, or two that overlap"
+        raise UsageError(Problem(said, key=f"system.domain.{name}", id="OBS208"))
+    return low, high
+
+
 def slope(side: Expression, name: str) -> Expression:
     """Partial derivative of what moves as its derivative says; raises `UsageError` of kinks and jumps."""
     if not side.smooth:
         said = f"{side} has a kink or a jump, where its derivative does not say how it moves; use a smooth function"
-        raise UsageError(Problem(said, key="observer"))
+        raise UsageError(Problem(said, key="observer", id="OBS307"))
     return side.derivative(name)
 
 
@@ -140,16 +170,27 @@ def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Stat
     for name, side in left_inverse.items():
         back = plant.on(side, transformed)
         found.append(Identity(f"left inverse of {name}: {side} = {name}", less(back, Expression.variable(name))))
-        found += values(plant, f"left inverse of {name}", side, transformed)
+        found += values(f"left inverse of {name}", side, transformed)
     return found
 
 
-def values(plant: Plant, what: str, side: Expression, transformed: Named | None = None) -> list[Statement]:
-    """Statements that an expression has a value at every point of the domain: divisors, roots, logarithms, arcs."""
-    found: list[Statement] = [
-        Nonzero(f"{what}: {divisor} is not 0", plant.on(divisor, transformed)) for divisor in side.divisors()
-    ]
-    for least, strict in side.requirements():
-        value = scaled(fmpq(-1), plant.on(least, transformed))
-        found.append(Negative(f"{what}: {least} {'>' if strict else '>='} 0", value, strict))
-    return found
+def values(what: str, side: Expression, transformed: Named | None = None, leaves: str = "") -> list[Statement]:
+    """Statements that an expression has a value at every point of the domain: divisors, roots, logarithms, arcs.
+
+    `transformed`: signals of the observer in terms of the states; `leaves`: as of an `Identity`.
+    """
+    return [stated(what, need, transformed, leaves) for need in needs(side)]
+
+
+def smooth(what: str, side: Expression, transformed: Named | None = None, leaves: str = "") -> list[Statement]:
+    """Statements that an expression has a value at every point of the domain, and moves as its derivative says."""
+    return [stated(what, need, transformed, leaves) for need in (*needs(side), *further(side))]
+
+
+def stated(what: str, need: Need, transformed: Named | None = None, leaves: str = "") -> Statement:
+    """Statement of a need."""
+    name, put, leaves = f"{what}: {need.text}", transformed or {}, leaves or need.leaves
+    value, branch = need.value.substituted(put), tuple(c.substituted(put) for c in need.branch)
+    if need.sign == "is not 0":
+        return Nonzero(name, value, branch, leaves)
+    return Negative(name, scaled(fmpq(-1), value), need.sign == "> 0", branch, leaves)

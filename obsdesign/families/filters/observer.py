@@ -124,7 +124,9 @@ def written_out(plant: Equations, outputs: Sequence[str]) -> tuple[Mapping[str, 
     for _ in inner:
         inner = {name: side.substituted({k: e for k, e in inner.items() if k != name}) for name, side in inner.items()}
     if any(not side.names.isdisjoint(inner) for side in inner.values()):
-        raise UsageError(Problem("this filter takes no plant with an algebraic loop (Dqf)", key="observer.type"))
+        raise UsageError(
+            Problem("this filter takes no plant with an algebraic loop (Dqf)", key="observer.type", id="OBS406")
+        )
     f = {name: side.substituted(inner) for name, side in plant.dynamics.items()}
     h = {name: plant.outputs[name].substituted(inner) for name in outputs}
     for _ in h:
@@ -137,7 +139,7 @@ def constant(D: Array, outputs: Sequence[str]) -> Array:
     for name, row in zip(outputs, D, strict=True):
         if any(entry.names for entry in row):
             said = f"how w enters {name} depends on the states; this filter takes a constant D"
-            raise UsageError(Problem(said, key="observer.type"))
+            raise UsageError(Problem(said, key="observer.type", id="OBS406"))
     return np.array([[entry.scalar([])() for entry in row] for row in D]).reshape(D.shape)
 
 

@@ -43,12 +43,14 @@ def request(reader: Reader, section: FilterSection, problem: Estimation) -> Filt
     nv = None if model is None else model.Bm.shape[1]
     if problem.typed and model is not None and model.Am.size:
         said = f"type {section.type} takes it with a plant in matrices; add its states to system.dynamics"
-        reader.wrong(("disturbance",), said)
+        reader.wrong(("disturbance",), said, id="OBS406")
     names: tuple[Sequence[str], ...] = ((), (), ())
     if plant is not None:
         names = plant.exogenous, plant.outputs, plant.states
     if section.Q is None and nv:
-        reader.wrong(("observer", "Q"), "is required: how strong w is; a number, a matrix, or a mapping of names")
+        reader.wrong(
+            ("observer", "Q"), "is required: how strong w is; a number, a matrix, or a mapping of names", id="OBS205"
+        )
     Q = read_weight(reader, section.Q, "Q", Axis(nv, "disturbance"), names[0], 0.0)
     R = read_weight(reader, section.R, "R", problem.outputs, names[1], 0.0, positive=True)
     P0 = read_weight(reader, section.P0, "P0", problem.states, names[2], 1.0)
@@ -76,7 +78,7 @@ def read_weight(
             if name in names and names.index(name) < size:
                 diagonal[names.index(name)] = float(reader.number(text, (*loc, name), ">= 0"))
             elif names:
-                reader.wrong((*loc, name), unknown("signal", name, tuple(names), {}), at_key=True)
+                reader.wrong((*loc, name), unknown("signal", name, tuple(names), {}), at_key=True, id="OBS203")
         found = np.diag(diagonal)
     elif isinstance(written, str):
         found = float(reader.number(written, loc, ">= 0")) * np.eye(size)
@@ -91,10 +93,10 @@ def require_weight(reader: Reader, found: Array, loc: Loc, *, positive: bool) ->
     """Refuse what is no covariance."""
     least = float(np.linalg.eigvalsh(found)[0])
     if (found != found.T).any():
-        reader.wrong(loc, "is not symmetric; a covariance is")
+        reader.wrong(loc, "is not symmetric; a covariance is", id="OBS208")
     elif least < -1e-12 * np.abs(found).max() or (positive and least <= 0):
         kind = "positive definite" if positive else "positive semidefinite"
-        reader.wrong(loc, f"has the eigenvalue {least:.4g}; it must be {kind}")
+        reader.wrong(loc, f"has the eigenvalue {least:.4g}; it must be {kind}", id="OBS208")
 
 
 SECTION = FilterSection

@@ -46,6 +46,11 @@ def refuted(family: Incremental, gamma: fmpq | None, multipliers: Mapping[str, A
     return check(*question(family, gamma), multipliers)
 
 
+def impossible(family: Incremental) -> bool:
+    """Whether it is proved that no gain has any gamma at this alpha, whatever a solver says; L2 must be given."""
+    return family.L2 is not None and refutation(*question(family)) is not None
+
+
 def absence(family: Incremental, known: dict[str, Any]) -> Diagnosis:
     """`proof` and, where it is exact, `certificate`: not for bounds, nor where the design has L2 to choose as well."""
     if family.L2 is None or "bounds" in known:
@@ -68,15 +73,21 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     given = {"L1": None, "L2": request.L2} | dict(request.gains or {})
     family = THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, given["L1"], given["L2"])
     if family.L2 is None:
-        raise file.wrong("diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free")
+        raise file.wrong(
+            "diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free", id="OBS707"
+        )
     gamma = file.number(*root, "gamma") if "gamma" in file.table(*root) else None
     if gamma is not None and (request.gains or request.level is None):
-        raise file.wrong("diagnosis.certificate.gamma", "the spec asks for no gamma, so that one proves nothing of it")
+        raise file.wrong(
+            "diagnosis.certificate.gamma", "the spec asks for no gamma, so that one proves nothing of it", id="OBS707"
+        )
     if gamma is not None and request.level is not None and gamma < request.level:
-        raise file.wrong("diagnosis.certificate.gamma", f"{approximate(gamma):g} is below what the spec asks for")
+        raise file.wrong(
+            "diagnosis.certificate.gamma", f"{approximate(gamma):g} is below what the spec asks for", id="OBS707"
+        )
     if not covers(request, family, gamma):
         where = f"{approximate(alpha):g} is not what the spec asks for, or not all of it"
-        raise file.wrong("diagnosis.certificate.alpha", where)
+        raise file.wrong("diagnosis.certificate.alpha", where, id="OBS707")
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
     words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
@@ -123,14 +134,16 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
     if "gamma" in known:
         return out_of_reach(spec, fixed, known["gamma"], largest_alpha)
     if known:
-        return {"condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
-            "suggestion": "look at larger bounds" if "bounds" in known else "look at new gains: leave `gains` out"
+        id = "OBS611" if "bounds" in known else "OBS609"
+        return {"id": id, "condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
+            "suggestion": "look at new gains: leave `gains` out"
         }
     structural = too_stiff(fixed) or failing_passivity(spec, fixed)
     if structural:
         return structural
     if largest_alpha is not None:
         return {
+            "id": "OBS602",
             "condition": "decay",
             "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}"
             + within_bounds(spec),
@@ -138,6 +151,7 @@ def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: 
             "suggestion": f"ask for alpha at most {at_least(largest_alpha * (1 - 1e-4), 5)}{other(family)}",
         }
     return {
+        "id": "OBS603",
         "condition": "inequality",
         "reason": f"Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried"
         + within_bounds(spec),
@@ -173,6 +187,7 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], larg
         at = ", ".join(text(z) for z in slow if z.imag >= 0)
         because.append(f"the zero at lambda = {at} of v to y is no faster than alpha = {float(family.alpha):g}")
     found: Diagnosis = {
+        "id": "OBS604",
         "condition": "gamma",
         "reason": f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": levels,

@@ -28,19 +28,19 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     findings = detectability(augmented, K, float(alpha), "alpha")
     nf = plant.Bf.shape[1]
     tests = condition1(plant, in_floats(spec.generator.Am))
-    findings += [finding(test.name, test.holds, test.sentence, **test.numbers) for test in tests]
+    findings += [finding(test.name, test.holds, test.sentence, **test.numbers, id="OBS614") for test in tests]
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
         zeros = invariant_zeros(system)
         numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
         said = f"{name}{frozen_at(K)}: {zeros.sentence}"
-        findings.append(finding(f"zeros, {name}", zeros.left_invertible, said, **numbers))
+        findings.append(finding(f"zeros, {name}", zeros.left_invertible, said, **numbers, id="OBS614"))
     findings += [*slopes(spec, alpha), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
     if (L2 := request.feedback) is not None:
         loops["observer"] = augmented.Dqf + in_floats(L2) @ augmented.Df
     for name, D in loops.items():
         verdict = well_posed(D, multiplier)
-        findings.append(finding(f"loop of the {name}", verdict.unique, f"{name}: {verdict.sentence}"))
+        findings.append(finding(f"loop of the {name}", verdict.unique, f"{name}: {verdict.sentence}", id="OBS305"))
     return findings
 
 
@@ -49,7 +49,7 @@ def slopes(spec: Spec, alpha: fmpq) -> list[Finding]:
     request = request_of(spec)
     family = in_floats(THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, request.feedback))
     answer = too_stiff(family) or failing_passivity(spec, family)
-    return [finding(answer["condition"], False, answer["reason"], decides=True)] if answer else []
+    return [finding(answer["condition"], False, answer["reason"], decides=True, id=answer["id"])] if answer else []
 
 
 def attainable(spec: Spec) -> list[Finding]:
@@ -59,16 +59,16 @@ def attainable(spec: Spec) -> list[Finding]:
     gain = request.feedback
     if augmented.B.shape[1]:
         tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)
-        found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers) for t in tests]
+        found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers, id="OBS614") for t in tests]
         reached = all(test.holds for test in tests)
         said = (
             "the conditions for any gamma > 0 hold"
             if reached
             else "one of these conditions fails, so that any gamma > 0 is not promised here"
         )
-        found.append(finding("any accuracy", reached, said))
+        found.append(finding("any accuracy", reached, said, id="OBS614"))
     if B.shape[1]:
         rank = int(np.linalg.matrix_rank(B))
         said = f"B has rank {rank} of {B.shape[1]}, which `reconstruct: w` needs to be full"
-        found.append(finding("rank B", rank == B.shape[1], said, decides=request.reconstruct, rank=rank))
+        found.append(finding("rank B", rank == B.shape[1], said, decides=request.reconstruct, rank=rank, id="OBS503"))
     return found

@@ -123,14 +123,14 @@ def read_reconstruction(spec: Spec, file: ResultFile, family: Incremental) -> Re
     """Bound on |what - w|, with its levels and slopes checked."""
     root = ("certificate", "reconstruction")
     if not spec.observer.reconstruct or not isinstance(family, Linf):
-        raise file.wrong("guarantee.reconstruction", "the spec does not ask for it")
+        raise file.wrong("guarantee.reconstruction", "the spec does not ask for it", id="OBS707")
     proofs = {}
     for name, slope in slopes(family.multiplier).items() if family.plant.Bf.shape[1] else ():
         values = file.unknowns(slope.unknowns, *root, "slopes", name, "values")
         proofs[name] = prove_slope(slope, file.number(*root, "slopes", name, "bound"), values)
     reason = inapplicable(spec, proofs[SLOPE].bound if proofs else None)
     if reason:
-        raise file.wrong("guarantee.reconstruction", reason)
+        raise file.wrong("guarantee.reconstruction", reason, id="OBS503")
     certificates = {}
     for name, level in levels(family).items():
         path = (*root, "levels", name)
@@ -143,22 +143,22 @@ def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) ->
     """Hold the claim against what the spec asks: the family, alpha, given gains, the statement."""
     request = request_of(spec).printed()
     if file.at("observer", "type") != request.type:
-        raise file.wrong("observer.type", f"the spec asks for {request.type}")
+        raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
     alpha, gamma = file.number("guarantee", "alpha"), file.number("guarantee", "gamma")
     require_alpha(file, request, alpha, "guarantee.alpha")
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in gains.items():
         if name in given and (given[name] != found).any():
-            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
+            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives", id="OBS707")
     if not math.isfinite(approximate(gamma)):
-        raise file.wrong("guarantee.gamma", "beyond the range of doubles")
+        raise file.wrong("guarantee.gamma", "beyond the range of doubles", id="OBS508")
 
 
 def require_alpha(file: ResultFile, request: Request, alpha: fmpq, key: str) -> None:
     """Hold a decay rate against the number or the range that the spec asks for."""
     low, high = ends(request.alpha)
     if not low <= alpha <= high:
-        raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for")
+        raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for", id="OBS707")
 
 
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:

@@ -81,6 +81,19 @@ class Decay:
         most = max(min(least * (1 + slack), cap), least)
         return max(alpha for alpha, level in levels.items() if level <= most)
 
+    def choice(self, points: Sequence[Point], alpha: float, *, pareto: bool) -> str:
+        """Why this alpha, in words."""
+        if self.family.about.monotone and not pareto:
+            return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
+        if any(point.get("gamma") == 0 for point in points):
+            where = "is the fastest decay within the slack of" if pareto else "has"
+            return (
+                f"the least gamma is zero in the range, and alpha = {alpha:g} {where} the least certified in its place"
+            )
+        if pareto:
+            return f"alpha = {alpha:g} is the fastest decay of the curve that was found within the slack of its least"
+        return f"alpha = {alpha:g} has the least gamma that was found in the range, by a grid and Brent's method"
+
     def lowest(self, points: Sequence[Point]) -> list[Point]:
         """Further points about the lowest of a curve that falls and then rises; none where it is zero."""
         known = {point["alpha"]: point.get("gamma", math.inf) for point in points}

@@ -19,7 +19,7 @@ from obsdesign.dissipation.scaling import scaling
 from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
-from obsdesign.families.incremental.absence import covers, why_not
+from obsdesign.families.incremental.absence import covers, impossible, why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point
@@ -135,7 +135,8 @@ class Designer:
             if not free:
                 self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
         else:
-            raise UndecidedError(f"the least gamma at alpha = {float(alpha):g} was not found: {answer.reason}")
+            said = f"neither gains nor a proof that there are none were found at alpha = {float(alpha):g}"
+            raise UndecidedError(f"{said}: {answer.reason}", id="OBS507")
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(alpha, table)
@@ -180,7 +181,7 @@ class Designer:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
         wide = self.engine.widest(search.witness(None))
         if wide.status is not Status.OPTIMAL:
-            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.reason}")
+            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.reason}", id="OBS507")
         size = 2 * norm(wide.values, self.request.bounds)
         answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
         level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
@@ -192,7 +193,9 @@ class Designer:
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
         if not made.gains:
-            raise UndecidedError(f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}")
+            raise UndecidedError(
+                f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}", id="OBS507"
+            )
         return made
 
     def proved(self, candidates: Iterable[tuple[Incremental, Values | None]], gamma: float) -> Outcome:
@@ -246,22 +249,8 @@ class Designer:
         best = self.points[0]["alpha"]
         if objective == "pareto" or not monotone:
             best = self.decay.fastest(self.points, float(self.request.slack) if objective == "pareto" else FLAT)
-        self.notes.append(self.choice(best))
+        self.notes.append(self.decay.choice(self.points, best, pareto=objective == "pareto"))
         return rational_number(repr(best))
-
-    def choice(self, alpha: float) -> str:
-        """Why this alpha, in words."""
-        pareto = self.request.objective == "pareto"
-        if self.family.about.monotone and not pareto:
-            return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
-        if any(point.get("gamma") == 0 for point in self.points):
-            where = "is the fastest decay within the slack of" if pareto else "has"
-            return (
-                f"the least gamma is zero in the range, and alpha = {alpha:g} {where} the least certified in its place"
-            )
-        if pareto:
-            return f"alpha = {alpha:g} is the fastest decay of the curve that was found within the slack of its least"
-        return f"alpha = {alpha:g} has the least gamma that was found in the range, by a grid and Brent's method"
 
     def fastest(self) -> Outcome:
         """Largest alpha by bisection on feasibility; the shipped one is within the slack of it."""
@@ -269,7 +258,7 @@ class Designer:
         feasible, unknown = self.decay.feasible(low)
         if not feasible:
             if unknown and not self.request.bounds.restricted:
-                raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided")
+                raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided", id="OBS507")
             gamma = in_floats(self.request.bounds).gamma
             return self.out_of_bounds(low, {}, gamma) if unknown else self.infeasible(low)
         attained, _ = self.decay.feasible(high)
@@ -306,10 +295,16 @@ class Designer:
 
     # Answers without gains
 
+    def absent(self) -> Outcome | None:
+        """Answer that there are no gains, where that is proved at every alpha that is asked for."""
+        family = replace(self.family, alpha=self.lowest)
+        return self.infeasible(self.lowest) if covers(self.request, family, None) and impossible(family) else None
+
     def infeasible(self, alpha: fmpq, known: dict[str, Any] | None = None) -> Outcome:
         """Answer with the reason, in the terms of the model."""
         self.engine.report(0.9, "diagnosis")
-        found = known or {}
+        none = known and not self.request.gains and impossible(replace(self.family, alpha=alpha))
+        found = {} if none or not known else known
         limits = {name: found[name] for name in ("limit", "limit_bounded") if name in found}
         found = {name: value for name, value in found.items() if name not in limits}
         largest = self.decay.largest_below(alpha) if not found or "gamma" in found else None
@@ -323,6 +318,8 @@ class Designer:
 
         `reached`: least gamma within the bounds, where a smaller one is asked for.
         """
+        if impossible(replace(self.family, alpha=alpha)):
+            return self.infeasible(alpha)
         self.engine.report(0.9, "diagnosis")
         decided, found = beyond(self.decay, alpha, limits.get("limit", {}).get("gamma"), reached)
         decided = decided and covers(self.request, replace(self.family, alpha=alpha), self.decay.bounds.gamma)
@@ -336,4 +333,12 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     L2. Raises `UndecidedError`: the solver found neither a solution nor that there is none.
     """
     designer = Designer(spec, engine)
-    return replace(designer.outcome(), scaling=scaling(searchable(designer.family)) if engine.solves else {})
+    try:
+        made = designer.outcome()
+    except UndecidedError:
+        if (absent := designer.absent()) is None:
+            raise
+        made = absent
+    if made.status is Verdict.UNCERTIFIED and not designer.request.gains:
+        made = designer.absent() or made
+    return replace(made, scaling=scaling(searchable(designer.family)) if engine.solves else {})

@@ -10,18 +10,22 @@ from obsdesign.dissipation.scan import edge
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import in_floats, printed
 from obsdesign.model.multiplier import Block, Multiplier, Scaled
-from obsdesign.spec import Spec
+from obsdesign.nonlinearities.evidence.claims import Quadratic, generators
+from obsdesign.nonlinearities.evidence.refutation import counterexample
+from obsdesign.spec import Nonlinearity, Spec
 
 SMALLEST = 1e-6  # share of a class below which it is not searched
 STEEPEST = 1e4  # slope bound that is tried for a class without one
 EDGE = 1e-4  # relative
+BACK = 1e-3  # relative, from the edge to the class that is told, so that its numbers in few digits are within it
 
 
 def largest_class(spec: Spec, feasible: Callable[[Multiplier], bool]) -> Diagnosis:
     """Largest part of the class of one nonlinearity, the others as they are, for which there is a solution.
 
     A class shrinks towards its member K: f = K q + s (g - K q) with g in the class and s < 1, so a Lipschitz constant k
-    becomes s k. A class without an upper slope bound is cut to slopes up to s.
+    becomes s k. A class without an upper slope bound is cut to slopes up to s. A class that an f which is given is
+    seen not to be of is none that could be declared.
 
     `feasible`: whether the problem has a solution with another multiplier in place of `spec.multiplier`.
 
@@ -39,17 +43,27 @@ def largest_class(spec: Spec, feasible: Callable[[Multiplier], bool]) -> Diagnos
 
         share = largest_share(enough)
         if share is not None:
-            return {"nonlinearity": i + 1, "feasible": size([reduced(block, share) for block in blocks], share)}
+            smaller = [reduced(block, share) for block in blocks]
+            if not contradicted(spec.nonlinearities[i], smaller):
+                return {"nonlinearity": i + 1, "feasible": size(smaller, share)}
     return {}
 
 
+def contradicted(nonlinearity: Nonlinearity, blocks: Sequence[Scaled]) -> bool:
+    """Whether an f is given, and is seen not to be of a class on the region of its type."""
+    if nonlinearity.f is None:
+        return False
+    claims = map(Quadratic, generators(Multiplier(tuple(blocks))))
+    return counterexample(nonlinearity.restricted({}), claims) is not None
+
+
 def largest_share(feasible: Callable[[float], bool]) -> float | None:
-    """Largest feasible share; None if even the smallest is infeasible."""
+    """Largest feasible share, less `BACK`; None if even the smallest is infeasible."""
     if not feasible(SMALLEST):
         return None
     if feasible(1.0):  # slopes up to `STEEPEST` where there is no bound at all
         return 1.0
-    return edge(feasible, SMALLEST, 1.0, EDGE)
+    return edge(feasible, SMALLEST, 1.0, EDGE) * (1 - BACK)
 
 
 def reduced(block: Block, share: float) -> Scaled:

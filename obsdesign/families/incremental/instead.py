@@ -13,7 +13,7 @@ from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable
 from obsdesign.errors import UsageError
 from obsdesign.families.finding import smaller_class
-from obsdesign.families.incremental.absence import CLOSE, within_bounds
+from obsdesign.families.incremental.absence import CLOSE, impossible, within_bounds
 from obsdesign.families.incremental.decay import Decay
 from obsdesign.families.incremental.extent import largest_class
 from obsdesign.families.incremental.stiffness import QUIET
@@ -62,7 +62,7 @@ def remedied(spec: Spec, decay: Decay, alpha: fmpq, largest: float | None, diagn
     hints = list(quieter(decay, alpha, largest, within)) if quiet else [diagnosis["suggestion"]]
 
     def feasible(multiplier: Multiplier) -> bool:
-        return replace(decay, family=replace(decay.family, multiplier=multiplier)).feasible(alpha)[0]
+        return solvable(replace(decay, family=replace(decay.family, multiplier=multiplier)), alpha)
 
     found = {**largest_class(spec, feasible), "within": within}
     if "nonlinearity" in found:
@@ -79,7 +79,7 @@ def quieter(decay: Decay, alpha: fmpq, largest: float | None, within: str) -> It
 
     `largest`: the largest alpha with a solution, if one was found.
     """
-    if largest:
+    if largest and solvable(decay, printed(largest)):
         yield f"ask for alpha at most {at_least(largest * (1 - CLOSE), 4)}, with which there is a solution{within}"
     plant = decay.family.plant
     silent = replace(decay.family, plant=replace(plant, D=printed(np.zeros(plant.D.shape))))
@@ -90,8 +90,12 @@ def quieter(decay: Decay, alpha: fmpq, largest: float | None, within: str) -> It
 
 
 def solvable(decay: Decay, alpha: fmpq) -> bool:
-    """Whether there is a solution, as far as it was decided; none where the class does not allow a free L2."""
+    """Whether there is a solution: a solver finds one, and it is not proved that there is none.
+
+    None where the class does not allow a free L2.
+    """
+    family = replace(decay.family, alpha=alpha)
     try:
-        return decay.feasible(alpha)[0]
+        return decay.feasible(alpha)[0] and not impossible(family)
     except UsageError:
         return False

@@ -139,10 +139,10 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
     """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
     loc: Loc = ("observer", "reconstruct")
     if request.type != "linf":
-        reader.wrong(loc, f"not available for type {request.type}; it needs type linf")
+        reader.wrong(loc, f"not available for type {request.type}; it needs type linf", id="OBS503")
         return
     if problem.generator is not None and len(problem.generator.Am):
-        reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two")
+        reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two", id="OBS503")
     if problem.plant is not None:
         B = problem.plant.B
         rank = fmpq_mat(B.tolist()).rank() if B.size else 0
@@ -150,7 +150,7 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
             said = f"needs system.B of full column rank, for its left inverse; it has rank {rank} of {B.shape[1]}"
             if problem.as_equations:
                 said = f"needs disturbances that act on the states independently; {rank} of {B.shape[1]} do"
-            reader.wrong(loc, said)
+            reader.wrong(loc, said, id="OBS503")
 
 
 def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
@@ -162,7 +162,7 @@ def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
         )
         return ALPHA
     if section.objective in RANGED and not isinstance(section.alpha, asked.Interval):
-        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
+        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}", id="OBS215")
     return asked.read_searched(reader, section.alpha, loc, "> 0")
 
 

@@ -75,6 +75,7 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
         largest = extreme(block.M12.T @ G @ Bf)
         if largest >= 0:
             return {
+                "id": "OBS605",
                 "condition": "passivity",
                 "reason": f"{must} with P > 0 and lambda >= 0; that needs (Cq + L2 C) Bf < 0, and here that is "
                 + shown(largest, Bf),
@@ -109,7 +110,7 @@ def vanishes(a: Array, b: Array) -> bool:
 
 def noisy(reason: str) -> Diagnosis:
     """Answer that what v does at once to the argument of a steep f, or to y, is in the way."""
-    return {"condition": "noise", "reason": reason, "feasible": {}, "suggestion": QUIET}
+    return {"id": "OBS606", "condition": "noise", "reason": reason, "feasible": {}, "suggestion": QUIET}
 
 
 def slow_injection(
@@ -119,7 +120,7 @@ def slow_injection(
     p, alpha = family.plant, float(family.alpha)
     Bf, Cq = p.Bf[:, columns], p.Cq[rows]
     needed = "(Cq + L2 C)(A + alpha I) Bf >= 0"
-    found: Diagnosis = {"condition": "passivity", "value": smallest, "feasible": {}}
+    found: Diagnosis = {"id": "OBS605", "condition": "passivity", "value": smallest, "feasible": {}}
     if Bf.shape[1] == 1 and p.C.shape[0] == 1 and (gain := (block.M12.T @ p.C @ p.A @ Bf).item()):
         constant, slope = (-(block.M12.T @ Cq @ X).item() / gain for X in (p.A @ Bf, Bf))
         side, bound = ("<=" if gain < 0 else ">="), constant + slope * alpha
@@ -164,6 +165,7 @@ def too_stiff(family: Incremental) -> Diagnosis | None:
         return None
     limit = -mode.eigenvalue.real
     return {
+        "id": "OBS605",
         "condition": "zero dynamics",
         "reason": f"{remaining(mode)}, because a nonlinearity has no upper slope bound: it allows {allowed(mode)}, and "
         f"alpha = {alpha:g} was asked for",

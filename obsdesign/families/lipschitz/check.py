@@ -28,7 +28,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:
         declared = float(max(request.lipschitz))
         below = declared < most
         said = f"a linear f of the constant {most:.6g} hides a mode, and the declared one is {declared:g}"
-        found.append(finding("ceiling", below, said, decides=levels, ceiling=most))
+        found.append(finding("ceiling", below, said, decides=levels, ceiling=most, id="OBS607"))
     if all(f.stands for f in found):
         found += suprema(engine, unit, request)
     return [*found, *(attenuation(spec, request) if plant.B.shape[1] else [])]
@@ -47,7 +47,7 @@ def suprema(engine: Engine, unit: Lipschitz, request: LipschitzRequest) -> list[
         bound, numbers = (f"below {most:.8g}", {"supremum": most}) if isfinite(most) else ("of any size", {})
         said = f"{relaxation}: there are gains for constants {bound}, and the declared one is {declared:g}"
         decides = levels and relaxation == asked
-        found.append(finding(f"supremum, {relaxation}", declared < most, said, decides=decides, **numbers))
+        found.append(finding(f"supremum, {relaxation}", declared < most, said, decides=decides, **numbers, id="OBS607"))
     return found
 
 
@@ -59,6 +59,6 @@ def attenuation(spec: Spec, request: LipschitzRequest) -> list[Finding]:
     free = cancels(spec.augmented)
     exact = "and gamma = 0 is possible with that gain if it also converges" if free else "so that gamma > 0"
     return [
-        finding("sigma(H)", size < 1, said, decides=needed, sigma=size),
-        finding("L D = B", free, f"L D = B has {'a' if free else 'no'} solution L, {exact}"),
+        finding("sigma(H)", size < 1, said, decides=needed, sigma=size, id="OBS608"),
+        finding("L D = B", free, f"L D = B has {'a' if free else 'no'} solution L, {exact}", id="OBS614"),
     ]

@@ -169,7 +169,7 @@ def read_constant(file: ResultFile, *keys: str) -> fmpq:
     """Constant of a claim."""
     found = file.number(*keys, "lipschitz")
     if not 0 <= approximate(found) < math.inf:
-        raise file.wrong(f"{'.'.join(keys)}.lipschitz", "no Lipschitz constant")
+        raise file.wrong(f"{'.'.join(keys)}.lipschitz", "no Lipschitz constant", id="OBS702")
     return found
 
 
@@ -198,10 +198,10 @@ def read_levels(file: ResultFile, claim: Sequence[str]) -> tuple[fmpq, fmpq, fmp
     gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
     name = ".".join(claim)
     if not math.isfinite(approximate(gamma * gamma)):
-        raise file.wrong(f"{name}.gamma", "beyond the range of doubles")
+        raise file.wrong(f"{name}.gamma", "beyond the range of doubles", id="OBS508")
     for key, found, expected in (("mu1", mu1, fmpq(1)), ("mu2", mu2, square_below(gamma))):
         if found != expected:
-            raise file.wrong(f"{name}.{key}", f"{approximate(expected)!r} belongs to this gamma")
+            raise file.wrong(f"{name}.{key}", f"{approximate(expected)!r} belongs to this gamma", id="OBS705")
     return gamma, mu1, mu2
 
 
@@ -210,25 +210,27 @@ def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, dec
     request = request_of(spec)
     for key, asked in (("type", request.type), ("relaxation", request.relaxation)):
         if file.at("observer", key) != asked:
-            raise file.wrong(f"observer.{key}", f"the spec asks for {asked}")
+            raise file.wrong(f"observer.{key}", f"the spec asks for {asked}", id="OBS707")
     low, high = ends(request.decay)
     if not printed(low) <= decay <= printed(high):
-        raise file.wrong("guarantee.decay", f"{approximate(decay):g} is not what the spec asks for")
+        raise file.wrong("guarantee.decay", f"{approximate(decay):g} is not what the spec asks for", id="OBS707")
     declared = needed(request.lipschitz)
     least = fmpq(0) if request.objective == "max-lipschitz" else declared
     if lipschitz < least or (request.objective == "min-gamma" and lipschitz > declared):
-        raise file.wrong("guarantee.lipschitz", f"{approximate(lipschitz):g} is not what the spec asks for")
+        raise file.wrong(
+            "guarantee.lipschitz", f"{approximate(lipschitz):g} is not what the spec asks for", id="OBS707"
+        )
     if request.gains and (printed(request.gains["L"]) != L).any():
-        raise file.wrong("observer.L", "differs from the gain that the spec gives")
+        raise file.wrong("observer.L", "differs from the gain that the spec gives", id="OBS707")
 
 
 def require_admissible(file: ResultFile, lipschitz: fmpq) -> fmpq:
     """Largest constant that is said to be tolerated, as it stands in the guarantee and beside its witness."""
     largest = read_constant(file, *ADMISSIBLE)
     if file.number(*GUARANTEE, "admissible") != file.number(*ADMISSIBLE, "lipschitz"):
-        raise file.wrong("guarantee.admissible", "differs from that of the certificate")
+        raise file.wrong("guarantee.admissible", "differs from that of the certificate", id="OBS705")
     if largest < lipschitz:
-        raise file.wrong("guarantee.admissible", "below the constant that is claimed")
+        raise file.wrong("guarantee.admissible", "below the constant that is claimed", id="OBS705")
     return largest
 
 

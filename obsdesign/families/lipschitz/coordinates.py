@@ -97,7 +97,9 @@ def given(T: Sequence[str], n: int) -> tuple[fmpq, ...]:
     except (ValueError, OverflowError, ZeroDivisionError):
         exact = ()
     if len(exact) != n or min(exact) <= 0:
-        raise UsageError(f"--T: expected {n} positive numbers separated by commas, one a state, found {','.join(T)}")
+        raise UsageError(
+            f"--T: expected {n} positive numbers separated by commas, one a state, found {','.join(T)}", id="OBS901"
+        )
     return exact
 
 
@@ -118,9 +120,11 @@ class StateFunction:
         """View of a spec."""
         plant, n = spec.augmented, spec.augmented.n
         if (plant.Dqf != 0).any() or (plant.Df != 0).any() or not plant.Bf.size:
-            raise UsageError("f is not of the states alone, or is in y (Dqf, Df), which --scaling cannot take")
+            raise UsageError(
+                "f is not of the states alone, or is in y (Dqf, Df), which --scaling cannot take", id="OBS406"
+            )
         if any(block.f is None for block in spec.nonlinearities):
-            raise UsageError("a nonlinearity has no f, which --scaling needs of each")
+            raise UsageError("a nonlinearity has no f, which --scaling needs of each", id="OBS402")
         J, box = whole(spec)
         request = spec.observer
         decay, relaxation = fmpq(0), "s-procedure"
@@ -136,7 +140,9 @@ class StateFunction:
         """Proved constant and admissible one in the coordinates T x."""
         norm = patient_norm(self.scaled_jacobian(T), self.box)
         if norm.bound == inf:
-            raise UndecidedError("the Lipschitz constant of f could not be proved finite; give a smaller region")
+            raise UndecidedError(
+                "the Lipschitz constant of f could not be proved finite; give a smaller region", id="OBS403"
+            )
         return Scaling(tuple(T), norm.attained, norm.bound, self.admissible(np.array([float(t) for t in T])))
 
     def scaled_jacobian(self, T: Sequence[fmpq]) -> Matrix:

@@ -39,7 +39,7 @@ def largest(study: Study) -> Outcome:
     constant = printed(round_down(best / (1 + study.slack), DIGITS))
     L, claim = study.first(small_gains(study, constant))
     if L is None:
-        raise UndecidedError(f"no gain was found for the Lipschitz constant {float(constant):g}")
+        raise UndecidedError(f"no gain was found for the Lipschitz constant {float(constant):g}", id="OBS507")
     notes = () if constant >= study.declared else (short(study, constant),)
     return study.outcome(L, claim, notes=notes, **limits)
 

@@ -49,7 +49,7 @@ def least_gamma(study: Study) -> Outcome:
     target = min(limit.target(study.slack), asked)
     L, claim = study.first(small_gains(study, family, study.declared, target))
     if L is None:
-        raise UndecidedError(f"no gain was found for gamma = {target:g}")
+        raise UndecidedError(f"no gain was found for gamma = {target:g}", id="OBS507")
     notes = (CANCELS,) if limit.attained and cancels(study.unit.plant) else ()
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
 
@@ -76,7 +76,7 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
             rows,
         )
     if answer.status is not Status.OPTIMAL and not rows and not zero.instead:
-        raise UndecidedError(f"the least gamma was not found: {answer.reason}")
+        raise UndecidedError(f"the least gamma was not found: {answer.reason}", id="OBS507")
     return Level.of_all(answer, zero)
 
 

@@ -39,7 +39,7 @@ def goal(front: Front, optimum: Optimum) -> tuple[fmpq, float]:
     if weight == 1:
         answer = study.engine.minimise(front.family(float(constant)).least_gamma(front.bounds))
         if answer.status is not Status.OPTIMAL:
-            raise UndecidedError(f"no gamma was found for the Lipschitz constant {float(constant):g}")
+            raise UndecidedError(f"no gamma was found for the Lipschitz constant {float(constant):g}", id="OBS507")
         square = answer.objective * ROOMY**2
     else:
         total = (1 + study.slack) * optimum.objective
@@ -71,14 +71,16 @@ def weighed(study: Study) -> Outcome:
     constant, gamma = goal(inner, best)
     L, claim = study.first(small_gains(study, inner.family(float(constant)), constant, gamma))
     if L is None:
-        raise UndecidedError(f"no gain was found for lipschitz = {float(constant):g} and gamma = {gamma:g}")
+        raise UndecidedError(
+            f"no gain was found for lipschitz = {float(constant):g} and gamma = {gamma:g}", id="OBS507"
+        )
     return study.outcome(L, claim, notes=arbitrary(weight), **limits)
 
 
 def certain(found: Optimum | Status, weight: float) -> Optimum:
     """Limit for a weight. Raises `UndecidedError`: it was not found."""
     if isinstance(found, Status):
-        raise UndecidedError(f"the least objective for the weight {weight:g} was not found: {found}")
+        raise UndecidedError(f"the least objective for the weight {weight:g} was not found: {found}", id="OBS507")
     return found
 
 
@@ -154,7 +156,7 @@ def absent(study: Study, curves: Sequence[Sequence[Spot]]) -> Outcome:
     if blocked := study.obstacle() if decided else {}:
         return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
     if not study.restricted or any(isinstance(spot.optimum, Optimum) for spots in curves for spot in spots):
-        raise UndecidedError("no point was certified")
+        raise UndecidedError("no point was certified", id="OBS507")
     return study.out_of_bounds(solve_of, decided=decided)
 
 

@@ -51,6 +51,7 @@ def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagno
     if declared * in_floats(unit).lipschitz or objective != "min-gamma":
         return {}
     return {
+        "id": "OBS608",
         "condition": "lipschitz",
         "reason": f"the Lipschitz constant of f is 0, and Theorem 3 divides by it{ELSEWHERE}",
         "lipschitz": {"asked": declared},
@@ -68,6 +69,7 @@ def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagno
     found = others(engine, unit, declared, "abbaszadeh")
     if h >= 1:
         return {
+            "id": "OBS608",
             "condition": "sigma(H)",
             "reason": f"Theorems 3 and 4 need sigma(H) < 1, and it is {h**0.5:.8g}{ELSEWHERE}",
             "sigma_H": h**0.5,
@@ -76,6 +78,7 @@ def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagno
             "suggestion": f"{instead(found)}, or look at a smaller H, in whose unit gamma is",
         }
     return {
+        "id": "OBS608",
         "condition": "room",
         "reason": f"Theorems 3 and 4 need 2 (1 - sigma(H)^2) l > 1 for the l = {best:.8g} that Theorem 2 admits, "
         f"and it is {room:.8g}: they have no solution for any Lipschitz constant{ELSEWHERE}",
@@ -97,6 +100,7 @@ def too_large(
     form = f": {supremum.closed}" if supremum.closed else ""
     reason = f"the declared Lipschitz constant {declared:.8g} is not below {supremum.value:.8g}, the supremum of "
     found: Diagnosis = {
+        "id": "OBS607",
         "condition": "lipschitz",
         "reason": f"{reason}{relaxation} over all gains{form}",
         "lipschitz": {"asked": declared, "supremum": supremum.value},
@@ -156,6 +160,7 @@ def instead(relaxations: dict[str, dict[str, Any]]) -> str:
 def out_of_reach(asked: float, least: float, lipschitz: float, slower: float | None = None) -> Diagnosis:
     """Answer that gamma is bounded below what is possible; `slower`: a decay at which it is not."""
     return {
+        "id": "OBS604",
         "condition": "gamma",
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": {"asked": asked, "least": least},
@@ -202,6 +207,7 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"
     smaller = not slow and tolerated
     return {
+        "id": "OBS609",
         "condition": "gains",
         "reason": reason,
         "pole": [pole.real, pole.imag],

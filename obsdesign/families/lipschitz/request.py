@@ -118,7 +118,9 @@ def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimatio
     """Return the request, held against what the family knows."""
     decay = asked.read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
     if isinstance(decay, Range) and section.objective != "pareto":
-        reader.wrong(("observer", "decay"), f"objective {section.objective} needs a number; a range is for pareto")
+        reader.wrong(
+            ("observer", "decay"), f"objective {section.objective} needs a number; a range is for pareto", id="OBS215"
+        )
     request = LipschitzRequest(
         type=section.type,
         lipschitz=tuple(constant for block in problem.nonlinearities for constant in block.lipschitz),
@@ -141,14 +143,14 @@ def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | No
     loc: Loc = ("observer", "weight")
     if section.weight is None:
         if section.objective == "pareto":
-            reader.wrong(loc, "is required for pareto; give a number in [0, 1], or {min: 0, max: 1}")
+            reader.wrong(loc, "is required for pareto; give a number in [0, 1], or {min: 0, max: 1}", id="OBS205")
         return None
     if section.objective != "pareto":
-        reader.wrong(loc, f"belongs to objective pareto, not to {section.objective}", at_key=True)
+        reader.wrong(loc, f"belongs to objective pareto, not to {section.objective}", at_key=True, id="OBS213")
     weight = asked.read_searched(reader, section.weight, loc, ">= 0", ">= 0")
     place = (*loc, "max") if isinstance(section.weight, asked.Interval) else loc
     if (largest := ends(weight)[1]) > 1:
-        reader.wrong(place, f"{float(largest):g} is above 1; a weight is in [0, 1]")
+        reader.wrong(place, f"{float(largest):g} is above 1; a weight is in [0, 1]", id="OBS208")
     return weight
 
 
@@ -173,7 +175,9 @@ def nonlinearities(
         place: Loc = ("nonlinearities", i, "type") if i < len(plant) else ("disturbance",)
         if block is not None and not block.lipschitz:
             instead = "give {lipschitz: k}, or {lipschitz: auto} with f and a region"
-            reader.wrong(place, f"{block.type} has no Lipschitz constant that type lipschitz knows; {instead}")
+            reader.wrong(
+                place, f"{block.type} has no Lipschitz constant that type lipschitz knows; {instead}", id="OBS406"
+            )
         elif block is not None:
             found.append(read_as_lipschitz(reader, block, place))
     return tuple(found)
@@ -196,24 +200,28 @@ def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: asked.
     if plant is None or generator is None:
         return
     if H.size and not (H != 0).any():
-        reader.wrong(("performance",), "z = H e is zero: nothing is to be estimated; leave it out for all states")
+        reader.wrong(
+            ("performance",), "z = H e is zero: nothing is to be estimated; leave it out for all states", id="OBS214"
+        )
     place: Loc = ("system", "dynamics") if problem.as_equations else ("nonlinearities",)
     if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(place):
         term = "nonlinear term" if problem.as_equations else "nonlinearity"
-        reader.wrong(place, f"type lipschitz needs at least one {term}; for a linear plant use type l2")
+        reader.wrong(place, f"type lipschitz needs at least one {term}; for a linear plant use type l2", id="OBS406")
     augmented = augment(plant, generator, (), ())
     acts = (augmented.Bf != 0).any() and (augmented.Cq != 0).any()
     if plant.Bf.shape[1] and not acts and reader.clean(place):
         said = "no nonlinear term acts on a state" if problem.as_equations else "Bf or Cq is zero, and f does not act"
-        reader.wrong(place, f"{said}; for a linear plant use type l2")
+        reader.wrong(place, f"{said}; for a linear plant use type l2", id="OBS406")
     for name in ABSENT:
         for where, said in problem.refused(name, "lipschitz"):
-            reader.wrong(where, f"{said}; {INSTEAD}")
+            reader.wrong(where, f"{said}; {INSTEAD}", id="OBS406")
     if any((getattr(augmented, name) != 0).any() and not (getattr(plant, name) != 0).any() for name in ABSENT):
-        reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}")
+        reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}", id="OBS406")
     if request.objective != "max-lipschitz" and not augmented.B.shape[1]:
         key = "system.disturbances" if problem.as_equations else "system.B"
-        reader.wrong(("observer", "objective"), f"{request.objective} is about w, and there is none; give {key}")
+        reader.wrong(
+            ("observer", "objective"), f"{request.objective} is about w, and there is none; give {key}", id="OBS405"
+        )
     if request.relaxation in UNSTRUCTURED and not all(
         np.array_equal(M, identity(len(M), M)) for M in (augmented.Bf, augmented.Cq)
     ):

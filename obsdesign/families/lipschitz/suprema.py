@@ -114,7 +114,9 @@ def optimum(engine: Engine, problem: Problem) -> Answer:
     """Optimum of a reduced problem. Raises `UndecidedError`: it was not solved."""
     answer = engine.minimise(problem, precise=True)
     if answer.status is not Status.OPTIMAL:
-        raise UndecidedError("the largest Lipschitz constant over all gains was not found: its problem was not solved")
+        raise UndecidedError(
+            "the largest Lipschitz constant over all gains was not found: its problem was not solved", id="OBS507"
+        )
     return answer
 
 

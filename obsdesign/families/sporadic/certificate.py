@@ -137,7 +137,7 @@ def exponential(exponent: fmpq) -> fmpq:
     Raises `UsageError`: the exponent is negative or above `LARGEST_EXPONENT`.
     """
     if not 0 <= exponent <= LARGEST_EXPONENT:
-        raise UsageError(f"delta T2 = {approximate(exponent):g} is not between 0 and {LARGEST_EXPONENT}")
+        raise UsageError(f"delta T2 = {approximate(exponent):g} is not between 0 and {LARGEST_EXPONENT}", id="OBS208")
     return arb(exponent).exp().upper().fmpq()
 
 

@@ -19,5 +19,5 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     seen += " with f = K q at the ends of the types" if multiplier.blocks else ""
     return [
         *detectability(plant.doubles, in_floats(multiplier.member), decay, "lambda_t"),
-        finding("sampling", not hiding, hiding.get("reason", seen), decides=True),
+        finding("sampling", not hiding, hiding.get("reason", seen), decides=True, id="OBS610"),
     ]

@@ -133,7 +133,7 @@ def read_certificate(
     n, ny = plant.n, len(plant.C)
     delta = file.number(*exponent)
     if not 0 <= delta * claim["T2"] <= LARGEST_EXPONENT:
-        raise file.wrong(".".join(exponent), f"delta T2 is not between 0 and {LARGEST_EXPONENT}")
+        raise file.wrong(".".join(exponent), f"delta T2 is not between 0 and {LARGEST_EXPONENT}", id="OBS702")
     values = {"P1": file.matrix((n, n), *witness, "P1"), "P2": file.matrix((ny, ny), *witness, "P2")}
     values |= file.unknowns(spec.multiplier.unknowns(), *witness, "multipliers")
     gamma, mu = file.number(*level, "gamma"), file.number(*level, "mu")
@@ -146,25 +146,29 @@ def require_request(
 ) -> None:
     """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains."""
     if file.at("observer", "type") != request.type:
-        raise file.wrong("observer.type", f"the spec asks for {request.type}")
+        raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
     asked = {"T1": request.T1, "T2": request.T2, "decay": request.decay}
     for name, value in asked.items():
         low, high = ends(value)
         if not printed(low) <= claim[name] <= printed(high):
-            raise file.wrong(f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for")
+            raise file.wrong(
+                f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for", id="OBS707"
+            )
     for name in ("T1", "T2"):
         if file.number("observer", name) != claim[name]:
-            raise file.wrong(f"observer.{name}", "differs from that of the guarantee")
+            raise file.wrong(f"observer.{name}", "differs from that of the guarantee", id="OBS705")
     if not request.gains:
         tied = [tied_gain(name, gains["L"], C) for name in request.injections]
         if all(H is not None and (gains["H"] != H).any() for H in tied):
-            raise file.wrong("observer.H", f"not that of {' or '.join(request.injections)}, which the spec asks for")
+            raise file.wrong(
+                "observer.H", f"not that of {' or '.join(request.injections)}, which the spec asks for", id="OBS707"
+            )
         delta, low, high = file.number("observer", "delta"), request.delta.low, request.delta.high
         if low == high and delta != printed(low):
-            raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for")
+            raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for", id="OBS707")
     for name, given in (request.gains or {}).items():
         if (printed(given) != gains[name]).any():
-            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives")
+            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives", id="OBS707")
 
 
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:

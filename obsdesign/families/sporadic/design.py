@@ -77,17 +77,21 @@ class Designer:
         """Refuse what makes no sense."""
         plant, request = self.setting.plant, self.request
         if any([*plant.D.flat, *plant.Df.flat]):
-            raise UsageError(Problem("measurements that arrive sporadically need D = 0 and Df = 0", key="system.D"))
+            raise UsageError(
+                Problem("measurements that arrive sporadically need D = 0 and Df = 0", key="system.D", id="OBS406")
+            )
         if not 0 < request.T1 <= self.T2.high:
             T1, T2 = float(request.T1), float(self.T2.high)
-            raise UsageError(Problem(f"{T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2", key="observer.T1"))
+            raise UsageError(
+                Problem(f"{T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2", key="observer.T1", id="OBS208")
+            )
         if self.decay.low < 0:
-            raise UsageError(Problem(f"{float(self.decay.low):g} is negative", key="observer.decay"))
+            raise UsageError(Problem(f"{float(self.decay.low):g} is negative", key="observer.decay", id="OBS208"))
         if request.objective == "min-gamma" and not plant.B.shape[1]:
             self.notes.append(UNDISTURBED)
         if request.objective == "pareto" and not plant.B.shape[1]:
             said = "no disturbance acts on this plant; choose feasibility, max-T2 or max-decay"
-            raise UsageError(Problem(said, key="observer.objective"))
+            raise UsageError(Problem(said, key="observer.objective", id="OBS405"))
         for scheme in self.schemes:
             self.require_delta(scheme)
         if request.gains:
@@ -100,7 +104,7 @@ class Designer:
         if bound and float(self.request.delta.high) < least:
             asked = f"needs delta > 2 decay = {2 * float(self.decay.low):g}"
             ends = f"the range ends at {float(self.request.delta.high):g}"
-            raise UsageError(Problem(f"{scheme.relaxation} {asked}, and {ends}", key="observer.delta"))
+            raise UsageError(Problem(f"{scheme.relaxation} {asked}, and {ends}", key="observer.delta", id="OBS208"))
         if bound and float(self.request.delta.low) < least:
             self.notes.append(f"{scheme.relaxation} needs delta > 2 decay: its range of delta begins at {least:g}")
 
@@ -110,7 +114,7 @@ class Designer:
         for name, matrix, shape in (("L", L, (n, ny)), ("H", H, (ny, ny))):
             if np.shape(matrix) != shape:
                 expected = f"expected a {shape[0]}x{shape[1]} matrix, one column an output"
-                raise UsageError(Problem(expected, key=f"observer.gains.{name}"))
+                raise UsageError(Problem(expected, key=f"observer.gains.{name}", id="OBS209"))
 
     # One T2 and one decay
 
@@ -170,7 +174,7 @@ class Designer:
     def undecided(self, study: Study, reason: str, T2: fmpq, decay: fmpq) -> NoReturn:
         """Answer that nothing is known, with what would be possible."""
         hints = lower(study, {"T2": float(T2), "decay": float(decay)}, T2, decay)
-        raise UndecidedError("; ".join([reason, *([said] if (said := ", or ".join(hints)) else [])]))
+        raise UndecidedError("; ".join([reason, *([said] if (said := ", or ".join(hints)) else [])]), id="OBS507")
 
     def infeasible(self, study: Study, T2: fmpq, decay: fmpq) -> Outcome:
         """Answer that there are no gains, with what would be feasible."""
@@ -219,16 +223,23 @@ class Designer:
         if study.kappa is not None or study.cap is not None:
             limit = study.farthest(name, *interval, bounded=True)
             if limit is None and self.setting.units is not SPEC:
-                raise UndecidedError(f"no {name} within the bounds was found, in units that are far from the data")
+                raise UndecidedError(
+                    f"no {name} within the bounds was found, in units that are far from the data", id="OBS507"
+                )
             if limit is None:
-                return judged(out_of_bounds(name), decided=study.kappa is None, **limits)
+                bounded = out_of_bounds(name)
+                if study.kappa is not None:
+                    return judged(wider(study, bounded, *self.lowest), decided=False, **limits)
+                return judged(bounded, decided=True, **limits)
             limits["limit_bounded"] = {name: limit, "attained": limit == high, **BEST_FOUND}
         self.engine.report(0.8, "gains")
         near = within_slack(limit, float(low), self.request.slack)
         at = (near, other) if name == "T2" else (other, near)
         found = study.at(*at)
         if math.isinf(found.gamma):
-            raise UndecidedError(f"solutions seem to end at {name} = {limit:g}, but no gains were found near it")
+            raise UndecidedError(
+                f"solutions seem to end at {name} = {limit:g}, but no gains were found near it", id="OBS507"
+            )
         return replace(self.shipped(study, found, {}, *at), **{"limit_bounded": {}, **limits})
 
     def blind(self) -> Outcome | None:
@@ -255,7 +266,7 @@ class Designer:
         """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
         if not isinstance(self.request.T2, Range) and not isinstance(self.request.decay, Range):
             said = "pareto needs a range of T2 or of decay; give {min: .., max: ..}"
-            raise UsageError(Problem(said, key="observer.objective"))
+            raise UsageError(Problem(said, key="observer.objective", id="OBS215"))
         found = [(study, study.curve()) for study in self.studies]
         curves = [[point for point, _ in points] for _, points in found]
         named = ({**study.scheme.names, "points": points} for study, points in zip(self.studies, curves, strict=True))

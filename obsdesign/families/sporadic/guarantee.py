@@ -16,6 +16,7 @@ from obsdesign.families.guarantee import (
     bound,
     envelope,
     largest_output,
+    largest_outputs,
     tightest,
 )
 from obsdesign.families.sporadic.theorem import extent
@@ -40,7 +41,7 @@ class SporadicGuarantee:
 
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
     signals: ClassVar[str] = "square integrable"
-    symbol: ClassVar[str] = r"$\lambda$"
+    symbol: ClassVar[str] = "λ"
 
     gamma: float
     decay: float  # 1/s
@@ -58,6 +59,10 @@ class SporadicGuarantee:
     def peak(self, H: Array) -> float | None:
         """Bound on sup|H e|, H in rationals, for sup|w| = 1 from zero error; None where V need not decay."""
         return largest_output(self.rates(), rational(self.P1), H)
+
+    def reach(self, H: Array) -> Array:
+        """Bounds on |h e| / sqrt(V) for the rows h of H, in rationals, (m,): e' P1 e is at most V."""
+        return largest_outputs(rational(self.P1), H)
 
     @cached_property
     def extent(self) -> tuple[float, float, float]:

@@ -69,6 +69,7 @@ def hides(values: Array, T: float) -> Diagnosis:
     """Answer that an interval hides the difference of modes."""
     found = " and ".join(text(complex(value)) for value in values)
     return {
+        "id": "OBS610",
         "condition": "sampling",
         "reason": f"measurements every T = {T:.6g} are pathological: they cannot tell the modes at {found} apart",
         "interval": T,
@@ -81,6 +82,7 @@ def too_long(T2: float, decay: float, feasible: Mapping[str, float], hints: Sequ
     """Answer that the inequalities have no solution, with the largest T2 and decay that do, and what was tried."""
     reason = f"{form} has no solution for T2 = {T2:g} with decay {decay:g}, whatever the gain from w"
     return {
+        "id": "OBS603",
         "condition": "inequality",
         "reason": reason + (f"; the largest T2 is {feasible['T2']:.5g}" if "T2" in feasible else ""),
         "feasible": dict(feasible),
@@ -91,6 +93,7 @@ def too_long(T2: float, decay: float, feasible: Mapping[str, float], hints: Sequ
 def out_of_reach(asked: float, least: float) -> Diagnosis:
     """Answer that gamma is bounded below what is possible."""
     return {
+        "id": "OBS604",
         "condition": "gamma",
         "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
         "gamma": {"asked": asked, "least": least},
@@ -113,10 +116,11 @@ def too_small(
 def out_of_bounds(name: str) -> Diagnosis:
     """Answer that no value of a range is within the bounds."""
     return {
+        "id": "OBS611",
         "condition": "bounds",
         "reason": f"no {name} of the range was reached",
         "feasible": {},
-        "suggestion": "look at larger bounds",
+        "suggestion": "without bounds there are solutions",
     }
 
 
@@ -127,6 +131,7 @@ def useless(T1: float, T2: float, decay: float, tolerated: float | None) -> Diag
         shorter = f"ask for T2 at most {at_least(tolerated * (1 - CLOSE), 4)}, which these gains are proved to tolerate"
         shorter += f", and T1, which is {T1:g}, no longer than that" if tolerated * (1 - CLOSE) < T1 else ""
     return {
+        "id": "OBS609",
         "condition": "gains",
         "reason": f"no storage function of Theorem 2 proves these gains for T2 = {T2:g} with decay {decay:g}",
         "feasible": {"T2": tolerated} if tolerated else {},

@@ -146,11 +146,11 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
 def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
     """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
     if problem.generator is not None and len(problem.generator.Am):
-        reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out")
+        reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out", id="OBS406")
     for name in ABSENT:
         instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
         for place, said in problem.refused(name, "sporadic"):
-            reader.wrong(place, f"{said}{instead}")
+            reader.wrong(place, f"{said}{instead}", id="OBS406")
 
 
 def listed(written: str | list[str] | None) -> tuple[str, ...]:
@@ -162,7 +162,9 @@ def require_ordered(reader: Reader, T1: fmpq, T2: fmpq | Range) -> None:
     """Refuse T2 below T1."""
     if ends(T2)[1] < T1 and reader.clean(("observer", "T1")) and reader.clean(("observer", "T2")):
         largest = f"{float(ends(T2)[1]):g}"
-        reader.wrong(("observer", "T2"), f"{largest} is below T1 = {float(T1):g}; a longest interval is at least T1")
+        reader.wrong(
+            ("observer", "T2"), f"{largest} is below T1 = {float(T1):g}; a longest interval is at least T1", id="OBS208"
+        )
 
 
 def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, decay: fmpq | Range) -> None:
@@ -170,9 +172,11 @@ def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, 
     found = {"T2": T2, "decay": decay}
     key = RANGED.get(section.objective)
     if key and not isinstance(found[key], Range):
-        reader.wrong(("observer", key), f"objective {section.objective} needs a range; give {{min: .., max: ..}}")
+        reader.wrong(
+            ("observer", key), f"objective {section.objective} needs a range; give {{min: .., max: ..}}", id="OBS215"
+        )
     if section.objective == "pareto" and not any(isinstance(value, Range) for value in found.values()):
-        reader.wrong(("observer", "objective"), "pareto needs a range of T2 or of decay")
+        reader.wrong(("observer", "objective"), "pareto needs a range of T2 or of decay", id="OBS215")
 
 
 def fitting(relaxations: tuple[str, ...]) -> tuple[str, ...]:
@@ -196,7 +200,7 @@ def read_delta(
         ["proposition-5"] if "hold" in listed(section.injection) else []
     )
     if bound and not section.gains and high < least * ABOVE and reader.clean(loc):
-        reader.wrong(loc, f"{bound[0]} needs delta above 2 decay = {float(least):g}; give a larger one")
+        reader.wrong(loc, f"{bound[0]} needs delta above 2 decay = {float(least):g}; give a larger one", id="OBS208")
     return delta if isinstance(delta, Range) else Range(low, high, points=1)
 
 

@@ -60,12 +60,14 @@ def slopes(f: Restriction) -> Choice:
     Raises `UsageError`: a component of f depends on another component of q, or a slope has no lower bound.
     """
     if not f.decoupled:
-        raise UsageError("slope: auto needs an f with f_i a function of q_i only; use auto, lipschitz or jacobian")
+        raise UsageError(
+            "slope: auto needs an f with f_i a function of q_i only; use auto, lipschitz or jacobian", id="OBS403"
+        )
     found = enclosure(f)
     for i, low in enumerate(np.diag(found.low)):
         if low == -inf:
             hint = "" if found.high[i, i] == inf else ", or write -f and -Bf, so that the slope is bounded below"
-            raise UsageError(unbounded(f, i, i, "below") + hint)
+            raise UsageError(unbounded(f, i, i, "below") + hint, id="OBS403")
     low, high = np.diagonal(exact(f, found), axis1=1, axis2=2)
     text = f"slope [{listed(low)}, {listed(high)}]"
     reason = f"each f_i depends on q_i only{looseness(found.gap)}"
@@ -82,7 +84,7 @@ def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
     found = bounded(f) if found is None else found
     free = varying(f, found)
     if len(free) > MAX_VARYING:
-        raise UsageError(f"jacobian: {len(free)} entries vary, at most {MAX_VARYING} may; use lipschitz")
+        raise UsageError(f"jacobian: {len(free)} entries vary, at most {MAX_VARYING} may; use lipschitz", id="OBS403")
     low, high = exact(f, found)
     ranges = [(low[same[0]], high[same[0]]) for same in free]
     corners, share = list(product(*ranges)), 1.0
@@ -111,7 +113,9 @@ def lipschitz(f: Restriction) -> Choice:
         norm = norm_bound(f)
         bound, gap = norm.bound, norm.gap
         if bound == inf:
-            raise UsageError(f"the Jacobian of f cannot be bounded at {shown(f, norm.place)}; give a smaller region")
+            raise UsageError(
+                f"the Jacobian of f cannot be bounded at {shown(f, norm.place)}; give a smaller region", id="OBS403"
+            )
     k = outward(bound, up=True)
     return Choice("lipschitz", k, f"lipschitz {decimal(k)}", f"it bounds the norm of the Jacobian{looseness(gap)}")
 
@@ -123,10 +127,10 @@ def cocoercive(f: Restriction) -> Choice:
     bounded.
     """
     if not f.decoupled:
-        raise UsageError("cocoercive: auto needs an f with f_i a function of q_i only; give a number > 0")
+        raise UsageError("cocoercive: auto needs an f with f_i a function of q_i only; give a number > 0", id="OBS403")
     found = bounded(f)
     if found.low.min() < 0:
-        raise UsageError(f"cocoercive: f is not proved monotone; its slope may be {found.low.min():.6g}")
+        raise UsageError(f"cocoercive: f is not proved monotone; its slope may be {found.low.min():.6g}", id="OBS403")
     k = outward(max(float(found.high.max()), 1e-12), up=True)
     return Choice(
         "cocoercive", k, f"cocoercive {decimal(k)}", f"it bounds the slopes, none is negative{looseness(found.gap)}"
@@ -137,7 +141,9 @@ def bounded(f: Restriction) -> Enclosure:
     """Enclosure of a Jacobian with finite bounds only."""
     found = enclosure(f)
     for i, j in np.argwhere(~(np.isfinite(found.low) & np.isfinite(found.high))):
-        raise UsageError(unbounded(f, int(i), int(j), "above" if np.isfinite(found.low[i, j]) else "below"))
+        raise UsageError(
+            unbounded(f, int(i), int(j), "above" if np.isfinite(found.low[i, j]) else "below"), id="OBS403"
+        )
     return found
 
 

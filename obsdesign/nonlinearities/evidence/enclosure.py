@@ -257,7 +257,8 @@ def require_continuous(f: Restriction) -> None:
     if found is not None:
         raise UsageError(
             f"{found.name} may jump or be undefined at {shown(f, found.place)}; write it with abs, sat, min or max "
-            "(q*abs(q), not sign(q)*q**2), or give a region without that"
+            "(q*abs(q), not sign(q)*q**2), or give a region without that",
+            id="OBS403",
         )
 
 

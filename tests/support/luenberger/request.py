@@ -35,7 +35,7 @@ def request(reader, section, problem):
         read_searched(reader, section.speed, ("observer", "speed"), "> 0")
     poles = reader.number(section.poles, ("observer", "poles"))
     if poles > 0:
-        reader.wrong(("observer", "poles"), f"must not be positive, for {problem.states.size} states")
+        reader.wrong(("observer", "poles"), f"must not be positive, for {problem.states.size} states", id="OBS208")
     return LuenbergerRequest(section.type, poles)
 
 

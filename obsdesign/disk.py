@@ -1,4 +1,4 @@
-"""Files on a disk: read up to a size, written whole or not at all."""
+"""Files on a disk: read up to a size, written whole or not at all; imports nothing that takes long."""
 
 import errno
 import json
@@ -23,7 +23,7 @@ def content_of(path: str, most: int) -> bytes:
             return file.read(most + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise UsageError(Problem(f"cannot be read: {reason}", path)) from None
+        raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
 
 
 def write_whole(path: str | Path, content: bytes) -> None:
@@ -54,7 +54,7 @@ def write_all(files: Mapping[str, bytes]) -> None:
         for path in files.keys() - staged:
             Path(path).write_bytes(files[path])
     except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
     finally:
         for temporary in staged.values():
             temporary.unlink(missing_ok=True)
@@ -69,16 +69,16 @@ def require_writable(*paths: str) -> None:
         try:
             if not is_regular(path):
                 if not os.access(path, os.W_OK):
-                    raise UsageError(f"{path}: cannot be written: {os.strerror(errno.EACCES)}")
+                    raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
                 continue
             folder = Path(path).resolve().parent
         except OSError as error:
-            raise UsageError(f"{path}: cannot be written: {error.strerror}") from None
+            raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
         shown = Path(path).parent
         if not folder.is_dir():
-            raise UsageError(f"{path}: cannot be written: there is no folder {shown}")
+            raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
         if not os.access(folder, os.W_OK):
-            raise UsageError(f"{path}: cannot be written: the folder {shown} may not be written")
+            raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
 
 
 def is_regular(path: str) -> bool:
@@ -107,4 +107,4 @@ def newest() -> str:
                 return str(path)
         except (OSError, ValueError, AttributeError):
             continue
-    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file")
+    raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")
