@@ -68,7 +68,7 @@ def test_without_a_terminal_what_is_not_given_is_the_first_that_fits(options, pa
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--plant", "tank", "--family", "lipschitz"), "the families of tank: l2, linf, sporadic [OBS911]"),
+        (("--plant", "tank", "--family", "lipschitz"), "the families of tank: l2, linf, sporadic [OBS913]"),
         (("--plant", "tnak"), "unknown plant tnak; allowed: pendulum, motor"),
         (("--family", "ekf"), "no spec to begin with is of the family ekf; allowed: l2, linf, sporadic"),
     ],
@@ -84,7 +84,7 @@ def test_a_file_that_is_there_stays_as_it_is():
     Path("pendulum.yaml").write_text("mine")
     outcome = run("init")
     assert (outcome.exit_code, outcome.stdout) == (2, "")
-    assert outcome.stderr == "pendulum.yaml: is there already, and stays as it is; give another NAME [OBS912]\n"
+    assert outcome.stderr == "pendulum.yaml: is there already, and stays as it is; give another NAME [OBS914]\n"
     assert Path("pendulum.yaml").read_text() == "mine"
 
 

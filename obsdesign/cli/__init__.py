@@ -1,5 +1,6 @@
 """The command line: the only code that prints or exits. Heavy modules are imported by the command that needs them."""
 
+from obsdesign.cli.batch import batch
 from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
 from obsdesign.cli.diff import diff
@@ -15,5 +16,5 @@ from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (init, solve, simulate, compare, check, lipschitz, verify, diff, report, schema, explain):
+for command in (init, solve, simulate, batch, compare, check, lipschitz, verify, diff, report, schema, explain):
     app.command()(command)

@@ -32,7 +32,7 @@ def init(
     if not target.endswith((".yaml", ".yml")):
         target = f"{target}.yaml"
     if Path(target).exists():
-        raise UsageError(Problem("is there already, and stays as it is; give another NAME", target, id="OBS912"))
+        raise UsageError(Problem("is there already, and stays as it is; give another NAME", target, id="OBS914"))
     write_whole(target, text(plant, family).encode())
     typer.echo(aligned([("file", target), ("next", f"obsdesign solve {target} --simulate")]))
 

@@ -26,11 +26,11 @@ def matching(plant: str, family: str) -> list[tuple[str, str]]:
     families = {which: [f for p, f in pairs() if p == which] for which in PLANTS}
     if plant in families:
         said = f"no spec to begin with has the plant {plant} and the family {family}"
-        raise UsageError(f"{said}; the families of {plant}: {', '.join(families[plant])}", id="OBS911")
+        raise UsageError(f"{said}; the families of {plant}: {', '.join(families[plant])}", id="OBS913")
     if plant:
-        raise UsageError(f"unknown plant {plant}; allowed: {', '.join(PLANTS)}", id="OBS911")
+        raise UsageError(f"unknown plant {plant}; allowed: {', '.join(PLANTS)}", id="OBS913")
     known = dict.fromkeys(f for _, f in pairs())
-    raise UsageError(f"no spec to begin with is of the family {family}; allowed: {', '.join(known)}", id="OBS911")
+    raise UsageError(f"no spec to begin with is of the family {family}; allowed: {', '.join(known)}", id="OBS913")
 
 
 def text(plant: str, family: str) -> str:

@@ -5,12 +5,10 @@ import shlex
 
 import pytest
 
-from obsdesign.cli import app
 from support.commands import run
 
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:[eE][-+]?\d+)?")
-AWAITED = {"batch"}  # commands that pages tell of before they are there; run once they are
 ROUNDED = 0.02  # relative: a number on a page has four digits or so, and noise differs between processors
 
 
@@ -55,8 +53,6 @@ def perform(text, code):
         assert code == 0, "the page does not say that the command before fails"
         program, *arguments = shlex.split(command, comments=True)
         assert program == "obsdesign"
-        if arguments[0] in AWAITED - {command.callback.__name__ for command in app.registered_commands}:
-            continue
         outcome = run(*arguments)
         assert outcome.exception is None or isinstance(outcome.exception, SystemExit), outcome.exception
         assert "Traceback" not in outcome.output
