@@ -3,15 +3,17 @@
 import errno
 import json
 import os
+import re
 import stat
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from obsdesign.errors import Problem, UsageError
 
-STAGED = ".obsdesign."  # how the names of files begin that are not complete yet
+STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
+STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
 
 
 def content_of(path: str, most: int) -> bytes:
@@ -60,12 +62,21 @@ def write_all(files: Mapping[str, bytes]) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def require_writable(*paths: str) -> None:
-    """Refuse paths that could not be written, before anything is computed.
+def remove_strays(folder: Path) -> None:
+    """Remove what a process that is no more left half-written in a folder. Raises `OSError`."""
+    for path in folder.iterdir():
+        if (found := STRAY.fullmatch(path.name)) and not Path("/proc", found[1]).exists():
+            path.unlink(missing_ok=True)
+
+
+def require_writable(*paths: str, read: Collection[str] = ()) -> None:
+    """Refuse paths that could not be written, or are those of files that are `read`, before anything is computed.
 
     Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
     """
     for path in paths:
+        if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
+            raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
         try:
             if not is_regular(path):
                 if not os.access(path, os.W_OK):

@@ -310,3 +310,27 @@ def test_an_estimate_that_begins_outside_the_region_is_told_before_the_run(spec)
     )
     Path(spec).write_text(text.replace("x0: [1, 0],", "x0: [1, 0], xhat0: [0.6, 0],"))
     assert "xhat0" not in run("simulate", spec).stderr
+
+
+@pytest.mark.usefixtures("here")
+def test_no_output_replaces_what_is_read():
+    """A file that is read is not written over, whichever command and option."""
+    system = "system: {A: [[-1]], B: [[1]], C: [[1]]}"
+    observer = "observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}"
+    trial = "simulation: {horizon: 1, x0: [1], w: [0]}"
+    Path("cart.yaml").write_text(f"obsdesign: 1\n{system}\n{observer}\n{trial}\n")
+    assert run("solve", "cart.yaml", "-q").exit_code == 0
+    before = {path: path.read_bytes() for path in Path().iterdir()}
+    for command in (
+        ("solve", "cart.yaml", "-o", "cart.yaml"),
+        ("simulate", "cart.gains.json", "-o", "cart.gains.json"),
+        ("simulate", "cart.gains.json", "--plot", "./cart.gains.json"),
+        ("simulate", "cart.yaml", "--gains", "cart.gains.json", "-o", "cart.gains.json"),
+        ("report", "cart.gains.json", "-o", "cart.gains.json"),
+        ("compare", "cart.gains.json", "-o", "cart.gains.json"),
+        ("batch", "cart.yaml", "--format", "json", "--output-file", "cart.yaml"),
+    ):
+        outcome = run(*command)
+        assert outcome.exit_code == 2, command
+        assert "is read here, and would be overwritten; name another [OBS904]" in outcome.stderr
+    assert before == {path: path.read_bytes() for path in Path().iterdir()}

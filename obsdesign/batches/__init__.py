@@ -16,17 +16,17 @@ from typing import Any, Protocol
 
 from obsdesign.batches import cluster, workers
 from obsdesign.batches.find import Task, find, share, titled
+from obsdesign.batches.form import Entry
 from obsdesign.batches.merge import merge
-from obsdesign.batches.record import LIMITS, Entry, Options, entry_of, printable, read, reason, sha256, tool
+from obsdesign.batches.record import Options, entry_of, printable, read, reason, sha256, tool
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
-from obsdesign.disk import STAGED
+from obsdesign.disk import remove_strays
 from obsdesign.errors import Problem, UsageError
 
 __all__ = ["Follower", "Summary", "batch", "merge", "prepared"]
 
 INTERRUPTED = 130
-NOT_DONE = ("skipped", "crashed", *LIMITS)  # statuses of what has no answer
 
 
 class Follower(Protocol):
@@ -90,7 +90,7 @@ def batch(
     asked = list(changes)
     found = find(paths, exclude, combinations(asked))
     if not found:
-        said = "no specs found: no *.yaml or *.yml with a key `obsdesign` that is not excluded"
+        said = "no specs found: no *.yaml or *.yml with a key `obsdesign` or `observer` that is not excluded"
         raise UsageError(said, id="OBS903")
     tasks = share(found, shard)
     head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
@@ -110,8 +110,7 @@ def prepared(out: str | os.PathLike[str]) -> Path:
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for stray in folder.glob(f"{STAGED}*"):
-            stray.unlink()
+        remove_strays(folder)
     except OSError as error:
         raise UsageError(Problem(f"cannot be made or written: {error.strerror}", str(folder), id="OBS902")) from None
     return folder
@@ -130,12 +129,12 @@ class Run:
         self.started = time.perf_counter()
 
     def leave_out(self, source: str) -> None:
-        """Skip what is the same in another summary, and has an answer there."""
+        """Skip what is the same in another summary, and was as expected there."""
         other = opened(source)
         wanted = {**self.options.of(""), "tool": tool()}
         if {**{key: other["options"].get(key) for key in self.options.of("")}, "tool": other["tool"]} != wanted:
             return
-        done = [one for one in other["specs"] if one.get("status") not in NOT_DONE]
+        done = [one for one in other["specs"] if one.get("as_expected") is True]
         known = {titled(one["path"], one.get("set", ())): one.get("sha256") for one in done}
         for task in self.tasks:
             digest = sha256(task)

@@ -16,8 +16,9 @@ from typing import Any
 
 from obsdesign.batches import workers
 from obsdesign.batches.find import Task
+from obsdesign.batches.form import Entry
 from obsdesign.batches.perform import perform
-from obsdesign.batches.record import ENDINGS, RECORD, Entry, Options, Result, differing, entry_of, kept, sha256, tool
+from obsdesign.batches.record import ENDINGS, RECORD, Options, Result, differing, entry_of, kept, sha256, tool
 from obsdesign.errors import Problem, UsageError
 from obsdesign.sections.source import text_of
 

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from obsdesign.errors import Problem, UsageError
 
 ENDINGS = (".yaml", ".yml")
-SPEC = re.compile(rb"""(?:^|[{,])\s*["']?obsdesign["']?\s*:""", re.MULTILINE)
+SPEC = re.compile(rb"""(?:^|[{,])\s*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)
 MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
 LONGEST, KEPT = 120, 80  # characters of the folder of changes, and of one that is longer
 
@@ -62,9 +62,9 @@ def find(
 ) -> list[Task]:
     """Specs at and below paths, sorted by their paths, each once with each combination of changes.
 
-    `paths`: folders, of which every *.yaml and *.yml that has a key `obsdesign` is taken (hidden folders are left
-    out, links to folders are not followed); files, which are taken as they are; globs of these, ** too. `exclude`:
-    globs, each of a whole path, of a folder of it, or of one name in it.
+    `paths`: folders, of which every *.yaml and *.yml that has a key `obsdesign` or `observer` is taken
+    (hidden folders are left out, links to folders are not followed); files, which are taken as they are; globs of
+    these, ** too. `exclude`: globs, each of a whole path, of a folder of it, or of one name in it.
 
     Raises `UsageError`: there is nothing at a path, or two specs would have their results in the same folder.
     """
@@ -73,6 +73,9 @@ def find(
     found = sorted(Task(path, combination) for path, combination in product(kept, changes))
     places: dict[str, Task] = {}
     for task in found:
+        if ".." in PurePath(task.place).parts:
+            said = "a spec cannot have this name: its results would leave their folder"
+            raise UsageError(Problem(said, task.path, id="OBS912"))
         other = places.setdefault(task.place, task)
         if other is not task:
             said = f"its results would stand in {task.place}, as those of {other.path}; rename one of them"
@@ -95,7 +98,7 @@ def below(path: str) -> Iterator[str]:
         for folder, folders, files in os.walk(match):
             folders[:] = [name for name in folders if not name.startswith(".")]
             inside = (Path(folder, name) for name in files if name.endswith(ENDINGS))
-            yield from (shortened(file) for file in inside if is_spec(file))
+            yield from (shortened(file) for file in inside if file.is_file() and is_spec(file))
 
 
 def shortened(path: str | Path) -> str:

@@ -13,7 +13,8 @@ from urllib.parse import quote
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from obsdesign import __version__
-from obsdesign.batches.record import LIMITS, Entry
+from obsdesign.batches.form import Entry
+from obsdesign.batches.record import LIMITS
 from obsdesign.batches.summary import Summary
 from obsdesign.batches.table import changed, sentence, shown
 

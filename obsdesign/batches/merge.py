@@ -6,10 +6,13 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from obsdesign.batches.find import Task, parted
-from obsdesign.batches.record import ENDINGS, RECORD, Entry, differing, folder_of
+from obsdesign.batches.form import Entry
+from obsdesign.batches.record import ENDINGS, RECORD, differing, folder_of, read
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.disk import write_all
 from obsdesign.errors import Problem, UsageError
+
+VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
 
 
 def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
@@ -64,8 +67,7 @@ def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry
         said = f"{task.title} is no path of a spec: it has no name, or leaves its folder"
         raise UsageError(Problem(said, source, id="OBS912"))
     other, known = found.get(task, ("", entry))
-    volatile = {"time_s": 0.0, "up_to_date": False, "why": None}
-    if changed := differing({**known, **volatile}, {**entry, **volatile}):
+    if changed := differing({**known, **VOLATILE}, {**entry, **VOLATILE}):
         raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source, id="OBS911"))
 
 
@@ -73,7 +75,12 @@ def copied(source: str, entry: Entry, out: Path) -> Entry:
     """Entry whose files are copied, as far as they are there."""
     task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
     names = {kind: f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
-    there = {kind: name for kind, name in names.items() if (folder / task.place / name).is_file()}
+    paths = {kind: folder / task.place / name for kind, name in names.items()}
+    there = {kind: names[kind] for kind, path in paths.items() if path.is_file() and not path.is_symlink()}
+    record = read(folder, task)
+    if record and (changed := differing({**record["entry"], **VOLATILE}, {**entry, **VOLATILE})):
+        said = f"differs from the record of {task.title} in {changed}"
+        raise UsageError(Problem(said, source, id="OBS911"))
     if there:
         target = folder_of(out, task)
         write_all({str(target / name): (folder / task.place / name).read_bytes() for name in there.values()})

@@ -14,26 +14,15 @@ from typing import Any
 
 from obsdesign import __version__
 from obsdesign.batches.find import MOST, Task, titled
-from obsdesign.disk import STAGED, content_of, write_all
-from obsdesign.errors import ObsdesignError, Problem, UsageError
+from obsdesign.batches.form import Entry, sound
+from obsdesign.disk import content_of, remove_strays, write_all
+from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
 
 FORMAT = 1
 ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of the files of a spec
 RECORD = ".record.json"
-STATUSES = (
-    "certified",
-    "infeasible",
-    "refuted",
-    "uncertified",
-    "invalid",
-    "timeout",
-    "memory",
-    "crashed",
-    "skipped",
-)
+LARGEST = 2**30  # bytes of a file that is read back
 LIMITS = {"timeout": "timeout", "memory": "memory"}  # option that ends a spec, by the status that it ends with
-
-Entry = dict[str, Any]  # of `specs` in a summary
 
 
 @dataclass(frozen=True)
@@ -111,8 +100,7 @@ def folder_of(out: Path, task: Task) -> Path:
         if not folder.resolve().is_relative_to(out.resolve()):
             said = f"its results would leave {out}: a link leads to {folder.resolve()}"
             raise UsageError(Problem(said, task.path, id="OBS912"))
-        for stray in folder.glob(f"{STAGED}*"):
-            stray.unlink()
+        remove_strays(folder)
     except OSError as error:
         said = f"{folder}: cannot be made or written: {error.strerror}"
         raise UsageError(Problem(said, task.path, id="OBS902")) from None
@@ -125,10 +113,17 @@ def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
     Raises `UsageError`: they cannot be written.
     """
     folder = folder_of(out, task)
+    paths = {kind: folder / f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
+    try:
+        for kind, path in paths.items():
+            if kind not in result.files and kind != "record":  # of an earlier run
+                path.unlink(missing_ok=True)
+            elif path.is_symlink():  # a link is replaced: what it leads to is not a result
+                path.unlink()
+    except OSError as error:
+        raise UsageError(Problem(f"its results cannot be written: {error.strerror}", task.path, id="OBS902")) from None
     names = {kind: f"{task.name}{ENDINGS[kind]}" for kind in result.files}
-    for kind in ENDINGS.keys() - names.keys():  # of an earlier run
-        (folder / f"{task.name}{ENDINGS[kind]}").unlink(missing_ok=True)
-    write_all({str(folder / names[kind]): content for kind, content in result.files.items()})
+    write_all({str(paths[kind]): content for kind, content in result.files.items()})
     entry = {**result.entry, "files": {kind: str(Path(task.place, name)) for kind, name in names.items()}}
     record = {
         "obsdesign": FORMAT,
@@ -137,7 +132,7 @@ def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
         "hashes": {kind: digest_of(content) for kind, content in result.files.items()},
         "entry": entry,
     }
-    write_all({str(folder / f"{task.name}{RECORD}"): to_bytes(record)})
+    write_all({str(paths["record"]): to_bytes(record)})
     return entry
 
 
@@ -152,21 +147,23 @@ def kept(result: Result, task: Task, options: Options, out: Path) -> Entry:
 
 def to_bytes(value: Any) -> bytes:
     """JSON of one line."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False).encode(errors="backslashreplace") + b"\n"
-
-
-KEYS = entry_of(Task(""), "skipped", None).keys()
-PARTS = {"tool", "options", "hashes", "entry"}
+    return json.dumps(value, allow_nan=False).encode() + b"\n"
 
 
 def read(out: Path, task: Task) -> dict[str, Any] | None:
     """Record of a spec; None where there is none that can be read."""
+    path = out / task.place / f"{task.name}{RECORD}"
     try:
-        record = json.loads((out / task.place / f"{task.name}{RECORD}").read_bytes())
-    except (OSError, ValueError):
+        record = json.loads(content_of(str(path), LARGEST)) if path.is_file() else None
+    except (OSError, ValueError, RecursionError, UsageError):
         return None
-    whole = isinstance(record, dict) and record.get("obsdesign") == FORMAT and record.keys() >= PARTS
-    return record if whole and isinstance(record["entry"], dict) and record["entry"].keys() >= KEYS else None
+    if not isinstance(record, dict) or record.get("obsdesign") != FORMAT:
+        return None
+    entry = sound(record.get("entry"))
+    whole = all(isinstance(record.get(part), dict) for part in ("tool", "options", "hashes"))
+    if entry is None or not whole or entry["files"].keys() != record["hashes"].keys():
+        return None
+    return {**record, "entry": entry}
 
 
 def reason(record: Mapping[str, Any] | None, task: Task, options: Options, out: Path) -> str | None:
@@ -187,12 +184,19 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
         yield f"{changed} of the tool changed"
     if changed := differing(record["options"], options.of(entry["status"])):
         yield f"{changed} changed"
-    for kind, name in entry["files"].items():
+    if entry["status"] in EXIT and "gains" not in entry["files"]:
+        yield "its gains file is missing"
+    for kind in entry["files"]:
+        path = Path(task.place, f"{task.name}{ENDINGS[kind]}")
         try:
-            if digest_of((out / name).read_bytes()) != record["hashes"][kind]:
-                yield f"{name} was changed"
-        except OSError:
-            yield f"{name} is missing"
+            whole = (out / path).is_file() and not (out / path).is_symlink()
+            content = content_of(str(out / path), LARGEST) if whole else None
+        except (OSError, UsageError):
+            content = None
+        if content is None:
+            yield f"{path} is missing"
+        elif digest_of(content) != record["hashes"][kind]:
+            yield f"{path} was changed"
 
 
 def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:

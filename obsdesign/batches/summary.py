@@ -10,7 +10,8 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import IO, Any
 
-from obsdesign.batches.record import FORMAT, STATUSES, Entry
+from obsdesign.batches.form import STATUSES, Entry, is_number, sound
+from obsdesign.batches.record import FORMAT
 from obsdesign.disk import STAGED, content_of, umask
 from obsdesign.errors import EXIT, Problem, UsageError
 
@@ -112,7 +113,7 @@ def whole_or_not(path: Path) -> Iterator[IO[str]]:
 
 def text(value: Any) -> str:
     """JSON of one line."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    return json.dumps(value, allow_nan=False)
 
 
 def opened(source: str) -> dict[str, Any]:
@@ -125,9 +126,12 @@ def opened(source: str) -> dict[str, Any]:
         content: dict[str, Any] = json.loads(content_of(path, LARGEST))
     except (ValueError, RecursionError) as error:
         raise UsageError(Problem(f"not JSON: {error}", path, id="OBS911")) from None
-    entries = content.get("specs") if isinstance(content, dict) else None
-    whole = isinstance(entries, list) and all(isinstance(entry, dict) and "path" in entry for entry in entries)
-    if not whole or content.get("obsdesign") != FORMAT or not content.keys() >= {"tool", "options"}:
+    content = content if isinstance(content, dict) else {}
+    entries = [sound(entry) for entry in specs] if isinstance(specs := content.get("specs"), list) else [None]
+    whole = all(isinstance(content.get(part), dict) for part in ("tool", "options", "counts"))
+    shard = content["options"].get("shard") if whole else None
+    whole = whole and is_number(content.get("time_s")) and (shard is None or isinstance(shard, str))
+    if not whole or None in entries or content.get("obsdesign") != FORMAT:
         said = "is no summary of a batch; `obsdesign batch` writes one, summary.json"
         raise UsageError(Problem(said, path, id="OBS911"))
-    return content
+    return {**content, "specs": entries}

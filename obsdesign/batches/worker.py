@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign.batches.find import Task
+from obsdesign.batches.form import Entry
 from obsdesign.batches.perform import perform
-from obsdesign.batches.record import Entry, Options, kept, to_bytes
+from obsdesign.batches.record import Options, kept, to_bytes
 from obsdesign.watch import with_parent
 
 MIB = 2**20

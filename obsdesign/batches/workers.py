@@ -18,7 +18,8 @@ from tempfile import TemporaryFile
 from typing import Any
 
 from obsdesign.batches.find import Task
-from obsdesign.batches.record import Entry, Options, Result, entry_of, keep, printable, sha256, to_bytes, written
+from obsdesign.batches.form import Entry
+from obsdesign.batches.record import Options, Result, entry_of, keep, printable, sha256, to_bytes, written
 from obsdesign.errors import Problem, UsageError
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

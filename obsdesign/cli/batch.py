@@ -55,7 +55,7 @@ def batch(
     if output_file and not form:
         raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
     if output_file:
-        require_writable(output_file)
+        require_writable(output_file, read=paths)
     if merge:
         summary = batches.merge(paths, batches.prepared(out))
     else:

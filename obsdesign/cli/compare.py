@@ -22,7 +22,7 @@ def compare(
     from obsdesign.disk import require_writable
 
     with limited(timeout):
-        require_writable(output)
+        require_writable(output, read=sources)
         problems = [taken(source) for source in sources]
         from obsdesign import work
 

@@ -1,8 +1,8 @@
 """`obsdesign init`: a spec to begin with."""
 
+import os
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -31,7 +31,7 @@ def init(
     target = name or plant
     if not target.endswith((".yaml", ".yml")):
         target = f"{target}.yaml"
-    if Path(target).exists():
+    if os.path.lexists(target):
         raise UsageError(Problem("is there already, and stays as it is; give another NAME", target, id="OBS914"))
     write_whole(target, text(plant, family).encode())
     typer.echo(aligned([("file", target), ("next", f"obsdesign solve {target} --simulate")]))

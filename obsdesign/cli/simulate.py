@@ -39,7 +39,7 @@ def simulate(
         def answer(source: str) -> Answer:
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
-            require_writable(*(path for path in paths if path != "-"))
+            require_writable(*(path for path in paths if path != "-"), read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)
             from obsdesign.simulate.validity import require_kept
             from obsdesign.work import trial

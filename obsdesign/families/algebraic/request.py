@@ -88,6 +88,9 @@ class Texts:
 def request(reader: Reader, section: asked.ObserverSection, problem: asked.Estimation) -> Request:
     """Return the request, its expressions read."""
     typed = problem.typed
+    if problem.generator is not None and problem.generator.Am.size:
+        said = f"type {section.type} estimates no disturbance; leave it out, or add its states to system.dynamics"
+        reader.wrong(("disturbance",), said, id="OBS406")
     if typed is None:
         return Request(section.type, None)
     texts = Texts(reader, typed)

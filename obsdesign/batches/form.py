@@ -1,0 +1,97 @@
+"""The form of an entry, held on whatever is read from a disk: anyone may have written it."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from obsdesign.errors import NOT_ONE_LINE
+
+STATUSES = (
+    "certified",
+    "infeasible",
+    "refuted",
+    "uncertified",
+    "invalid",
+    "timeout",
+    "memory",
+    "crashed",
+    "skipped",
+)
+KINDS = ("gains", "csv", "png")  # files of a spec
+CODES = (0, 1, 2, 3, 4)  # exit codes of a spec
+Entry = dict[str, Any]  # of `specs` in a summary
+
+
+def is_text(value: Any) -> bool:
+    """Whether it is a text that has a UTF-8 form."""
+    return isinstance(value, str) and not any("\ud800" <= c <= "\udfff" for c in value)
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_name(value: Any) -> bool:
+    """Whether it is a text of one line."""
+    return is_text(value) and not NOT_ONE_LINE.search(value)
+
+
+def is_truth(value: Any) -> bool:
+    """Whether it is true, false, or not known."""
+    return value is None or isinstance(value, bool)
+
+
+def is_problem(value: Any) -> bool:
+    """Whether it says what is wrong, with its id."""
+    if not isinstance(value, dict) or not value.keys() >= {"message", "id"}:
+        return False
+    places = (value.get("line", 1), value.get("column", 1))
+    return all(map(is_text, (value["message"], value["id"], value.get("file", ""), value.get("key", "")))) and all(
+        isinstance(place, int) for place in places
+    )
+
+
+def is_expectation(value: Any) -> bool:
+    """Whether it says what was expected and found."""
+    return isinstance(value, dict) and value.keys() >= {"key", "expected", "found", "holds"} and is_text(value["key"])
+
+
+def of_each(holds: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    """Whether each of a list is so."""
+    return lambda value: isinstance(value, list) and all(map(holds, value))
+
+
+def by_name(names: Callable[[Any], bool], holds: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    """Whether each of a mapping is so, and its name too."""
+    return lambda value: isinstance(value, dict) and all(map(names, value)) and all(map(holds, value.values()))
+
+
+FORM: Mapping[str, Callable[[Any], bool]] = {
+    "path": is_text,
+    "set": of_each(is_text),
+    "sha256": lambda value: value is None or is_text(value),
+    "status": lambda value: value in STATUSES,
+    "exit_code": lambda value: value is None or (value in CODES and not isinstance(value, bool)),
+    "as_expected": is_truth,
+    "verified": is_truth,
+    "up_to_date": lambda value: isinstance(value, bool),
+    "why": lambda value: value is None or is_text(value),
+    "expected": of_each(is_expectation),
+    "guarantee": by_name(is_name, is_number),
+    "problems": of_each(is_problem),
+    "files": by_name(lambda name: name in KINDS, is_text),
+    "time_s": is_number,
+}
+
+
+def sound(value: Any) -> Entry | None:
+    """Entry in the order of a summary; None where it is none."""
+    if not isinstance(value, dict):
+        return None
+    entry = {"set": [], **value}  # which a summary without changes need not have
+    try:
+        whole = entry.keys() >= FORM.keys() and all(holds(entry[key]) for key, holds in FORM.items())
+    except (TypeError, OverflowError):  # a list for a status, an integer beyond doubles
+        return None
+    return {key: entry[key] for key in FORM} if whole else None

@@ -1,0 +1,136 @@
+"""Records and summaries that anyone may have written, and names that are traps: nothing is believed or overwritten."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from support.commands import run
+from test_batch import GOOD, entries, put
+
+pytestmark = pytest.mark.usefixtures("here")
+RECORD = Path("results/a/a.record.json")
+FORGED = [
+    ("options", []),
+    ("tool", "x"),
+    ("hashes", {}),
+    ("hashes", None),
+    ("entry.path", 5),
+    ("entry.set", None),
+    ("entry.files", {}),
+    ("entry.files", {"gains": 5}),
+    ("entry.status", "bogus"),
+    ("entry.status", ["certified"]),
+    ("entry.guarantee", {"gamma": "x"}),
+    ("entry.guarantee", {"gamma": 10**400}),
+    ("entry.guarantee", {"\u001b[31mX\n::error::y": 1}),
+    ("entry.as_expected", "yes"),
+    ("entry.exit_code", True),
+    ("entry.problems", [{}]),
+    ("entry.expected", [{}]),
+    ("entry.time_s", "x"),
+]
+
+
+def changed(path, key, value):
+    """Change one entry of a JSON file."""
+    content = json.loads(path.read_text())
+    part, *rest = key.split(".")
+    if rest:
+        content[part][rest[0]] = value
+    else:
+        content[part] = value
+    path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize(("key", "value"), FORGED)
+def test_a_record_of_another_form_is_none(key, value):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    changed(RECORD, key, value)
+    outcome = run("batch", "a.yaml", "--jobs", 1)
+    assert (outcome.exit_code, outcome.exception is None or isinstance(outcome.exception, SystemExit)) == (0, True)
+    assert entries()["a.yaml"]["status"] == "certified"
+    assert entries()["a.yaml"]["up_to_date"] is False
+    assert "::error::" not in outcome.output
+
+
+@pytest.mark.parametrize("content", ["[" * 100_000, "[]", "5", ""])
+def test_a_record_that_cannot_be_read_is_none(content):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    RECORD.write_text(content)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert entries()["a.yaml"]["why"] == "never run"
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("options", []), ("options.shard", 5), ("time_s", "x"), ("tool", 1), ("specs", [5]), ("specs", {}), ("counts", 1)],
+)
+def test_a_summary_of_another_form_is_refused(key, value):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    changed(Path("results/summary.json"), key, value)
+    for command in (("--merge", "results", "--out", "all"), ("a.yaml", "--changed-since", "results", "--out", "new")):
+        outcome = run("batch", *command)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert "[OBS911]" in outcome.stderr
+
+
+def test_a_summary_that_differs_from_its_records_is_not_merged():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    path = Path("results/summary.json")
+    content = json.loads(path.read_text())
+    content["specs"][0]["guarantee"]["gamma"] = 1e-20
+    path.write_text(json.dumps(content))
+    outcome = run("batch", "--merge", "results", "--out", "all")
+    assert outcome.exit_code == 2
+    assert "differs from the record of a.yaml in guarantee" in outcome.stderr
+
+
+def test_what_was_not_as_expected_is_run_again_though_it_is_the_same():
+    put("a.yaml")
+    put("b.yaml", GOOD + "expect: {status: infeasible}\n")
+    assert run("batch", ".", "-q", "--jobs", 1, "--out", "base").exit_code == 4
+    assert run("batch", "a.yaml", "b.yaml", "-q", "--jobs", 1, "--changed-since", "base").exit_code == 4
+    assert [entry["status"] for entry in entries().values()] == ["skipped", "certified"]
+
+
+def test_results_that_are_links_are_replaced_and_what_they_lead_to_is_kept():
+    put("a.yaml")
+    put("victim", "precious")
+    put("results/a/x", "")
+    for name in ("a.gains.json", "a.record.json", "a.run.csv"):
+        Path("results/a", name).symlink_to(Path("victim").resolve())
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert Path("victim").read_text() == "precious"
+    assert not Path("results/a/a.gains.json").is_symlink()
+
+
+def test_files_of_others_are_left_and_pipes_are_no_specs():
+    put("specs/a.yaml")
+    put("results/.obsdesign.notes", "mine")
+    os.mkfifo("specs/pipe.yaml")
+    assert run("batch", "specs", "-q", "--jobs", 1).exit_code == 0
+    assert Path("results/.obsdesign.notes").read_text() == "mine"
+    assert list(entries()) == ["specs/a.yaml"]
+
+
+def test_a_name_that_leads_upward_is_refused_and_one_too_long_is_told():
+    put("in/...yaml")
+    outcome = run("batch", "in", "--jobs", 1)
+    assert outcome.exit_code == 2
+    assert "in/...yaml: a spec cannot have this name: its results would leave their folder [OBS912]" in outcome.stderr
+    Path("in/...yaml").unlink()
+    put(f"in/{'x' * 249}.yaml")
+    put("in/a.yaml")
+    assert run("batch", "in", "--jobs", 1).exit_code == 2
+    assert [entry["status"] for entry in entries().values()] == ["certified", "invalid"]
+
+
+def test_a_spec_whose_format_is_missing_is_not_left_out():
+    put("a.yaml", GOOD.replace("obsdesign: 1", "obsdesing: 1"))
+    assert run("batch", ".", "--jobs", 1).exit_code == 2
+    assert entries()["a.yaml"]["status"] == "invalid"
