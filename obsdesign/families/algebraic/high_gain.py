@@ -5,7 +5,7 @@ domain. Of errors that act on each other this proves that they decay where M is 
 depends on nothing else; of a single one, e' = m(x, u) e, that it decays as exp(integral of m).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +19,7 @@ from obsdesign.expressions.algebra import simplified
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import HighGain
 from obsdesign.families.algebraic.identity import Answer, Identity, Negative, short
-from obsdesign.families.algebraic.region import Region
+from obsdesign.families.algebraic.region import Point, Region
 from obsdesign.families.algebraic.scheme import (
     DECAYS,
     INVERTED,
@@ -37,6 +37,7 @@ from obsdesign.families.algebraic.scheme import (
     smooth,
     values,
 )
+from obsdesign.families.algebraic.seen import Seen
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import printed
 from obsdesign.model.equations import Named
@@ -74,7 +75,8 @@ def scheme(plant: Plant, form: HighGain) -> Scheme:
             statements += values(f"injection into {name}", gain, further)
     found, M = linear(plant, sides, {own[name].text: side for name, side in meaning.items()})
     held = {name for side in (form.states or {}).values() for name in side.names} & set(plant.inputs)
-    motions = [motion(M, found, block, list(sides), plant.inputs, held) for block in blocks(M)]
+    E = sensitivity(plant, estimates, {own[name].text: side for name, side in meaning.items()})
+    motions = [motion(M, E, found, block, list(sides), plant, held) for block in blocks(M)]
     statements += [*found, *(one for each in motions for one in each.statements)]
     twins = {} if form.states else {side.text: name for name, side in own.items()}
     observer = Observer(sides, estimates, plant.inputs, tuple(plant.outputs), twins=twins)
@@ -151,15 +153,16 @@ class Motion:
 
 def motion(
     M: Matrix,
+    E: Matrix,
     rows: Sequence[Identity],
     block: list[int],
     states: list[str],
-    inputs: Collection[str],
+    plant: Plant,
     held: Collection[str],
 ) -> Motion:
     """Motion of the errors of a block; where others act on it, once these are 0.
 
-    `rows`: statements that e' = M e; `held`: inputs that must not vary for it.
+    `E`: of xhat - x = E e; `rows`: statements that e' = M e; `held`: inputs that must not vary for it.
     """
     if len(block) > MOST:
         said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
@@ -168,7 +171,7 @@ def motion(
     who = f"the error of {', '.join(states[i] for i in block)}"
     acting = [states[j] for j in range(len(M)) if j not in block and any(M[i][j].text != "0" for i in block)]
     alone = f", where that of {', '.join(acting)} is 0 (otherwise it acts as a disturbance)" if acting else ""
-    signs = stable(part, f"{who} is stable", tuple(rows[i] for i in block))
+    signs = stable(part, f"{who} is stable", tuple(rows), seen(M, E, block, plant.inputs).unknown)
     open_ = f"that {who} falls for varying "
     if len(block) == 1:
         rates = {} if acting or held else {states[block[0]]: signs[0].name}
@@ -179,15 +182,35 @@ def motion(
         faster, rate = falling(part, f"{who} falls at least as exp")
         return Motion((*signs, *faster), f"{who} falls exponentially, since M is constant{rate}{alone}")
     said = f"M is Hurwitz for {who}, frozen at each point of the domain"
-    if varying <= set(inputs):
+    if varying <= set(plant.inputs):
         said = f"{who} falls exponentially{constant(varying)}, since M is Hurwitz then"
     return Motion(signs, said + alone, open_ + ", ".join(sorted(varying)))
 
 
-def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Negative, ...]:
-    """Statements that a matrix is Hurwitz, which says nothing where it is not unless others hold."""
+def stable(
+    M: Matrix,
+    what: str,
+    given: tuple[Identity, ...] = (),
+    unknown: Callable[[Region, Point], str] | None = None,
+) -> tuple[Negative, ...]:
+    """Statements that a matrix is Hurwitz; `given`, `unknown`: as of a `Negative`."""
     minors = hurwitz(M)
-    return tuple(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given) for v in minors)
+    return tuple(
+        Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given, unknown=unknown) for v in minors
+    )
+
+
+def seen(M: Matrix, E: Matrix, block: Sequence[int], inputs: Collection[str]) -> Seen:
+    """How the errors of a block, and those on which they act, are seen in xhat - x = E e."""
+    reach = reached(M)
+    all_ = [i for i in range(len(M)) if any(reach[i][j] for j in block)]
+    part = [[M[i][j] for j in block] for i in block]
+    return Seen(part, [[M[i][j] for j in all_] for i in all_], [[row[j] for j in all_] for row in E], inputs)
+
+
+def sensitivity(plant: Plant, estimates: Named, meaning: Named) -> Matrix:
+    """E of xhat - x = E e for small errors e of some signals; `meaning`: those of the plant, in terms of x."""
+    return [[plant.on(side.derivative(name), meaning) for name in meaning] for side in estimates.values()]
 
 
 def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
@@ -205,14 +228,20 @@ def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
     return (), ""
 
 
-def blocks(M: Matrix) -> list[list[int]]:
-    """Sets of errors that act on each other: strongly connected parts."""
+def reached(M: Matrix) -> list[list[bool]]:
+    """Whether the error of a column acts on that of a row, by others or not, or is it."""
     n = len(M)
     reach = [[i == j or M[i][j].text != "0" for j in range(n)] for i in range(n)]
     for k in range(n):
         for i in range(n):
             for j in range(n):
                 reach[i][j] = reach[i][j] or (reach[i][k] and reach[k][j])
+    return reach
+
+
+def blocks(M: Matrix) -> list[list[int]]:
+    """Sets of errors that act on each other: strongly connected parts."""
+    n, reach = len(M), reached(M)
     found = {tuple(j for j in range(n) if reach[i][j] and reach[j][i]) for i in range(n)}
     return [list(block) for block in sorted(found)]
 
