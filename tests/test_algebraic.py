@@ -645,7 +645,7 @@ observer:
     assert design.status == "certified"
     assert len(design.result["guarantee"]["rates"]) == 1
     assert (
-        "where those before it are 0 (otherwise they act as a disturbance)" in design.result["guarantee"]["statement"]
+        "where (c + 0.001*y) - (a) is 0 (otherwise it acts as a disturbance)" in design.result["guarantee"]["statement"]
     )
 
 

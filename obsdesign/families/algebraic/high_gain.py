@@ -35,6 +35,7 @@ from obsdesign.families.algebraic.scheme import (
     multiplied,
     scaled,
     smooth,
+    unbounded,
     values,
 )
 from obsdesign.families.algebraic.seen import Seen
@@ -83,6 +84,7 @@ def scheme(plant: Plant, form: HighGain) -> Scheme:
     says = [f"the error e of the states of the observer obeys e' = M e{constant(held)}, so that e = 0 stays"]
     says += [each.said for each in motions]
     depends = [each.open for each in motions if each.open]
+    depends += [one for block in blocks(M) for one in couplings(M, block, list(sides), plant.region)]
     if form.states is not None:
         says.append(f"xhat = x where e = 0, {INVERTED}")
         depends.append(UNBOUNDED)
@@ -171,7 +173,7 @@ def motion(
     who = f"the error of {', '.join(states[i] for i in block)}"
     acting = [states[j] for j in range(len(M)) if j not in block and any(M[i][j].text != "0" for i in block)]
     alone = f", where that of {', '.join(acting)} is 0 (otherwise it acts as a disturbance)" if acting else ""
-    signs = stable(part, f"{who} is stable", tuple(rows), seen(M, E, block, plant.inputs).unknown)
+    signs = stable(part, f"{who} is stable", tuple(rows), seen(M, E, block, plant.inputs, reached(M)).unknown)
     open_ = f"that {who} falls for varying "
     if len(block) == 1:
         rates = {} if acting or held else {states[block[0]]: signs[0].name}
@@ -187,6 +189,12 @@ def motion(
     return Motion(signs, said + alone, open_ + ", ".join(sorted(varying)))
 
 
+def couplings(M: Matrix, block: Sequence[int], states: Sequence[str], region: Region) -> list[str]:
+    """What is not proved of the errors that act on those of a block: that they do so by a bounded factor."""
+    ahead = [(i, j) for i in block for j in range(len(M)) if j not in block and not region.bounds(M[i][j])]
+    return [unbounded(f"the error of {states[j]}", f"that of {states[i]}", M[i][j]) for i, j in ahead]
+
+
 def stable(
     M: Matrix,
     what: str,
@@ -195,14 +203,11 @@ def stable(
 ) -> tuple[Negative, ...]:
     """Statements that a matrix is Hurwitz; `given`, `unknown`: as of a `Negative`."""
     minors = hurwitz(M)
-    return tuple(
-        Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given, unknown=unknown) for v in minors
-    )
+    return tuple(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given, unknown=unknown) for v in minors)
 
 
-def seen(M: Matrix, E: Matrix, block: Sequence[int], inputs: Collection[str]) -> Seen:
+def seen(M: Matrix, E: Matrix, block: Sequence[int], inputs: Collection[str], reach: Sequence[Sequence[bool]]) -> Seen:
     """How the errors of a block, and those on which they act, are seen in xhat - x = E e."""
-    reach = reached(M)
     all_ = [i for i in range(len(M)) if any(reach[i][j] for j in block)]
     part = [[M[i][j] for j in block] for i in block]
     return Seen(part, [[M[i][j] for j in all_] for i in all_], [[row[j] for j in all_] for row in E], inputs)

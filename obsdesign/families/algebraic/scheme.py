@@ -10,7 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.needs import Need, further, needs
 from obsdesign.expressions.tree import Number
-from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero, Undecided
+from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero, Undecided, short
 from obsdesign.families.algebraic.region import Region
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
@@ -159,6 +159,11 @@ def decay(rate: Expression) -> str:
     if isinstance(rate.root, Number):
         return f"obeys e' = {rate} e, so that e(t) = e(0) exp({multiplied(rate, Expression.variable('t'))})"
     return f"obeys e' = lambda e, lambda = {rate} < 0, so that e(t) = e(0) exp(integral of lambda from 0 to t)"
+
+
+def unbounded(source: str, target: str, factor: Expression) -> str:
+    """What is not proved of an error that acts on another by a factor without a known bound, in words."""
+    return f"that {source} acts on {target} by a bounded factor, {short(factor)}"
 
 
 def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Statement]:

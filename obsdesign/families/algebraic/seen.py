@@ -43,9 +43,10 @@ class Seen:
 
     def shown(self, region: Region, place: Point) -> bool:
         """Whether no error but 0 has E e = 0 for ever, by the matrix of observability, with constant inputs."""
-        if not signals(self.E, region) <= {*self.inputs} & place.keys():
+        known = {*self.inputs} & place.keys()
+        if not self.E or not signals(self.E, region) <= known:
             return False
-        still = signals(self.M, region) <= {*self.inputs} & place.keys()
+        still = signals(self.M, region) <= known
         with ctx.workprec(PRECISIONS[-1]):
             rows = balls(self.E, region, place)
             gram = rows.transpose() * rows
