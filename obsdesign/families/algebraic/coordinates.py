@@ -69,7 +69,8 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     observer, theta, excitation = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
     by_output = form.estimator is not None and form.estimator.method == "proportional"
-    moves = proportionally(plant, form, theta) if by_output else regressively(plant, form, parameters)
+    given = tuple(one for one in statements if isinstance(one, Identity))
+    moves = proportionally(plant, form, theta, given) if by_output else regressively(plant, form, parameters)
     statements += moves.statements
     right = "the coordinates, theta included, are phi(x)" if theta else "the coordinates are phi(x)"
     exact = [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
@@ -210,7 +211,7 @@ def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Se
     return {f"zeta_{name}": scaled(fmpq(-1), plant.driven(estimator.K[name], estimates)) for name in names}
 
 
-def attraction(plant: Plant, form: Transformed, theta: Named) -> Cascade:
+def attraction(plant: Plant, form: Transformed, theta: Named, given: tuple[Identity, ...]) -> Cascade:
     """How the errors of a proportional estimator move, those of the coordinates too.
 
     Of xi + thetahat: d' = lambda d + B(phi + d) - B(phi) + dK/dy (ydot(x) - ydot(xhat)).
@@ -230,18 +231,18 @@ def attraction(plant: Plant, form: Transformed, theta: Named) -> Cascade:
             moving.append(plant.on(less(plant.driven(K), plant.driven(K, estimates))))
         name = f"the error of the {what}" if c.name in theta else f"the {what}"
         errors[d[c.name].text] = Error(name, what, what, added(moving))
-    return Cascade(plant, errors, sensitivity(plant, form.left_inverse, phi))
+    return Cascade(plant, errors, sensitivity(plant, form.left_inverse, phi), given)
 
 
-def proportionally(plant: Plant, form: Transformed, theta: Named) -> Moves:
-    """What is proved of the errors of coordinates and of a proportional estimator, block by block."""
+def proportionally(plant: Plant, form: Transformed, theta: Named, given: tuple[Identity, ...]) -> Moves:
+    """What is proved of the errors of coordinates and of a proportional estimator; `given`: without it, nothing."""
     assert form.estimator
     K = form.estimator.K
     found = [one for name in theta for one in (*smooth(f"K of {name}", K[name]), *plant.differentiable(K[name]))]
     says = [said(c) + once(waits(form, *c.B.names)) for c in form.coordinates if c.estimated]
     rates: dict[str, str] = {}
     open_: list[str] = []
-    for block in attraction(plant, form, theta).blocks():
+    for block in attraction(plant, form, theta, given).blocks():
         own, before = ([name.removeprefix("δ_") for name in names] for names in (block.own, block.before))
         single = next((c for c in form.coordinates if own == [c.name] and not c.estimated), None)
         says.append((said(single) if single else block.said) + once(before))

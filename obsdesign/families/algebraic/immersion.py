@@ -56,7 +56,7 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     statements += [one for side in form.beta for one in smooth("beta", side, manifold, leaves)]
     statements += [one for side in dynamics.values() for one in values("dynamics", side, manifold, leaves)]
     statements += plant.differentiable(*form.beta)
-    errors = attraction(plant, form, invariant)
+    errors = attraction(plant, form, [one for one in statements if isinstance(one, Identity)])
     blocks = errors.blocks()
     statements += [one for block in blocks for one in block.statements]
     numbers: dict[str, Any] = {
@@ -137,7 +137,7 @@ def invariance(
 
 
 def attraction(plant: Plant, form: Immersion, given: Sequence[Identity]) -> Cascade:
-    """How d = beta - phi(x) moves, (18); `given`: that the manifold is invariant."""
+    """How d = beta - phi(x) moves, (18); `given`: that the manifold is invariant, the left inverse."""
     d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
     states = {name: Expression.variable(name) for name in plant.dynamics}
