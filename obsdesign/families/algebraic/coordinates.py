@@ -7,7 +7,7 @@ Where lambda < 0 the error xi - phi(x) decays as exp(int lambda). In (41) the pa
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from flint import fmpq
@@ -42,9 +42,16 @@ from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
 UNUSED = "whether it matters, since xhat does not depend on it"
-CONDITION = "N_zeta M + N_xi B + N_y ydot(xhat, u) = 0 and phi_dot(xhat, u) = lambda xi + B for all arguments"
 DIFFERENT = "whether the observer that is recast converges, for it is not that of the coordinates"
 ANOTHER = "that the errors of the observer that is recast fall: it is another one than that of the coordinates"
+
+
+@dataclass(frozen=True)
+class Recast:
+    """Entry of a result file on an observer that is recast."""
+
+    holds: bool
+    condition: str = "N_zeta M + N_xi B + N_y ydot(xhat, u) = 0 and phi_dot(xhat, u) = lambda xi + B for all arguments"
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
         conditions = [*still(plant, observer, theta), *same(plant, form, observer, theta)]
         holds = all(one.decided(plant.region).answer is Answer.PROVED for one in conditions)
         statements += conditions
-        numbers["recast"] = {"condition": CONDITION, "holds": holds}
+        numbers["recast"] = asdict(Recast(holds))
         observer = recast(plant, form, observer, theta)
         says.append("the observer is one of immersion and invariance with beta = xi + theta")
         if not holds:
