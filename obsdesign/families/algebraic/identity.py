@@ -171,6 +171,17 @@ class Nonzero:
         return failed(self, region.on(self.value), coordinates(value, zero), "of one sign", value_at(value, zero))
 
 
+@dataclass(frozen=True)
+class Unwritten:
+    """A statement on a function that is too large to be written out."""
+
+    name: str
+
+    def decided(self, region: Region) -> Verdict:  # noqa: ARG002
+        """Neither proved nor refuted."""
+        return Verdict(self.name, Answer.OPEN)
+
+
 def failed(
     statement: Identity | Negative | Nonzero, shown: Expression, where: Place, wanted: str, value: float
 ) -> Verdict:

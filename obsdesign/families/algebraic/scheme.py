@@ -10,7 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.needs import Need, further, needs
 from obsdesign.expressions.tree import Number
-from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero
+from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero, Unwritten
 from obsdesign.families.algebraic.region import Region
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
@@ -22,7 +22,7 @@ INVERTED = "for the left inverse holds on the whole domain"  # why xhat = x
 DECAYS = "this error decays, which is not linear"
 UNBOUNDED = "a bound on xhat - x, which depends on what the left inverse makes of errors"
 
-Statement = Identity | Negative | Nonzero
+Statement = Identity | Negative | Nonzero | Unwritten
 
 
 @dataclass(frozen=True)
