@@ -15,7 +15,7 @@ from flint import fmpq
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import simplified
-from obsdesign.families.algebraic.estimator import Estimation, estimation, exponential
+from obsdesign.families.algebraic.estimator import Estimation, assumed, estimation, excited, exponential, needed
 from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Regression, Transformed
 from obsdesign.families.algebraic.identity import Identity, Negative
 from obsdesign.families.algebraic.immersion import by_default
@@ -64,8 +64,12 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
         statements += regressions(plant, form.estimator, form.coordinates)
         before = set().union(*(held(form, each) for each in form.estimator.regressions))
         says.append(regressed(form.estimator) + cascade(before))
-        need = excited(form.estimator, len(parameters))
-        depends.insert(0, f"that the estimates of theta of {', '.join(parameters)} converge, {need}")
+        need = needed(form.estimator, parameters, sorted(before))
+        lowest = assumed(form.estimator, parameters)
+        assert excitation
+        excitation = replace(excitation, need="; ".join([need, *lowest]))
+        converges = f"that the estimates of theta of {', '.join(parameters)} converge, {excited(need)}"
+        depends = [converges, *lowest, *depends]
     right = "the coordinates, theta included, are phi(x)" if theta else "the coordinates are phi(x)"
     says += [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
     if form.recast:
@@ -93,17 +97,6 @@ def regressed(estimator: Estimator) -> str:
     exact = "exactly" if estimator.consistent else f"up to an error that decays as exp(-{estimator.alpha}*t)"
     regression = f"d(output)/dt = known + m {value} for every theta"
     return f"{regression}, so that Y = psi {value} holds of the filtered signals {exact}"
-
-
-def excited(estimator: Estimator, count: int) -> str:
-    """What an estimator of so many constants needs of a run for them to converge."""
-    if estimator.method == "drem":
-        need = "int Delta^2 dt must grow without end"
-    elif count == 1:
-        need = "int psi^2 dt must grow without end, for an exponential rate by c > 0 over every window of one length"
-    else:
-        need = "it suffices that the least eigenvalue of int psi psi' dt over every window of one length exceeds c > 0"
-    return f"which takes excitation: {need} (`simulate` reports it of a run)"
 
 
 def waits(form: Transformed, *sides: Expression) -> set[str]:

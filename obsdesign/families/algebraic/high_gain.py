@@ -186,9 +186,9 @@ def motion(
     return Motion(signs, said + alone, open_ + ", ".join(sorted(varying)))
 
 
-def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Negative | Unwritten, ...]:
+def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Statement, ...]:
     """Statements that a matrix is Hurwitz, which says nothing where it is not unless others hold."""
-    found: list[Negative | Unwritten] = []
+    found: list[Statement] = []
     left = MOST_OPERATIONS
     try:
         for v in hurwitz(M):
@@ -196,11 +196,13 @@ def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Nega
                 raise ExpressionError(f"has more than {MOST_OPERATIONS} operations", id="OBS303")
             found.append(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given))
     except ExpressionError:
-        found.append(Unwritten(f"{what}: leading minor {len(found) + 1} of its matrix of Hurwitz > 0, too large to decide"))
+        found.append(
+            Unwritten(f"{what}: leading minor {len(found) + 1} of its matrix of Hurwitz > 0, too large to be decided")
+        )
     return tuple(found)
 
 
-def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
+def falling(M: Matrix, what: str) -> tuple[tuple[Statement, ...], str]:
     """Statements that M + r I is Hurwitz, for a constant M and an r near the rate of its slowest pole, and in words.
 
     None where they do not hold: M is not Hurwitz itself, or its poles are not known so well.
@@ -266,7 +268,9 @@ def expanded(rows: list[list[fmpq_mpoly]], one: fmpq_mpoly) -> fmpq_mpoly:
     if not rows:
         return one
     first, rest = rows[0], rows[1:]
-    parts = [(j, expanded([row[:j] + row[j + 1 :] for row in rest], one)) for j, entry in enumerate(first) if entry != 0]
+    parts = [
+        (j, expanded([row[:j] + row[j + 1 :] for row in rest], one)) for j, entry in enumerate(first) if entry != 0
+    ]
     return reduce(operator.add, (times(first[j], minor) * (-1) ** j for j, minor in parts), 0 * one)
 
 
