@@ -25,6 +25,7 @@ HELD = ("observer", "guarantee", "certificate")  # parts that are held against w
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
+REASON = ("id", "condition", "reason")  # what every diagnosis has
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -74,14 +75,23 @@ def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> 
         for key, found in file.table(part).items():
             if part in HELD:
                 require_entry(file, anew.get(part, {}), part, key, found)
-    for key in (key for key in anew.get("guarantee", {}) if key not in LIMITS):
-        file.at("guarantee", key)
+    for part in HELD:
+        for key in (key for key in anew.get(part, {}) if key not in LIMITS):
+            require_whole(file, anew[part][key], (part, key))
     for name in ("limit", "limit_bounded"):
         require_limit(file, name)
     listed = file.content.get("numerical", [])
     for path in numerical(file.content, spec):
         if not isinstance(listed, list) or path not in listed:
             raise file.wrong("numerical", f"does not name {path}, which is not proved", id="OBS705")
+
+
+def require_whole(file: ResultFile, anew: Any, path: tuple[str, ...]) -> None:
+    """Refuse a part that leaves out what is written of the claim, by its name; margins are computed in doubles."""
+    found = file.at(*path)
+    if isinstance(anew, Mapping) and isinstance(found, dict):
+        for key in anew:
+            require_whole(file, anew[key], (*path, key))
 
 
 def require_entry(file: ResultFile, anew: Mapping[str, Any], part: str, key: str, found: Any) -> None:
@@ -120,11 +130,9 @@ def double(found: fmpq, anew: fmpq) -> bool:
 
 
 def agree(file: ResultFile, found: Any, anew: Any, same: Same) -> bool:
-    """Whether an entry as it was read, with its numbers as texts, says what is written anew, or less."""
+    """Whether an entry as it was read, with its numbers as texts, says what is written anew."""
     if isinstance(anew, Mapping):
-        known = isinstance(found, dict) and found.keys() <= anew.keys()
-        if known and "holds" in anew:  # a condition
-            known = {*found, "margin"} == {*anew, "margin"}
+        known = isinstance(found, dict) and {*found, "margin"} == {*anew, "margin"}  # of a condition, in doubles
         return known and all(key == "margin" or agree(file, found[key], anew[key], same) for key in found)
     if isinstance(anew, list):
         fits = isinstance(found, list) and len(found) == len(anew)
@@ -162,6 +170,8 @@ def require_dual(file: ResultFile, proof: Proof) -> None:
     """Refuse a certificate that there is no solution which says more than was checked of it."""
     root = ("diagnosis", "certificate")
     checks = [{"name": check.name, "holds": check.holds} for check in proof.checks]
+    for path in (*(("diagnosis", key) for key in REASON), *((*root, key) for key in proof.used)):
+        file.at(*path)
     for key, value in file.table(*root).items():
         if key not in proof.used if key != "checks" else not agree(file, value, checks, double):
             raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew", id="OBS705")
