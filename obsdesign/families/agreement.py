@@ -5,6 +5,7 @@ what was computed in doubles. The first must be what is written of the claim whe
 what is cheap to compute again must agree, a limit must not be worse than what is proved, and its path must be listed.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,7 @@ HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # c
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
+CLAIMING = re.compile(r"\b(certif|prov(e|ing)|proof|guarant|bound)\w*", re.IGNORECASE)  # what only a claim may speak of
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -66,11 +68,26 @@ def require_types(file: ResultFile, spec: Spec) -> None:
         raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec", id="OBS705")
 
 
+def require_notes(file: ResultFile, spec: Spec) -> None:
+    """Refuse notes that leave out what is known of the spec, or that speak of a proof and are not made of the spec.
+
+    Notes on a search, which is not repeated, are listed as numerical.
+    """
+    notes, own = file.content.get("notes", []), [*spec.notes, *spec.idle]
+    if missing := next((note for note in own if note not in notes), None):
+        raise file.wrong("notes", f"leaves out what is known of the spec: {missing}", id="OBS705")
+    for i, note in enumerate(notes):
+        if note not in own and (word := CLAIMING.search(note)):
+            said = f"speaks of what is proved ({word[0]}), which a note on a search does not; see guarantee.statement"
+            raise file.wrong(f"notes[{i}]", said, id="OBS705")
+
+
 def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> None:
     """Refuse a file that says more or other than is proved of it, or does not name what is not.
 
     `anew`: the parts of a result file as they are written of the claim that was proved. Raises `UsageError`.
     """
+    require_notes(file, spec)
     for part in (part for part in (*HELD, "diagnosis") if part in file.content):
         for key, found in file.table(part).items():
             if part in HELD:
