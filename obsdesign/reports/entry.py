@@ -25,6 +25,15 @@ SAMPLES = ".run.csv"  # ends the name of a run beside its gains file
 TONES = {"certified": "good", "infeasible": "plain", "refuted": "plain"}  # others are a warning
 RATES = ("alpha", "decay")
 LARGER = {*(key for key, sense in BETTER.items() if sense > 0), "T2_max"}.difference(RATES)
+COMPUTED = (
+    "numerical",
+    "figures",
+    "points",
+    "diagnosis",
+    "checks",
+    "origin",
+    "numbers",
+)  # of a file, as they are shown
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
 
@@ -178,8 +187,8 @@ class Entry:
         made, claimed = self.content.get("observer", {}), self.content.get("guarantee", {})
         figures = FAMILIES[self.family].figures(made) if made and self.gains else []
         own = [row for row in figures if row[0] not in self.design.gains]
-        computed = self.content.get("analysis", {})
-        return [*limits(claimed), *background(claimed), *own, *(analysis(computed) if computed else [])]
+        computed = self.design.analysis if self.gains else {}  # anew: nothing of it has to stand in a file
+        return [*limits(claimed), *background(claimed), *own, *analysis(computed)]
 
     @property
     def equations(self) -> Rows:
@@ -296,9 +305,20 @@ class Missing:
     problems: tuple[Problem, ...] = ()  # of a file that cannot be read
 
 
+def readable(entry: Entry) -> Entry:
+    """Entry whose parts that are not proved have the form that they are shown in; raises `UsageError`: one has not."""
+    for name in COMPUTED:
+        try:
+            getattr(entry, name)
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            said = f"its {name}, of which nothing is proved, cannot be read; expected what `solve` writes"
+            raise entry.file.wrong("", said, id="OBS702") from None
+    return entry
+
+
 def opened(path: str, anchor: str, samples: bool) -> Entry | Missing:
     """Entry of a file, or why it has none."""
     try:
-        return Entry.of(ResultFile.open(path), anchor, samples)
+        return readable(Entry.of(ResultFile.open(path), anchor, samples))
     except UsageError as error:
         return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)
