@@ -33,7 +33,7 @@ COMPUTED = (
     "checks",
     "origin",
     "numbers",
-)  # of a file, as they are shown
+)  # as they are shown
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
 
@@ -91,7 +91,7 @@ class Entry:
             design = design_of(file, spec)
             certified = status == Verdict.CERTIFIED
             proof = design.proof if certified else proof_of(file, spec) if status == Verdict.REFUTED else None
-        return cls(anchor, file, design, proof, trial_of(design, file.path, samples))
+        return readable(cls(anchor, file, design, proof, trial_of(design, file.path, samples)))
 
     @property
     def broken(self) -> str:
@@ -260,6 +260,17 @@ class Entry:
         return [(name, str(value)) for name, value in rows if value is not None]
 
 
+def readable(entry: Entry) -> Entry:
+    """Entry whose parts that are not proved have the form that they are shown in; raises `UsageError`: one has not."""
+    for name in COMPUTED:
+        try:
+            getattr(entry, name)
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            said = f"its {name}, of which nothing is proved, cannot be read; expected what `solve` writes"
+            raise entry.file.wrong("", said, id="OBS702") from None
+    return entry
+
+
 def conditions(certificate: Any) -> Iterator[Mapping[str, Any]]:
     """Conditions of a certificate and of those within it."""
     if isinstance(certificate, Mapping):
@@ -305,20 +316,9 @@ class Missing:
     problems: tuple[Problem, ...] = ()  # of a file that cannot be read
 
 
-def readable(entry: Entry) -> Entry:
-    """Entry whose parts that are not proved have the form that they are shown in; raises `UsageError`: one has not."""
-    for name in COMPUTED:
-        try:
-            getattr(entry, name)
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-            said = f"its {name}, of which nothing is proved, cannot be read; expected what `solve` writes"
-            raise entry.file.wrong("", said, id="OBS702") from None
-    return entry
-
-
 def opened(path: str, anchor: str, samples: bool) -> Entry | Missing:
     """Entry of a file, or why it has none."""
     try:
-        return readable(Entry.of(ResultFile.open(path), anchor, samples))
+        return Entry.of(ResultFile.open(path), anchor, samples)
     except UsageError as error:
         return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)
