@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from obsdesign.batches import batch
     from obsdesign.design import Design
     from obsdesign.difference import diff
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
@@ -40,6 +41,7 @@ __all__ = [
     "TimeLimitError",
     "UndecidedError",
     "UsageError",
+    "batch",
     "check",
     "compare",
     "diff",
@@ -53,6 +55,7 @@ __all__ = [
 
 HOMES = {
     "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
+    "batches": ("batch",),
     "design": ("Design",),
     "reports.page": ("Report", "report"),
     "difference": ("diff",),

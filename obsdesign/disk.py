@@ -11,6 +11,8 @@ from pathlib import Path
 
 from obsdesign.errors import Problem, UsageError
 
+STAGED = ".obsdesign."  # how the names of files begin that are not complete yet
+
 
 def content_of(path: str, most: int) -> bytes:
     """Bytes of a file, or of standard input for `-`; not more than one beyond so many. Raises `UsageError`."""
@@ -43,9 +45,7 @@ def write_all(files: Mapping[str, bytes]) -> None:
     try:
         for path, content in files.items():
             if is_regular(path):
-                with tempfile.NamedTemporaryFile(
-                    dir=Path(path).resolve().parent, prefix=".obsdesign.", delete=False
-                ) as file:
+                with tempfile.NamedTemporaryFile(dir=Path(path).resolve().parent, prefix=STAGED, delete=False) as file:
                     staged[path] = Path(file.name)
                     file.write(content)
                 staged[path].chmod(0o666 & ~umask())

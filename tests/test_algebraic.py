@@ -13,8 +13,10 @@ from support.commands import run
 from support.shipped import SPECS, shipped, solved
 
 import obsdesign as od
+from obsdesign import starters
 from obsdesign.expressions.algebra import identical
 from obsdesign.files import digest
+from obsdesign.guide import page
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -411,34 +413,18 @@ def test_a_plant_whose_coordinates_are_found_is_estimated(name):
     assert summary["final_error"] < 1e-4 * summary["initial_error"]
 
 
-def readme(pattern):
-    """What README says, by a pattern."""
-    return re.findall(pattern, (SPECS.parent / "README.md").read_text(), re.DOTALL)
-
-
-CONVERTER = next(text for text in readme(r"```yaml\n(.*?)```") if "type: kkl+pebo" in text)
-OBSERVERS = [text for text in readme(r"```yaml\n(observer:\n.*?)```") if "type: l" not in text]
-
-
-def test_the_converter_of_readme_is_certified_and_runs():
-    Path("converter.yaml").write_text(CONVERTER)
+@pytest.mark.parametrize("family", sorted(FAMILIES_WITHOUT_LMI))
+def test_the_converter_to_begin_with_is_certified_and_estimated(family):
+    Path("converter.yaml").write_text(starters.text("converter", family))
     outcome = run("solve", "converter.yaml", "--simulate")
     assert outcome.exit_code == 0
-    assert "excitation" in outcome.stdout
-
-
-@pytest.mark.parametrize("observer", OBSERVERS, ids=["immersion-invariance", "high-gain"])
-def test_other_observers_of_the_converter_of_readme_are_certified_and_run(observer):
-    body = re.sub(r"(?ms)^observer:\n.*?(?=^simulation)", lambda _: observer, CONVERTER)
-    Path("converter.yaml").write_text(body)
-    outcome = run("solve", "converter.yaml", "--simulate")
-    assert outcome.exit_code == 0, outcome.output
+    assert ("excitation" in outcome.stdout) == ("pebo" in family)
     assert re.search(r"settling +i1: 5 % 0\.", outcome.stdout)
 
 
-def test_readme_names_shipped_specs_of_every_type():
-    (table,) = readme(r"\| shipped spec \| type \|.*?\n\n")
-    rows = [[re.findall("`(.*?)`", cell) for cell in line.split("|")[1:3]] for line in table.splitlines()[2:-1]]
+def test_the_manual_names_shipped_specs_of_every_type():
+    (table,) = re.findall(r"\| shipped spec \| type \|.*?(?:\n\n|$)", page("algebraic"), re.DOTALL)
+    rows = [[re.findall("`(.*?)`", cell) for cell in line.split("|")[1:3]] for line in table.strip().splitlines()[2:]]
     assert len(rows) == 8
     told = {name for names, _ in rows for name in names}
     assert all({shipped(name).observer.type for name in names} == set(types) for names, types in rows)

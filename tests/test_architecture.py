@@ -17,12 +17,12 @@ MODULES = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts).removesuff
 LAYERS = (
     ("__main__",),
     ("cli",),
-    ("reports", "difference"),
+    ("batches", "reports", "difference"),
     ("work",),
     ("design", "advice"),
     ("tables", "simulate"),
     ("plot",),
-    ("reading",),
+    ("reading", "starters"),
     ("families",),
     ("constants",),
     ("spec",),
@@ -62,14 +62,16 @@ LONGEST_MODULE, LONGEST_FUNCTION = 350, 60  # lines
 
 CLI = {f"cli/{path.name}" for path in (ROOT / "cli").glob("*.py")}
 WALLS = {  # vendor: the only files that may import it
+    "distributed": {"batches/cluster.py"},
     "clarabel": {"lmi/solvers.py"},
     "cvxpy": {"lmi/solvers.py"},
     "yaml": {"sections/document.py"},
     "matplotlib": {"plot/canvas.py"},
     "typer": CLI,
+    "rich": CLI,
     "jinja2": {"reports/page.py"},
 }
-LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel"}  # imported only inside the functions that use them
+LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel", "distributed"}  # imported only inside the functions that use them
 SPEAKERS = {*CLI, "__main__.py"}
 SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}
 FORBIDDEN = {"eval", "exec", "compile", "__import__", "sympify"}

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import PNG, run
-from support.shipped import SPECS
 
 import obsdesign as od
 
@@ -182,21 +181,6 @@ def test_an_estimate_without_an_initial_error_has_no_time_in_the_table_but_its_p
     quiet = run("simulate", source, "--gains", "l2.gains.json").stdout
     assert re.search(r"settling +angle: starts at 0, \|error\| at most 0\.\d+\n", quiet)
     assert re.search(r"settling +rate: 5 % .*, 1 % .* \(of the initial error\)\n", quiet)
-
-
-def test_the_comparison_of_readme_is_what_is_printed():
-    readme = (SPECS.parent / "README.md").read_text()
-    block = readme[readme.index("$ obsdesign compare specs/") :].partition("```")[0]
-    command, *shown = [line for line in block.splitlines() if line != ".."]
-    outcome = run("compare", *(SPECS.parent / name for name in command.split()[3:]))
-    assert outcome.exit_code == 0, outcome.output
-
-    def told(lines):
-        """Lines without their last word, which for a floor is no more than rounding."""
-        return [line.rpartition(" ")[0].rstrip() for line in lines]
-
-    assert len(shown) == 10
-    assert set(told(shown)) <= set(told(outcome.stdout.splitlines()))
 
 
 def test_an_error_that_still_falls_over_the_window_is_no_floor():

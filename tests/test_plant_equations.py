@@ -9,11 +9,12 @@ import pytest
 import yaml
 from flint import fmpq
 from support.commands import run
-from support.shipped import SPECS, shipped, solved
+from support.shipped import shipped, solved
 
 import obsdesign as od
 from obsdesign.expressions import parse
 from obsdesign.expressions.algebra import identical
+from obsdesign.guide import page
 from obsdesign.reading import loads
 from obsdesign.tables.split import entry
 from obsdesign.work import solve
@@ -370,9 +371,8 @@ def test_channels_of_w_have_names_in_a_plant_in_matrices_too():
     assert replace(spec, text="").plant.B.tolist() == shipped("pendulum").plant.B.tolist()
 
 
-def test_the_equations_of_readme_solve_and_run(folder):
-    blocks = re.findall(r"```yaml\n(.*?)```", (SPECS.parent / "README.md").read_text(), re.DOTALL)
-    (text,) = [block for block in blocks if "dynamics:" in block and "type: l2" in block]
+def test_the_equations_of_the_manual_solve_and_run(folder):
+    (text,) = re.findall(r"```yaml\n(.*?)```", page("equations"), re.DOTALL)
     (folder / "vehicle.yaml").write_text(text)
     outcome = run("solve", "vehicle.yaml", "--simulate", "--json")
     assert outcome.exit_code == 0, outcome.output

@@ -1,4 +1,4 @@
-"""What README says of adding to it, done: registered and nothing else changed."""
+"""What the manual says of adding to it, done: registered and nothing else changed."""
 
 import json
 from pathlib import Path

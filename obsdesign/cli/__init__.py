@@ -1,9 +1,11 @@
 """The command line: the only code that prints or exits. Heavy modules are imported by the command that needs them."""
 
+from obsdesign.cli.batch import batch
 from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
 from obsdesign.cli.diff import diff
 from obsdesign.cli.explain import explain
+from obsdesign.cli.init import init
 from obsdesign.cli.lipschitz import lipschitz
 from obsdesign.cli.program import app, main
 from obsdesign.cli.report import report
@@ -14,5 +16,5 @@ from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (solve, simulate, compare, check, lipschitz, verify, diff, report, schema, explain):
+for command in (init, solve, simulate, batch, compare, check, lipschitz, verify, diff, report, schema, explain):
     app.command()(command)

@@ -4,16 +4,40 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.errors import Problem, UsageError
+
+KEYS = "spec"  # topic whose page ends with all keys
+
 
 def explain(
-    topic: Annotated[str, typer.Argument(metavar="[TOPIC|ID]", help="Default: the list of topics.")] = "",
+    topic: Annotated[str, typer.Argument(metavar="[TOPIC|ID|KEY]", help="Default: the list of topics.")] = "",
 ) -> None:
-    """Print a page of the manual, or what a message such as OBS104 means: its cause, an example, its cure."""
+    """Print a page of the manual, what a message such as OBS104 means, or what a key such as observer.alpha takes."""
     from obsdesign.guide import explained, topics
     from obsdesign.tables.text import aligned
 
-    if topic:
-        typer.echo(explained(topic).rstrip())
-    else:
+    if not topic:
         typer.echo(aligned([*topics().items()]))
-        typer.echo("\nobsdesign explain TOPIC prints a page, obsdesign explain OBS104 what a message means")
+        typer.echo("\nobsdesign explain TOPIC prints a page, obsdesign explain OBS104 what a message means,")
+        typer.echo("obsdesign explain observer.alpha what a key of a spec takes")
+        return
+    text = explained(topic)
+    if text is None or topic == KEYS:
+        from obsdesign.reading import reference
+
+        text = reference.explained(topic) if text is None else f"{text}\n{aligned(reference.listed())}"
+    if text is None:
+        raise missing(topic)
+    typer.echo(text.rstrip())
+
+
+def missing(topic: str) -> UsageError:
+    """What is said where there is no page: what was probably meant, or what there is."""
+    from obsdesign.guide import topics
+    from obsdesign.reading import reference
+    from obsdesign.sections.words import nearest
+
+    meant = nearest(topic, [*topics(), *reference.entries()])
+    question = f"; did you mean {meant}?" if meant else ";"
+    allowed = f"{', '.join(topics())}, the id of a message such as OBS104, a key such as observer.alpha"
+    return UsageError(Problem(f"there is no page of it{question} allowed: {allowed}", topic, id="OBS907"))

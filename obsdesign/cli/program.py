@@ -14,7 +14,6 @@ from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
 
 MISTAKE: Any = typer.BadParameter.__mro__[1]  # what typer raises of a command line
-EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}
 
 
 class Commands(TyperGroup):

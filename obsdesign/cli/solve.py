@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 
 from obsdesign.cli.problems import tell
-from obsdesign.cli.program import EXIT, AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
+from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
 from obsdesign.cli.steps import drawn, failing, loaded, ran, run_text, solved, stem
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import EXIT, Problem, UsageError
 from obsdesign.watch import limited
 
 

@@ -13,9 +13,10 @@ from obsdesign.model.disturbance import Generator
 from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required, unavailable
+from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign
+from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
 
 LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
@@ -84,7 +85,7 @@ class ObserverSection(Section):
 
     residual: ClassVar[str] = "y - yhat"  # what gains multiply
 
-    type: str = required(FAMILY)
+    type: str = required(FAMILY, "the family, which says what is proved and what else may stand here", example="l2")
 
     @classmethod
     def names(cls) -> list[str]:
@@ -95,7 +96,7 @@ class ObserverSection(Section):
     def object(cls, definitions: Schema) -> Schema:
         """Return the keys of these types: the type tells the sections of an observer apart."""
         schema = super().object(definitions)
-        schema["properties"]["type"] |= {"enum": cls.names()}
+        schema["properties"]["type"] |= {"enum": cls.names(), "examples": cls.names()[:1]}
         return schema
 
     @classmethod
@@ -116,16 +117,16 @@ class ObserverSection(Section):
 class Interval(Section):
     """An interval that is searched."""
 
-    min: str = required(ENTRY)
-    max: str = required(ENTRY)
-    points: str | None = key(ENTRY, "default 25")
-    log: bool = key(FLAG, "spaced by a factor", default=False)
+    min: str = required(ENTRY, "where it begins, below max", example="0.01")
+    max: str = required(ENTRY, "where it ends", example="2")
+    points: str | None = key(ENTRY, "values on the grid, 2 to 10,000", otherwise="25", example="25")
+    log: bool = key(FLAG, "whether neighbours on the grid differ by a factor", default=False, example="true")
 
 
 class Frobenius(Section):
     """A bound on the Frobenius norm."""
 
-    frobenius: str = required(ENTRY)
+    frobenius: str = required(ENTRY, "largest Frobenius norm, > 0", example="20")
 
 
 LARGEST_GAIN = Either("a number, or {frobenius: a number}", ENTRY, mapping=Frobenius)

@@ -3,8 +3,6 @@
 import re
 from importlib.resources import files
 
-from obsdesign.errors import Problem, UsageError
-
 ID = re.compile(r"OBS[0-9]{3}")
 MESSAGES = "messages"  # topic of the page that explains ids
 
@@ -16,19 +14,12 @@ def topics() -> dict[str, str]:
     return {name: found[name].partition("\n")[0].lstrip("# ") for name in sorted(found)}
 
 
-def explained(topic: str) -> str:
-    """Page of a topic, or the section of an id such as OBS104, as Markdown.
-
-    Raises `UsageError`: there is none.
-    """
+def explained(topic: str) -> str | None:
+    """Page of a topic, or the section of an id such as OBS104, as Markdown; None: there is none."""
     id = topic.upper()
     if ID.fullmatch(id):
-        if id in (known := sections()):
-            return known[id]
-    elif topic in topics():
-        return page(topic)
-    allowed = f"{', '.join(topics())}, or the id of a message such as OBS104"
-    raise UsageError(Problem(f"there is no page of it; allowed: {allowed}", topic, id="OBS907"))
+        return sections().get(id)
+    return page(topic) if topic in topics() else None
 
 
 def sections() -> dict[str, str]:

@@ -24,8 +24,13 @@ def ball(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
 class Ball(Section):
     """norm(df - K dq) <= norm(W dq)."""
 
-    K: Entries | None = key(MATRIX, "nf x nq, default 0")
-    W: Entries = required(MATRIX, "with nq columns")
+    K: Entries | None = key(MATRIX, "nf x nq, the centre", otherwise="0", example="[[0.5]]")
+    W: Entries = required(MATRIX, "with nq columns, the radius", example="[[0.2]]")
 
 
-BALL = Template(ball, Matrices(Ball, wide=("W",)), square=False, inequalities=(("|W dq|^2 - |df - K dq|^2", fmpq(1)),))
+BALL = Template(
+    ball,
+    Matrices(Ball, "norm(df - K dq) <= norm(W dq)", "{K: 0.5, W: 0.2}", wide=("W",)),
+    square=False,
+    inequalities=(("|W dq|^2 - |df - K dq|^2", fmpq(1)),),
+)

@@ -28,7 +28,7 @@ def cocoercive(k: fmpq, nq: int, nf: int) -> Multiplier:
 
 COCOERCIVE = Template(
     cocoercive,
-    Constant("dq'df >= df'df / cocoercive; or auto", "> 0"),
+    Constant("dq'df >= df'df / cocoercive; or auto", "> 0", "2"),
     inequalities=(("dq' df - df' df / k", fmpq(1, 2)),),
     derive=automatic.cocoercive,
     slopes=lambda k, nq: [(fmpq(0), k)] * nq,

@@ -102,7 +102,7 @@ def ray(Th: Array, *, both_ways: bool) -> Ray:
 
 CONE = Template(
     cone,
-    MatrixList("every Jacobian is a nonnegative combination of these nf x nq matrices"),
+    MatrixList("every Jacobian is a nonnegative combination of these nf x nq matrices", "[[[1]]]"),
     square=False,
     conditions=lambda directions, _: [Hull(np.array(directions), conic=True)],
 )

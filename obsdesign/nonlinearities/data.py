@@ -21,6 +21,7 @@ class Data(ABC):
 
     form: Form
     description: str = ""
+    example: str = ""  # as YAML
 
     @abstractmethod
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
@@ -49,6 +50,7 @@ class Constant(Data):
 
     description: str
     sign: Sign = "any"
+    example: str = ""
     form = ENTRY
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
@@ -65,6 +67,8 @@ class Constants(Data):
     """Numbers by name."""
 
     form: type[Section]
+    description: str
+    example: str
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
         """Return the numbers, in the order of the keys."""
@@ -88,6 +92,8 @@ class Matrices(Data):
     """Matrices by name; those of nf rows and nq columns say what nf and nq are."""
 
     form: type[Section]
+    description: str
+    example: str
     wide: tuple[str, ...] = ()  # with nq columns, and any number of rows
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
@@ -119,6 +125,7 @@ class MatrixList(Data):
     """A list of matrices with nf rows and nq columns."""
 
     description: str
+    example: str
     form: Form = MATRICES
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
@@ -148,6 +155,7 @@ class WholeMatrix(Data):
     """One matrix over (q, f), square."""
 
     description: str
+    example: str
     form = MATRIX
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:

@@ -90,6 +90,7 @@ JACOBIAN = Template(
     jacobian,
     MatrixList(
         "every Jacobian is in the convex hull of these nf x nq matrices; or auto",
+        "[[[1.4]], [[0.6]]]",
         Either(FORM, auto(FORM), MATRICES, MATRICES),
     ),
     square=False,

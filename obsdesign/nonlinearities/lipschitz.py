@@ -19,7 +19,7 @@ def lipschitz(k: fmpq, nq: int, nf: int) -> Multiplier:
 
 LIPSCHITZ = Template(
     lipschitz,
-    Constant("norm(df) <= lipschitz norm(dq); or auto", ">= 0"),
+    Constant("norm(df) <= lipschitz norm(dq); or auto", ">= 0", "3.33"),
     square=False,
     derive=automatic.lipschitz,
     slopes=lambda k, nq: [(-k, k)] * nq,

@@ -47,13 +47,17 @@ def linear_member(rho: fmpq, beta: fmpq, phi: fmpq) -> fmpq:
 class OneSidedLipschitz(Section):
     """dq'df <= rho dq'dq and df'df <= beta dq'dq + phi dq'df."""
 
-    rho: str = required(ENTRY)
-    beta: str = required(ENTRY)
-    phi: str = required(ENTRY)
+    rho: str = required(ENTRY, "of dq'df <= rho dq'dq; may be negative", example="-1")
+    beta: str = required(ENTRY, "of df'df <= beta dq'dq + phi dq'df; may be negative", example="4")
+    phi: str = required(ENTRY, "of the same inequality; may be negative", example="2")
 
 
 ONE_SIDED_LIPSCHITZ = Template(
     one_sided_lipschitz,
-    Constants(OneSidedLipschitz),
+    Constants(
+        OneSidedLipschitz,
+        "dq'df <= rho dq'dq and df'df <= beta dq'dq + phi dq'df",
+        "{rho: -1, beta: 4, phi: 2}",
+    ),
     inequalities=(("rho dq' dq - dq' df", fmpq(1, 2)), ("beta dq' dq + phi dq' df - df' df", fmpq(1))),
 )

@@ -27,8 +27,13 @@ def sector(data: tuple[Array, Array], nq: int, nf: int) -> Multiplier:
 class Sector(Section):
     """(df - K1 dq)' (K2 dq - df) >= 0."""
 
-    K1: Entries | None = key(MATRIX, "nf x nq, default 0")
-    K2: Entries = required(MATRIX, "nf x nq")
+    K1: Entries | None = key(MATRIX, "nf x nq", otherwise="0", example="[[0.1]]")
+    K2: Entries = required(MATRIX, "nf x nq", example="[[2]]")
 
 
-SECTOR = Template(sector, Matrices(Sector), square=False, inequalities=(("(df - K1 dq)' (K2 dq - df)", fmpq(1)),))
+SECTOR = Template(
+    sector,
+    Matrices(Sector, "(df - K1 dq)' (K2 dq - df) >= 0", "{K1: 0.1, K2: 2}"),
+    square=False,
+    inequalities=(("(df - K1 dq)' (K2 dq - df)", fmpq(1)),),
+)

@@ -51,6 +51,7 @@ class Bounds(Data):
 
     form = Either(FORM, auto(FORM), *[ListOf(VECTOR, 2, 2)] * 2)
     description = "[lo, hi], each a number or one for each component; .inf allowed for hi; or auto"
+    example = "[0, 2.5]"
 
     def read(self, reader: Reader, written: Any, loc: Loc) -> Any:
         """Lists of lower and of upper bounds."""

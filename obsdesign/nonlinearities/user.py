@@ -56,7 +56,7 @@ def positive(symmetric: Array) -> bool:
 
 USER = Template(
     user,
-    WholeMatrix("M of [dq; df]' M [dq; df] >= 0, (nq + nf) square"),
+    WholeMatrix("M of [dq; df]' M [dq; df] >= 0, (nq + nf) square", "[[0, 1], [1, 0]]"),
     square=False,
     inequalities=(("[dq; df]' M [dq; df]", fmpq(1)),),
 )

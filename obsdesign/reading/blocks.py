@@ -14,10 +14,10 @@ from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.refutation import counterexample, searched, spread, undefined
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Restriction
 from obsdesign.nonlinearities.slope import INFINITE
-from obsdesign.reading.schema import AUTO, Auto, Function, TypeData
+from obsdesign.reading.plant_schema import AUTO, Auto, Function, TypeData
 from obsdesign.sections.document import Loc, dotted
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Axis, Reader, Size
+from obsdesign.sections.words import unknown
 from obsdesign.spec import PROVED, Nonlinearity, arguments
 
 MINUS_INFINITE = ("-.inf", "-.Inf", "-.INF")

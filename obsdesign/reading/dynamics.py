@@ -10,14 +10,14 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.model.split import Split, Splitter, Term
 from obsdesign.nonlinearities.evidence.restriction import Ends
-from obsdesign.reading import schema
+from obsdesign.reading import plant_schema as schema
 from obsdesign.reading.blocks import read_range
 from obsdesign.reading.plant import Layout, Names, Reading, W, X, Y, read_matrices, read_names, refuse_outputs
-from obsdesign.reading.schema import AUTO
+from obsdesign.reading.plant_schema import AUTO
 from obsdesign.reading.terms import Typed, Types, over, read_types
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Entries, Reader
+from obsdesign.sections.words import unknown
 
 UNDECLARED = (
     "a constant is declared under parameters, a known input under system.inputs, "

@@ -7,8 +7,8 @@ from itertools import product
 from obsdesign.model import disturbance
 from obsdesign.model.disturbance import Generator
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
+from obsdesign.reading.disturbance_schema import ChannelData, Disturbance, DisturbanceModel
 from obsdesign.reading.plant import Layout, order
-from obsdesign.reading.schema import ChannelData, Disturbance, DisturbanceModel
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
 from obsdesign.spec import Nonlinearity

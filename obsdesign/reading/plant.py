@@ -13,12 +13,12 @@ from obsdesign.model.disturbance import empty
 from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
-from obsdesign.reading.schema import Equations, InMatrices
-from obsdesign.reading.schema import Nonlinearity as Section
+from obsdesign.reading.plant_schema import Equations, InMatrices
+from obsdesign.reading.plant_schema import Nonlinearity as Section
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted, meaning
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, numbered
 
 KINDS = (  # key of a section, attribute of `Names`, and what each is

@@ -16,13 +16,14 @@ from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
-from obsdesign.reading.schema import Equations, File, Weight, read_file
+from obsdesign.reading.plant_schema import Equations
+from obsdesign.reading.schema import File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"

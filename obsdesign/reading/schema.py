@@ -6,12 +6,12 @@ and the data of each type of nonlinearity in its file.
 """
 
 import re
-from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from typing import Any
 
 from obsdesign.families import FAMILIES
 from obsdesign.families.asked import FAMILY, ObserverSection
-from obsdesign.nonlinearities import TEMPLATES
+from obsdesign.reading.disturbance_schema import CHANNEL, CHANNEL_NAME, CHANNELWISE, ChannelData, Disturbance
+from obsdesign.reading.plant_schema import MAX_BLOCKS, Equations, InMatrices, Nonlinearity, System
 from obsdesign.reading.trial_schema import Simulation
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
@@ -19,228 +19,25 @@ from obsdesign.sections.forms import (
     ENTRY,
     LINE,
     MATRIX,
-    SIGNALS,
     TEXT,
     Either,
     Entries,
-    Items,
-    Key,
     ListOf,
     MapOf,
-    Named,
-    OneOf,
     Schema,
     Section,
     key,
-    nearest,
     refuse,
     required,
 )
 from obsdesign.sections.values import Reader
-
-AUTO = "auto"
-MAX_BLOCKS = 400
-CHANNELS = ("unknown", "integrator", "double-integrator")
-CHANNEL_FORMS = ("sinusoid", "bias+sinusoid", "model")
-REGION = Named("Region", MapOf(ListOf(ENTRY, 2, 2)))
-SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
-
-
-DISCRETE = "belongs to discrete time, which is not available in this version: the plant is x' = A x + .."
-
-
-class Signals(Section):
-    """Names of the signals of a plant, however it is written."""
-
-    hints: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("Ts", "ts", "dt", "period", "time", "sample-time", "discretise"), DISCRETE
-    )
-
-    states: list[str] | None = key(ListOf(TEXT), "names, default x1, x2, ..")
-    inputs: list[str] = key(ListOf(TEXT), "names of known inputs, usable in gx, gy, gq and f", default=[])
-    disturbances: list[str] | None = key(ListOf(TEXT), "names of the channels of w, default w1, w2, ..")
-    units: dict[str, str] = key(MapOf(LINE), "units of states, outputs and inputs, for axes and tables", default={})
-
-
-class InMatrices(Signals):
-    """x' = A x + sum_i Bf_i f_i + gx + B w ;  y = C x + sum_i Df_i f_i + gy + D w."""
-
-    hints: ClassVar[Mapping[str, str]] = {
-        **Signals.hints,
-        **dict.fromkeys(("domain", "types"), "belongs to a plant as equations (system.dynamics); see nonlinearities"),
-    }
-
-    outputs: list[str] | None = key(ListOf(TEXT), "names, default y1, y2, ..")
-    A: Entries = required(MATRIX, "nx x nx")
-    B: Entries | None = key(MATRIX, "nx x nw; w is disturbance and noise together")
-    C: Entries = required(MATRIX, "ny x nx")
-    D: Entries | None = key(MATRIX, "ny x nw")
-    gx: Items | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
-    gy: Items | None = key(SIGNALS, "known terms: expressions of t and the inputs")
-
-
-class Auto(Section):
-    """A type that is derived from f."""
-
-    region: dict[str, list[str]] | None = key(REGION, "[lo, hi] of q (q1, q2, ..) and of what else f depends on")
-
-
-class TypeData(Section):
-    """A type of nonlinearity that has data, and where it holds."""
-
-    beside = ("region",)
-
-    def __init__(self, name: str, data: Any, region: dict[str, list[str]] | None = None) -> None:
-        self.name = name
-        self.data = data  # as the form of the type reads it
-        self.region = region
-
-    @classmethod
-    def forms(cls) -> dict[str, Key]:
-        """Types that take data, as they are registered."""
-        types = {name: Key(t.data.form, t.data.description) for name, t in TEMPLATES.items() if t.data is not None}
-        derived = Key(Auto, "the tightest type that f is proved to have")
-        return {**types, AUTO: derived, "region": Key(REGION, SOMEWHERE)}
-
-    @classmethod
-    def hinted(cls) -> Mapping[str, str]:
-        """What to say of types that take no data."""
-        return {name: f"takes no data; write type: {name}" for name, t in TEMPLATES.items() if t.data is None}
-
-    @classmethod
-    def of(cls, found: Mapping[str, Any]) -> Self:
-        """Return the type that is given."""
-        name = next(name for name in found if name not in cls.beside)
-        return cls(name, found[name], found.get("region"))
-
-
-TYPE = Either(
-    "the name of a type, or a mapping with its data",
-    OneOf(
-        "type",
-        lambda: (*(name for name, template in TEMPLATES.items() if template.data is None), AUTO),
-        lambda: {name: f"needs data: {{{name}: ..}}" for name, t in TEMPLATES.items() if t.data is not None},
-        lambda: tuple(f"{{{name}: ..}}" for name, template in TEMPLATES.items() if template.data is not None),
-    ),
-    mapping=TypeData,
-)
-
-
-class Equations(Signals):
-    """x' = f(t, x, u, w, y) and y = h(t, x, u, w), by name."""
-
-    hints: ClassVar[Mapping[str, str]] = {
-        **Signals.hints,
-        **dict.fromkeys(
-            ("A", "B", "C", "D", "gx", "gy"), "belongs to a plant in matrices; with dynamics the tool makes it"
-        ),
-    }
-
-    dynamics: dict[str, str] = required(MapOf(ENTRY, 1), "derivative of each state: an expression of any signals and t")
-    outputs: dict[str, str] = required(
-        MapOf(ENTRY, 1), "each output: an expression of states, inputs, disturbances and t"
-    )
-    domain: dict[str, list[str]] | None = key(REGION, "[lo, hi] of signals: where the types of terms hold")
-    types: dict[str, str | TypeData] = key(MapOf(TYPE), "types of terms, by their text or f1, f2, ..", default={})
-
-
-class System:
-    """The plant, in matrices or as equations."""
-
-    def read(self, reader: Reader, value: Any, loc: Loc) -> InMatrices | Equations | None:
-        """Return the section."""
-        equations = isinstance(value, dict) and "dynamics" in value
-        section: type[InMatrices | Equations] = Equations if equations else InMatrices
-        return section.read(reader, value, loc)
-
-    def schema(self, definitions: Schema) -> Schema:
-        """One of the sections."""
-        return {"oneOf": [section.schema(definitions) for section in (InMatrices, Equations)]}
-
-
-class Function(Section):
-    """One block of f in a disturbance model."""
-
-    type: str | TypeData = required(TYPE, "what the design may assume of f")
-    f: Items | None = key(SIGNALS, "expressions of q (q1, q2, ..), t, the outputs and the inputs")
-    region: dict[str, list[str]] | None = key(REGION, SOMEWHERE)
-
-
-class Nonlinearity(Function):
-    """One block of f, with its own argument q = Cq x + Dqf f + gq + Dq w."""
-
-    Bf: Entries | None = key(MATRIX, "nx x nf_i")
-    Cq: Entries | None = key(MATRIX, "nq_i x nx")
-    Dqf: Entries | None = key(MATRIX, "nq_i x nf, for all blocks of the plant")
-    Dq: Entries | None = key(MATRIX, "nq_i x nw")
-    gq: Items | None = key(SIGNALS, "known terms: expressions of t, the outputs and the inputs")
-    Df: Entries | None = key(MATRIX, "ny x nf_i")
-
-
-class Frequency(Section):
-    """Of a sinusoid."""
-
-    omega: str = required(ENTRY, "rad/s")
-
-
-class DisturbanceModel(Section):
-    """xm' = Am xm + Bmf f2 + Bm v, q2 = Cq2 xm + Dq2f f2 + Dq2 v, w = Cm xm + Dwf f2 + Dm v."""
-
-    Am: Entries | None = key(MATRIX)
-    Bm: Entries | None = key(MATRIX)
-    Cm: Entries | None = key(MATRIX)
-    Dm: Entries | None = key(MATRIX)
-    Bmf: Entries | None = key(MATRIX)
-    Cq2: Entries | None = key(MATRIX)
-    Dq2f: Entries | None = key(MATRIX)
-    Dq2: Entries | None = key(MATRIX)
-    Dwf: Entries | None = key(MATRIX)
-    nonlinearities: list[Function] = key(ListOf(Function, most=MAX_BLOCKS), "f and type only", default=[])
-
-
-class ChannelData(Section):
-    """A disturbance model that has data."""
-
-    beside = ()
-    hints: ClassVar[Mapping[str, str]] = {
-        **{name: f"takes no data; write {name}" for name in CHANNELS},
-        "type": "is left out in a list: write [integrator, unknown, ..]",
-    }
-
-    sinusoid: Frequency | None = key(Frequency)
-    bias_sinusoid: Frequency | None = key(Frequency, name="bias+sinusoid")
-    model: DisturbanceModel | None = key(DisturbanceModel)
-
-
-CHANNEL_HINTS = {
-    **{name: f"needs data: {{{name}: ..}}" for name in CHANNEL_FORMS},
-    **dict.fromkeys(("constant", "bias", "drift", "random-walk", "step"), "is called integrator here: w' = v"),
-    "ramp": "is called double-integrator here: w'' = v",
-    **dict.fromkeys(("sine", "sin", "harmonic", "periodic"), "is written {sinusoid: {omega: ..}}"),
-    **dict.fromkeys(("none", "noise", "white-noise", "bounded"), "has no model: write unknown, w = v"),
-}
-CHANNEL_NAME = OneOf(
-    "disturbance",
-    CHANNELS,
-    lambda: CHANNEL_HINTS,
-    lambda: ("{sinusoid: {omega: ..}}", "{bias+sinusoid: {omega: ..}}", "{model: ..}"),
-)
-CHANNEL = Either("the name of a disturbance model, or a mapping with its data", CHANNEL_NAME, mapping=ChannelData)
-CHANNELWISE = "a disturbance model, or a list with one for each channel of w"
-
-
-class Disturbance(ChannelData):
-    """How w is generated from v; `type` may be left out."""
-
-    type: str | ChannelData | list[str | ChannelData] | None = key(
-        Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=ChannelData)
-    )
+from obsdesign.sections.words import nearest
 
 
 class Weight(Section):
     """z = H e."""
 
-    H: Entries = required(MATRIX, "over the augmented state (x, xm)")
+    H: Entries = required(MATRIX, "nz x (nx + nm), over the augmented state (x, xm)", example="[[1, 0, 0]]")
 
 
 class Observer:
@@ -257,34 +54,57 @@ class Observer:
 
     def schema(self, definitions: Schema) -> Schema:
         """One of the sections."""
-        sections = dict.fromkeys(family.Section for family in FAMILIES.values())
-        return {"oneOf": [section.schema(definitions) for section in sections]}
+        return {"oneOf": [section.schema(definitions) for section in self.sections()]}
+
+    def sections(self) -> list[type[ObserverSection]]:
+        """Sections that may stand here, one for each family."""
+        return list(dict.fromkeys(family.Section for family in FAMILIES.values()))
 
 
 class File(Section):
     """A spec of obsdesign, format 1: one estimation problem."""
 
-    obsdesign: str | None = required(ENTRY, "version of the format: 1")
-    name: str | None = key(LINE)
-    source: str | None = key(TEXT)
-    description: str | None = key(TEXT)
+    obsdesign: str | None = required(ENTRY, "version of the format: 1", example="1")
+    name: str | None = key(LINE, "title, of tables and figures", otherwise="the name of the file", example="Pendulum")
+    source: str | None = key(TEXT, "where the problem is from", otherwise="none", example="Author (2020), Example 1")
+    description: str | None = key(TEXT, "free text", otherwise="none", example="What is estimated, and why.")
     reproduces: list[str] | None = key(
-        ListOf(LINE), "figures and tables of `source` that this spec makes again, such as Fig. 3", default=[]
+        ListOf(LINE), "figures and tables of `source` that this spec makes again", default=[], example="[Fig. 3]"
     )
     parameters: dict[str, str] | None = key(
-        MapOf(ENTRY), "numbers, usable by name in entries and expressions", default={}
+        MapOf(ENTRY), "numbers, usable by name in entries and expressions", default={}, example="{b: 0.1, k: 2*pi}"
     )
-    system: InMatrices | Equations | None = required(System())
-    nonlinearities: list[Nonlinearity] | None = key(ListOf(Nonlinearity, most=MAX_BLOCKS), "the blocks f_i", default=[])
+    system: InMatrices | Equations | None = required(
+        System(), "the plant, in matrices or as equations", example="{A: [[0, 1], [-2, -1]], C: [1, 0]}"
+    )
+    nonlinearities: list[Nonlinearity] | None = key(
+        ListOf(Nonlinearity, most=MAX_BLOCKS),
+        "the blocks f_i of a plant in matrices",
+        default=[],
+        example="[{f: sin(q), type: {slope: [-1, 1]}, Bf: [0, -1], Cq: [1, 0]}]",
+    )
     disturbance: str | Disturbance | list[str | ChannelData] | None = key(
-        Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=Disturbance), default="unknown"
+        Either(CHANNELWISE, CHANNEL_NAME, ListOf(CHANNEL), mapping=Disturbance),
+        "how w is generated from v; one model, or a list with one for each channel of w",
+        default="unknown",
+        example="[integrator, unknown]",
     )
     performance: str | list[str] | Weight | None = key(
-        Either("x, w, all, a list of names, or {H: a matrix}", TEXT, ListOf(TEXT), mapping=Weight), default="x"
+        Either("x, w, all, a list of names, or {H: a matrix}", TEXT, ListOf(TEXT), mapping=Weight),
+        "what must be estimated well: z is the error of it",
+        default="x",
+        example="[torque]",
     )
-    observer: ObserverSection | None = required(Observer())
-    simulation: Simulation | None = key(Simulation)
-    expect: dict[str, Any] | None = key(MapOf(ANYTHING), "what this spec must give", default={})
+    observer: ObserverSection | None = required(Observer(), "what is designed", example="{type: l2, alpha: 0.5}")
+    simulation: Simulation | None = key(
+        Simulation, "how to try the observer", otherwise="the spec cannot be simulated", example="{horizon: 10}"
+    )
+    expect: dict[str, Any] | None = key(
+        MapOf(ANYTHING),
+        "what this spec must give: dotted keys of the result file, each a value or {verified, rtol, atol, ..}",
+        default={},
+        example="{status: certified, limit.gamma: {verified: 0.0153, rtol: 1.0e-3}}",
+    )
 
 
 def read_file(reader: Reader) -> File | None:

@@ -16,13 +16,13 @@ from obsdesign.model.disturbance import empty
 from obsdesign.model.split import Row, Term, combination
 from obsdesign.nonlinearities import TEMPLATES
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
-from obsdesign.reading import schema
+from obsdesign.reading import plant_schema as schema
 from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.plant import Names, Part
-from obsdesign.reading.schema import AUTO
+from obsdesign.reading.plant_schema import AUTO
 from obsdesign.sections.document import Loc, dotted
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.values import Entries, Reader
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity
 
 Domain = Mapping[str, Ends]

@@ -13,9 +13,9 @@ from obsdesign.reading import trial_schema as schema
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, counted
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Noise, Simulation, Vector, numbered
 
 MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output

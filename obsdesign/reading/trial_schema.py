@@ -18,7 +18,7 @@ from obsdesign.sections.forms import (
 
 SAMPLED = f"of the family {' or '.join(name for name, family in FAMILIES.items() if family.sampled)}"
 STATE = Named("State", Either("a number, a list of numbers, or numbers by name", ENTRY, NUMBERS, mapping=MapOf(ENTRY)))
-STATES = "over x, or over the augmented state; or by name, the others 0; default 0"
+STATES = "over x, or over the augmented state; or by name, the others 0"
 SIGNALS_BY_NAME = Named(
     "SignalsByName",
     Either(
@@ -38,44 +38,83 @@ SamplingName = Literal["periodic", "random"]
 class Law(Section):
     """A law of the sampling instants."""
 
-    law: str = required(ENTRY, "expression of t for the next interval")
+    law: str = required(ENTRY, "expression of t for the next interval", unit="s", example="0.075 + 0.025*sin(10*t)")
 
 
 class Noise(Section):
     """Extra measurement noise, constant over each period."""
 
-    type: NoiseName = key(OneOf("noise", get_args(NoiseName)), default="uniform")
-    amplitude: str | list[str] = required(VECTOR, "half width or standard deviation, one number or one for each output")
+    type: NoiseName = key(OneOf("noise", get_args(NoiseName)), "its distribution", default="uniform", example="normal")
+    amplitude: str | list[str] = required(
+        VECTOR, "half width or standard deviation, one number or one for each output", example="[0.02, 2.0e-4]"
+    )
     period: str | None = key(
-        ENTRY, f"s; {SAMPLED.replace('of the family', 'for type')} noise is drawn at each measurement"
+        ENTRY,
+        "how long each value holds",
+        unit="s",
+        otherwise=f"required; {SAMPLED} it is drawn at each measurement",
+        example="1.0e-4",
     )
 
 
 class Simulation(Section):
     """How to try the observer."""
 
-    horizon: str = required(ENTRY, "s")
-    x0: Numbers | None = key(STATE, STATES)
-    xhat0: Numbers | None = key(STATE, STATES)
-    w: Signals | None = key(SIGNALS_BY_NAME, "expressions of t and the states")
-    v: Signals | None = key(SIGNALS_BY_NAME, "expressions of t: what drives the disturbance model")
-    u: Signals | None = key(SIGNALS_BY_NAME, "known inputs: expressions of t and the states")
-    events: dict[str, str] = key(MapOf(ENTRY), "conditions that end a run when they become true, by name", default={})
-    noise: Noise | None = key(Noise)
+    horizon: str = required(ENTRY, "length of the run, > 0", unit="s", example="10")
+    x0: Numbers | None = key(STATE, f"initial state of the plant {STATES}", otherwise="0", example="[1, 0]")
+    xhat0: Numbers | None = key(STATE, f"initial estimate {STATES}", otherwise="0", example="{x1: 0.5}")
+    w: Signals | None = key(
+        SIGNALS_BY_NAME,
+        "disturbance and noise: expressions of t and the states",
+        otherwise="0, or what v makes of the disturbance model",
+        example="{torque: 2*exp(-t)}",
+    )
+    v: Signals | None = key(
+        SIGNALS_BY_NAME,
+        "what drives the disturbance model: expressions of t; not beside w",
+        otherwise="0, or what makes w",
+        example="[exp(-t)]",
+    )
+    u: Signals | None = key(
+        SIGNALS_BY_NAME,
+        "known inputs: expressions of t and the states",
+        otherwise="0",
+        example="{voltage: 6*sin(t)}",
+    )
+    events: dict[str, str] = key(
+        MapOf(ENTRY),
+        "conditions that end a run when they become true, by name",
+        default={},
+        example="{leaves: abs(x1) > 2}",
+    )
+    noise: Noise | None = key(
+        Noise,
+        "extra measurement noise",
+        otherwise="none",
+        example="{type: normal, amplitude: 0.002, period: 1.0e-3}",
+    )
     sampling: SamplingName | Law | None = key(
         Either(
             "periodic, random, or {law: an expression of t}",
             OneOf("sampling", get_args(SamplingName)),
             mapping=Law,
         ),
-        f"{SAMPLED}: periodic (default, T2), random in [T1, T2], or a law",
+        f"{SAMPLED}: when measurements arrive: every T2, at random in [T1, T2], or by a law",
+        otherwise="periodic",
+        example="random",
     )
-    period: str | None = key(ENTRY, "s, of periodic sampling; default T2")
-    dropout: str | None = key(ENTRY, "share of the measurements that are lost, in [0, 1)")
-    xi0: dict[str, str] | None = key(MapOf(ENTRY), "coordinates at t = 0, by name; default those of xhat0, or 0")
+    period: str | None = key(ENTRY, f"{SAMPLED}: of periodic sampling", unit="s", otherwise="T2", example="0.08")
+    dropout: str | None = key(
+        ENTRY, f"{SAMPLED}: share of the measurements that are lost, in [0, 1)", otherwise="0", example="0.1"
+    )
+    xi0: dict[str, str] | None = key(
+        MapOf(ENTRY), "coordinates at t = 0, by name", otherwise="those of xhat0, or 0", example="{xi1: 0.2}"
+    )
     theta0: str | list[str] | dict[str, str] | None = key(
         Either("a number, a list, or values by coordinate", ENTRY, NUMBERS, mapping=MapOf(ENTRY)),
-        "correction before the first measurement, or estimated constants of coordinates; default 0",
+        "correction before the first measurement, or estimated constants of coordinates",
+        otherwise="0",
+        example="{xi1: 0.5}",
     )
-    seed: str | None = key(ENTRY)
-    points: str | None = key(ENTRY, "samples kept, default 2000")
+    seed: str | None = key(ENTRY, "of noise and of random intervals", otherwise="0", example="1")
+    points: str | None = key(ENTRY, "samples kept for files and figures, at most 1e6", otherwise="2000", example="500")

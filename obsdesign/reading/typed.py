@@ -8,7 +8,7 @@ from flint import fmpq
 from obsdesign.lmi.formula import Array
 from obsdesign.model.equations import Equations, Typed, from_matrices
 from obsdesign.model.plant import Plant
-from obsdesign.reading import schema
+from obsdesign.reading import plant_schema as schema
 from obsdesign.reading.dynamics import read_domain, read_sides
 from obsdesign.reading.plant import F, Layout, Q, Reading, W, X, Y, read_names
 from obsdesign.sections.values import Reader

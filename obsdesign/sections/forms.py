@@ -15,16 +15,15 @@ Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the m
 is read, since families and types of nonlinearities are registered, which no static model says.
 """
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 
 from obsdesign.errors import NOT_ONE_LINE
-from obsdesign.sections.document import Loc
-from obsdesign.sections.scalars import described
+from obsdesign.sections.document import Loc, compose
+from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Reader
+from obsdesign.sections.words import nearest, unknown
 
 Schema = dict[str, Any]
 Entries = str | list[str] | list[list[str]]  # of a matrix
@@ -206,13 +205,16 @@ SIGNALS = Named("Signals", Either("an expression or a list of expressions (files
 
 @dataclass(frozen=True)
 class Key:
-    """A key of a mapping."""
+    """A key of a mapping, and what the manual says of it."""
 
     form: Form
     description: str = ""
     default: Any = None
     name: str | None = None  # as it is written, where that is no name of Python
     required: bool = False
+    otherwise: str = ""  # what holds where it is left out, if that is no value that could be written
+    unit: str = ""
+    example: str = ""  # a value, as YAML
 
     @property
     def asked(self) -> str:
@@ -221,19 +223,42 @@ class Key:
 
     def schema(self, definitions: Schema) -> Schema:
         """JSON Schema of the value, with what is said of it."""
-        said = {"description": self.description} if self.description else {}
+        otherwise = f"default: {self.otherwise}" if self.otherwise else ""
+        said = "; ".join(part for part in (self.description, self.unit, otherwise) if part)
+        described = {"description": said} if said else {}
+        shown = {"examples": [in_json(compose(self.example, "").root.plain())]} if self.example else {}
         given = {} if self.default is None else {"default": self.default}
-        return {**self.form.schema(definitions), **said, **given}
+        return {**self.form.schema(definitions), **described, **given, **shown}
 
 
-def key(form: Form, description: str = "", *, default: Any = None, name: str | None = None) -> Any:
+def in_json(value: Any) -> Any:
+    """A plain value with its numbers as JSON has them."""
+    if isinstance(value, dict):
+        return {name: in_json(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [in_json(item) for item in value]
+    if not isinstance(value, Number):
+        return value
+    return int(value) if value.lstrip("-").isdigit() else float(value)
+
+
+def key(
+    form: Form,
+    description: str = "",
+    *,
+    default: Any = None,
+    otherwise: str = "",
+    unit: str = "",
+    example: str = "",
+    name: str | None = None,
+) -> Any:
     """Key of a section that may be left out."""
-    return Key(form, description, default, name)
+    return Key(form, description, default, name, otherwise=otherwise, unit=unit, example=example)
 
 
-def required(form: Form, description: str = "") -> Any:
+def required(form: Form, description: str = "", *, unit: str = "", example: str = "") -> Any:
     """Key of a section that must be given."""
-    return Key(form, description, required=True)
+    return Key(form, description, required=True, unit=unit, example=example)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(key, required))
@@ -318,32 +343,3 @@ class Section:
             **({"required": needed} if needed else {}),
             **({"oneOf": [{"required": [name]} for name in choices]} if choices else {}),
         }
-
-
-def unavailable(words: Sequence[str], available: Sequence[str]) -> dict[str, str]:
-    """Hints for words of the format that this version does not read."""
-    instead = f"; available: {', '.join(available)}" if available else ""
-    return dict.fromkeys(words, f"is not available in this version{instead}")
-
-
-def nearest(word: str, words: Sequence[str]) -> str | None:
-    """Return the word that was probably meant."""
-    folded = {w.lower(): w for w in words}
-    close = get_close_matches(word.lower(), folded, n=1)
-    return folded[close[0]] if close else None
-
-
-def unknown(kind: str, word: object, words: Sequence[str], hints: Mapping[str, str], beside: Sequence[str] = ()) -> str:
-    """Say what is wrong with a word and which are allowed.
-
-    `kind`: what the word should name, such as "key"; `words`: those that are allowed, and what else is, `beside` them;
-    `hints`: what to say of words that have a meaning, but not here.
-    """
-    if not isinstance(word, str):
-        return f"expected one of {', '.join((*words, *beside))}, found {described(word)}"
-    plain = re.sub(r"[ _]", "-", word.lower())
-    if hint := hints.get(word, hints.get(plain)):
-        return f"{described(word)} {hint}"
-    meant = nearest(word, (*words, *hints))
-    question = f"; did you mean {meant}?" if meant else ";"
-    return f"unknown {kind} {described(word)}{question} allowed: {', '.join((*words, *beside))}"

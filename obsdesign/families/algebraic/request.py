@@ -26,9 +26,9 @@ from obsdesign.families.algebraic.keys import (
 )
 from obsdesign.model.equations import Typed
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import unknown
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Reader, meaning
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Spec
 
 MOST_DEGREE = 12

@@ -9,8 +9,9 @@ import numpy as np
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, MapOf, key, required, unknown
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, MapOf, key, required
 from obsdesign.sections.values import Axis, Reader
+from obsdesign.sections.words import unknown
 
 WEIGHT = Either("a number, a matrix, or a mapping of names to numbers", MATRIX, MATRIX, MATRIX, MapOf(ENTRY))
 
@@ -18,9 +19,18 @@ WEIGHT = Either("a number, a matrix, or a mapping of names to numbers", MATRIX, 
 class FilterSection(ObserverSection):
     """Intensities of white noise that the filter supposes."""
 
-    Q: Entries | dict[str, str] | None = key(WEIGHT, "intensity of w: a number, a matrix, or one by name")
-    R: Entries | dict[str, str] = required(WEIGHT, "intensity of the noise of y: a number, a matrix, or one by name")
-    P0: Entries | dict[str, str] | None = key(WEIGHT, "covariance of x at first: likewise; default I")
+    Q: Entries | dict[str, str] | None = key(
+        WEIGHT,
+        "intensity of the white noise that w is taken for: a number, a matrix, or one by name",
+        otherwise="without w none is needed; with w it must be given",
+        example="{w1: 100, w2: 1000}",
+    )
+    R: Entries | dict[str, str] = required(
+        WEIGHT, "intensity of the noise of y: a number, a matrix, or one by name", example="{y1: 1.0e-2, y2: 1.0e-4}"
+    )
+    P0: Entries | dict[str, str] | None = key(
+        WEIGHT, "covariance of x at first: a number, a matrix, or one by name", otherwise="I", example="{x1: 1, x2: 36}"
+    )
 
 
 @dataclass(frozen=True)

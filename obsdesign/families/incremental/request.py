@@ -23,22 +23,24 @@ RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha
 class Level(Section):
     """A performance level to reach."""
 
-    gamma: str = required(ENTRY)
+    gamma: str = required(ENTRY, "the level, > 0", unit="z per v", example="0.01")
 
 
 class LargestValues(Section):
     """What a design may use at most."""
 
-    L1: str | asked.Frobenius | None = key(asked.LARGEST_GAIN, "spectral norm of the gain")
-    P: str | None = key(ENTRY, "P <= p I")
-    gamma: str | None = key(ENTRY)
+    L1: str | asked.Frobenius | None = key(
+        asked.LARGEST_GAIN, "largest spectral norm of L1; or {frobenius: ..}", otherwise="none", example="400"
+    )
+    P: str | None = key(ENTRY, "p of P <= p I", otherwise="none", example="1.0e+6")
+    gamma: str | None = key(ENTRY, "largest gamma", otherwise="none", unit="z per v", example="0.5")
 
 
 class Gains(Section):
     """Gains to be analyzed instead of designed; they multiply (yhat - y)."""
 
-    L1: Entries = required(MATRIX)
-    L2: Entries | None = key(MATRIX)
+    L1: Entries = required(MATRIX, "(nx + nm) x ny, nm states of the disturbance model", example="[[-6], [-30]]")
+    L2: Entries | None = key(MATRIX, "nq x ny", otherwise="0", example="[[0, -110]]")
 
 
 class Observer(asked.ObserverSection):
@@ -46,21 +48,43 @@ class Observer(asked.ObserverSection):
 
     residual = "yhat - y"
 
-    L2: Entries | None = key(MATRIX, "nq x ny, rows follow q, the plant's blocks first; or `free`")
-    alpha: str | asked.Interval | None = key(asked.SEARCHED, "decay rate")
+    L2: Entries | None = key(
+        MATRIX,
+        "nq x ny, the gain inside f: a matrix, whose rows follow q, the plant's blocks first; or `free`: designed",
+        otherwise="0",
+        example="[[0, -110]]",
+    )
+    alpha: str | asked.Interval | None = key(
+        asked.SEARCHED,
+        "decay rate of the error, a number > 0 or a range that is searched",
+        unit="1/s",
+        otherwise="searched from 0.001 to 1000",
+        example="{min: 0.01, max: 2.0, points: 25, log: true}",
+    )
     objective: Objective | Level = key(
         Either(
             "an objective, or {gamma: a number}",
             OneOf("objective", get_args(Objective), beside=lambda: ("{gamma: ..}",)),
             mapping=Level,
         ),
+        "the least gamma; the fastest decay; any solution; the curve of gamma against alpha; or to reach a gamma",
         default="min-gamma",
+        example="{gamma: 0.01}",
     )
-    slack: str | None = key(ENTRY, "relative, default 0.05")
-    bounds: LargestValues | None = key(LargestValues)
-    gains: Gains | None = key(Gains)
+    slack: str | None = key(
+        ENTRY, "relative distance from the optimum, for a smaller gain", otherwise="0.05", example="0.05"
+    )
+    bounds: LargestValues | None = key(
+        LargestValues, "what a design may use at most", otherwise="none", example="{L1: 400}"
+    )
+    gains: Gains | None = key(
+        Gains, "gains that are analysed and certified as they are", otherwise="designed", example="{L1: [[-6], [-30]]}"
+    )
     reconstruct: str | None = key(
-        OneOf("signal", ("w",)), "w, by pinv(B) L1 (yhat - y); for linf, without a disturbance model"
+        OneOf("signal", ("w",)),
+        "w, by pinv(B) L1 (yhat - y); for linf, without a disturbance model",
+        otherwise="none",
+        example="w",
     )
 
 

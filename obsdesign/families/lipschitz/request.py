@@ -31,21 +31,23 @@ LipschitzRelaxation = Literal["s-procedure", "norm-bound", "abbaszadeh", "compar
 class Least(Section):
     """A lower bound."""
 
-    min: str = required(ENTRY)
+    min: str = required(ENTRY, "the bound, > 0", example="0.01")
 
 
 class LipschitzBounds(Section):
     """What a design may use."""
 
-    L: str | asked.Frobenius | None = key(asked.LARGEST_GAIN, "spectral norm of the gain at most")
-    P: Least | None = key(Least, "P >= min I, which keeps the gain finite")
-    gamma: str | None = key(ENTRY)
+    L: str | asked.Frobenius | None = key(
+        asked.LARGEST_GAIN, "largest spectral norm of L; or {frobenius: ..}", otherwise="none", example="20"
+    )
+    P: Least | None = key(Least, "P >= min I, which keeps the gain finite", otherwise="none", example="{min: 0.01}")
+    gamma: str | None = key(ENTRY, "largest gamma, of min-gamma", otherwise="none", unit="z per w", example="0.5")
 
 
 class LipschitzGains(Section):
     """Gain to be analyzed instead of designed; it multiplies (y - yhat)."""
 
-    L: Entries = required(MATRIX)
+    L: Entries = required(MATRIX, "(nx + nm) x ny, nm states of the disturbance model", example="[[6], [30]]")
 
 
 class LipschitzObserver(asked.ObserverSection):
@@ -57,15 +59,36 @@ class LipschitzObserver(asked.ObserverSection):
         OneOf("relaxation", get_args(LipschitzRelaxation)),
         "of what is known of f; compare: all of them, beside each other",
         default="s-procedure",
+        example="compare",
     )
-    objective: LipschitzObjective = key(OneOf("objective", get_args(LipschitzObjective)), default="max-lipschitz")
+    objective: LipschitzObjective = key(
+        OneOf("objective", get_args(LipschitzObjective)),
+        "the largest Lipschitz constant; the least gamma at the declared one; or, with a weight, one against the other",
+        default="max-lipschitz",
+        example="min-gamma",
+    )
     weight: str | asked.Interval | None = key(
-        asked.SEARCHED, "in [0, 1], for pareto: minimize weight / lipschitz + (1 - weight) gamma^2"
+        asked.SEARCHED,
+        "in [0, 1], for pareto: minimize weight / lipschitz + (1 - weight) gamma^2; a range is a curve",
+        otherwise="none; pareto needs it",
+        example="0.9",
     )
-    decay: str | asked.Interval | None = key(asked.SEARCHED, "1/s; default 0; a range for pareto only")
-    slack: str | None = key(ENTRY, "relative, default 0.05")
-    bounds: LipschitzBounds | None = key(LipschitzBounds)
-    gains: LipschitzGains | None = key(LipschitzGains)
+    decay: str | asked.Interval | None = key(
+        asked.SEARCHED, "decay rate of the error; a range for pareto only", unit="1/s", otherwise="0", example="0.2"
+    )
+    slack: str | None = key(
+        ENTRY,
+        "relative distance from the optimum, for a smaller gain",
+        otherwise="0.05",
+        example="0.05",
+    )
+    bounds: LipschitzBounds | None = key(LipschitzBounds, "what a design may use", otherwise="none", example="{L: 20}")
+    gains: LipschitzGains | None = key(
+        LipschitzGains,
+        "a gain that is analysed and certified as it is",
+        otherwise="designed",
+        example="{L: [[6], [30]]}",
+    )
 
 
 @dataclass(frozen=True)

@@ -33,15 +33,15 @@ SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasi
 class SporadicBounds(Section):
     """What a design may use at most."""
 
-    L: str | None = key(ENTRY, "spectral norm of the gain")
-    gamma: str | None = key(ENTRY)
+    L: str | None = key(ENTRY, "largest spectral norm of L", otherwise="none", example="20")
+    gamma: str | None = key(ENTRY, "largest gamma", otherwise="none", unit="z per w", example="0.5")
 
 
 class SporadicGains(Section):
     """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
 
-    L: Entries = required(MATRIX)
-    H: Entries | None = key(MATRIX, "ny x ny; default 0")
+    L: Entries = required(MATRIX, "nx x ny", example="[[1.4], [0.9]]")
+    H: Entries | None = key(MATRIX, "ny x ny", otherwise="0", example="[[-0.5]]")
 
 
 def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
@@ -53,21 +53,60 @@ def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
 class SporadicObserver(asked.ObserverSection):
     """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
 
-    T1: str = required(ENTRY, "s, shortest interval between measurements")
-    T2: str | asked.Interval = required(asked.SEARCHED, "s, longest interval between measurements")
-    decay: str | asked.Interval | None = key(asked.SEARCHED, "lambda_t, 1/s; default 0")
+    T1: str = required(ENTRY, "shortest interval between measurements, > 0", unit="s", example="0.05")
+    T2: str | asked.Interval = required(
+        asked.SEARCHED,
+        "longest interval between measurements; a range for max-T2 and pareto",
+        unit="s",
+        example="0.1",
+    )
+    decay: str | asked.Interval | None = key(
+        asked.SEARCHED,
+        "decay rate lambda_t of the error; a range for max-decay and pareto",
+        unit="1/s",
+        otherwise="0",
+        example="0.05",
+    )
     injection: str | list[str] | None = key(
         one_or_several("injection", tuple(INJECTIONS)),
-        "dynamic (H free, default), predictor (H = -C L) or hold (H = 0)",
+        "dynamic (H free), predictor (H = -C L) or hold (H = 0); a list makes a curve each",
+        otherwise="dynamic",
+        example="predictor",
     )
     relaxation: str | list[str] | None = key(
-        one_or_several("relaxation", RELAXATIONS), "default: the tightest for the injection"
+        one_or_several("relaxation", RELAXATIONS),
+        "the inequality that is solved; a list makes a curve each",
+        otherwise="the tightest for the injection",
+        example="proposition-3",
     )
-    delta: str | asked.Interval | None = key(asked.SEARCHED, "1/s, free exponent of the storage function")
-    objective: SporadicObjective = key(OneOf("objective", get_args(SporadicObjective)), default="min-gamma")
-    slack: str | None = key(ENTRY, "relative, default 0.05")
-    bounds: SporadicBounds | None = key(SporadicBounds)
-    gains: SporadicGains | None = key(SporadicGains)
+    delta: str | asked.Interval | None = key(
+        asked.SEARCHED,
+        "free exponent of the storage function",
+        unit="1/s",
+        otherwise="searched",
+        example="{min: 1, max: 100}",
+    )
+    objective: SporadicObjective = key(
+        OneOf("objective", get_args(SporadicObjective)),
+        "the least gamma; the largest T2; the fastest decay; a curve over the key that is a range; any solution",
+        default="min-gamma",
+        example="max-T2",
+    )
+    slack: str | None = key(
+        ENTRY,
+        "relative distance from the optimum, for a smaller gain",
+        otherwise="0.05",
+        example="0.05",
+    )
+    bounds: SporadicBounds | None = key(
+        SporadicBounds, "what a design may use at most", otherwise="none", example="{L: 20}"
+    )
+    gains: SporadicGains | None = key(
+        SporadicGains,
+        "gains that are analysed and certified as they are",
+        otherwise="designed",
+        example="{L: [[1.4], [0.9]]}",
+    )
 
 
 @dataclass(frozen=True)

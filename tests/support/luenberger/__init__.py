@@ -1,1 +1,1 @@
-"""A family of observers as README tells to add one: a Luenberger observer of a linear plant."""
+"""A family of observers as the manual tells to add one: a Luenberger observer of a linear plant."""

@@ -1,0 +1,202 @@
+"""Folders of specs: each solved, verified and held against what it expects, in parallel, and only where it is due.
+
+find.py       specs below paths, and where their results go; sweep.py: with which changes
+perform.py    one spec, from its text to its entry and its files
+record.py     that entry on disk, and whether it is up to date
+workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them; cluster.py: others, by Dask
+summary.py    all entries, counts, exit code; table.py: in lines; formats.py: for other programs; merge.py: of shards
+"""
+
+import os
+import time
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Protocol
+
+from obsdesign.batches import cluster, workers
+from obsdesign.batches.find import Task, find, share, titled
+from obsdesign.batches.merge import merge
+from obsdesign.batches.record import LIMITS, Entry, Options, entry_of, printable, read, reason, sha256, tool
+from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.batches.sweep import combinations
+from obsdesign.disk import STAGED
+from obsdesign.errors import Problem, UsageError
+
+__all__ = ["Follower", "Summary", "batch", "merge", "prepared"]
+
+INTERRUPTED = 130
+NOT_DONE = ("skipped", "crashed", *LIMITS)  # statuses of what has no answer
+
+
+class Follower(Protocol):
+    """Who wants to know how a batch goes on."""
+
+    def found(self, total: int) -> None:
+        """So many specs are to be run or are up to date."""
+
+    def begun(self, title: str) -> None:
+        """One is under way, of which this is path and changes."""
+
+    def ended(self, entry: Entry) -> None:
+        """One has ended, or is up to date."""
+
+
+class Nobody:
+    """Follower that wants to know nothing."""
+
+    def found(self, total: int) -> None:
+        """Nothing."""
+
+    def begun(self, title: str) -> None:
+        """Nothing."""
+
+    def ended(self, entry: Entry) -> None:
+        """Nothing."""
+
+
+def batch(
+    paths: Iterable[str | os.PathLike[str]],
+    *,
+    changes: Iterable[str] = (),
+    out: str | os.PathLike[str] = "results",
+    jobs: int | None = None,
+    simulate: bool = False,
+    exclude: Iterable[str] = (),
+    force: bool = False,
+    fail_fast: bool = False,
+    shard: str | None = None,
+    changed_since: str | os.PathLike[str] | None = None,
+    timeout: float = 600,
+    memory: float | None = None,
+    solver: str = "clarabel",
+    scheduler: str | None = None,
+    follower: Follower | None = None,
+) -> Summary:
+    """Solve, verify and (`simulate`) run every spec at and below some paths, in so many `jobs`; write `summary.json`.
+
+    `paths`, `exclude`: see `find.find`. `changes`: other values of single keys, such as `observer.alpha=0.5`; several,
+    `observer.alpha=0.1,0.5`, are all tried, in every combination, with results in folders of their own.
+
+    `out`: folder of all results. `force`: redo what is up to date. `fail_fast`: end with the first that is not as
+    expected. `shard`: "I/N", every N-th spec. `changed_since`: summary or its folder; what has the same text, changes,
+    tool and options there is skipped. `timeout` (s) and `memory` (MiB) of each spec. `scheduler`: of a Dask
+    cluster, tcp://HOST:8786, whose workers take the place of the `jobs`.
+
+    Returns the summary: `exit_code`, `counts`, and `specs`, an entry each. Raises `UsageError`: there are no specs, an
+    option is wrong, `out` cannot be written, or no scheduler answers.
+    """
+    options = Options(solver, simulate, timeout, memory)
+    asked = list(changes)
+    found = find(paths, exclude, combinations(asked))
+    if not found:
+        said = "no specs found: no *.yaml or *.yml with a key `obsdesign` that is not excluded"
+        raise UsageError(said, id="OBS903")
+    tasks = share(found, shard)
+    head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
+    run = Run(tasks, options, prepared(out), head, follower or Nobody())
+    if changed_since is not None:
+        run.leave_out(os.fspath(changed_since))
+    try:
+        run.through(jobs or len(os.sched_getaffinity(0)), scheduler, force=force, fail_fast=fail_fast)
+    except KeyboardInterrupt:
+        run.summarise("interrupted", INTERRUPTED)
+        raise
+    return run.summarise("--fail-fast")
+
+
+def prepared(out: str | os.PathLike[str]) -> Path:
+    """Folder of all results, without what a killed run left half-written. Raises `UsageError`."""
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for stray in folder.glob(f"{STAGED}*"):
+            stray.unlink()
+    except OSError as error:
+        raise UsageError(Problem(f"cannot be made or written: {error.strerror}", str(folder), id="OBS902")) from None
+    return folder
+
+
+class Run:
+    """One batch, as far as it is."""
+
+    def __init__(
+        self, tasks: list[Task], options: Options, out: Path, head: dict[str, Any], follower: Follower
+    ) -> None:
+        self.tasks, self.options, self.out, self.head, self.follower = tasks, options, out, head, follower
+        self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
+        self.loose = dict[Task, Entry]()  # entries that have no record
+        self.tally = Tally()
+        self.started = time.perf_counter()
+
+    def leave_out(self, source: str) -> None:
+        """Skip what is the same in another summary, and has an answer there."""
+        other = opened(source)
+        wanted = {**self.options.of(""), "tool": tool()}
+        if {**{key: other["options"].get(key) for key in self.options.of("")}, "tool": other["tool"]} != wanted:
+            return
+        done = [one for one in other["specs"] if one.get("status") not in NOT_DONE]
+        known = {titled(one["path"], one.get("set", ())): one.get("sha256") for one in done}
+        for task in self.tasks:
+            digest = sha256(task)
+            if digest is not None and known.get(printable(task.title)) == digest:
+                self.skip(task, f"unchanged since {source}", digest)
+
+    def skip(self, task: Task, why: str, digest: str | None = None) -> None:
+        """Leave a task out."""
+        self.loose[task] = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
+        self.tally.add(self.loose[task])
+
+    def through(self, jobs: int, scheduler: str | None, *, force: bool, fail_fast: bool) -> None:
+        """Run what is not up to date."""
+        asked = [task for task in self.tasks if task not in self.loose]
+        self.follower.found(len(asked))
+        due = dict[Task, str]()
+        for task in asked:
+            record = read(self.out, task)
+            why = "--force" if force else reason(record, task, self.options, self.out)
+            if why is not None or record is None:
+                due[task] = why or ""
+            else:
+                self.ended(task, record["entry"], None)
+        if fail_fast and self.tally.codes:
+            return
+        running = self.running(due, jobs, scheduler)
+        for task, entry in running:
+            self.ended(task, entry, due[task])
+            if fail_fast and self.tally.codes:
+                running.close()
+
+    def running(self, due: Iterable[Task], jobs: int, scheduler: str | None) -> Generator[tuple[Task, Entry]]:
+        """Tasks as they end, here or on a cluster."""
+
+        def begun(task: Task) -> None:
+            self.follower.begun(printable(task.title))
+
+        if scheduler is not None:
+            return cluster.run(scheduler, due, self.options, self.out, begun)
+        return workers.run(due, self.options, self.out, jobs, begun)
+
+    def ended(self, task: Task, entry: Entry, why: str | None) -> None:
+        """Count what ended; its entry stays in memory only where it has no record."""
+        self.why[task] = why
+        self.tally.add(entry)
+        if (read(self.out, task) or {}).get("entry") != entry:
+            self.loose[task] = entry
+        self.follower.ended({**entry, "up_to_date": why is None, "why": why})
+
+    def summarise(self, skipped: str, exit_code: int | None = None) -> Summary:
+        """Write the summary; what did not end is skipped."""
+        for task in self.tasks:
+            if task not in self.why and task not in self.loose:
+                self.skip(task, skipped)
+        head = {**self.head, "time_s": round(time.perf_counter() - self.started, 3)}
+        code = self.tally.exit_code if exit_code is None else exit_code
+        return write(self.out, self.tally, head, self.entries(), code)
+
+    def entries(self) -> Iterator[Entry]:
+        """Entry of every task."""
+        for task in self.tasks:
+            entry = self.loose.get(task) or (read(self.out, task) or {})["entry"]
+            why = self.why.get(task, entry["why"])
+            yield {**entry, "up_to_date": task in self.why and why is None, "why": why}

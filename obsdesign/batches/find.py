@@ -1,0 +1,138 @@
+"""Specs below paths, and where the results of each go: found in the same order, wherever the search begins."""
+
+import glob
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from hashlib import sha256
+from itertools import product
+from pathlib import Path, PurePath
+from urllib.parse import quote
+
+from obsdesign.errors import Problem, UsageError
+
+ENDINGS = (".yaml", ".yml")
+SPEC = re.compile(rb"""(?:^|[{,])\s*["']?obsdesign["']?\s*:""", re.MULTILINE)
+MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
+LONGEST, KEPT = 120, 80  # characters of the folder of changes, and of one that is longer
+
+
+@dataclass(frozen=True, order=True)
+class Task:
+    """One spec of a batch, with other values of single keys."""
+
+    path: str  # relative to the current folder where it is below it, else absolute; without `..`
+    changes: tuple[str, ...] = ()  # such as observer.alpha=0.5
+    text: str | None = None  # of the spec, where the file is not at hand to who designs
+
+    @property
+    def place(self) -> str:
+        """Folder of its results below that of all: a/b/c of a/b/c.yaml, with changes a/b/c/observer.alpha=0.5."""
+        path = PurePath(self.path)
+        return str(path.relative_to(path.anchor).with_suffix("") / folder(self.changes))
+
+    @property
+    def title(self) -> str:
+        """Path and changes."""
+        return titled(self.path, self.changes)
+
+    @property
+    def name(self) -> str:
+        """Name of the spec, without folder and ending, with which the files of its results begin."""
+        return PurePath(self.path).stem
+
+
+def titled(path: str, changes: Iterable[str]) -> str:
+    """Name of a spec with changes."""
+    return " ".join((path, *changes))
+
+
+def folder(changes: Iterable[str]) -> str:
+    """Name of a folder for changes, another one for others; without changes it is empty."""
+    name = ",".join(quote(change, safe="=[]{}()+*", errors="surrogateescape") for change in changes)
+    return name if len(name) <= LONGEST else f"{name[:KEPT]}..{sha256(name.encode()).hexdigest()[:16]}"
+
+
+def find(
+    paths: Iterable[str | os.PathLike[str]],
+    exclude: Iterable[str] = (),
+    changes: Iterable[tuple[str, ...]] = ((),),
+) -> list[Task]:
+    """Specs at and below paths, sorted by their paths, each once with each combination of changes.
+
+    `paths`: folders, of which every *.yaml and *.yml that has a key `obsdesign` is taken (hidden folders are left
+    out, links to folders are not followed); files, which are taken as they are; globs of these, ** too. `exclude`:
+    globs, each of a whole path, of a folder of it, or of one name in it.
+
+    Raises `UsageError`: there is nothing at a path, or two specs would have their results in the same folder.
+    """
+    patterns = tuple(exclude)
+    kept = {one for path in paths for one in below(os.fspath(path)) if not excluded(one, patterns)}
+    found = sorted(Task(path, combination) for path, combination in product(kept, changes))
+    places: dict[str, Task] = {}
+    for task in found:
+        other = places.setdefault(task.place, task)
+        if other is not task:
+            said = f"its results would stand in {task.place}, as those of {other.path}; rename one of them"
+            raise UsageError(Problem(said, task.path, id="OBS912"))
+    return found
+
+
+def below(path: str) -> Iterator[str]:
+    """Paths of the specs at one path, as a task has them."""
+    matches = [path] if os.path.lexists(path) else sorted(glob.glob(path, recursive=True))
+    if not matches:
+        said = "there is no such file or folder; give spec files, folders of them, or globs"
+        raise UsageError(Problem(said, path, id="OBS101"))
+    for match in matches:
+        if Path(match).is_file():
+            yield shortened(match)
+        elif not Path(match).is_dir():
+            said = "is no file and no folder; a batch takes spec files and folders of them"
+            raise UsageError(Problem(said, match, id="OBS101"))
+        for folder, folders, files in os.walk(match):
+            folders[:] = [name for name in folders if not name.startswith(".")]
+            inside = (Path(folder, name) for name in files if name.endswith(ENDINGS))
+            yield from (shortened(file) for file in inside if is_spec(file))
+
+
+def shortened(path: str | Path) -> str:
+    """Path without `..`: relative to the current folder where it is below it, else absolute."""
+    whole = Path(os.path.abspath(path))
+    return str(whole.relative_to(Path.cwd()) if whole.is_relative_to(Path.cwd()) else whole)
+
+
+def is_spec(path: Path) -> bool:
+    """Whether a YAML file means to be a spec, valid or not; one that cannot be read may be."""
+    try:
+        with path.open("rb") as file:
+            return bool(SPEC.search(file.read(MOST)))
+    except OSError:
+        return True
+
+
+def excluded(path: str, patterns: Iterable[str]) -> bool:
+    """Whether a glob is that of a path, of a folder of it, or of one name in it."""
+    candidates = {path, *map(str, PurePath(path).parents), *PurePath(path).parts}
+    return any(fnmatchcase(one, pattern.rstrip("/")) for pattern in patterns for one in candidates)
+
+
+def share(tasks: list[Task], shard: str | None) -> list[Task]:
+    """Tasks of one shard of N, "I/N" with I from 1: every N-th, so that each task is in exactly one.
+
+    Raises `UsageError`: it is not of that form.
+    """
+    if not shard:
+        return tasks
+    index, count = parted(shard)
+    return tasks[index - 1 :: count]
+
+
+def parted(shard: str) -> tuple[int, int]:
+    """I and N of "I/N". Raises `UsageError`."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard, re.ASCII)
+    if not found or not 1 <= int(found[1]) <= int(found[2]):
+        raise UsageError(f"--shard {shard}: expected I/N with 1 <= I <= N, such as 3/40", id="OBS901")
+    return int(found[1]), int(found[2])

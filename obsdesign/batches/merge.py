@@ -1,0 +1,89 @@
+"""Results of the shards of one batch, made one as if there had been no shards."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePath
+from typing import Any
+
+from obsdesign.batches.find import Task, parted
+from obsdesign.batches.record import ENDINGS, RECORD, Entry, differing, folder_of
+from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.disk import write_all
+from obsdesign.errors import Problem, UsageError
+
+
+def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
+    """Copy the results of shards, given by their folders or summaries, to one folder, and write its summary.
+
+    Raises `UsageError`: one is no summary, they are not of one batch, a shard is missing, or two say different things
+    of a spec.
+    """
+    paths = [os.fspath(source) for source in sources]
+    contents = {path: opened(path) for path in paths}
+    require_one_batch(contents)
+    found: dict[Task, tuple[str, Entry]] = {}
+    for source, content in contents.items():
+        for entry in content["specs"]:
+            require_new(entry, source, found)
+            found[task_of(entry)] = source, entry
+    tally, first = Tally(), contents[paths[0]]
+    for _, entry in found.values():
+        tally.add(entry)
+    entries = (copied(*found[task], out) for task in sorted(found))
+    head = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
+    head["time_s"] = max(content["time_s"] for content in contents.values())
+    code = 130 if any(content["exit_code"] == 130 for content in contents.values()) else tally.exit_code
+    return write(out, tally, head, entries, code)
+
+
+def task_of(entry: Entry) -> Task:
+    """Task whose entry this is."""
+    return Task(str(entry["path"]), tuple(map(str, entry.get("set", ()))))
+
+
+def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse what was not made by one tool with the same options, and shards one of which is missing."""
+    (path, first), *others = contents.items()
+    for other, content in others:
+        before, now = ({**one["options"], **one["tool"], "shard": None} for one in (first, content))
+        if changed := differing(before, now):
+            said = f"differs from {path} in {changed}; shards are of one batch"
+            raise UsageError(Problem(said, other, id="OBS911"))
+    shards = [parted(content["options"]["shard"]) for content in contents.values() if content["options"].get("shard")]
+    for count in {count for _, count in shards}:
+        missing = sorted(set(range(1, count + 1)) - {index for index, of in shards if of == count})
+        if missing:
+            shown = ", ".join(f"{index}/{count}" for index in missing)
+            raise UsageError(f"--merge: of the shards, {shown} missing", id="OBS911")
+
+
+def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:
+    """Refuse an entry whose path would leave the folder of results, or of which another says something else."""
+    task = task_of(entry)
+    if ".." in PurePath(task.path).parts or not PurePath(task.path).name or not all("=" in one for one in task.changes):
+        said = f"{task.title} is no path of a spec: it has no name, or leaves its folder"
+        raise UsageError(Problem(said, source, id="OBS912"))
+    other, known = found.get(task, ("", entry))
+    volatile = {"time_s": 0.0, "up_to_date": False, "why": None}
+    if changed := differing({**known, **volatile}, {**entry, **volatile}):
+        raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source, id="OBS911"))
+
+
+def copied(source: str, entry: Entry, out: Path) -> Entry:
+    """Entry whose files are copied, as far as they are there."""
+    task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
+    names = {kind: f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
+    there = {kind: name for kind, name in names.items() if (folder / task.place / name).is_file()}
+    if there:
+        target = folder_of(out, task)
+        write_all({str(target / name): (folder / task.place / name).read_bytes() for name in there.values()})
+    return {
+        **entry,
+        "set": list(task.changes),
+        "files": {kind: str(Path(task.place, name)) for kind, name in files(there)},
+    }
+
+
+def files(there: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Results among the files that are there, in their order."""
+    return ((kind, there[kind]) for kind in ENDINGS if kind in there)

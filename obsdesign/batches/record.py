@@ -1,0 +1,213 @@
+"""What came of a spec, on disk: written after its results, so that it is there only where these are complete.
+
+A record is one entry of the summary, with what it rests on: the tool, the options, and the hashes of its files.
+"""
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from obsdesign import __version__
+from obsdesign.batches.find import MOST, Task, titled
+from obsdesign.disk import STAGED, content_of, write_all
+from obsdesign.errors import ObsdesignError, Problem, UsageError
+
+FORMAT = 1
+ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of the files of a spec
+RECORD = ".record.json"
+STATUSES = (
+    "certified",
+    "infeasible",
+    "refuted",
+    "uncertified",
+    "invalid",
+    "timeout",
+    "memory",
+    "crashed",
+    "skipped",
+)
+LIMITS = {"timeout": "timeout", "memory": "memory"}  # option that ends a spec, by the status that it ends with
+
+Entry = dict[str, Any]  # of `specs` in a summary
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a result depends on besides its spec and the tool; of the limits only a spec that they end."""
+
+    solver: str = "clarabel"
+    simulate: bool = False
+    timeout: float = 600  # s a spec
+    memory: float | None = None  # MiB a spec
+
+    def of(self, status: str) -> dict[str, Any]:
+        """Options that matter to a spec that ended so."""
+        return {k: v for k, v in asdict(self).items() if k not in LIMITS.values() or k == LIMITS.get(status)}
+
+
+@dataclass
+class Result:
+    """What came of a spec: its entry, and its files by the names that the entry has for them."""
+
+    entry: Entry
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def printable(text: str) -> str:
+    """Text that has a UTF-8 form; what stood for bytes of the name of a file is written out."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+def entry_of(task: Task, status: str, exit_code: int | None, *problems: Problem, **more: Any) -> Entry:
+    """Entry of a spec, to be filled."""
+    return {
+        "path": printable(task.path),
+        "set": [printable(change) for change in task.changes],
+        "sha256": None,
+        "status": status,
+        "exit_code": exit_code,
+        "as_expected": False if status != "skipped" else None,
+        "verified": None,
+        "up_to_date": False,
+        "why": None,
+        "expected": [],
+        "guarantee": {},
+        "problems": [written(problem) for problem in problems],
+        "files": {},
+        "time_s": 0.0,
+        **more,
+    }
+
+
+def written(problem: Problem) -> dict[str, Any]:
+    """Problem as JSON has it: what is known of it."""
+    known = {key: value for key, value in problem.written().items() if value}
+    return {key: printable(value) if isinstance(value, str) else value for key, value in known.items()}
+
+
+def tool() -> dict[str, str]:
+    """What designs."""
+    return {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")}
+
+
+def digest_of(content: bytes) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def folder_of(out: Path, task: Task) -> Path:
+    """Folder of the results of a spec, made where there is none, without what a killed run left half-written.
+
+    Raises `UsageError`: it cannot be made, or a link in it leads out of `out`.
+    """
+    folder = out / task.place
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not folder.resolve().is_relative_to(out.resolve()):
+            said = f"its results would leave {out}: a link leads to {folder.resolve()}"
+            raise UsageError(Problem(said, task.path, id="OBS912"))
+        for stray in folder.glob(f"{STAGED}*"):
+            stray.unlink()
+    except OSError as error:
+        said = f"{folder}: cannot be made or written: {error.strerror}"
+        raise UsageError(Problem(said, task.path, id="OBS902")) from None
+    return folder
+
+
+def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
+    """Write the files of a spec, then its record; each whole or not at all. Returns the entry.
+
+    Raises `UsageError`: they cannot be written.
+    """
+    folder = folder_of(out, task)
+    names = {kind: f"{task.name}{ENDINGS[kind]}" for kind in result.files}
+    for kind in ENDINGS.keys() - names.keys():  # of an earlier run
+        (folder / f"{task.name}{ENDINGS[kind]}").unlink(missing_ok=True)
+    write_all({str(folder / names[kind]): content for kind, content in result.files.items()})
+    entry = {**result.entry, "files": {kind: str(Path(task.place, name)) for kind, name in names.items()}}
+    record = {
+        "obsdesign": FORMAT,
+        "tool": tool(),
+        "options": options.of(entry["status"]),
+        "hashes": {kind: digest_of(content) for kind, content in result.files.items()},
+        "entry": entry,
+    }
+    write_all({str(folder / f"{task.name}{RECORD}"): to_bytes(record)})
+    return entry
+
+
+def kept(result: Result, task: Task, options: Options, out: Path) -> Entry:
+    """Entry of a result that is written; where it cannot be, it says so, and there is no record."""
+    try:
+        return keep(result, task, options, out)
+    except UsageError as error:
+        problems = [written(replace(one, file=one.file or task.path)) for one in error.problems]
+        return {**entry_of(task, "invalid", error.exit_code), "problems": problems}
+
+
+def to_bytes(value: Any) -> bytes:
+    """JSON of one line."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).encode(errors="backslashreplace") + b"\n"
+
+
+KEYS = entry_of(Task(""), "skipped", None).keys()
+PARTS = {"tool", "options", "hashes", "entry"}
+
+
+def read(out: Path, task: Task) -> dict[str, Any] | None:
+    """Record of a spec; None where there is none that can be read."""
+    try:
+        record = json.loads((out / task.place / f"{task.name}{RECORD}").read_bytes())
+    except (OSError, ValueError):
+        return None
+    whole = isinstance(record, dict) and record.get("obsdesign") == FORMAT and record.keys() >= PARTS
+    return record if whole and isinstance(record["entry"], dict) and record["entry"].keys() >= KEYS else None
+
+
+def reason(record: Mapping[str, Any] | None, task: Task, options: Options, out: Path) -> str | None:
+    """Why a spec is to be run; None where its record is up to date."""
+    return "never run" if record is None else next(reasons(record, task, options, out), None)
+
+
+def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) -> Iterator[str]:
+    """What speaks against a record, the plainest first."""
+    entry = record["entry"]
+    if (title := titled(entry["path"], entry["set"])) != printable(task.title):
+        yield f"these are the results of {title}"
+    if entry["sha256"] != sha256(task):
+        yield "the spec changed"
+    if entry["status"] == "crashed":
+        yield "it crashed"
+    if changed := differing(record["tool"], tool()):
+        yield f"{changed} of the tool changed"
+    if changed := differing(record["options"], options.of(entry["status"])):
+        yield f"{changed} changed"
+    for kind, name in entry["files"].items():
+        try:
+            if digest_of((out / name).read_bytes()) != record["hashes"][kind]:
+                yield f"{name} was changed"
+        except OSError:
+            yield f"{name} is missing"
+
+
+def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Keys whose values differ."""
+    return ", ".join(key for key in {**before, **now} if before.get(key) != now.get(key))
+
+
+def sha256(task: Task) -> str | None:
+    """Hash of a spec; None where it cannot be read."""
+    try:
+        return digest_of(content_of(task.path, MOST) if task.text is None else task.text.encode())
+    except UsageError:
+        return None
+
+
+def failure(error: ObsdesignError) -> str:
+    """Status of a spec that ended with an error."""
+    return {2: "invalid", 3: "infeasible", 4: "uncertified"}.get(error.exit_code, "crashed")

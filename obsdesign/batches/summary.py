@@ -1,0 +1,133 @@
+"""Summary of a batch: one entry a spec, how many ended how, and the exit code of all."""
+
+import datetime
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import IO, Any
+
+from obsdesign.batches.record import FORMAT, STATUSES, Entry
+from obsdesign.disk import STAGED, content_of, umask
+from obsdesign.errors import EXIT, Problem, UsageError
+
+NAME = "summary.json"
+WORST = (1, 2, 4, 3)  # exit codes, the worst first
+LARGEST = 2**30  # bytes that are read
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What `summary.json` says; its entries are read from it one by one."""
+
+    path: str
+    exit_code: int
+    counts: Mapping[str, int]
+    time_s: float
+
+    @property
+    def specs(self) -> Iterator[Entry]:
+        """Entry of every spec, sorted by path; of a file that `write` wrote."""
+        with Path(self.path).open(encoding="utf-8") as lines:
+            yield from (json.loads(line.strip().rstrip(",")) for line in lines if line.startswith('    {"path": '))
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """All of it."""
+        return opened(self.path)
+
+    def __str__(self) -> str:
+        from obsdesign.batches.table import rows
+
+        return "\n".join(rows(self))
+
+
+class Tally:
+    """Counts and exit code of entries, as they come."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.codes: set[int] = set()
+
+    def add(self, entry: Mapping[str, Any]) -> None:
+        """Count one entry."""
+        self.counts.update(("total", entry["status"], *["as_expected"] * bool(entry["as_expected"])))
+        if entry["as_expected"] is False:
+            self.codes.add(own_code(entry))
+
+    @property
+    def exit_code(self) -> int:
+        """0 where all are as expected, else the worst of the others."""
+        return next((code for code in WORST if code in self.codes), 0)
+
+    def written(self) -> dict[str, int]:
+        """Entry `counts`."""
+        return {name: self.counts[name] for name in ("total", "as_expected", *STATUSES)}
+
+
+def own_code(entry: Mapping[str, Any]) -> int:
+    """Exit code that a spec which is not as expected counts with: its own, 4 where its own would be right."""
+    wanted = next((one["expected"] for one in entry["expected"] if one["key"] == "status"), "certified")
+    return 4 if entry["exit_code"] in (0, EXIT.get(wanted)) else int(entry["exit_code"])
+
+
+def write(out: Path, tally: Tally, head: Mapping[str, Any], entries: Iterable[Entry], exit_code: int) -> Summary:
+    """Write `summary.json` entry by entry, whole or not at all. Raises `UsageError`: it cannot be written."""
+    created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    told = {"created": created, "time_s": head["time_s"], "exit_code": exit_code, "counts": tally.written()}
+    whole = {"obsdesign": FORMAT, "tool": head["tool"], "options": head["options"], **told}
+    path = out / NAME
+    with whole_or_not(path) as file:
+        file.write("{\n")
+        for key, value in whole.items():
+            file.write(f'  "{key}": {text(value)},\n')
+        file.write('  "specs": [')
+        for i, entry in enumerate(entries):
+            file.write(f"{',' if i else ''}\n    {text(entry)}")
+        file.write("\n  ]\n}\n")
+    return Summary(str(path), exit_code, told["counts"], head["time_s"])
+
+
+@contextmanager
+def whole_or_not(path: Path) -> Iterator[IO[str]]:
+    """Text file that takes its name once it is complete. Raises `UsageError`: it cannot be written."""
+    try:
+        with NamedTemporaryFile(
+            "w", dir=path.parent, prefix=STAGED, delete=False, encoding="utf-8", errors="backslashreplace"
+        ) as file:
+            temporary = Path(file.name)
+            try:
+                yield file
+                file.flush()
+                temporary.chmod(0o666 & ~umask())
+                temporary.replace(path)
+            finally:
+                temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", str(path), id="OBS902")) from None
+
+
+def text(value: Any) -> str:
+    """JSON of one line."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def opened(source: str) -> dict[str, Any]:
+    """Content of a summary, given by its path or its folder.
+
+    Raises `UsageError`: there is none, or it is no summary of this format.
+    """
+    path = str(Path(source, NAME)) if Path(source).is_dir() else source
+    try:
+        content: dict[str, Any] = json.loads(content_of(path, LARGEST))
+    except (ValueError, RecursionError) as error:
+        raise UsageError(Problem(f"not JSON: {error}", path, id="OBS911")) from None
+    entries = content.get("specs") if isinstance(content, dict) else None
+    whole = isinstance(entries, list) and all(isinstance(entry, dict) and "path" in entry for entry in entries)
+    if not whole or content.get("obsdesign") != FORMAT or not content.keys() >= {"tool", "options"}:
+        said = "is no summary of a batch; `obsdesign batch` writes one, summary.json"
+        raise UsageError(Problem(said, path, id="OBS911"))
+    return content

@@ -1,0 +1,70 @@
+"""A batch in lines: none begins with what a spec or its path says, nor holds what a terminal would obey."""
+
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+from obsdesign.batches.find import titled
+from obsdesign.batches.record import STATUSES, Entry
+from obsdesign.errors import NOT_ONE_LINE
+
+if TYPE_CHECKING:
+    from obsdesign.batches.summary import Summary
+
+MARKS = {True: "ok  ", False: "FAIL", None: "-   "}
+COLUMN = max(map(len, STATUSES))
+NUMBERS = 3  # of a guarantee, its first
+LONGEST = 60  # characters of a path to which the others are aligned
+
+
+def shown(text: str) -> str:
+    """Text for one line of a terminal or of a log: what would be obeyed there is written out."""
+    plain = NOT_ONE_LINE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return plain.replace("##[", "#\\u0023[")
+
+
+def line(entry: Entry, width: int = 0) -> str:
+    """One spec: whether it is as expected, its status, its path, what is guaranteed, s it took."""
+    told = ", ".join(f"{name} {value:.6g}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
+    path = title(entry)
+    time = "up to date" if entry["up_to_date"] else f"{entry['time_s']:.1f} s" if entry["time_s"] else ""
+    parts = (MARKS[entry["as_expected"]], f"{entry['status']:{COLUMN}}", f"{path:{width}}", f"{time:>10}", told)
+    return "  ".join(parts).rstrip()
+
+
+def title(entry: Entry) -> str:
+    """Path of a spec and its changes."""
+    return shown(titled(entry["path"], entry["set"]))
+
+
+def complaints(entry: Entry) -> Iterator[str]:
+    """What is wrong with a spec that is not as expected, a line each."""
+    for problem in entry["problems"] if entry["as_expected"] is False else ():
+        yield f"{entry['status']}: {shown(sentence(problem) + changed(entry))}"
+
+
+def changed(entry: Entry) -> str:
+    """What was changed in a spec, behind a sentence on it."""
+    return f" (--set {' --set '.join(entry['set'])})" if entry["set"] else ""
+
+
+def sentence(problem: Mapping[str, Any]) -> str:
+    """Problem as any command prints it."""
+    place = ":".join(str(problem[key]) for key in ("file", "line", "column") if key in problem)
+    said = ": ".join(part for part in (place, problem.get("key"), problem["message"]) if part)
+    return f"{said} [{problem['id']}]"
+
+
+def rows(summary: "Summary") -> Iterator[str]:
+    """Table of a batch, and a last line on all of it."""
+    width = min(max((len(title(entry)) for entry in summary.specs), default=0), LONGEST)
+    done = 0
+    for entry in summary.specs:
+        done += bool(entry["up_to_date"])
+        yield line(entry, width)
+    counts = summary.counts
+    kinds = ", ".join(f"{counts[status]} {status}" for status in STATUSES if counts[status])
+    fine, asked = counts["as_expected"], counts["total"] - counts["skipped"]
+    said = "all as expected" if fine == asked else f"{asked - fine} not as expected"
+    again = f", {done} up to date" if done else ""
+    yield f"specs {counts['total']}: {kinds or 'none'}; {said}{again}; {summary.time_s:.1f} s; {shown(summary.path)}"

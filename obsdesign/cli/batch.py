@@ -1,0 +1,100 @@
+"""`obsdesign batch`: folders of specs."""
+
+import os
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from obsdesign.cli.follow import followed
+from obsdesign.cli.program import AsJson, Quiet, Solver
+from obsdesign.errors import UsageError
+
+if TYPE_CHECKING:
+    from obsdesign.batches import Summary
+
+
+class Format(StrEnum):
+    """What other programs read."""
+
+    JUNIT = "junit"
+    GITHUB = "github"
+    SARIF = "sarif"
+    JSON = "json"
+
+
+def batch(
+    paths: Annotated[list[str], typer.Argument(metavar="PATH..", help="Specs, folders of specs, globs.")],
+    changes: Annotated[
+        list[str],
+        typer.Option("--set", metavar="KEY=VALUE,..", help="Another value of a key; of several each combination."),
+    ] = [],  # noqa: B006
+    out: Annotated[str, typer.Option("--out", help="Folder of all results.")] = "results",
+    jobs: Annotated[int, typer.Option(min=0, max=4096, help="Processes; 0: one a core.")] = 0,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Simulate too: CSV and PNG beside the gains.")] = False,
+    exclude: Annotated[list[str], typer.Option(metavar="GLOB", help="Paths, folders or names to leave out.")] = [],  # noqa: B006
+    force: Annotated[bool, typer.Option("--force", help="Redo what is up to date.")] = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="End with the first not as expected.")] = False,
+    shard: Annotated[str, typer.Option(metavar="I/N", help="Every N-th spec, from the I-th.")] = "",
+    changed_since: Annotated[str, typer.Option(metavar="DIR|summary.json", help="Skip what is the same there.")] = "",
+    memory: Annotated[float, typer.Option(min=0, max=1e9, help="MiB a spec; 0: no limit.")] = 0,
+    merge: Annotated[bool, typer.Option("--merge", help="Make one of the results of shards, the PATHs.")] = False,
+    form: Annotated[Format | None, typer.Option("--format", help="Print this in place of the table.")] = None,
+    output_file: Annotated[str, typer.Option(help="Write what --format asks for to a file.")] = "",
+    solver: Solver = "clarabel",
+    scheduler: Annotated[str, typer.Option(metavar="tcp://HOST:8786", help="Run on this Dask cluster.")] = "",
+    timeout: Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds a spec.")] = 600,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Say why each is run.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
+    from obsdesign import batches
+    from obsdesign.disk import require_writable
+
+    if output_file and not form:
+        raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
+    if output_file:
+        require_writable(output_file)
+    if merge:
+        summary = batches.merge(paths, batches.prepared(out))
+    else:
+        with followed(quiet, verbose) as follower:
+            summary = batches.batch(
+                paths,
+                changes=changes,
+                out=out,
+                jobs=jobs or None,
+                simulate=simulate,
+                exclude=exclude,
+                force=force,
+                fail_fast=fail_fast,
+                shard=shard or None,
+                changed_since=changed_since or None,
+                timeout=timeout,
+                memory=memory or None,
+                solver=solver,
+                scheduler=scheduler or None,
+                follower=follower,
+            )
+    told(summary, "json" if as_json and not form else form, output_file, quiet)
+    raise typer.Exit(summary.exit_code)
+
+
+def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) -> None:
+    """Print a summary, or write it, in the form that is asked for; where GitHub runs this, also as its annotations."""
+    from obsdesign.batches.formats import FORMATS, github
+    from obsdesign.batches.table import rows
+    from obsdesign.disk import write_whole
+
+    if os.environ.get("GITHUB_ACTIONS") == "true" and form != "github":
+        for line in github(summary):
+            typer.echo(line, nl=False, err=True)
+    if form and output_file:
+        write_whole(output_file, "".join(FORMATS[form](summary)).encode())
+    elif form:
+        for line in FORMATS[form](summary):
+            typer.echo(line, nl=False)
+    if (output_file or not form) and not quiet:
+        for row in rows(summary):
+            typer.echo(row)
