@@ -15,7 +15,7 @@ from flint import fmpq
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.algebraic.cascade import Cascade, Error
-from obsdesign.families.algebraic.estimator import Estimation, estimation, exponential
+from obsdesign.families.algebraic.estimator import Estimation, assumed, estimation, excited, exponential, needed
 from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Transformed
 from obsdesign.families.algebraic.high_gain import sensitivity
 from obsdesign.families.algebraic.identity import Answer, Identity, Negative, Undecided
@@ -62,7 +62,8 @@ class Moves:
     says: list[str]
     rates: dict[str, str]  # statement that gives the rate of a coordinate, by name
     open: list[str]  # couplings that are not proved to be bounded
-    runs: str = ""  # what depends on a run
+    runs: tuple[str, ...] = ()  # what depends on a run
+    need: str = ""  # what the estimates of constants need to converge
 
 
 def scheme(plant: Plant, form: Transformed) -> Scheme:
@@ -79,11 +80,12 @@ def scheme(plant: Plant, form: Transformed) -> Scheme:
     given = tuple(one for one in statements if isinstance(one, Identity))
     moves = proportionally(plant, form, theta, given) if by_output else regressively(plant, form, parameters)
     statements += moves.statements
+    excitation = replace(excitation, need=moves.need) if excitation else None
     right = "the coordinates, theta included, are phi(x)" if theta else "the coordinates are phi(x)"
     exact = [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
     unbounded = [UNBOUNDED] if form.left_inverse else []
     says, rates = [*moves.says, *exact], moves.rates
-    depends = [*([moves.runs] if moves.runs else []), *unbounded, *moves.open]
+    depends = [*moves.runs, *unbounded, *moves.open]
     if form.recast:
         conditions = [*still(plant, observer, theta), *same(plant, form, observer, theta)]
         holds = all(one.decided(plant.region).answer is Answer.PROVED for one in conditions)
@@ -122,17 +124,6 @@ def regressed(estimator: Estimator) -> str:
     exact = "exactly" if estimator.consistent else f"up to an error that decays as exp(-{estimator.alpha}*t)"
     regression = f"d(output)/dt = known + m {value} for every theta"
     return f"{regression}, so that Y = psi {value} holds of the filtered signals {exact}"
-
-
-def excited(estimator: Estimator, count: int) -> str:
-    """What an estimator of so many constants needs of a run for them to converge."""
-    if estimator.method == "drem":
-        need = "int Delta^2 dt must grow without end"
-    elif count == 1:
-        need = "int psi^2 dt must grow without end, for an exponential rate by c > 0 over every window of one length"
-    else:
-        need = "it suffices that the least eigenvalue of int psi psi' dt over every window of one length exceeds c > 0"
-    return f"which takes excitation: {need} (`simulate` reports it of a run)"
 
 
 def decays(c: Coordinate) -> str:
@@ -270,10 +261,11 @@ def regressively(plant: Plant, form: Transformed, parameters: Sequence[str]) -> 
     found = regressions(plant, form.estimator, form.coordinates)
     before = set().union(*(held(form, each) for each in form.estimator.regressions))
     says.append(regressed(form.estimator) + once(before, bool(path)))
-    need = excited(form.estimator, len(parameters))
-    converge = f"that the estimates of theta of {', '.join(parameters)} converge, {need}"
+    need = needed(form.estimator, parameters, sorted(before))
+    lowest = assumed(form.estimator, parameters)
+    converge = f"that the estimates of theta of {', '.join(parameters)} converge, {excited(need)}"
     found += [Undecided(circular(path))] if path else []
-    return Moves(found, says, rates, couplings(plant, form), converge)
+    return Moves(found, says, rates, couplings(plant, form), (converge, *lowest), "; ".join([need, *lowest]))
 
 
 def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:

@@ -27,12 +27,16 @@ Statement = Identity | Negative | Nonzero | Undecided
 
 @dataclass(frozen=True)
 class Excitation:
-    """Regressors psi, a row of names for each regression, the determinant Delta of DREM, and guarded states."""
+    """Regressors psi, a row of names for each regression, the determinant Delta of DREM, and guarded states.
+
+    `need`: what the estimates need to converge, in words.
+    """
 
     regressors: tuple[Mapping[str, str], ...]  # names of psi by coordinate
     names: tuple[str, ...]  # coordinates whose constants are estimated
     determinant: Expression | None
     guarded: tuple[str, ...]
+    need: str = ""
 
 
 @dataclass(frozen=True)
