@@ -259,8 +259,9 @@ class Spec(metaclass=Called):
     def idle(self) -> list[str]:
         """Nonlinearities and disturbances that act on nothing, in sentences."""
         column, found = 0, []
+        used = {name for _, side in self.typed.equations.sides() for name in side.names} if self.typed else set()
         for name, *columns in zip(self.plant.exogenous, self.plant.B.T, self.plant.D.T, self.plant.Dq.T, strict=True):
-            if not any(part.any() for part in columns):
+            if name not in used and not any(part.any() for part in columns):
                 found.append(f"the disturbance {name} acts on nothing: it enters neither the dynamics nor an output")
         plant = self.augmented
         for i, block in enumerate(self.nonlinearities):

@@ -142,7 +142,7 @@ def test_an_observer_that_is_recast_is_the_same(name):
 def test_what_depends_on_a_run_is_told_of_it():
     summary = solved("exponential-drift")[1].simulate().summary
     assert summary["excitation"]["least_eigenvalue"] > 10 * summary["excitation"]["least_eigenvalue_of_a_window"] > 0
-    assert summary["guard"] == {"theta_xi2": {"activations": 0, "share": 0.0}}
+    assert summary["guard"] == {"theta_xi2": {"activations": 0, "share": 0.0, "at_end": False}}
 
 
 def test_coordinates_and_constants_begin_where_a_simulation_says():
@@ -631,7 +631,7 @@ observer:
     assert design.status == "certified"
     assert len(design.result["guarantee"]["rates"]) == 1
     assert (
-        "where those before it are 0 (otherwise they act as a disturbance)" in design.result["guarantee"]["statement"]
+        "where (c + 0.001*y) - (a) is 0 (otherwise it acts as a disturbance)" in design.result["guarantee"]["statement"]
     )
 
 
@@ -702,9 +702,86 @@ def test_functions_of_many_operations_are_neither_written_out_nor_searched_witho
     started = process_time()
     outcome = run("solve", "cart.yaml")
     assert outcome.exit_code == 4
-    assert process_time() - started < 30
+    assert process_time() - started < 10
     assert "claimed     what follows of these gains is their claim only: it is not proved" in outcome.stdout
     failing = [line for line in outcome.stdout.splitlines() if line.startswith(("NOT PROVED", "note"))]
-    assert len(failing) == 10
+    assert len(failing) == 4
     assert max(map(len, failing)) < 450
-    assert failing[2].endswith(" .. > 0")
+    assert all("error: ε_hat_" in line for line in failing)
+    minors = [
+        c for c in json.loads(Path("cart.gains.json").read_text())["certificate"]["checks"] if " > 0" in c["name"]
+    ]
+    assert [c["holds"] for c in minors if c["name"].endswith(" .. > 0")] == [True, True, True]
+
+
+COUPLED = """\
+obsdesign: 1
+system:
+  inputs: [u, v]
+  dynamics:
+    x1: u*x2 - x1
+    x2: v*x3 + u*x6 - x2
+    x3: u*x4 - v*x3 + sin(u)*x1
+    x4: v*x5 - x4 + cos(v)*x2
+    x5: u*v*x6 - x5*u**2
+    x6: -x6 + exp(v)*x1
+  outputs: {y: x1}
+  domain: {u: [0.1, 0.2], v: [0.1, 0.2]}
+observer: {type: high-gain, injection: {x1: {y: %s}, x2: {y: 3*v}, x3: {y: u*v}, x4: {y: 1/u}, x5: {y: u + v}}}
+"""
+
+
+@pytest.mark.parametrize(("gain", "code"), [("5*u", 4), ("-50*u", 3)])
+def test_minors_of_many_operations_are_left_open_unless_a_small_one_decides(gain, code):
+    Path("coupled.yaml").write_text(COUPLED % gain)
+    started = process_time()
+    outcome = run("solve", "coupled.yaml")
+    assert outcome.exit_code == code
+    assert process_time() - started < 10
+    said = "neither proved nor refuted: the error of hat_x1, hat_x2, hat_x3, hat_x4, hat_x5, hat_x6 is stable: leading"
+    assert (f"{said} minor 4 of its matrix of Hurwitz > 0, too large to be decided" in outcome.stdout) == (code == 4)
+
+
+def test_entries_of_a_matrix_that_are_all_different_are_not_multiplied_out():
+    names = [f"x{i}" for i in range(6)]
+    inputs = [f"u{i}{j}" for i in range(6) for j in range(6)]
+    sides = {
+        x: " + ".join(f"u{i}{j}/(2 + sin(u{j}{i}))*{other}" for j, other in enumerate(names))
+        for i, x in enumerate(names)
+    }
+    domain = {u: [0, 1] for u in inputs}
+    system = {"inputs": inputs, "dynamics": sides, "outputs": {"y": "x0"}, "domain": domain}
+    spec = {"obsdesign": 1, "system": system, "observer": {"type": "high-gain", "injection": {"x0": {"y": 5}}}}
+    Path("dense.yaml").write_text(json.dumps(spec))
+    started = process_time()
+    outcome = run("solve", "dense.yaml")
+    assert outcome.exit_code == 4
+    assert process_time() - started < 10
+    assert "minor 1 of its matrix of Hurwitz > 0, too large to be decided" in outcome.stdout
+
+
+DISTURBED = """\
+obsdesign: 1
+system: {disturbances: [w1], dynamics: {x1: -x1 + x2, x2: -2*x2 - x1%s}, outputs: {y: x1%s}}
+disturbance: integrator
+observer: {type: kkl, coordinates: [{name: a, phi: x2, lambda: -2, B: -y}], left_inverse: {x2: a}}
+"""
+
+
+@pytest.mark.parametrize(("acts", "idle"), [((" + w1*x2", ""), False), (("", " + w1*x2"), False), (("", ""), True)])
+def test_a_disturbance_acts_on_nothing_where_no_equation_holds_it(acts, idle):
+    Path("driven.yaml").write_text(DISTURBED % acts)
+    for command in ("check", "solve"):
+        outcome = run(command, "driven.yaml")
+        assert outcome.exit_code == 0
+        assert ("the disturbance w1 acts on nothing" in outcome.stdout) == idle
+
+
+@pytest.mark.parametrize("time", ["time: discrete, period: 1", "discretise: {period: 0.1, method: hold}"])
+def test_of_a_plant_in_discrete_time_no_nonlinearity_is_missing(time):
+    text = PLANT.replace("system:\n", f"system:\n  {time.replace(', period', chr(10) + '  period')}\n")
+    Path("discrete.yaml").write_text(text % f"{{type: kkl, coordinates: [{ONE % 0}], left_inverse: {{x2: xi}}}}")
+    outcome = run("check", "discrete.yaml")
+    assert outcome.exit_code == 2
+    assert "belongs to discrete time" in outcome.stderr
+    assert "nonlinearities" not in outcome.stderr

@@ -123,7 +123,7 @@ def test_verify_says_what_of_a_file_it_does_not_prove():
 @pytest.mark.parametrize("path", ["guarantee.comparison", "guarantee.limit", "observer.poles", "analysis", "notes"])
 def test_what_is_not_proved_must_be_named(path):
     _, content = solved(COMPARED)
-    content["notes"] = [*content.get("notes", []), "gamma = 1e-9 is certified"]
+    content["notes"] = [*content.get("notes", []), "gamma = 1e-9 was reached"]
     content["numerical"] = sorted({*content["numerical"], "notes"} - {path})
     outcome = verified(content)
     assert outcome.exit_code == 2

@@ -373,7 +373,7 @@ def test_where_the_theorem_does_not_apply_gamma_is_certified_all_the_same(spec, 
     assert made.status == "certified"
     assert made.claim.reconstruction is None
     assert made.claim.certificate.guarantee.reconstruction is None
-    (note,) = (note for note in made.notes if "nothing is proved of |what - w|" in note)
+    (note,) = (note for note in made.notes if "nothing is said of |what - w|" in note)
     assert reason in note
 
 

@@ -5,6 +5,7 @@ what was computed in doubles. The first must be what is written of the claim whe
 what is cheap to compute again must agree, a limit must not be worse than what is proved, and its path must be listed.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -25,6 +26,8 @@ HELD = ("observer", "guarantee", "certificate")  # parts that are held against w
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
+REASON = ("id", "condition", "reason")  # what every diagnosis has
+CLAIMING = re.compile(r"\b(certif|prov(e|ing)|proof|guarant|bound)\w*", re.IGNORECASE)  # what only a claim may speak of
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -65,23 +68,47 @@ def require_types(file: ResultFile, spec: Spec) -> None:
         raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec", id="OBS705")
 
 
+def require_notes(file: ResultFile, spec: Spec) -> None:
+    """Refuse notes that leave out what is known of the spec, or that speak of a proof and are not made of the spec.
+
+    Notes on a search, which is not repeated, are listed as numerical.
+    """
+    notes, own = file.content.get("notes", []), [*spec.notes, *spec.idle]
+    if missing := next((note for note in own if note not in notes), None):
+        raise file.wrong("notes", f"leaves out what is known of the spec: {missing}", id="OBS705")
+    for i, note in enumerate(notes):
+        if note not in own and (word := CLAIMING.search(note)):
+            said = f"speaks of what is proved ({word[0]}), which a note on a search does not; see guarantee.statement"
+            raise file.wrong(f"notes[{i}]", said, id="OBS705")
+
+
 def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> None:
     """Refuse a file that says more or other than is proved of it, or does not name what is not.
 
     `anew`: the parts of a result file as they are written of the claim that was proved. Raises `UsageError`.
     """
+    require_notes(file, spec)
     for part in (part for part in (*HELD, "diagnosis") if part in file.content):
         for key, found in file.table(part).items():
             if part in HELD:
                 require_entry(file, anew.get(part, {}), part, key, found)
-    for key in (key for key in anew.get("guarantee", {}) if key not in LIMITS):
-        file.at("guarantee", key)
+    for part in HELD:
+        for key in (key for key in anew.get(part, {}) if key not in LIMITS):
+            require_whole(file, anew[part][key], (part, key))
     for name in ("limit", "limit_bounded"):
         require_limit(file, name)
     listed = file.content.get("numerical", [])
     for path in numerical(file.content, spec):
         if not isinstance(listed, list) or path not in listed:
             raise file.wrong("numerical", f"does not name {path}, which is not proved", id="OBS705")
+
+
+def require_whole(file: ResultFile, anew: Any, path: tuple[str, ...]) -> None:
+    """Refuse a part that leaves out what is written of the claim, by its name; margins are computed in doubles."""
+    found = file.at(*path)
+    if isinstance(anew, Mapping) and isinstance(found, dict):
+        for key in anew:
+            require_whole(file, anew[key], (*path, key))
 
 
 def require_entry(file: ResultFile, anew: Mapping[str, Any], part: str, key: str, found: Any) -> None:
@@ -120,11 +147,9 @@ def double(found: fmpq, anew: fmpq) -> bool:
 
 
 def agree(file: ResultFile, found: Any, anew: Any, same: Same) -> bool:
-    """Whether an entry as it was read, with its numbers as texts, says what is written anew, or less."""
+    """Whether an entry as it was read, with its numbers as texts, says what is written anew."""
     if isinstance(anew, Mapping):
-        known = isinstance(found, dict) and found.keys() <= anew.keys()
-        if known and "holds" in anew:  # a condition
-            known = {*found, "margin"} == {*anew, "margin"}
+        known = isinstance(found, dict) and {*found, "margin"} == {*anew, "margin"}  # of a condition, in doubles
         return known and all(key == "margin" or agree(file, found[key], anew[key], same) for key in found)
     if isinstance(anew, list):
         fits = isinstance(found, list) and len(found) == len(anew)
@@ -162,6 +187,8 @@ def require_dual(file: ResultFile, proof: Proof) -> None:
     """Refuse a certificate that there is no solution which says more than was checked of it."""
     root = ("diagnosis", "certificate")
     checks = [{"name": check.name, "holds": check.holds} for check in proof.checks]
+    for path in (*(("diagnosis", key) for key in REASON), *((*root, key) for key in proof.used)):
+        file.at(*path)
     for key, value in file.table(*root).items():
         if key not in proof.used if key != "checks" else not agree(file, value, checks, double):
             raise file.wrong(f"diagnosis.certificate.{key}", "is nothing that is proved anew", id="OBS705")

@@ -50,8 +50,9 @@ def in_equations(reader: Reader, found: Reading) -> Reading:
     """A plant in matrices as equations, with the arguments of its nonlinearities put in."""
     plant, names = found.plant, found.layout.names
     functions = [(block.f, block.nq) for block in found.nonlinearities if block is not None and block.f is not None]
+    missing = any(block is not None and block.f is None for block in found.nonlinearities)
     if plant is None or names is None or len(functions) < len(found.nonlinearities):
-        if reader.clean(("nonlinearities",)):
+        if missing and reader.clean(("nonlinearities",)):
             reader.wrong(("nonlinearities",), "need an f each: this observer takes the plant as equations", id="OBS402")
         return Reading(found.layout)
     made = from_matrices(plant, functions, (found.gx, found.gq, found.gy), names.inputs)

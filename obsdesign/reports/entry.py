@@ -25,6 +25,15 @@ SAMPLES = ".run.csv"  # ends the name of a run beside its gains file
 TONES = {"certified": "good", "infeasible": "plain", "refuted": "plain"}  # others are a warning
 RATES = ("alpha", "decay")
 LARGER = {*(key for key, sense in BETTER.items() if sense > 0), "T2_max"}.difference(RATES)
+COMPUTED = (
+    "numerical",
+    "figures",
+    "points",
+    "diagnosis",
+    "checks",
+    "origin",
+    "numbers",
+)  # as they are shown
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
 
@@ -82,7 +91,7 @@ class Entry:
             design = design_of(file, spec)
             certified = status == Verdict.CERTIFIED
             proof = design.proof if certified else proof_of(file, spec) if status == Verdict.REFUTED else None
-        return cls(anchor, file, design, proof, trial_of(design, file.path, samples))
+        return readable(cls(anchor, file, design, proof, trial_of(design, file.path, samples)))
 
     @property
     def broken(self) -> str:
@@ -178,8 +187,8 @@ class Entry:
         made, claimed = self.content.get("observer", {}), self.content.get("guarantee", {})
         figures = FAMILIES[self.family].figures(made) if made and self.gains else []
         own = [row for row in figures if row[0] not in self.design.gains]
-        computed = self.content.get("analysis", {})
-        return [*limits(claimed), *background(claimed), *own, *(analysis(computed) if computed else [])]
+        computed = self.design.analysis if self.gains else {}  # anew: nothing of it has to stand in a file
+        return [*limits(claimed), *background(claimed), *own, *analysis(computed)]
 
     @property
     def equations(self) -> Rows:
@@ -249,6 +258,17 @@ class Entry:
             ("created", self.content.get("created")),
         ]
         return [(name, str(value)) for name, value in rows if value is not None]
+
+
+def readable(entry: Entry) -> Entry:
+    """Entry whose parts that are not proved have the form that they are shown in; raises `UsageError`: one has not."""
+    for name in COMPUTED:
+        try:
+            getattr(entry, name)
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            said = f"its {name}, of which nothing is proved, cannot be read; expected what `solve` writes"
+            raise entry.file.wrong("", said, id="OBS702") from None
+    return entry
 
 
 def conditions(certificate: Any) -> Iterator[Mapping[str, Any]]:

@@ -92,7 +92,7 @@ def compared(row: Mapping[str, Any]) -> str:
     if "certified" in row:
         parts.append(f"certified {certified(row['certified'])}")
     if row.get("status") in ("refused", "undecided"):
-        parts.append(f"{row['status']}, see the note")
+        parts.append(f"{row['status']}: {row.get('reason', 'it is not known why')}")
     elif "reason" in row:
         parts.append(row["reason"])
     return "   ".join(parts)

@@ -36,6 +36,8 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
             rows += [("settling", f"{name}: {settling_text(times)}") for name, times in value.items()]
         elif key == "bounds_omitted" and value is not None:
             rows.append(("left out", value))
+        elif key == "guard":
+            rows += [(key, guarded(name, acts)) for name, acts in value.items()]
         elif key == "reconstruction":
             rows.append((key, reconstructed(value)))
         elif key == "validity":
@@ -67,6 +69,15 @@ def reconstructed(found: Mapping[str, Any]) -> str:
         known = {"w_sup": "sup|w|", "w_rate_sup": "sup|w'|", "x_rate_sup": "sup|x'|"}
         parts.append(", ".join(f"{name} {plain(found[key])}" for key, name in known.items()))
     return "; ".join([*parts, *([found["note"]] if "note" in found else [])])
+
+
+def guarded(name: str, acts: Mapping[str, Any]) -> str:
+    """How often an estimate was kept from its end, and whether it still is."""
+    count = acts["activations"]
+    if not count:
+        return f"{name}: never acts"
+    times = f"acts {count} time{'s' * (count > 1)}, for {acts['share']:.2%} of the run"
+    return f"{name}: {times}{', at its end too: the estimate is not to be believed there' * acts['at_end']}"
 
 
 def entries(values: Mapping[str, Any]) -> str:

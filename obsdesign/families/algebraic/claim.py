@@ -123,6 +123,8 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     claim = Claim.of(spec, read_form(spec, file))
     if claim.refuted:
         return claim
+    if not isinstance(request_of(spec).form, Sought):
+        require_no_search(spec, file)
     claim = replace(claim, stated=read_rates(file, claim.rates))
     said = claim.written(spec, {})["guarantee"]
     found = file.table("guarantee")
@@ -130,6 +132,13 @@ def read(spec: Spec, file: ResultFile) -> Claim:
         if as_text(found.get(name)) != as_text(said[name]):
             raise file.wrong(f"guarantee.{name}", "does not say what the statements of the observer say", id="OBS705")
     return claim
+
+
+def require_no_search(spec: Spec, file: ResultFile) -> None:
+    """Refuse notes on a search where there was none: all that is noted then is known of the spec."""
+    for i, note in enumerate(file.content.get("notes", [])):
+        if note not in (*spec.notes, *spec.idle):
+            raise file.wrong(f"notes[{i}]", "is no note that is made of this spec and its observer", id="OBS705")
 
 
 def read_rates(file: ResultFile, proved: Mapping[str, float]) -> dict[str, float]:
@@ -159,6 +168,7 @@ def refutation(spec: Spec, file: ResultFile) -> Proof:
     if not refuted:
         said = "refuted: every statement of the observer that could be decided is true"
         raise file.wrong("status", said, id="OBS705")
+    require_no_search(spec, file)
     outcome = Outcome(Status.REFUTED, claim=claim, form=claim.form)
     observer = {"type": spec.observer.type, **written(spec, outcome)}
     require_agreement(file, {"observer": observer, **claim.written(spec, {})}, spec)

@@ -7,23 +7,23 @@ Where lambda < 0 the error xi - phi(x) decays as exp(int lambda). In (41) the pa
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
-from obsdesign.expressions.algebra import simplified
-from obsdesign.families.algebraic.estimator import Estimation, estimation, exponential
-from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Regression, Transformed
-from obsdesign.families.algebraic.identity import Identity, Negative
+from obsdesign.families.algebraic.cascade import Cascade, Error
+from obsdesign.families.algebraic.estimator import Estimation, assumed, estimation, excited, exponential, needed
+from obsdesign.families.algebraic.forms import Coordinate, Estimator, Immersion, Transformed
+from obsdesign.families.algebraic.high_gain import sensitivity
+from obsdesign.families.algebraic.identity import Answer, Identity, Negative, Undecided
 from obsdesign.families.algebraic.immersion import by_default
+from obsdesign.families.algebraic.order import circle, circular, couplings, held, named, once, waits
 from obsdesign.families.algebraic.scheme import (
-    DECAYS,
     INVERTED,
     UNBOUNDED,
-    ZERO,
     Excitation,
     Plant,
     Scheme,
@@ -41,38 +41,69 @@ from obsdesign.families.algebraic.scheme import (
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named
 
+UNUSED = "whether it matters, since xhat does not depend on it"
+DIFFERENT = "whether the observer that is recast converges, for it is not that of the coordinates"
+ANOTHER = "that the errors of the observer that is recast fall: it is another one than that of the coordinates"
+
+
+@dataclass(frozen=True)
+class Recast:
+    """Entry of a result file on an observer that is recast."""
+
+    holds: bool
+    condition: str = "N_zeta M + N_xi B + N_y ydot(xhat, u) = 0 and phi_dot(xhat, u) = lambda xi + B for all arguments"
+
+
+@dataclass(frozen=True)
+class Moves:
+    """What is proved of errors, and what they say."""
+
+    statements: list[Statement]
+    says: list[str]
+    rates: dict[str, str]  # statement that gives the rate of a coordinate, by name
+    open: list[str]  # couplings that are not proved to be bounded
+    runs: tuple[str, ...] = ()  # what depends on a run
+    need: str = ""  # what the estimates of constants need to converge
+
 
 def scheme(plant: Plant, form: Transformed) -> Scheme:
     """What such an observer rests on, and its equations."""
     phi = {one.name: one.phi for one in form.coordinates}
-    statements: list[Statement] = [one for c in form.coordinates for one in coordinate(plant, c, phi)]
+    needed = used(form)
+    unused = {c.name: "" if c.name in needed else UNUSED for c in form.coordinates}
+    statements = [one for c in form.coordinates for one in coordinate(plant, c, phi, unused[c.name])]
     statements += inverses(plant, form.left_inverse, phi)
     parameters = tuple(c.name for c in form.coordinates if c.estimated)
     observer, theta, excitation = equations(plant, form, parameters)
     numbers: dict[str, Any] = {"coordinates": [described(c) for c in form.coordinates]}
-    says = [said(c) + cascade(waits(form, c.B)) for c in form.coordinates]
-    depends = [UNBOUNDED] if form.left_inverse else []
-    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not waits(form, c.B)}
-    if form.estimator and form.estimator.method == "proportional":
-        found, more, moves = attraction(plant, form, theta)
-        before = waits(form, *form.left_inverse.values()) - set(theta)
-        before |= waits(form, *(c.B for c in form.coordinates if c.estimated))
-        alone = not before and len(theta) == 1
-        statements, rates = [*statements, *found], {**rates, **more} if alone else rates
-        says += [move + cascade({*before, *list(theta)[:i]}) for i, move in enumerate(moves)]
-    elif form.estimator:
-        statements += regressions(plant, form.estimator, form.coordinates)
-        before = set().union(*(held(form, each) for each in form.estimator.regressions))
-        says.append(regressed(form.estimator) + cascade(before))
-        need = excited(form.estimator, len(parameters))
-        depends.insert(0, f"that the estimates of theta of {', '.join(parameters)} converge, {need}")
+    by_output = form.estimator is not None and form.estimator.method == "proportional"
+    given = tuple(one for one in statements if isinstance(one, Identity))
+    moves = proportionally(plant, form, theta, given) if by_output else regressively(plant, form, parameters)
+    statements += moves.statements
+    excitation = replace(excitation, need=moves.need) if excitation else None
     right = "the coordinates, theta included, are phi(x)" if theta else "the coordinates are phi(x)"
-    says += [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
+    exact = [f"xhat = x where {right}, {INVERTED}"] if form.left_inverse else []
+    unbounded = [UNBOUNDED] if form.left_inverse else []
+    says, rates = [*moves.says, *exact], moves.rates
+    depends = [*moves.runs, *unbounded, *moves.open]
     if form.recast:
-        statements += still(plant, observer, theta)
+        conditions = [*still(plant, observer, theta), *same(plant, form, observer, theta)]
+        holds = all(one.decided(plant.region).answer is Answer.PROVED for one in conditions)
+        statements += conditions
+        numbers["recast"] = asdict(Recast(holds))
         observer = recast(plant, form, observer, theta)
         says.append("the observer is one of immersion and invariance with beta = xi + theta")
+        if not holds:
+            says, rates, depends = [*exact, says[-1]], {}, [*depends, ANOTHER]
     return Scheme(tuple(statements), observer, numbers, tuple(says), tuple(depends), rates, excitation)
+
+
+def used(form: Transformed) -> set[str]:
+    """Coordinates on which xhat depends, by an estimator or not."""
+    rows = form.estimator.regressions if form.estimator else ()
+    constants = [c.name for c in form.coordinates if c.estimated]
+    shown = (side.names for side in form.left_inverse.values())
+    return waits(form, *set(constants).union(*shown, *(named(row) for row in rows)))
 
 
 def described(c: Coordinate) -> dict[str, Any]:
@@ -95,56 +126,19 @@ def regressed(estimator: Estimator) -> str:
     return f"{regression}, so that Y = psi {value} holds of the filtered signals {exact}"
 
 
-def excited(estimator: Estimator, count: int) -> str:
-    """What an estimator of so many constants needs of a run for them to converge."""
-    if estimator.method == "drem":
-        need = "int Delta^2 dt must grow without end"
-    elif count == 1:
-        need = "int psi^2 dt must grow without end, for an exponential rate by c > 0 over every window of one length"
-    else:
-        need = "it suffices that the least eigenvalue of int psi psi' dt over every window of one length exceeds c > 0"
-    return f"which takes excitation: {need} (`simulate` reports it of a run)"
-
-
-def waits(form: Transformed, *sides: Expression) -> set[str]:
-    """Coordinates whose estimates must be right before what stands in right sides is, those before them included.
-
-    In `B`, `K` and the left inverse the name of a coordinate is its estimate; one with lambda 0 is right once its
-    constant is.
-    """
-    own = {c.name: c for c in form.coordinates}
-    used = {name for side in sides for name in side.names if name in own}
-    return used.union(*(waits(form, own[name].B) for name in used))
-
-
-def held(form: Transformed, regression: Regression) -> set[str]:
-    """Coordinates whose estimates must be right before a regression is; of one with lambda 0, those it waits for."""
-    own = {c.name: c for c in form.coordinates}
-    sides = (regression.known, *regression.m.values())
-    used = {name for side in sides for name in side.names if name in own} | set(regression.m)
-    decaying = {name for name in used if not own[name].estimated}
-    return decaying.union(*(waits(form, own[name].B) for name in used))
-
-
-def cascade(names: Collection[str]) -> str:
-    """Clause on what has to be right before."""
-    right = f", once the estimate of {', '.join(sorted(names))} is right"
-    return f"{right} (an error of it acts as a disturbance)" if names else ""
-
-
 def decays(c: Coordinate) -> str:
     """Name of the statement that a coordinate decays."""
     return f"{c.name}: lambda = {c.rate} < 0"
 
 
-def coordinate(plant: Plant, c: Coordinate, phi: dict[str, Expression]) -> list[Statement]:
-    """The partial differential equation of a coordinate, and the sign of its lambda."""
+def coordinate(plant: Plant, c: Coordinate, phi: Named, leaves: str) -> list[Statement]:
+    """The partial differential equation of a coordinate, and the sign of its lambda; `leaves`: as of an `Identity`."""
     rate, B = plant.on(c.rate), plant.on(c.B, phi)
     residual = less(plant.along(c.phi), multiplied(rate, c.phi), B)
     name = f"{c.name}: d/dt ({c.phi}) = {c.B}" if c.estimated else f"{c.name}: d/dt ({c.phi}) = ({c.rate}) phi + {c.B}"
-    found: list[Statement] = [Identity(name, residual)]
+    found: list[Statement] = [Identity(name, residual, leaves)]
     if not c.estimated:
-        found.append(Negative(decays(c), rate))
+        found.append(Negative(decays(c), rate, leaves=leaves))
     found += smooth(c.name, c.phi)
     return found + [one for side in (c.rate, c.B) for one in values(c.name, side, phi)]
 
@@ -215,31 +209,63 @@ def proportional(plant: Plant, estimator: Estimator, estimates: Named, names: Se
     return {f"zeta_{name}": scaled(fmpq(-1), plant.driven(estimator.K[name], estimates)) for name in names}
 
 
-def attraction(plant: Plant, form: Transformed, theta: Named) -> tuple[list[Statement], dict[str, str], list[str]]:
-    """Statements that d = thetahat - theta of a proportional estimator obeys d' = lambda d with lambda < 0.
+def attraction(plant: Plant, form: Transformed, theta: Named, given: tuple[Identity, ...]) -> Cascade:
+    """How the errors of a proportional estimator move, those of the coordinates too.
 
-    With the names of those that give a rate, and what they say.
+    Of xi + thetahat: d' = lambda d + B(phi + d) - B(phi) + dK/dy (ydot(x) - ydot(xhat)).
     """
     assert form.estimator
-    d = {name: Expression.variable(f"δ_{name}") for name in theta}
-    off = {c.name: added([c.phi, d[c.name]]) if c.name in d else c.phi for c in form.coordinates}
+    phi = {c.name: c.phi for c in form.coordinates}
+    d = {c.name: Expression.variable(f"δ_{c.name}") for c in form.coordinates}
+    off = {name: added([side, d[name]]) for name, side in phi.items()}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     estimates = {**states, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
-    zero = dict.fromkeys((side.text for side in d.values()), ZERO)
-    found: list[Statement] = []
-    named, says = {}, []
-    for i, name in enumerate(theta):
-        K = form.estimator.K[name]
-        moving = plant.on(less(plant.driven(K), plant.driven(K, estimates)))
-        later = moving.substituted({f"δ_{other}": ZERO for other in list(theta)[:i]})
-        rate = simplified(later.derivative(f"δ_{name}").substituted(zero))
-        found += [*smooth(f"K of {name}", K), *plant.differentiable(K)]
-        residual = less(later, multiplied(rate, d[name]))
-        error = Identity(f"estimate of theta of {name}: d' = ({rate}) d", residual, f"whether {DECAYS}")
-        named[f"theta of {name}"] = f"estimate of theta of {name}: {rate} < 0"
-        found += [error, Negative(named[f"theta of {name}"], rate, given=(error,))]
-        says.append(f"the error of the estimate of theta of {name} {decay(rate)}")
-    return found, named, says
+    errors = {}
+    for c in form.coordinates:
+        moving = [multiplied(plant.on(c.rate), d[c.name]), less(plant.on(c.B, off), plant.on(c.B, phi))]
+        what = f"estimate of theta of {c.name}" if c.name in theta else f"error of {c.name}"
+        if c.name in theta:
+            K = form.estimator.K[c.name]
+            moving.append(plant.on(less(plant.driven(K), plant.driven(K, estimates))))
+        name = f"the error of the {what}" if c.name in theta else f"the {what}"
+        errors[d[c.name].text] = Error(name, what, what, added(moving))
+    return Cascade(plant, errors, sensitivity(plant, form.left_inverse, phi), given)
+
+
+def proportionally(plant: Plant, form: Transformed, theta: Named, given: tuple[Identity, ...]) -> Moves:
+    """What is proved of the errors of coordinates and of a proportional estimator; `given`: without it, nothing."""
+    assert form.estimator
+    K = form.estimator.K
+    found = [one for name in theta for one in (*smooth(f"K of {name}", K[name]), *plant.differentiable(K[name]))]
+    says = [said(c) + once(waits(form, *c.B.names)) for c in form.coordinates if c.estimated]
+    rates: dict[str, str] = {}
+    open_: list[str] = []
+    for block in attraction(plant, form, theta, given).blocks():
+        own, before = ([name.removeprefix("δ_") for name in names] for names in (block.own, block.before))
+        single = next((c for c in form.coordinates if own == [c.name] and not c.estimated), None)
+        says.append((said(single) if single else block.said) + once(before))
+        found += () if single else block.statements
+        if len(own) == 1 and not before:
+            rates |= {own[0]: decays(single)} if single else {f"theta of {own[0]}": block.rate}
+        open_ += block.open
+    return Moves(found, says, rates, open_)
+
+
+def regressively(plant: Plant, form: Transformed, parameters: Sequence[str]) -> Moves:
+    """What is proved of the errors of coordinates, and of regressions where there is an estimator."""
+    path = circle(form)
+    says = [said(c) + once(waits(form, *c.B.names), c.name in path) for c in form.coordinates]
+    rates = {c.name: decays(c) for c in form.coordinates if not c.estimated and not waits(form, *c.B.names)}
+    if not form.estimator:
+        return Moves([], says, rates, couplings(plant, form))
+    found = regressions(plant, form.estimator, form.coordinates)
+    before = set().union(*(held(form, each) for each in form.estimator.regressions))
+    says.append(regressed(form.estimator) + once(before, bool(path)))
+    need = needed(form.estimator, parameters, sorted(before))
+    lowest = assumed(form.estimator, parameters)
+    converge = f"that the estimates of theta of {', '.join(parameters)} converge, {excited(need)}"
+    found += [Undecided(circular(path))] if path else []
+    return Moves(found, says, rates, couplings(plant, form), (converge, *lowest), "; ".join([need, *lowest]))
 
 
 def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
@@ -253,6 +279,19 @@ def still(plant: Plant, observer: Observer, theta: Named) -> list[Statement]:
         moves = [multiplied(slope(side, signal), rate) for signal, rate in observer.dynamics.items()]
         said = f"condition (*) for {name}: its estimate of theta stands still where xhat is right"
         found.append(Identity(said, added([plant.driven(side, observer.estimates), *moves])))
+    return found
+
+
+def same(plant: Plant, form: Transformed, observer: Observer, theta: Named) -> list[Statement]:
+    """Whether d/dt phi(xhat) is what each coordinate does: otherwise the observer that is recast is another one.
+
+    Of xhat = phiL(xi + theta, y) this is so if phi(xhat) is xi + theta, whatever these are.
+    """
+    full, found = corrected(form, theta), list[Statement]()
+    for c in form.coordinates:
+        moves = added([multiplied(c.rate, full[c.name]), c.B.substituted(full)])
+        residual = less(moves, plant.along(c.phi).substituted(observer.estimates))
+        found.append(Identity(f"recast: d/dt ({c.phi}) at xhat is that of {c.name}", residual, DIFFERENT))
     return found
 
 

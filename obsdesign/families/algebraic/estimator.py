@@ -1,6 +1,6 @@
 """Estimators of the constants theta of parameter-estimation-based coordinates."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 
@@ -139,6 +139,48 @@ def determinant(rows: list[list[Expression]]) -> Expression:
         signs.append(fmpq(-1) ** inversions)
         parts.append(multiplied(*(rows[i][order[i]] for i in range(n))))
     return Expression.combination(signs, parts)
+
+
+def needed(estimator: Estimator, names: Sequence[str], before: Sequence[str]) -> str:
+    """What the estimates of the constants of these coordinates need to converge.
+
+    One is right at the rate of int psi^2, several are by the theorem on persistent excitation, whose psi is bounded.
+    With W = Omega Theta + eta, DREM ends at Theta + eta/Omega: with kappa 0, eta keeps what was wrong before: errors of
+    the filters, and of the coordinates `before`. By the inequality of Cauchy and Schwarz |eta/Omega|^2 is at most the
+    integral of their square over the least eigenvalue of Omega.
+    """
+    need = "int psi^2 dt must grow without end, for an exponential rate by c > 0 over every window of one length"
+    if estimator.method == "drem":
+        need = "int Delta^2 dt must grow without end"
+        kept = [] if estimator.consistent else ["of the filters at the start"]
+        kept += [f"of the estimate of {', '.join(before)}"] if before else []
+        if kept and not estimator.kappa:
+            need += (
+                f", and, since the memory forgets nothing (kappa is 0) and keeps the error {' and '.join(kept)}, what "
+                f"this adds must vanish, for which it suffices that the error is square integrable and the least "
+                f"eigenvalue of int psi psi' dt grows without end"
+            )
+        elif kept:
+            need += f", and psi must stay bounded for the memory to forget the error {' and '.join(kept)}"
+    elif len(names) > 1:
+        need = (
+            "it suffices that the least eigenvalue of int psi psi' dt over every window of one length exceeds c > 0 "
+            "and psi stays bounded"
+        )
+    return need
+
+
+def assumed(estimator: Estimator, names: Sequence[str]) -> list[str]:
+    """What has to be assumed of the constants of these coordinates, whose logarithm has a least value."""
+    low = [name for name in names if name in estimator.powers and estimator.method != "log-gradient"]
+    least = f"{float(LEAST):g}"
+    said = f"that exp(theta) of {', '.join(low)} exceeds {least}, which is assumed"
+    return [f"{said}: the estimate is log(max(Theta, {least})), and a smaller theta is never reached"] if low else []
+
+
+def excited(need: str) -> str:
+    """Clause on what a run needs."""
+    return f"which takes excitation: {need} (`simulate` reports it of a run)"
 
 
 def exponential(e: Expression) -> Expression:

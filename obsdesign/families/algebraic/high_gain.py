@@ -5,21 +5,22 @@ domain. Of errors that act on each other this proves that they decay where M is 
 depends on nothing else; of a single one, e' = m(x, u) e, that it decays as exp(integral of m).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+import operator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Any
 
 import numpy as np
-from flint import fmpq
+from flint import fmpq, fmpq_mpoly
 
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.errors import Problem, UsageError
-from obsdesign.expressions import Expression
-from obsdesign.expressions.algebra import simplified
-from obsdesign.families.algebraic.estimator import determinant
+from obsdesign.expressions import Expression, ExpressionError
+from obsdesign.expressions.algebra import Fraction, Symbols, simplified
 from obsdesign.families.algebraic.forms import HighGain
-from obsdesign.families.algebraic.identity import Answer, Identity, Negative, short
-from obsdesign.families.algebraic.region import Region
+from obsdesign.families.algebraic.identity import Answer, Identity, Negative, Undecided, short
+from obsdesign.families.algebraic.region import Point, Region
 from obsdesign.families.algebraic.scheme import (
     DECAYS,
     INVERTED,
@@ -35,15 +36,18 @@ from obsdesign.families.algebraic.scheme import (
     multiplied,
     scaled,
     smooth,
+    unbounded,
     values,
 )
+from obsdesign.families.algebraic.seen import Seen
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import printed
 from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
-POLE = "σ"  # of the characteristic polynomial; like ε, a name that no spec can give to a signal
 MOST = 6  # errors that act on each other
+MOST_PRODUCTS = 50_000  # of terms, in a product of two polynomials
+MOST_OPERATIONS = 1500  # of functions whose sign is looked for, those of a block together
 SHARE = 0.99  # of the rate of the slowest pole, which is proved
 DIGITS = 3  # of a rate
 
@@ -74,13 +78,15 @@ def scheme(plant: Plant, form: HighGain) -> Scheme:
             statements += values(f"injection into {name}", gain, further)
     found, M = linear(plant, sides, {own[name].text: side for name, side in meaning.items()})
     held = {name for side in (form.states or {}).values() for name in side.names} & set(plant.inputs)
-    motions = [motion(M, found, block, list(sides), plant.inputs, held) for block in blocks(M)]
+    E = sensitivity(plant, estimates, {own[name].text: side for name, side in meaning.items()})
+    motions = [motion(M, E, found, block, list(sides), plant, held) for block in blocks(M)]
     statements += [*found, *(one for each in motions for one in each.statements)]
     twins = {} if form.states else {side.text: name for name, side in own.items()}
     observer = Observer(sides, estimates, plant.inputs, tuple(plant.outputs), twins=twins)
     says = [f"the error e of the states of the observer obeys e' = M e{constant(held)}, so that e = 0 stays"]
     says += [each.said for each in motions]
     depends = [each.open for each in motions if each.open]
+    depends += [one for block in blocks(M) for one in couplings(M, block, list(sides), plant.region)]
     if form.states is not None:
         says.append(f"xhat = x where e = 0, {INVERTED}")
         depends.append(UNBOUNDED)
@@ -151,15 +157,16 @@ class Motion:
 
 def motion(
     M: Matrix,
+    E: Matrix,
     rows: Sequence[Identity],
     block: list[int],
     states: list[str],
-    inputs: Collection[str],
+    plant: Plant,
     held: Collection[str],
 ) -> Motion:
     """Motion of the errors of a block; where others act on it, once these are 0.
 
-    `rows`: statements that e' = M e; `held`: inputs that must not vary for it.
+    `E`: of xhat - x = E e; `rows`: statements that e' = M e; `held`: inputs that must not vary for it.
     """
     if len(block) > MOST:
         said = f"the errors of {len(block)} states act on each other; at most {MOST} are looked at"
@@ -168,7 +175,7 @@ def motion(
     who = f"the error of {', '.join(states[i] for i in block)}"
     acting = [states[j] for j in range(len(M)) if j not in block and any(M[i][j].text != "0" for i in block)]
     alone = f", where that of {', '.join(acting)} is 0 (otherwise it acts as a disturbance)" if acting else ""
-    signs = stable(part, f"{who} is stable", tuple(rows[i] for i in block))
+    signs = stable(part, f"{who} is stable", tuple(rows), seen(M, E, block, plant.inputs, reached(M)).unknown)
     open_ = f"that {who} falls for varying "
     if len(block) == 1:
         rates = {} if acting or held else {states[block[0]]: signs[0].name}
@@ -179,18 +186,51 @@ def motion(
         faster, rate = falling(part, f"{who} falls at least as exp")
         return Motion((*signs, *faster), f"{who} falls exponentially, since M is constant{rate}{alone}")
     said = f"M is Hurwitz for {who}, frozen at each point of the domain"
-    if varying <= set(inputs):
+    if varying <= set(plant.inputs):
         said = f"{who} falls exponentially{constant(varying)}, since M is Hurwitz then"
     return Motion(signs, said + alone, open_ + ", ".join(sorted(varying)))
 
 
-def stable(M: Matrix, what: str, given: tuple[Identity, ...] = ()) -> tuple[Negative, ...]:
-    """Statements that a matrix is Hurwitz, which says nothing where it is not unless others hold."""
-    minors = hurwitz(M)
-    return tuple(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given) for v in minors)
+def couplings(M: Matrix, block: Sequence[int], states: Sequence[str], region: Region) -> list[str]:
+    """What is not proved of the errors that act on those of a block: that they do so by a bounded factor."""
+    ahead = [(i, j) for i in block for j in range(len(M)) if j not in block and not region.bounds(M[i][j])]
+    return [unbounded(f"the error of {states[j]}", f"that of {states[i]}", M[i][j]) for i, j in ahead]
 
 
-def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
+def stable(
+    M: Matrix,
+    what: str,
+    given: tuple[Identity, ...] = (),
+    unknown: Callable[[Region, Point], str] | None = None,
+) -> tuple[Statement, ...]:
+    """Statements that a matrix is Hurwitz; `given`, `unknown`: as of a `Negative`."""
+    found: list[Statement] = []
+    left = MOST_OPERATIONS
+    try:
+        for v in hurwitz(M):
+            if (left := left - len(v.order)) < 0:
+                raise ExpressionError(f"has more than {MOST_OPERATIONS} operations", id="OBS303")
+            found.append(Negative(f"{what}: {short(v)} > 0", scaled(fmpq(-1), v), given=given, unknown=unknown))
+    except ExpressionError:
+        found.append(
+            Undecided(f"{what}: leading minor {len(found) + 1} of its matrix of Hurwitz > 0, too large to be decided")
+        )
+    return tuple(found)
+
+
+def seen(M: Matrix, E: Matrix, block: Sequence[int], inputs: Collection[str], reach: Sequence[Sequence[bool]]) -> Seen:
+    """How the errors of a block, and those on which they act, are seen in xhat - x = E e."""
+    all_ = [i for i in range(len(M)) if any(reach[i][j] for j in block)]
+    part = [[M[i][j] for j in block] for i in block]
+    return Seen(part, [[M[i][j] for j in all_] for i in all_], [[row[j] for j in all_] for row in E], inputs)
+
+
+def sensitivity(plant: Plant, estimates: Named, meaning: Named) -> Matrix:
+    """E of xhat - x = E e for small errors e of some signals; `meaning`: those of the plant, in terms of x."""
+    return [[plant.on(side.derivative(name), meaning) for name in meaning] for side in estimates.values()]
+
+
+def falling(M: Matrix, what: str) -> tuple[tuple[Statement, ...], str]:
     """Statements that M + r I is Hurwitz, for a constant M and an r near the rate of its slowest pole, and in words.
 
     None where they do not hold: M is not Hurwitz itself, or its poles are not known so well.
@@ -205,31 +245,71 @@ def falling(M: Matrix, what: str) -> tuple[tuple[Negative, ...], str]:
     return (), ""
 
 
-def blocks(M: Matrix) -> list[list[int]]:
-    """Sets of errors that act on each other: strongly connected parts."""
+def reached(M: Matrix) -> list[list[bool]]:
+    """Whether the error of a column acts on that of a row, by others or not, or is it."""
     n = len(M)
     reach = [[i == j or M[i][j].text != "0" for j in range(n)] for i in range(n)]
     for k in range(n):
         for i in range(n):
             for j in range(n):
                 reach[i][j] = reach[i][j] or (reach[i][k] and reach[k][j])
+    return reach
+
+
+def blocks(M: Matrix) -> list[list[int]]:
+    """Sets of errors that act on each other: strongly connected parts."""
+    n, reach = len(M), reached(M)
     found = {tuple(j for j in range(n) if reach[i][j] and reach[j][i]) for i in range(n)}
     return [list(block) for block in sorted(found)]
 
 
-def hurwitz(M: Matrix) -> list[Expression]:
-    """Functions that are all positive if and only if M is Hurwitz: the leading minors of the matrix of Hurwitz."""
-    n, s = len(M), Expression.variable(POLE)
-    pencil = [[less(s if i == j else ZERO, M[i][j]) for j in range(n)] for i in range(n)]
-    polynomial = determinant(pencil)
-    c: list[Expression] = []
-    for k in range(n + 1):
-        c.insert(0, scaled(fmpq(1, factorial(k)), polynomial.substituted({POLE: ZERO})))
-        polynomial = polynomial.derivative(POLE)
-    H = [[c[2 * j - i + 1] if 0 <= 2 * j - i + 1 <= n else ZERO for j in range(n)] for i in range(n)]
-    return [simplified(determinant([row[: k + 1] for row in H[: k + 1]])) for k in range(n)]
+def hurwitz(M: Matrix) -> Iterator[Expression]:
+    """Functions that are all positive if and only if M is Hurwitz: the leading minors of the matrix of Hurwitz.
+
+    With M = N/d, d a common denominator, minor k of M is that of N over d^(k(k+1)/2). Raises `ExpressionError`: the
+    next one is too large.
+    """
+    symbols = Symbols.of([entry for row in M for entry in row])
+    entries = [[symbols.fraction(entry) for entry in row] for row in M]
+    one = symbols.constant(1).above
+    d = reduce(lcm, (entry.below for row in entries for entry in row), one)
+    c = characteristic([[entry.above * (d / entry.below) for entry in row] for row in entries], one)
+    n = len(M)
+    H = [[c[2 * j - i + 1] if 0 <= 2 * j - i + 1 <= n else 0 * one for j in range(n)] for i in range(n)]
+    for k in range(1, n + 1):
+        minor = expanded([row[:k] for row in H[:k]], one)
+        yield symbols.expression(Fraction(minor, d ** (k * (k + 1) // 2)))
 
 
-def factorial(k: int) -> int:
-    """Return k!."""
-    return k * factorial(k - 1) if k else 1
+def lcm(p: fmpq_mpoly, q: fmpq_mpoly) -> fmpq_mpoly:
+    """Least common multiple."""
+    return times(p, q / p.gcd(q))
+
+
+def characteristic(N: list[list[fmpq_mpoly]], one: fmpq_mpoly) -> list[fmpq_mpoly]:
+    """Coefficients of det(s I - N), that of the highest power first, by the recursion of Faddeev and LeVerrier."""
+    n, c = len(N), [one]
+    B = [[one * (i == j) for j in range(n)] for i in range(n)]
+    for k in range(1, n + 1):
+        NB = [[reduce(operator.add, (times(N[i][m], B[m][j]) for m in range(n))) for j in range(n)] for i in range(n)]
+        c.append(reduce(operator.add, (NB[i][i] for i in range(n))) * fmpq(-1, k))
+        B = [[entry + c[k] * (i == j) for j, entry in enumerate(row)] for i, row in enumerate(NB)]
+    return c
+
+
+def expanded(rows: list[list[fmpq_mpoly]], one: fmpq_mpoly) -> fmpq_mpoly:
+    """Determinant of a matrix with many zeros, expanded along its first row."""
+    if not rows:
+        return one
+    first, rest = rows[0], rows[1:]
+    parts = [
+        (j, expanded([row[:j] + row[j + 1 :] for row in rest], one)) for j, entry in enumerate(first) if entry != 0
+    ]
+    return reduce(operator.add, (times(first[j], minor) * (-1) ** j for j, minor in parts), 0 * one)
+
+
+def times(p: fmpq_mpoly, q: fmpq_mpoly) -> fmpq_mpoly:
+    """Product; raises `ExpressionError` where it may have too many terms."""
+    if len(p) * len(q) > MOST_PRODUCTS:
+        raise ExpressionError("is too large to be multiplied out", id="OBS303")
+    return p * q

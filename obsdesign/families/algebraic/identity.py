@@ -4,8 +4,8 @@ Each is proved, or refuted by a point at which it fails and the plant can be, or
 algebra of `expressions.algebra`, a sign by interval arithmetic over the whole domain; both are refuted in balls.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -105,7 +105,8 @@ class Identity:
 class Negative:
     """A function that must be below zero on the whole domain, or at most zero, on a branch where it is looked at.
 
-    `leaves`: as of an `Identity`; `given`: those without which it says nothing where it is not.
+    `leaves`: as of an `Identity`, `unknown` says it of a point; `given`: those without which it says nothing where it
+    is not.
     """
 
     name: str
@@ -114,6 +115,7 @@ class Negative:
     branch: tuple[Expression, ...] = ()
     leaves: str = ""
     given: tuple[Identity, ...] = ()
+    unknown: Callable[[Region, Point], str] | None = None
 
     def decided(self, region: Region) -> Verdict:
         """Whether it is, with a bound on its supremum."""
@@ -130,7 +132,9 @@ class Negative:
             found = at(value, place)
             if found is not None and (found >= 0 if self.strict else found > 0) and region.holds(place):
                 shown = simplified(region.on(self.value))
-                return failed(self, shown, coordinates(shown, place), wanted, float(found.mid()))
+                leaves = self.leaves or (self.unknown(region, place) if self.unknown else "")
+                said = replace(self, leaves=leaves)
+                return failed(said, shown, coordinates(shown, place), wanted, float(found.mid()))
         return Verdict(self.name, Answer.OPEN, short(self.value))
 
     def supremum(self, region: Region, value: Expression) -> float | None:
@@ -169,6 +173,17 @@ class Nonzero:
         if (zero := vanishing(value, region)) is None:
             return Verdict(self.name, Answer.OPEN, short(self.value))
         return failed(self, region.on(self.value), coordinates(value, zero), "of one sign", value_at(value, zero))
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """A statement for which there is no proof here, and no refutation."""
+
+    name: str
+
+    def decided(self, region: Region) -> Verdict:  # noqa: ARG002
+        """That it is not."""
+        return Verdict(self.name, Answer.OPEN)
 
 
 def failed(

@@ -14,19 +14,18 @@ from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.expressions.algebra import identical, simplified
+from obsdesign.families.algebraic.cascade import Block, Cascade, Error
 from obsdesign.families.algebraic.estimator import determinant
 from obsdesign.families.algebraic.forms import Immersion
-from obsdesign.families.algebraic.identity import Identity, Negative
+from obsdesign.families.algebraic.high_gain import sensitivity
+from obsdesign.families.algebraic.identity import Identity
 from obsdesign.families.algebraic.scheme import (
-    DECAYS,
     INVERTED,
     UNBOUNDED,
     ZERO,
     Plant,
     Scheme,
-    Statement,
     added,
-    decay,
     inverses,
     less,
     multiplied,
@@ -39,7 +38,6 @@ from obsdesign.model.equations import Named
 
 Matrix = list[list[Expression]]
 UNKNOWN = "whether chi comes there"
-WAITING = ", where those before it are 0 (otherwise they act as a disturbance)"
 
 
 def scheme(plant: Plant, form: Immersion) -> Scheme:
@@ -58,17 +56,21 @@ def scheme(plant: Plant, form: Immersion) -> Scheme:
     statements += [one for side in form.beta for one in smooth("beta", side, manifold, leaves)]
     statements += [one for side in dynamics.values() for one in values("dynamics", side, manifold, leaves)]
     statements += plant.differentiable(*form.beta)
-    errors, rates, moves = attraction(plant, form, invariant)
-    statements += errors
+    errors = attraction(plant, form, [one for one in statements if isinstance(one, Identity)])
+    blocks = errors.blocks()
+    statements += [one for block in blocks for one in block.statements]
     numbers: dict[str, Any] = {
         "phi": [side.text for side in form.phi],
         "beta": [side.text for side in form.beta],
         "dynamics": {name: side.text for name, side in dynamics.items()},
     }
     stays = "where beta(y, chi) = phi(x) it stays so: the manifold is invariant"
+    moves = [said(errors, block) for block in blocks]
     says = (stays, *moves, f"xhat = x where beta(y, chi) = phi(x), {INVERTED}")
     observer = Observer(dynamics, estimates, plant.inputs, tuple(plant.outputs))
-    return Scheme(tuple(statements), observer, numbers, says, (UNBOUNDED,), rates)
+    rates = {errors.errors[block.own[0]].name: block.rate for block in blocks if block.rate}
+    depends = (UNBOUNDED, *(one for block in blocks for one in block.open))
+    return Scheme(tuple(statements), observer, numbers, says, depends, rates)
 
 
 def moved(plant: Plant, form: Immersion, estimates: Named, i: int) -> Expression:
@@ -134,34 +136,24 @@ def invariance(
     return Identity(f"invariance: d/dt ({form.beta[i]}) = d/dt ({form.phi[i]})", residual, leaves, manifold)
 
 
-def attraction(
-    plant: Plant, form: Immersion, given: Sequence[Identity]
-) -> tuple[list[Statement], dict[str, str], list[str]]:
-    """d_i' = lambda_i d_i with lambda_i < 0, in cascade: where the d before it are 0.
-
-    Statements, the names of those that give a rate, and what they say; `given`: that the manifold is invariant.
-    """
+def attraction(plant: Plant, form: Immersion, given: Sequence[Identity]) -> Cascade:
+    """How d = beta - phi(x) moves, (18); `given`: that the manifold is invariant, the left inverse."""
     d = [Expression.variable(f"δ{i + 1}") for i in range(len(form.phi))]
     off = {f"b{i + 1}": added([side, d[i]]) for i, side in enumerate(form.phi)}
     states = {name: Expression.variable(name) for name in plant.dynamics}
     shown = {name: side for name, side in states.items() if name in plant.measured()}
     estimates = {**shown, **{name: plant.on(side, off) for name, side in form.left_inverse.items()}}
-    found: list[Statement] = []
-    names, says = {}, []
+    errors = {}
     for i, phi in enumerate(form.phi):
         pulled = plant.on(less(plant.driven(form.beta[i]), plant.driven(form.beta[i], estimates)))
         moving = less(added([pulled, plant.along(phi).substituted(estimates)]), plant.along(phi))
-        later = moving.substituted({f"δ{k + 1}": ZERO for k in range(i)})
-        at_zero = {f"δ{k + 1}": ZERO for k in range(len(d))}
-        rate = simplified(later.derivative(f"δ{i + 1}").substituted(at_zero))
-        before = f", where {', '.join(f'δ{k + 1}' for k in range(i))} = 0" if moving != later else ""
-        residual = less(later, multiplied(rate, d[i]))
-        error = Identity(f"off the manifold: δ{i + 1}' = ({rate}) δ{i + 1}{before}", residual, f"whether {DECAYS}")
-        sign = f"off the manifold, {i + 1}: {rate} < 0"
-        leaves = "" if rate.names.isdisjoint(form.chi) else UNKNOWN
-        found += [error, Negative(sign, rate, leaves=leaves, given=(error, *given))]
-        off_it = f"({form.beta[i]}) - ({phi})"
-        says.append(f"{off_it} {decay(rate)}" + (WAITING if before else ""))
-        if not before:
-            names[off_it] = sign
-    return found, names, says
+        name = f"({form.beta[i]}) - ({phi})"
+        errors[d[i].text] = Error(name, "off the manifold", f"off the manifold, {i + 1}", moving)
+    E = sensitivity(plant, form.left_inverse, {f"b{i + 1}": side for i, side in enumerate(form.phi)})
+    return Cascade(plant, errors, E, tuple(given), frozenset(form.chi), UNKNOWN)
+
+
+def said(cascade: Cascade, block: Block) -> str:
+    """How the errors of a block fall, and which others have to be 0."""
+    before = ", ".join(cascade.errors[name].name for name in block.before)
+    return block.said + (f", where {before} is 0 (otherwise it acts as a disturbance)" if before else "")

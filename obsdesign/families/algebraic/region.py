@@ -49,6 +49,13 @@ class Region:
         """Ranges of signals, in doubles."""
         return {name: outward(self.ranges.get(name, EVERYWHERE)) for name in sorted(names)}
 
+    def bounds(self, value: Expression) -> bool:
+        """Whether interval arithmetic bounds a function on the domain."""
+        inside = simplified(self.on(value))
+        ranges = {name: Interval(*map(np.array, ends)) for name, ends in self.box(inside.names).items()}
+        found = inside.enclose(ranges)
+        return bool(np.isfinite(found.low).all() and np.isfinite(found.high).all())
+
     def points(self, value: Expression) -> Iterator[dict[str, fmpq]]:
         """Points for a value without outputs: middle, ends and what is nearest to 0, then some at random.
 

@@ -21,12 +21,14 @@ def report(spec: Spec, form: Form, t: Array, signals: Mapping[str, Array]) -> di
 
     least_eigenvalue    of int sum psi psi' dt, over the whole run, and the least over a tenth of it
     delta_squared       int Delta^2 dt, of DREM: what it needs to grow without end
-    guard               how often exp(theta) has been kept from falling below its least value, and for how long
+    largest_regressor   of |psi|, over the whole run and over its last tenth: psi has to stay bounded where it is said
+    guard               how often exp(theta) has been kept from falling below its least value, for how long, and
+                        whether it is at the end, where the estimate is not the one that was asked for
     """
     found, start = Claim.of(spec, form).scheme.excitation, beginning(spec, form)
     if found is None or len(t) < 2:
         return start
-    excitation = {**gramian(found, t, signals), **memory(found, t, signals)}
+    excitation = {**gramian(found, t, signals), **memory(found, t, signals), "note": f"needed: {found.need}"}
     return {**start, "excitation": excitation, **guards(found, t, signals)}
 
 
@@ -34,6 +36,7 @@ def gramian(found: Excitation, t: Array, signals: Mapping[str, Array]) -> dict[s
     """Least eigenvalues of the Gramian of the regressors."""
     still = np.zeros(len(t))
     rows = [np.array([signals[row[n]] if n in row else still for n in found.names]) for row in found.regressors]
+    sizes = np.sqrt(sum((psi**2).sum(axis=0) for psi in rows))
     products = sum(np.einsum("im,jm->mij", psi, psi) for psi in rows)
     total = integrated(t, products)
     length = (t[-1] - t[0]) / WINDOWS
@@ -43,6 +46,8 @@ def gramian(found: Excitation, t: Array, signals: Mapping[str, Array]) -> dict[s
         "least_eigenvalue": float(np.linalg.eigvalsh(total[-1])[0]),
         "least_eigenvalue_of_a_window": float(np.linalg.eigvalsh(windows)[:, 0].min()),
         "window": float(length),
+        "largest_regressor": float(sizes.max()),
+        "largest_regressor_at_the_end": float(sizes[t >= t[-1] - length].max()),
     }
 
 
@@ -63,7 +68,8 @@ def guards(found: Excitation, t: Array, signals: Mapping[str, Array]) -> dict[st
     for name in found.guarded:
         acts = signals[name] <= float(LEAST)
         begins = int(np.count_nonzero(acts[1:] & ~acts[:-1]) + acts[0])
-        told[name] = {"activations": begins, "share": float(integrated(t, acts.astype(float))[-1] / (t[-1] - t[0]))}
+        share = float(integrated(t, acts.astype(float))[-1] / (t[-1] - t[0]))
+        told[name] = {"activations": begins, "share": share, "at_end": bool(acts[-1])}
     return {"guard": told}
 
 

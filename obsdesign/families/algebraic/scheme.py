@@ -10,7 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.expressions.needs import Need, further, needs
 from obsdesign.expressions.tree import Number
-from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero
+from obsdesign.families.algebraic.identity import Identity, Negative, Nonzero, Undecided, short
 from obsdesign.families.algebraic.region import Region
 from obsdesign.families.observer import Observer
 from obsdesign.model.equations import Named, Typed
@@ -22,17 +22,21 @@ INVERTED = "for the left inverse holds on the whole domain"  # why xhat = x
 DECAYS = "this error decays, which is not linear"
 UNBOUNDED = "a bound on xhat - x, which depends on what the left inverse makes of errors"
 
-Statement = Identity | Negative | Nonzero
+Statement = Identity | Negative | Nonzero | Undecided
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """Regressors psi, a row of names for each regression, the determinant Delta of DREM, and guarded states."""
+    """Regressors psi, a row of names for each regression, the determinant Delta of DREM, and guarded states.
+
+    `need`: what the estimates need to converge, in words.
+    """
 
     regressors: tuple[Mapping[str, str], ...]  # names of psi by coordinate
     names: tuple[str, ...]  # coordinates whose constants are estimated
     determinant: Expression | None
     guarded: tuple[str, ...]
+    need: str = ""
 
 
 @dataclass(frozen=True)
@@ -159,6 +163,11 @@ def decay(rate: Expression) -> str:
     if isinstance(rate.root, Number):
         return f"obeys e' = {rate} e, so that e(t) = e(0) exp({multiplied(rate, Expression.variable('t'))})"
     return f"obeys e' = lambda e, lambda = {rate} < 0, so that e(t) = e(0) exp(integral of lambda from 0 to t)"
+
+
+def unbounded(source: str, target: str, factor: Expression) -> str:
+    """What is not proved of an error that acts on another by a factor without a known bound, in words."""
+    return f"that {source} acts on {target} by a bounded factor, {short(factor)}"
 
 
 def inverses(plant: Plant, left_inverse: Named, transformed: Named) -> list[Statement]:

@@ -92,7 +92,8 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
     words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
     words += ", nor at a larger alpha" if falls(family, gamma) else ""
-    return Proof(words, refutation.checks, used=("kind", "alpha", "gamma", "multipliers"))
+    given_level = () if gamma is None else ("gamma",)
+    return Proof(words, refutation.checks, used=("kind", "alpha", *given_level, "multipliers", "checks"))
 
 
 def falls(family: Incremental, gamma: fmpq | None) -> bool:

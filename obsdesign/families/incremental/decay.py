@@ -87,9 +87,7 @@ class Decay:
             return "the least gamma never decreases with alpha, so min-gamma takes the lower end of the range"
         if any(point.get("gamma") == 0 for point in points):
             where = "is the fastest decay within the slack of" if pareto else "has"
-            return (
-                f"the least gamma is zero in the range, and alpha = {alpha:g} {where} the least certified in its place"
-            )
+            return f"the least gamma is zero in the range, and alpha = {alpha:g} {where} the least that was reached"
         if pareto:
             return f"alpha = {alpha:g} is the fastest decay of the curve that was found within the slack of its least"
         return f"alpha = {alpha:g} has the least gamma that was found in the range, by a grid and Brent's method"

@@ -89,7 +89,7 @@ class Designer:
         size = float(np.linalg.norm(made.gains["L1"], 2))
         self.notes.append(
             f"any gamma can be reached, at |L1| of the order of 1 / gamma^2 at most: in closed form |L1| = {size:.4g} "
-            f"for gamma = {float(gamma):g}; with `bounds: {{L1: ..}}` smaller gains are searched"
+            f"for gamma = {float(gamma):g}; where the spec limits L1, smaller gains are searched"
         )
         return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
 
@@ -218,10 +218,10 @@ class Designer:
         self.engine.report(0.9, "reconstruction of w")
         bound = reconstruct(self.engine, self.spec, family)
         if isinstance(bound, str):
-            self.notes.append(f"nothing is proved of |what - w|: {bound}; gamma is certified all the same")
+            self.notes.append(f"nothing is said of |what - w|: {bound}; gamma holds all the same")
             return made
         if any(block.f is None for block in self.spec.nonlinearities):
-            self.notes.append("the bound on |what - w| takes f to depend on q only, since it is not given")
+            self.notes.append("what is said of |what - w| takes f to depend on q only, since it is not given")
         return replace(made, claim=replace(made.claim, reconstruction=bound))
 
     @property

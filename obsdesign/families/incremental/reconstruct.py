@@ -48,7 +48,7 @@ def reconstruct(engine: Engine, spec: Spec, family: Linf) -> Reconstructed | str
     for name, level in levels(family).items():
         certificate = best_level(engine, level)
         if certificate is None or not certificate.holds:
-            return f"no level of {name} was proved for these gains"
+            return f"no level of {name} was found for these gains"
         certificates[name] = certificate
     gammas = {name: certificate.gamma for name, certificate in certificates.items()}
     least = constants(family, gammas, {name: proof.bound for name, proof in proofs.items()})

@@ -104,7 +104,7 @@ def compared(design: Callable[[LipschitzRelaxation], Outcome], disturbed: bool) 
     `design`: outcome of a relaxation; `disturbed`: whether there is a w. Raises `UsageError` or `UndecidedError`: no
     relaxation has a design, and for this one that is not because there is none.
     """
-    rows, outcomes, notes = [], [], []
+    rows, outcomes = [], []
     error: UsageError | UndecidedError | None = None
     for relaxation in RELAXATIONS:
         try:
@@ -113,8 +113,7 @@ def compared(design: Callable[[LipschitzRelaxation], Outcome], disturbed: bool) 
             error = error or raised
             status = "refused" if isinstance(raised, UsageError) else "undecided"
             said = [" ".join(problem.message.split()) for problem in raised.problems]
-            rows.append({"relaxation": relaxation, "status": status, "reason": said[0]})
-            notes.append(f"{relaxation} is {status}: {'; '.join(said)}")
+            rows.append({"relaxation": relaxation, "status": status, "reason": "; ".join(said)})
             continue
         outcomes.append(made)
         rows.append(row(relaxation, made, disturbed))
@@ -122,7 +121,7 @@ def compared(design: Callable[[LipschitzRelaxation], Outcome], disturbed: bool) 
     if best is None and error:
         raise error
     made = best or outcomes[0]
-    return replace(made, beyond={**made.beyond, "comparison": rows}, notes=(*made.notes, *notes))
+    return replace(made, beyond={**made.beyond, "comparison": rows})
 
 
 def row(relaxation: str, made: Outcome, disturbed: bool) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from obsdesign.lmi.formula import Array, in_floats, printed
 from obsdesign.lmi.solve import Status
 
 BEYOND = 1e3  # times the declared constant, or 1: what is proved of gains that tolerate any
-ANY = "the gains tolerate any Lipschitz constant; the one certified is an example"
+ANY = "the gains tolerate any Lipschitz constant; the one stated is an example"
 
 
 def tolerated(study: Study, L: Array) -> tuple[float, Claim | None]:

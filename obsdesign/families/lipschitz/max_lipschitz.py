@@ -62,8 +62,8 @@ def short(study: Study, constant: fmpq) -> str:
     hints += ["allow a larger gain"] if study.restricted else []
     hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
     return (
-        f"warning: the certified Lipschitz constant {at_least(constant)} is below the declared "
-        f"{at_most(study.declared)}: nothing is proved of this f; it may help to "
+        f"warning: the Lipschitz constant {at_least(constant)} that is reached is below the declared "
+        f"{at_most(study.declared)}: this f is not covered; it may help to "
         + ", or ".join([*hints, "measure more states"])
     )
 

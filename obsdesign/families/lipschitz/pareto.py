@@ -88,7 +88,7 @@ def arbitrary(weight: float) -> tuple[str, ...]:
     """Note on what has no weight."""
     if weight not in ARBITRARY:
         return ()
-    return (f"at the weight {weight:g} {ARBITRARY[weight]} is arbitrary: the one certified is that of the gain",)
+    return (f"at the weight {weight:g} {ARBITRARY[weight]} is arbitrary: the one stated is that of the gain",)
 
 
 # Curves and surfaces

@@ -132,7 +132,7 @@ class Designer:
         proof = made.certificate if self.request.objective == "min-gamma" else None
         if proof and proof.holds and float(proof.gamma) > goal:
             self.notes.append(
-                f"no gain was proved to reach gamma = {goal:g}, all that the slack allows; this is the nearest found"
+                f"no gain was found to reach gamma = {goal:g}, all that the slack allows; this is the nearest found"
             )
         return self.shipped(study, made, self.limit_of(made, *self.lowest), *self.lowest)
 

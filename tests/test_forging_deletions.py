@@ -1,0 +1,149 @@
+"""Result files from which something was deleted: refused by name, or nothing of what is claimed is missing."""
+
+import copy
+import json
+from functools import cache
+from pathlib import Path
+
+import pytest
+from support.commands import run
+from support.forging import at, put
+from support.shipped import SPECS
+from test_forging import OBSERVERS, PLANT, dotted, places
+
+import obsdesign as od
+from obsdesign.design import proof_of
+from obsdesign.files import ResultFile
+
+pytestmark = pytest.mark.usefixtures("here")
+
+SIMULATION = "simulation: {horizon: 1, x0: [1, 0]}"
+FAMILY = {  # one file of each, and of each kind of answer
+    "l2": "l2 least gamma",
+    "linf": "linf reconstruction",
+    "lipschitz": "lipschitz compared",
+    "sporadic": "sporadic feasibility",
+    "kkl": "chain-found",
+    "pebo": "cuk-pebo",
+    "kkl+pebo": "cuk-kkl-pebo",
+    "immersion-invariance": "cuk-immersion",
+    "high-gain": "cuk-high-gain-linear",
+    "refuted": "infeasible/cuk-wrong-inverse",
+    "infeasible": "infeasible/bearing-too-fast",
+    "infeasible at a member": "infeasible/hidden-sensor-bias",
+}
+CASES = [pytest.param(case, marks=pytest.mark.xdist_group(case)) for case in FAMILY.values()]
+COMPUTED = (  # what may be left out: labels, and what proves nothing and nothing is built from
+    *("name", "created", "tool", "solver", "spec.path", "analysis", "search", "notes", "diagnosis"),
+    *("guarantee.limit", "guarantee.limit_bounded", "guarantee.comparison", "guarantee.widened", "guarantee.ceiling"),
+)
+
+
+@cache
+def content_of(case):
+    """What is in a genuine file."""
+    text = PLANT % OBSERVERS[case] + SIMULATION if case in OBSERVERS else str(SPECS / f"{case}.yaml")
+    return od.solve(od.load(text)).text().decode()
+
+
+def without(content, place):
+    """A content without what is at a place."""
+    forged = copy.deepcopy(content)
+    del at(forged, place[:-1])[place[-1]]
+    return forged
+
+
+def kinds(content):
+    """Places of everything in a file but the spec, one of those with the same keys."""
+    found = {}
+    for place in places(content):
+        if place[0] != "spec" or len(place) == 2:
+            found.setdefault(tuple("" if isinstance(key, int) else key for key in place), place)
+    return found.values()
+
+
+def proved(content):
+    """What is proved of a file, or why it is refused."""
+    try:
+        proof = proof_of(ResultFile("forged.gains.json", json.dumps(content).encode()))
+    except (od.UsageError, od.UndecidedError) as error:
+        return error
+    return proof
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nothing_of_a_claim_can_be_left_out(case):
+    content = json.loads(content_of(case))
+    genuine = proved(content)
+    accepted = set()
+    for place in kinds(content):
+        path, proof = dotted(place), proved(without(content, place))
+        if isinstance(proof, od.ObsdesignError):
+            assert [problem.key for problem in proof.problems if problem.key], path
+            assert len(str(proof).splitlines()) == 1
+        elif proof.holds:
+            assert proof.claim == genuine.claim
+            assert path.endswith(".margin") or any(f"{path}.".startswith(f"{part}.") for part in COMPUTED), path
+            accepted.add(place)
+    assert accepted
+    show(content, accepted)
+
+
+def show(content, accepted):
+    """Hold what is accepted against the commands that read it: none ends in a traceback."""
+    Path("genuine.gains.json").write_text(json.dumps(content))
+    for place in accepted:
+        Path("forged.gains.json").write_text(json.dumps(without(content, place)))
+        for command in (["report", "forged.gains.json"], ["diff", "genuine.gains.json", "forged.gains.json"]):
+            outcome = run(*command)
+            assert outcome.exit_code in {0, 2, 3, 4}, (place, command, outcome.exception)
+    if content["status"] == "certified":
+        assert run("simulate", "forged.gains.json").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "name"),
+    [
+        (("guarantee", "comparison"), "forged", "numerical"),
+        (("search",), "forged", "figures"),
+        (("search", "points"), [1], "figures"),
+        (("tool",), [], "origin"),
+    ],
+)
+def test_a_report_refuses_what_is_not_proved_in_another_form(place, value, name):
+    content = json.loads(content_of("lipschitz trade-off" if "search" in place else "lipschitz compared"))
+    Path("forged.gains.json").write_text(json.dumps(put(content, place, value)))
+    outcome = run("report", "forged.gains.json")
+    assert outcome.exit_code == 2
+    assert f"its {name}, of which nothing is proved, cannot be read" in outcome.stderr
+
+
+NOTES = {  # a note, and whether verify takes it, of a design that searched and of one that did not
+    "proved: |xhat - x| <= 1e-9 at every time": (False, False),
+    "the error is certified to be 0": (False, False),
+    "guaranteed for every f": (False, False),
+    "a bound on the error is 1e-9": (False, False),
+    "the search took long": (True, False),
+}
+
+
+@pytest.mark.parametrize(("note", "taken"), NOTES.items())
+@pytest.mark.parametrize(("case", "which"), [("chain-found", 0), ("l2 least gamma", 0), ("cuk-pebo", 1)])
+def test_a_note_speaks_of_no_proof(case, which, note, taken):
+    content = json.loads(content_of(case))
+    content |= {"notes": [*content.get("notes", []), note], "numerical": [*content["numerical"], "notes"]}
+    Path("forged.gains.json").write_text(json.dumps(content))
+    outcome = run("verify", "forged.gains.json")
+    assert outcome.exit_code == (0 if taken[which] else 2), outcome.output
+    assert taken[which] or f"notes[{len(content['notes']) - 1}]" in outcome.stderr
+
+
+def test_a_note_on_the_spec_stays():
+    content = json.loads(content_of("l2 least gamma"))
+    spec = od.load(content["spec"]["text"])
+    assert spec.notes
+    content["notes"] = [note for note in content["notes"] if note not in spec.notes]
+    Path("forged.gains.json").write_text(json.dumps(content))
+    outcome = run("verify", "forged.gains.json")
+    assert outcome.exit_code == 2
+    assert "notes: leaves out what is known of the spec" in outcome.stderr
