@@ -87,8 +87,8 @@ STANCES = {
     # anything; `verify` names it among what it does not prove
     "numerical": "analysis search notes guarantee.limit guarantee.limit_bounded guarantee.widened guarantee.ceiling"
     " guarantee.comparison certificate.checks.margin diagnosis diagnosis.id diagnosis.condition diagnosis.reason"
-    " diagnosis.suggestion diagnosis.feasible diagnosis.mode diagnosis.slopes diagnosis.member diagnosis.value diagnosis.nonlinearity"
-    " diagnosis.gamma diagnosis.accuracy diagnosis.interval diagnosis.within",
+    " diagnosis.suggestion diagnosis.feasible diagnosis.mode diagnosis.slopes diagnosis.value diagnosis.nonlinearity"
+    " diagnosis.member diagnosis.gamma diagnosis.accuracy diagnosis.interval diagnosis.within",
     # anything; it says nothing of the observer
     "label": "name created solver tool spec.path",
 }
