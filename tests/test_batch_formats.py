@@ -153,7 +153,7 @@ def test_no_format_obeys_a_change(tmp_path):
 
 def test_a_hostile_spec_does_no_harm(here):
     Path("specs/::error::").mkdir(parents=True)
-    for name in ("::error::/=1+1.yaml", "<script>.yaml", "..yaml", "...yaml"):
+    for name in ("::error::/=1+1.yaml", "<script>.yaml", "..yaml"):
         Path("specs", name).write_text(GOOD)
     for name in (f"{BELL}.yaml", "new\nline.yaml", "\udcff.yaml"):
         Path("specs", name).write_text(GOOD)
@@ -169,7 +169,6 @@ def test_a_hostile_spec_does_no_harm(here):
         "specs/::error::/=1+1.yaml": "certified",
         "specs/<script>.yaml": "certified",
         "specs/..yaml": "certified",
-        "specs/...yaml": "certified",
         f"specs/{BELL}.yaml": "invalid",
         "specs/new\nline.yaml": "invalid",
         "specs/\\udcff.yaml": "invalid",
