@@ -763,7 +763,6 @@ def test_entries_of_a_matrix_that_are_all_different_are_not_multiplied_out():
 DISTURBED = """\
 obsdesign: 1
 system: {disturbances: [w1], dynamics: {x1: -x1 + x2, x2: -2*x2 - x1%s}, outputs: {y: x1%s}}
-disturbance: integrator
 observer: {type: kkl, coordinates: [{name: a, phi: x2, lambda: -2, B: -y}], left_inverse: {x2: a}}
 """
 
@@ -775,6 +774,13 @@ def test_a_disturbance_acts_on_nothing_where_no_equation_holds_it(acts, idle):
         outcome = run(command, "driven.yaml")
         assert outcome.exit_code == 0
         assert ("the disturbance w1 acts on nothing" in outcome.stdout) == idle
+
+
+def test_a_model_of_the_disturbance_is_refused():
+    Path("driven.yaml").write_text(DISTURBED % ("", "") + "disturbance: integrator\n")
+    outcome = run("solve", "driven.yaml")
+    assert outcome.exit_code == 2
+    assert "type kkl estimates no disturbance; leave it out, or add its states" in outcome.stderr
 
 
 @pytest.mark.parametrize("time", ["time: discrete, period: 1", "discretise: {period: 0.1, method: hold}"])
