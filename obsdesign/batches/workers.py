@@ -29,6 +29,7 @@ START = (
 )
 OUT_OF_MEMORY = re.compile(r"MemoryError|memory allocation|allocate memory|bad_alloc|out of memory", re.IGNORECASE)
 IDS = {"timeout": "OBS905", "memory": "OBS908", "crashed": "OBS909"}
+REFUSED = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS)  # how a library may end that is refused memory
 TAIL = 4000  # characters of what a process said last
 
 
@@ -105,6 +106,9 @@ class Worker:
         tail = self.said.read().decode(errors="replace")[-TAIL:]
         if self.options.memory and OUT_OF_MEMORY.search(tail):
             return "memory", f"needs more than {self.options.memory:g} MiB; --memory allows more"
+        if self.options.memory and -code in REFUSED:
+            said = f"ended with {signal.Signals(-code).name} under a limit of {self.options.memory:g} MiB"
+            return "memory", f"{said}, as libraries do that are refused memory; --memory allows more"
         ending = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
         last = next((line for line in reversed(tail.splitlines()) if line.strip()), "it said nothing")
         return "crashed", f"its process ended with {ending}: {printable(last)}; this is a defect of obsdesign"

@@ -11,7 +11,7 @@ from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, decay_limit, undetectable
 from obsdesign.spec import Nonlinearity
 
-UNDISTURBED = "no disturbance acts on this plant, so that gamma bounds nothing: the design is for feasibility"
+UNDISTURBED = "no disturbance acts on this plant, so that gamma says nothing: the design is for feasibility"
 
 
 @dataclass(frozen=True)
