@@ -22,7 +22,7 @@ observer: {{type: l2, alpha: 0.1, bounds: {{L1: 5}}}}
 ALONE = """
 import sys, time
 from pathlib import Path
-from obsdesign.files import write_whole
+from obsdesign.disk import write_whole
 from obsdesign.work import load, solve
 
 def design(path):
