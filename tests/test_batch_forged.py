@@ -78,6 +78,15 @@ def test_a_summary_of_another_form_is_refused(key, value):
         assert "[OBS911]" in outcome.stderr
 
 
+def test_a_pipe_in_place_of_a_summary_is_refused_and_not_waited_for():
+    put("a.yaml")
+    Path("base").mkdir()
+    os.mkfifo("base/summary.json")
+    outcome = run("batch", "a.yaml", "--changed-since", "base")
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "base/summary.json: is no file; give the summary of a batch, or its folder [OBS911]" in outcome.stderr
+
+
 def test_a_summary_that_differs_from_its_records_is_not_merged():
     put("a.yaml")
     assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0

@@ -122,6 +122,8 @@ def opened(source: str) -> dict[str, Any]:
     Raises `UsageError`: there is none, or it is no summary of this format.
     """
     path = str(Path(source, NAME)) if Path(source).is_dir() else source
+    if Path(path).exists() and not Path(path).is_file():  # a pipe, of which nothing might ever come
+        raise UsageError(Problem("is no file; give the summary of a batch, or its folder", path, id="OBS911"))
     try:
         content: dict[str, Any] = json.loads(content_of(path, LARGEST))
     except (ValueError, RecursionError) as error:
