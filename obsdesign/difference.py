@@ -72,7 +72,14 @@ def gains_of(file: ResultFile) -> dict[str, Array]:
         if isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows) and not told:
             exact = file.matrix((len(rows), len(rows[0])), "observer", name)
             found[name] = np.vectorize(approximate, otypes=[float])(exact)
+            require_finite(file, f"observer.{name}", found[name])
     return found
+
+
+def require_finite(file: ResultFile, key: str, value: Array | float) -> None:
+    """Refuse numbers that are beyond doubles."""
+    if not np.isfinite(value).all():
+        raise file.wrong(key, "is beyond what doubles can hold, so that it cannot be compared", id="OBS508")
 
 
 def of_gains(change: Change) -> Change:
@@ -100,6 +107,7 @@ def numbers_of(file: ResultFile) -> dict[str, float]:
             parts += [((*loc, i), entry) for i, entry in enumerate(value)]
         elif isinstance(value, str) and value[:1] in "+-0123456789" and value:
             found[dotted(loc)] = approximate(file.exact(value, f"guarantee.{dotted(loc)}"))
+            require_finite(file, f"guarantee.{dotted(loc)}", found[dotted(loc)])
     return found
 
 

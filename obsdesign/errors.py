@@ -47,7 +47,8 @@ class Problem:
     excerpt: Excerpt | None = field(default=None, kw_only=True, compare=False)
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        file = f"./{self.file}" if self.file.startswith("::") else self.file  # which a runner of CI would obey
+        place = f"{file}:{self.line}:{self.column}" if self.line else file
         said = ": ".join(part for part in (place, self.key, self.message) if part)
         return "\n".join(map(one_line, (f"{said} [{self.id}]", *self.rows)))
 

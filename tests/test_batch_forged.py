@@ -99,6 +99,14 @@ def test_a_summary_that_differs_from_its_records_is_not_merged():
     assert "differs from the record of a.yaml in guarantee" in outcome.stderr
 
 
+def test_figures_that_were_made_stay_where_they_are_not_asked_for():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1, "--simulate").exit_code == 0
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert entries()["a.yaml"]["up_to_date"] is True
+    assert Path("results/a/a.run.png").is_file()
+
+
 def test_what_was_not_as_expected_is_run_again_though_it_is_the_same():
     put("a.yaml")
     put("b.yaml", GOOD + "expect: {status: infeasible}\n")
@@ -131,8 +139,10 @@ def test_a_name_that_leads_upward_is_refused_and_one_too_long_is_told():
     put("in/...yaml")
     outcome = run("batch", "in", "--jobs", 1)
     assert outcome.exit_code == 2
-    assert "in/...yaml: a spec cannot have this name: its results would leave their folder [OBS912]" in outcome.stderr
+    assert "in/...yaml: a spec cannot have this name: its results would leave their folder" in outcome.stderr
     Path("in/...yaml").unlink()
+    put("summary.json.yaml")
+    assert "or stand in that of summary.json [OBS912]" in run("batch", "summary.json.yaml").stderr
     put(f"in/{'x' * 249}.yaml")
     put("in/a.yaml")
     assert run("batch", "in", "--jobs", 1).exit_code == 2

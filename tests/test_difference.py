@@ -71,6 +71,8 @@ def test_a_result_without_gains_is_told_too():
         (lambda file: file["observer"].update(L1=[[1], [1, 2]]), "expected a 2x1 matrix"),
         (lambda file: file["guarantee"].update(gamma="1/0"), "is no finite number"),
         (lambda file: file.update(status="\x1b[31m"), "texts of one line"),
+        (lambda file: file["observer"].update(L1=[[10**400], [1]]), "observer.L1: is beyond what doubles can hold"),
+        (lambda file: file["guarantee"].update(gamma=10**400), "guarantee.gamma: is beyond what doubles can hold"),
     ],
 )
 def test_a_file_that_is_wrong_is_refused(change, word):

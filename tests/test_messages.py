@@ -169,6 +169,13 @@ def test_findings_have_ids(made):
     assert all(re.fullmatch(r"OBS[0-9]{3}", finding["id"]) for finding in findings)
 
 
+def test_a_line_does_not_begin_with_what_a_runner_of_ci_obeys():
+    Path("::error::bad.yaml").write_text("obsdesign: 1\n")
+    outcome = run("check", "::error::bad.yaml")
+    assert outcome.exit_code == 2
+    assert all(line.startswith("./::error::bad.yaml:") for line in outcome.stderr.splitlines())
+
+
 @pytest.mark.parametrize(
     "command",
     [

@@ -4,7 +4,7 @@ import base64
 import hashlib
 import json
 import re
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -225,7 +225,8 @@ def test_an_observer_in_equations_is_written_out(folder, tmp_path):
 def test_a_folder_lists_every_result_and_what_gave_none(pages):
     root = read(pages[1])
     (table,) = (e for e in root.all("table") if e.attributes.get("class") == "results")
-    rows = {next(row.all("th")).text: row for row in next(table.all("tbody")).all("tr")}
+    rows = {next(chain(row.all("a"), row.all("th"))).text: row for row in next(table.all("tbody")).all("tr")}
+    assert "small.gains.json" in next(rows["Small"].all("th")).text
     assert rows.keys() == {"Small", "Drag", "Hidden", "Front", "late.yaml"}
     assert "no result: timeout" in rows["late.yaml"].text
     assert "after 600 s" in rows["late.yaml"].text
@@ -240,10 +241,20 @@ def test_a_run_beside_its_result_that_is_none_of_this_plant_is_not_shown(folder,
         ("t,x1,hat_x1\n0,1,2\n1,1,2\n", "has no column angle"),
         ("t,angle,rate,hat_angle,hat_rate\n", "holds no samples"),
         ("t,angle,rate,hat_angle,hat_rate\n1,2,3,4,=1+1\n", "is no table of numbers"),
+        ("", "is no table of numbers"),
+        (f"t,angle,rate,hat_angle,hat_rate\n{'x' * 200_000}\n", "is no table of numbers"),
+        ("t,angle,rate,hat_angle,hat_rate\n0,1,1,1,1\n1,-1.7e308,1.7e308,1,1\n", "some that are not finite"),
     ):
         (tmp_path / "small.gains.json").write_bytes((folder / "small.gains.json").read_bytes())
         (tmp_path / "small.run.csv").write_text(text)
         assert said in reported(tmp_path, tmp_path)[0]
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "5", '{"specs": 5}', '{"specs": [{"path": 5}]}'])
+def test_a_summary_that_is_none_is_left_out(folder, tmp_path, text):
+    (tmp_path / "small.gains.json").write_bytes((folder / "small.gains.json").read_bytes())
+    (tmp_path / "summary.json").write_text(text)
+    assert "no result" not in reported(tmp_path, tmp_path)[0]
 
 
 def test_a_search_has_its_points_as_a_chart_and_as_a_table(folder, tmp_path):

@@ -16,6 +16,7 @@ from obsdesign.errors import Problem, UsageError
 ENDINGS = (".yaml", ".yml")
 SPEC = re.compile(rb"""(?:^|[{,])\s*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)
 MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
+SUMMARY = "summary.json"  # of a batch, beside the results
 LONGEST, KEPT = 120, 80  # characters of the folder of changes, and of one that is longer
 
 
@@ -73,8 +74,8 @@ def find(
     found = sorted(Task(path, combination) for path, combination in product(kept, changes))
     places: dict[str, Task] = {}
     for task in found:
-        if ".." in PurePath(task.place).parts:
-            said = "a spec cannot have this name: its results would leave their folder"
+        if ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
+            said = f"a spec cannot have this name: its results would leave their folder, or stand in that of {SUMMARY}"
             raise UsageError(Problem(said, task.path, id="OBS912"))
         other = places.setdefault(task.place, task)
         if other is not task:

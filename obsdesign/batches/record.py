@@ -182,7 +182,9 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
         yield "it crashed"
     if changed := differing(record["tool"], tool()):
         yield f"{changed} of the tool changed"
-    if changed := differing(record["options"], options.of(entry["status"])):
+    asked = options.of(entry["status"])
+    asked |= {"simulate": True} if record["options"].get("simulate") is True else {}  # a run is more than is asked
+    if changed := differing(record["options"], asked):
         yield f"{changed} changed"
     if entry["status"] in EXIT and "gains" not in entry["files"]:
         yield "its gains file is missing"

@@ -10,12 +10,12 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import IO, Any
 
+from obsdesign.batches.find import SUMMARY
 from obsdesign.batches.form import STATUSES, Entry, is_number, sound
 from obsdesign.batches.record import FORMAT
 from obsdesign.disk import STAGED, content_of, umask
 from obsdesign.errors import EXIT, Problem, UsageError
 
-NAME = "summary.json"
 WORST = (1, 2, 4, 3)  # exit codes, the worst first
 LARGEST = 2**30  # bytes that are read
 
@@ -80,7 +80,7 @@ def write(out: Path, tally: Tally, head: Mapping[str, Any], entries: Iterable[En
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     told = {"created": created, "time_s": head["time_s"], "exit_code": exit_code, "counts": tally.written()}
     whole = {"obsdesign": FORMAT, "tool": head["tool"], "options": head["options"], **told}
-    path = out / NAME
+    path = out / SUMMARY
     with whole_or_not(path) as file:
         file.write("{\n")
         for key, value in whole.items():
@@ -121,7 +121,7 @@ def opened(source: str) -> dict[str, Any]:
 
     Raises `UsageError`: there is none, or it is no summary of this format.
     """
-    path = str(Path(source, NAME)) if Path(source).is_dir() else source
+    path = str(Path(source, SUMMARY)) if Path(source).is_dir() else source
     if Path(path).exists() and not Path(path).is_file():  # a pipe, of which nothing might ever come
         raise UsageError(Problem("is no file; give the summary of a batch, or its folder", path, id="OBS911"))
     try:

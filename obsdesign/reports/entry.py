@@ -265,7 +265,7 @@ def readable(entry: Entry) -> Entry:
     for name in COMPUTED:
         try:
             getattr(entry, name)
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError):
             said = f"its {name}, of which nothing is proved, cannot be read; expected what `solve` writes"
             raise entry.file.wrong("", said, id="OBS702") from None
     return entry

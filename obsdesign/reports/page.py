@@ -17,9 +17,10 @@ from markupsafe import Markup
 
 from obsdesign import __version__
 from obsdesign.design import Design
-from obsdesign.disk import write_whole
+from obsdesign.disk import content_of, write_whole
 from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile
+from obsdesign.files.result import LARGEST
 from obsdesign.reports.entry import Entry, Missing, opened, told_of
 from obsdesign.reports.papers import DRAWING, PAPERS, Paper, paper_of
 from obsdesign.tables.text import at_least, at_most
@@ -143,7 +144,7 @@ def report(
 def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
     """Page on a folder; hidden folders are left out."""
     found = ((path, path.relative_to(folder).parts) for path in folder.rglob(GAINS))
-    paths = sorted(path for path, parts in found if not any(part.startswith(".") for part in parts))
+    paths = sorted(path for path, parts in found if path.is_file() and not any(part.startswith(".") for part in parts))
     told = list(without_result(folder / SUMMARY))
     if not paths and not told:
         said = f"holds no result: no {GAINS} in it or below; `obsdesign solve` writes one"
@@ -159,12 +160,12 @@ def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
 def without_result(path: Path) -> Iterator[Missing]:
     """Specs of a batch that gave no result file, from its summary, as far as that is one."""
     try:
-        specs = json.loads(path.read_bytes())["specs"]
+        specs = json.loads(content_of(str(path), LARGEST))["specs"] if path.is_file() else []
         found = [spec for spec in specs if not spec.get("files", {}).get("gains")]
         for spec in found:
             problems = [str(problem.get("message", problem)) for problem in spec.get("problems", [])]
             yield Missing(str(spec["path"]), f"no result: {spec['status']}", "; ".join(problems))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (UsageError, RecursionError, ValueError, KeyError, TypeError, AttributeError):
         return
 
 

@@ -18,6 +18,7 @@ from obsdesign.spec import Spec
 if TYPE_CHECKING:
     from obsdesign.simulate import Run
 
+FARTHEST = 1e100  # value of a sample that can be drawn
 MOST = 6  # charts of one kind
 
 
@@ -40,15 +41,16 @@ class Signals:
     @classmethod
     def read(cls, path: str, spec: Spec) -> "Signals":
         """Read a CSV file of `simulate`. Raises `UsageError`: it cannot be read, or is not one of this plant."""
-        header, *rows = csv.reader(io.StringIO(content_of(path, LARGEST).decode(errors="replace"))) or [[]]
+        text = content_of(path, LARGEST).decode(errors="replace")
         needed = {"t", *spec.plant.states, *(f"hat_{name}" for name in spec.plant.states)}
         try:
+            header, *rows = csv.reader(io.StringIO(text))
             table = np.array(rows, dtype=float)
-        except ValueError:
+        except (ValueError, csv.Error):
             raise UsageError(Problem("is no table of numbers", path, id="OBS808")) from None
         if missing := sorted(needed.difference(header)):
             raise UsageError(Problem(f"has no column {missing[0]}: it is no run of this plant", path, id="OBS808"))
-        if table.ndim != 2 or table.shape[1] != len(header) or len(table) < 2 or not np.isfinite(table).all():
+        if table.ndim != 2 or table.shape[1] != len(header) or len(table) < 2 or not (abs(table) < FARTHEST).all():
             raise UsageError(Problem("holds no samples, or some that are not finite", path, id="OBS808"))
         columns = dict(zip(header, table.T, strict=True))
         return cls(columns["t"], columns)
