@@ -13,7 +13,7 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UsageError
 from obsdesign.families.sporadic.certificate import certify_sporadic
-from obsdesign.families.sporadic.design import design_sporadic
+from obsdesign.families.sporadic.exponential import design_sporadic
 from obsdesign.families.sporadic.gains import Setting, reaching
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.study import Study, schemes

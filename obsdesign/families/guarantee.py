@@ -134,6 +134,10 @@ class SampledGuarantee(Guarantee, Protocol):
     def T2(self) -> float:
         """Longest interval between measurements, s."""
 
+    @property
+    def ahead(self) -> int:
+        """How many intervals that are still to come V depends on, so that all of them must be at least T1."""
+
     def added(self, eta: Array, timer: Array) -> Array:
         """What the noise (K, ny) of measurements adds to V, (K,), for the times to the measurements after them."""
 

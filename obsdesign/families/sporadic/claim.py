@@ -6,7 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, ends
+from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import kept
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import (
@@ -16,10 +16,12 @@ from obsdesign.families.sporadic.certificate import (
     SporadicCertificate,
     certify_sporadic,
 )
+from obsdesign.families.sporadic.clock import file as clocked
+from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
+from obsdesign.families.sporadic.held import read_gains, require_asked
 from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
-from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, above, approximate, below, printed
@@ -91,8 +93,10 @@ class Claim(Proved):
         return {"guarantee": guarantee, "certificate": certificate}
 
 
-def read(spec: Spec, file: ResultFile) -> Claim:
+def read(spec: Spec, file: ResultFile) -> "Claim | ClockClaim":
     """Claim of a file, checked: of its intervals, and of the longest that is tolerated."""
+    if file.table("guarantee").get("kind") == "clock":
+        return clocked.read(spec, file)
     gains = read_gains(spec, file)
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
     require_request(file, request_of(spec), gains, asked, spec.augmented.C)
@@ -111,12 +115,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
 def held(request: SporadicRequest, L: Array) -> tuple[Check, ...]:
     """Whether a designed gain keeps its bound, in rationals."""
     return () if request.gains else kept(Bounds(L1=request.largest_gain), L)
-
-
-def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
-    """Exact gains of a file."""
-    n, ny = spec.augmented.n, len(spec.augmented.C)
-    return {name: file.matrix(shape, "observer", name) for name, shape in {"L": (n, ny), "H": (ny, ny)}.items()}
 
 
 def read_certificate(
@@ -144,35 +142,18 @@ def read_certificate(
 def require_request(
     file: ResultFile, request: SporadicRequest, gains: Mapping[str, Array], claim: Mapping[str, fmpq], C: Array
 ) -> None:
-    """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains."""
-    if file.at("observer", "type") != request.type:
-        raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
-    asked = {"T1": request.T1, "T2": request.T2, "decay": request.decay}
-    for name, value in asked.items():
-        low, high = ends(value)
-        if not printed(low) <= claim[name] <= printed(high):
-            raise file.wrong(
-                f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for", id="OBS707"
-            )
-    for name in ("T1", "T2"):
-        if file.number("observer", name) != claim[name]:
-            raise file.wrong(f"observer.{name}", "differs from that of the guarantee", id="OBS705")
+    """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains, and delta."""
+    require_asked(file, request, gains, claim, C)
     if not request.gains:
-        tied = [tied_gain(name, gains["L"], C) for name in request.injections]
-        if all(H is not None and (gains["H"] != H).any() for H in tied):
-            raise file.wrong(
-                "observer.H", f"not that of {' or '.join(request.injections)}, which the spec asks for", id="OBS707"
-            )
         delta, low, high = file.number("observer", "delta"), request.delta.low, request.delta.high
         if low == high and delta != printed(low):
             raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for", id="OBS707")
-    for name, given in (request.gains or {}).items():
-        if (printed(given) != gains[name]).any():
-            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives", id="OBS707")
 
 
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     """Entry `observer` of a result file: gains, their intervals, and how the error contracts over one."""
+    if isinstance(outcome.claim, ClockClaim):
+        return clocked.written(spec, outcome.claim)
     if not isinstance(outcome.claim, Claim):
         return {}
     proof, gains = outcome.claim.certificate, outcome.gains

@@ -1,4 +1,4 @@
-"""The observer (4) of Ferrante, Gouaisbaut, Sanfelice and Tarbouriech (2019), which holds its output error."""
+"""Observers for sporadic measurements: (4) of Ferrante et al. (2019), which holds its output error, and a reset."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,18 +8,19 @@ import numpy as np
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import ends
 from obsdesign.expressions import Expression
+from obsdesign.families.guarantee import SampledGuarantee
 from obsdesign.families.observer import Copy, Observer
-from obsdesign.families.sporadic.guarantee import SporadicGuarantee
 from obsdesign.families.sporadic.periodic import Periodic
 from obsdesign.families.sporadic.request import request_of
-from obsdesign.lmi.formula import Array, identity, in_floats, printed
+from obsdesign.lmi.formula import Array, Exact, identity, in_floats, printed
 from obsdesign.model.equations import free, linear
 from obsdesign.spec import Spec
 
 
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
-    """Observer of a spec, for T1 and T2 that it asks for (the least where T2 is a range); see `holding`."""
-    return replace(holding(spec, gains), intervals=intervals(spec))
+    """Observer of a spec, for T1 and the least T2 that it asks for; see `holding`, `resetting`."""
+    made = resetting(spec, printed(gains["K"])) if "K" in gains else holding(spec, gains)
+    return replace(made, intervals=intervals(spec))
 
 
 def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
@@ -51,12 +52,39 @@ def holding(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     )
 
 
-def sampled(spec: Spec, gains: Mapping[str, Array], guarantee: SporadicGuarantee | None) -> Periodic:
-    """Error systems between two measurements: e' = A e + Bf df - L d, d' = H d.
+def resetting(spec: Spec, K: Exact) -> Observer:
+    """Observer with the gain K (n, ny).
+
+    zhat'  = A zhat + Bf f(t, u, qhat) + gx,    qhat = Cq zhat + gq
+    zhat+  = zhat + K (y - yhat)     at a measurement,               yhat = C zhat + gy
+
+    Raises `UsageError` if a nonlinearity has no f.
+    """
+    plant = spec.equations(spec.augmented)
+    copy = Copy.of(plant)
+    states = {name: Expression.variable(name) for name in copy.dynamics}
+    return Observer(
+        dynamics=copy.dynamics,
+        estimates={copy.twins[name]: state for name, state in states.items()},
+        inputs=spec.inputs,
+        outputs=tuple(plant.outputs),
+        algebraic={**copy.algebraic, **copy.outputs},
+        jump=copy.corrected(states, np.hstack([K, -K]), (*plant.outputs, *copy.outputs)),
+        twins=copy.twins,
+    )
+
+
+def sampled(spec: Spec, gains: Mapping[str, Array], guarantee: SampledGuarantee | None) -> Periodic:
+    """Error systems between two measurements: (e, theta)' = [A, -L; 0, H] (e, theta), or e' = A e.
 
     Intervals are those of the guarantee, or the least that is asked for.
     """
-    p, (L, H) = spec.augmented.doubles, (gains["L"], gains["H"])
+    p, eye = spec.augmented.doubles, np.eye(spec.augmented.n)
+    T1, T2 = (guarantee.T1, guarantee.T2) if guarantee else intervals(spec)
+    if "K" in gains:
+        J, Jn = eye - gains["K"] @ p.C, -gains["K"]
+        return Periodic(**vars(Errors.of(p, spec.multiplier, in_floats(spec.H))), J=J, Jn=Jn, T1=T1, T2=T2)
+    L, H = gains["L"], gains["H"]
     n, ny = L.shape
     below, beside = ((0, ny), (0, 0)), ((0, 0), (0, ny))
     flow = replace(
@@ -67,8 +95,9 @@ def sampled(spec: Spec, gains: Mapping[str, Array], guarantee: SporadicGuarantee
         C=np.pad(p.C, beside),
         Cq=np.pad(p.Cq, beside),
     )
-    T1, T2 = (guarantee.T1, guarantee.T2) if guarantee else intervals(spec)
-    return Periodic(**vars(Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))), T1=T1, T2=T2)
+    J, Jn = np.vstack([eye, p.C]), np.vstack([np.zeros((n, ny)), np.eye(ny)])
+    errors = Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))
+    return Periodic(**vars(errors), J=J, Jn=Jn, T1=T1, T2=T2)
 
 
 def intervals(spec: Spec) -> tuple[float, float]:

@@ -9,22 +9,26 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
+from obsdesign.families.sporadic.clock.bernstein import SHAPE, Shape
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec
 
+CLOCK = "clock"  # storage functions that depend on the time left to the next measurement
 INJECTIONS = {  # how the correction evolves between measurements, and its relaxations, the tightest first
-    "dynamic": ("proposition-2", "proposition-3", "proposition-4"),
-    "predictor": ("proposition-2",),
-    "hold": ("proposition-5",),
+    "dynamic": (CLOCK, "proposition-2", "proposition-3", "proposition-4"),
+    "predictor": (CLOCK, "proposition-2"),
+    "hold": (CLOCK, "proposition-5"),
+    "reset": (CLOCK,),
 }
 RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
 EXPONENTS = Range(fmpq(1, 1000), fmpq(100), points=40, log=True)  # delta T2 that are tried if the spec does not say
 ABOVE_DECAY = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
+LARGEST_DEGREE, MOST_SEGMENTS, FARTHEST = 12, 32, 8
 ABSENT = ("D", "Dq", "Dqf", "Df")
 
 SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
@@ -34,14 +38,37 @@ class SporadicBounds(Section):
     """What a design may use at most."""
 
     L: str | None = key(ENTRY, "largest spectral norm of L", otherwise="none", example="20")
+    K: str | None = key(ENTRY, "largest spectral norm of K, of injection reset", otherwise="none", example="3")
     gamma: str | None = key(ENTRY, "largest gamma", otherwise="none", unit="z per w", example="0.5")
 
 
 class SporadicGains(Section):
-    """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
+    """Gains to be analyzed instead of designed: L and H of a correction L theta, theta' = H theta, or K of a reset."""
 
-    L: Entries = required(MATRIX, "nx x ny", example="[[1.4], [0.9]]")
+    L: Entries | None = key(MATRIX, "nx x ny", otherwise="none: K is given", example="[[1.4], [0.9]]")
     H: Entries | None = key(MATRIX, "ny x ny", otherwise="0", example="[[-0.5]]")
+    K: Entries | None = key(
+        MATRIX, "nx x ny, of injection reset", otherwise="none: L is given", example="[[0.8], [0.4]]"
+    )
+
+
+class ClockSection(Section):
+    """Storage function of relaxation clock, a piecewise polynomial of the time left to the next measurement."""
+
+    degree: str | None = key(ENTRY, "degree of each segment, 1 to 12", otherwise="4", example="6")
+    segments: str | None = key(ENTRY, "segments of [0, T2], 1 to 32; T1 is an end of one", otherwise="2", example="4")
+    lookahead: str | None = key(
+        ENTRY,
+        "parts of [T1, T2], 1 to 8, in which it tells the interval after the next measurement apart; above 1: T1 > 0",
+        otherwise="1",
+        example="2",
+    )
+    gain: Literal["constant", "gap"] = key(
+        OneOf("gain", ("constant", "gap")),
+        "whether K of injection reset depends on the interval that has just ended",
+        default="constant",
+        example="gap",
+    )
 
 
 def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
@@ -53,7 +80,7 @@ def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
 class SporadicObserver(asked.ObserverSection):
     """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
 
-    T1: str = required(ENTRY, "shortest interval between measurements, > 0", unit="s", example="0.05")
+    T1: str = required(ENTRY, "shortest interval between measurements; 0: any positive one", unit="s", example="0.05")
     T2: str | asked.Interval = required(
         asked.SEARCHED,
         "longest interval between measurements; a range for max-T2 and pareto",
@@ -69,19 +96,23 @@ class SporadicObserver(asked.ObserverSection):
     )
     injection: str | list[str] | None = key(
         one_or_several("injection", tuple(INJECTIONS)),
-        "dynamic (H free), predictor (H = -C L) or hold (H = 0); a list makes a curve each",
+        "dynamic (H free), predictor (H = -C L), hold (H = 0) or reset (xhat+ = xhat + K (y - C xhat)); "
+        "a list makes a curve each",
         otherwise="dynamic",
         example="predictor",
     )
     relaxation: str | list[str] | None = key(
         one_or_several("relaxation", RELAXATIONS),
         "the inequality that is solved; a list makes a curve each",
-        otherwise="the tightest for the injection",
+        otherwise="clock; with `delta` the tightest proposition for the injection",
         example="proposition-3",
+    )
+    clock: ClockSection | None = key(
+        ClockSection, "storage function of relaxation clock", otherwise="degree 4, 2 segments", example="{degree: 6}"
     )
     delta: str | asked.Interval | None = key(
         asked.SEARCHED,
-        "free exponent of the storage function",
+        "free exponent of the storage function of a proposition",
         unit="1/s",
         otherwise="searched",
         example="{min: 1, max: 100}",
@@ -127,12 +158,16 @@ class SporadicRequest:
     slack: fmpq = SLACK
     largest_gain: fmpq | None = None  # bounds.L, spectral
     largest_gamma: fmpq | None = None
-    gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny): analysis of these
+    largest_reset: fmpq | None = None  # bounds.K, spectral
+    gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny), or K (n, ny): analysis of these
+    shape: Shape = SHAPE  # of clock-dependent storage functions
+    delta_given: bool = False  # whether the spec says where delta is searched
+    gap: bool = False  # whether K depends on the interval that has just ended
 
     @property
     def restrictions(self) -> list[str]:
         """Bounds on what a design may use, in words."""
-        return Bounds(L1=self.largest_gain).words("L")
+        return [*Bounds(L1=self.largest_gain).words("L"), *Bounds(L1=self.largest_reset).words("K")]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -141,8 +176,15 @@ class SporadicRequest:
         found = ((name, r) for name, relaxations in wanted.items() for r in relaxations if r in INJECTIONS[name])
         return tuple(dict.fromkeys(found))
 
+    @property
+    def clocked(self) -> bool:
+        """Whether every curve is of clock-dependent certificates."""
+        return all(relaxation == CLOCK for _, relaxation in self.pairs)
+
     def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Relaxations that fit none of the injections, or else injections that have none of the relaxations."""
+        if self.delta_given and self.clocked:
+            yield ("delta",), "is the exponent of a proposition; relaxation clock has none: leave `delta` out"
         known = "; ".join(f"{name} takes {', '.join(relaxations)}" for name, relaxations in INJECTIONS.items())
         fitting = {relaxation for _, relaxation in self.pairs}
         strays = [relaxation for relaxation in self.relaxations if relaxation not in fitting]
@@ -157,29 +199,77 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
     """Return the request, held against what the family knows."""
     loc: Loc = ("observer",)
     require_sampled(reader, problem)
-    T1 = reader.number(section.T1, (*loc, "T1"), "> 0")
+    T1 = reader.number(section.T1, (*loc, "T1"), ">= 0")
     T2 = asked.read_searched(reader, section.T2, (*loc, "T2"), "> 0")
     decay = asked.read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
     require_ordered(reader, T1, T2)
-    relaxations = listed(section.relaxation)
+    relaxations, injections = chosen(section)
     require_ranges(reader, section, T2, decay)
-    states, outputs = problem.states, problem.outputs
     request = SporadicRequest(
         type=section.type,
         T1=T1,
         T2=T2,
         decay=decay,
         delta=read_delta(reader, section, T2, decay, relaxations),
-        injections=listed(section.injection) or fitting(relaxations),
+        injections=injections,
         relaxations=relaxations,
         objective=section.objective,
         slack=asked.read_slack(reader, section.slack),
         largest_gain=asked.read_bound(reader, section.bounds.L if section.bounds else None, "L"),
         largest_gamma=asked.read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
-        gains=asked.read_gains(reader, section.gains, {"L": (states, outputs), "H": (outputs, outputs)}),
+        largest_reset=asked.read_bound(reader, section.bounds.K if section.bounds else None, "K"),
+        gains=read_gains(reader, section, problem),
+        shape=read_shape(reader, section.clock, T1),
+        delta_given=section.delta is not None,
+        gap=section.clock is not None and section.clock.gain == "gap",
     )
     asked.refuse_conflicts(reader, request)
     return request
+
+
+def chosen(section: SporadicObserver) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Relaxations, and the injections that they are for: `delta` alone means the propositions."""
+    relaxations, injections = listed(section.relaxation), listed(section.injection)
+    if not injections and section.gains and section.gains.K is not None:
+        injections = ("reset",)
+    if not relaxations and section.delta is not None:
+        relaxations = tuple(INJECTIONS[name][1] for name in injections or ("dynamic",) if len(INJECTIONS[name]) > 1)
+    return relaxations, injections or fitting(relaxations)
+
+
+def read_gains(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> Mapping[str, Array] | None:
+    """Gains to be analyzed: L and H, or K of a reset; one without the other."""
+    if section.gains is None:
+        return None
+    loc: Loc = ("observer", "gains")
+    resets = "reset" in listed(section.injection) or (not section.injection and section.gains.K is not None)
+    stray = [name for name in ("L", "H") if resets and getattr(section.gains, name) is not None]
+    stray += ["K"] if not resets and section.gains.K is not None else []
+    for name in stray:
+        has = "has the gain K alone" if resets else "has the gains L and H"
+        reader.wrong(
+            (*loc, name), f"is no gain of this injection: {'reset' if resets else 'one that holds'} {has}", id="OBS206"
+        )
+    if not resets and section.gains.L is None and not stray:
+        reader.wrong(loc, "L is missing; give {L: .., H: ..}, or {K: ..} with injection reset", id="OBS201")
+    if resets and section.gains.K is None and not stray:
+        reader.wrong(loc, "K is missing; injection reset has the gain K, {K: ..}", id="OBS201")
+    states, outputs = problem.states, problem.outputs
+    sizes = {"K": (states, outputs)} if resets else {"L": (states, outputs), "H": (outputs, outputs)}
+    return asked.read_gains(reader, section.gains, sizes)
+
+
+def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq) -> Shape:
+    """Degree and segments, and how far the storage function looks ahead."""
+    if section is None:
+        return Shape()
+    loc: Loc = ("observer", "clock")
+    degree = reader.integer(section.degree, (*loc, "degree"), 4, 1, LARGEST_DEGREE)
+    segments = reader.integer(section.segments, (*loc, "segments"), 2, 1, MOST_SEGMENTS)
+    lookahead = reader.integer(section.lookahead, (*loc, "lookahead"), 1, 1, FARTHEST)
+    if lookahead > 1 and not T1 and reader.clean(("observer", "T1")):
+        reader.wrong((*loc, "lookahead"), f"{lookahead} needs T1 > 0; for T1 = 0 it gains nothing, give 1", id="OBS208")
+    return Shape(degree, segments, lookahead)
 
 
 def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
@@ -219,9 +309,9 @@ def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, 
 
 
 def fitting(relaxations: tuple[str, ...]) -> tuple[str, ...]:
-    """Injections where none is named: dynamic, and hold as far as its relaxation is listed."""
-    wanted = relaxations or INJECTIONS["dynamic"]
-    return tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name]) & set(wanted))
+    """Injections where none is named: dynamic, and hold as far as its proposition is listed."""
+    found = tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name][1:]) & set(relaxations))
+    return found or ("dynamic",)
 
 
 def read_delta(
@@ -246,7 +336,7 @@ def read_delta(
 def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
     request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
-    largest = None if request.gains else request.largest_gain
+    largest = None if request.gains or request.clocked else request.largest_gain
     return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none, "Theorem 2")
 
 

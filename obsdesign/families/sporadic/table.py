@@ -13,22 +13,22 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
     rows = [("gamma", gamma_text(claimed, MEANING))]
     rows += [("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
     T1, T2 = (printed(claimed[name]) for name in ("T1", "T2"))
-    jitter = at_least(100 * (T2 - T1) / T1, 3)
-    rows += [("intervals", f"{at_most(T1)} to {at_least(T2)} s, a jitter of {jitter} %")]
-    rows += [("noise", f"{at_most(claimed['noise'], 4)} sup|eta| at most in |(e, d)|")] if "noise" in claimed else []
+    jitter = f", a jitter of {at_least(100 * (T2 - T1) / T1, 3)} %" if T1 else ", however short"
+    rows += [("intervals", f"{at_most(T1)} to {at_least(T2)} s{jitter}")]
+    size = "|e|" if "|(e, d)|" not in claimed["statement"] else "|(e, d)|"
+    rows += [("noise", f"{at_most(claimed['noise'], 4)} sup|eta| at most in {size}")] if "noise" in claimed else []
     rows += [("tolerated", f"T2 up to {at_least(claimed['T2_max'])} s")] if "T2_max" in claimed else []
     return rows
 
 
 def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Gains for sporadic measurements, and how they contract the error over one interval."""
-    rows = [
-        ("gain", f"|L| = {spectral_norm(made['L']):.4g}"),
-        ("L", matrix_text(made["L"])),
-        ("H", matrix_text(made["H"])),
-    ]
+    name = "K" if "K" in made else "L"
+    rows = [("gain", f"|{name}| = {spectral_norm(made[name]):.4g}")]
+    rows += [(key, matrix_text(made[key])) for key in ("L", "H", "K") if key in made]
     known = ", ".join(f"{k:.3g} over {name}" for name, k in made["contraction"].items() if k is not None)
     said = f"{known}   the slowest that was found of f = K q of the types" if known else UNBOUNDED
-    rows += [("delta", f"{made['delta']:g} 1/s"), ("contraction", said)]
+    rows += [("delta", f"{made['delta']:g} 1/s")] if "delta" in made else []
+    rows += [("contraction", said)]
     noise = ", ".join(f"{name} {gain:.3g}" for name, gain in made["noise_gain"].items())
     return rows + ([("noise gain", f"{noise}   at the measurements, T1 or T2 apart")] if noise else [])

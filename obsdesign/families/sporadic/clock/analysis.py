@@ -1,0 +1,175 @@
+"""What an observer achieves by clock-dependent certificates: the solver proposes witnesses, rationals decide.
+
+A search takes one solve, in the scaling of its data, and believes it: what is shipped is proved later.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.sporadic.clock.bernstein import SHAPE, Shape, clock
+from obsdesign.families.sporadic.clock.theorem import ClockTheorem, ErrorSystem
+from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness
+from obsdesign.lmi.formula import Array, Float, Problem, Unknown, Values, printed
+from obsdesign.lmi.probe import Program, matrices
+from obsdesign.lmi.proof import with_digits
+from obsdesign.lmi.reduce import Reduced, balance, reduce
+from obsdesign.lmi.solve import Search, homogeneous, unscaled, violation, with_margin
+from obsdesign.lmi.solvers import Ending, call
+from obsdesign.model.multiplier import Multiplier
+
+ONE = np.ones((1, 1))
+VIOLATION = 1e-5  # of a constraint that a search tolerates
+FEASIBLE = 1e-7  # normalised margin above which there is a solution
+BACKOFFS = (1e-3, 5e-3, 2e-2, 0.1)  # of the least number that a claim needs
+DIGITS = (8, 12, 17)  # of a witness
+ROOM = 1e-6  # relative, of numbers that follow from P
+MET = 1e-6  # relative, of equations that a least squares solution meets
+
+
+@dataclass(frozen=True)
+class Found:
+    """Outcome of one solve; without values there is none."""
+
+    objective: float = math.inf
+    values: Values | None = None
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """An observer's error, in rationals, for intervals from T1 on."""
+
+    engine: Engine
+    system: ErrorSystem
+    multiplier: Multiplier
+    T1: fmpq
+    shape: Shape = SHAPE
+
+    def theorem(self, T2: fmpq, decay: fmpq) -> ClockTheorem:
+        """The inequalities for a longest interval and a rate."""
+        s = self.shape
+        pieces = clock(self.T1, T2, s.degree, s.segments, s.lookahead)
+        return ClockTheorem(self.system, self.multiplier, pieces, self.T1, decay, s.lookahead)
+
+    # Searches
+
+    def least(self, goal: Goal, T2: fmpq, decay: fmpq) -> Found:
+        """Least number of a claim: mu, r or kappa."""
+        theorem = goal.theorem(self.theorem(T2, decay)).doubles
+        number = Unknown(goal.least, (1, 1))
+        problem = Problem(
+            (*theorem.unknowns, number),
+            lambda v: theorem.inequalities({**goal.fixed(ONE), **v}),
+            lambda v: v[goal.least],
+        )
+        return self.solved(problem)
+
+    def gamma(self, T2: fmpq, decay: fmpq) -> float:
+        """Least gain from w to z; infinite if none is found."""
+        return math.sqrt(max(self.least(GOALS["gamma"], T2, decay).objective, 0.0))
+
+    def margin(self, T2: fmpq, decay: fmpq) -> float:
+        """Largest normalised margin of the inequalities without w and z: there is a solution iff it is positive."""
+        goal = GOALS["overshoot"]
+        theorem = goal.theorem(self.theorem(T2, decay)).doubles
+        fixed = {"weight": 0 * ONE, "mu": 0 * ONE, "floor": 0 * ONE}
+        problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**v, **fixed}))
+        _, t = self.widest(reduce(problem))
+        return t
+
+    def solved(self, problem: Problem) -> Found:
+        """One solve."""
+        reduced = reduce(problem)
+        if reduced.contradiction:
+            return Found()
+        scaled, T = balance(reduced.program)
+        ending, y = self.solve(scaled)
+        z = unscaled(T, y)
+        if (
+            ending in {Ending.INFEASIBLE, Ending.IMPROPER}
+            or not np.isfinite(z).all()
+            or violation(scaled, y) > VIOLATION
+        ):
+            return Found()
+        values = matrices(problem.unknowns, reduced.point(z))
+        return Found(reduced.program.constant + float(reduced.program.cost @ z), values)
+
+    def solve(self, program: Program) -> tuple[Ending, Array]:
+        """One call of the solver, counted."""
+        self.engine.solves += 1
+        return Search(call(self.engine.solver)).solve(program)
+
+    def widest(self, reduced: Reduced) -> tuple[Array, float]:
+        """Point of the largest normalised margin, and the margin, by one solve."""
+        scaled, T = balance(homogeneous(reduced.program))
+        ending, y = self.solve(with_margin(scaled))
+        *z, size = unscaled(T, y[:-1])
+        t = float(y[-1])
+        broken = ending is Ending.FAILED or not np.isfinite([*z, size, t]).all() or size <= 0
+        return reduced.point(np.array(z) / (size if size > 0 else 1.0)), -math.inf if broken else t
+
+    # Proofs
+
+    def prove(self, goal: Goal, T2: fmpq, decay: fmpq) -> Witness | None:
+        """Witness of nearly the least number; the last attempt if none holds, None if there is none."""
+        found = self.least(goal, T2, decay)
+        if found.values is None:
+            return None
+        witness = None
+        for backoff in BACKOFFS:
+            witness = self.witness(goal, T2, decay, number(found.objective, backoff))
+            if witness and witness.holds:
+                break
+        return witness
+
+    def witness(self, goal: Goal, T2: fmpq, decay: fmpq, least: fmpq) -> Witness | None:
+        """Witness for a number of a claim; the last attempt if none holds, None if there is none."""
+        exact = goal.theorem(self.theorem(T2, decay))
+        theorem, fixed = exact.doubles, {goal.least: np.array([[float(least)]])}
+        problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**goal.fixed(ONE), **fixed, **v}))
+        point, t = self.widest(reduce(problem))
+        if t <= 0:
+            return None
+        v = matrices(theorem.unknowns, point)
+        witness = None
+        for digits in DIGITS:
+            P, M = with_digits(theorem.P(v), digits), theorem.multipliers(v)
+            M = {name: with_digits(stack, digits) for name, stack in M.items()}
+            witness = Witness(goal, exact, {goal.least: least, **more(goal, theorem, P)}, P, M)
+            if witness.holds:
+                break
+        return witness
+
+
+def number(least: float, backoff: float) -> fmpq:
+    """Decimal a little above the least number that there is a solution for: mu of a gamma of few digits."""
+    root = printed(round_up(math.sqrt(max(least, 0.0)) * (1 + backoff), 6))
+    return root * root
+
+
+def more(goal: Goal, theorem: ClockTheorem, P: Array) -> dict[str, fmpq]:
+    """Numbers of a claim that follow from P: r, and kappa where there is one."""
+    if goal.name != "gamma":
+        return {}
+    doubles = P.astype(float)
+    r = float(np.linalg.eigvalsh(doubles)[..., -1].max())
+    found = {"r": printed(round_up(r * (1 + ROOM), 6))}
+    kappa = noise_level(theorem, doubles)
+    return found | ({"kappa": printed(round_up(kappa * (1 + ROOM), 6))} if math.isfinite(kappa) else {})
+
+
+def noise_level(theorem: ClockTheorem, P: Float) -> float:
+    """Smallest kappa with (N), by the Schur complement of it; infinite where (J) leaves no room."""
+    levels = []
+    for before, after in theorem.followed(P):
+        J, Jn = theorem.system.J, theorem.system.Jn
+        for A in after:
+            room, across, own = before - J.T @ A @ J, J.T @ A @ Jn, Jn.T @ A @ Jn
+            solved, *_ = np.linalg.lstsq(room, across, rcond=None)
+            met = np.abs(room @ solved - across).max(initial=0.0) <= MET * np.abs(across).max(initial=0.0)
+            levels.append(float(np.linalg.eigvalsh(own + across.T @ solved)[-1]) if met else math.inf)
+    return max(levels, default=0.0)

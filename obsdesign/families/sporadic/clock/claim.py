@@ -1,0 +1,164 @@
+"""Claims that clock-dependent certificates prove, as a file holds them and as they are read."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.families.sporadic.clock.guarantee import ClockGuarantee
+from obsdesign.families.sporadic.clock.theorem import ErrorSystem, equations
+from obsdesign.families.sporadic.clock.witness import Witness
+from obsdesign.files import checks as listed
+from obsdesign.lmi.formula import Array, above, approximate, below, printed
+from obsdesign.lmi.proof import Check, Proved
+from obsdesign.model.multiplier import Multiplier
+from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
+
+MEANING = "norm2(z) <= gamma norm2(w) from zero error"  # of gamma
+CONSTANTS = ("gamma", "overshoot", "initial", "disturbance", "noise")  # more of each holds too
+
+
+@dataclass(frozen=True)
+class ClockClaim(Proved):
+    """What an observer achieves for every sequence of measurements that are T1 to T2 apart, a witness for each part."""
+
+    system: ErrorSystem  # in rationals
+    multiplier: Multiplier
+    direct: bool  # whether w or f acts on the measured output, which the theorem does not know
+    gains: Mapping[str, Array]  # L and H, or K; exact
+    T1: fmpq
+    T2: fmpq
+    decay: fmpq
+    witnesses: Mapping[str, Witness]  # by the names of GOALS
+    longest: Witness | None = None  # of the largest T2 that given gains are proved to tolerate
+    asked: tuple[Check, ...] = ()  # that a designed gain keeps the bound of the spec
+    stated: Mapping[str, fmpq] | None = None  # constants of a file; None: those that are proved
+
+    @cached_property
+    def checks(self) -> tuple[Check, ...]:
+        """Every condition of every witness, and that each is about this claim."""
+        more = self.longest.checks if self.longest else ()
+        return (
+            Check("D = 0 and Df = 0", not self.direct, 0.0),
+            Check("0 <= T1 <= T2 and T2 > 0", 0 <= self.T1 <= self.T2 and self.T2 > 0, approximate(self.T2 - self.T1)),
+            Check("there is a witness of gamma", "gamma" in self.witnesses, 0.0),
+            Check("the decay is proved", self.rate >= self.decay >= 0, approximate(self.rate - self.decay)),
+            *(check for witness in self.witnesses.values() for check in witness.checks),
+            *self.asked,
+            *self.keep(),
+            *(replace(check, name=f"T2_max: {check.name}") for check in more),
+        )
+
+    @property
+    def rate(self) -> fmpq:
+        """Rate at which the error is proved to decay; 0 without a witness of one."""
+        found = self.witnesses.get("overshoot")
+        return found.theorem.decay if found else fmpq(0)
+
+    @cached_property
+    def least(self) -> dict[str, fmpq]:
+        """Constants that the witnesses prove, as decimals that print doubles, rounded up."""
+        balls = {name: ball for w in self.witnesses.values() for name, ball in w.constants().items()}
+        found = {name: above(balls[name].upper().fmpq()) for name in CONSTANTS if name in balls}
+        return {name: printed(value) for name, value in found.items() if math.isfinite(value)}
+
+    @property
+    def constants(self) -> Mapping[str, fmpq]:
+        """Constants of the statement."""
+        return self.least if self.stated is None else self.stated
+
+    def keep(self) -> tuple[Check, ...]:
+        """Whether the constants that are stated are no better than what is proved."""
+        room = {name: self.constants[name] - x for name, x in self.least.items() if name in self.constants}
+        found = ((name, room.get(name, fmpq(-1))) for name in self.constants)
+        return tuple(Check(f"{name} is proved", left >= 0, approximate(left)) for name, left in found)
+
+    @property
+    def adds(self) -> bool:
+        """Whether the bounds on |x| of an initial error, of w and of eta add where several act.
+
+        Along a trajectory df = Theta(t) dq with a bounded member Theta(t) of the class at every t, so that the error is
+        that of a linear system that varies in time, of which all members are of the class; its trajectories add.
+        """
+        return all(block.bounded for block in self.multiplier.blocks)
+
+    @property
+    def gamma(self) -> fmpq:
+        """Gain from w to z."""
+        return self.constants["gamma"]
+
+    def guarantee(self, spec: Spec) -> ClockGuarantee:  # noqa: ARG002
+        """Guarantee in doubles."""
+        return ClockGuarantee(
+            gamma=above(self.gamma),
+            decay=below(self.decay),
+            T1=above(self.T1),
+            T2=below(self.T2),
+            witness=self.witnesses["gamma"],
+            rate=below(self.rate),
+            constants={name: above(x) for name, x in self.constants.items()},
+            adds=self.adds,
+        )
+
+    def headline(self, spec: Spec) -> str:  # noqa: ARG002
+        """Claim in one line."""
+        gamma, decay, T1, T2 = at_most(self.gamma), at_least(self.decay), at_most(self.T1), at_least(self.T2)
+        return f"gamma {gamma}, {MEANING}; decay rate {decay} 1/s, intervals from {T1} to {T2} s"
+
+    def statement(self, spec: Spec) -> str:
+        """Guarantee in words, with the observer written out, and where it holds."""
+        c, size = {name: at_most(x) for name, x in self.constants.items()}, self.system.size
+        parts = []
+        if "overshoot" in c:
+            decays = f"{c['overshoot']} exp(-{below(self.rate)!r} t) {size}(0)"
+            parts.append(f"{size}(t) <= {decays} where w = 0 and eta = 0")
+        if "disturbance" in c:
+            parts.append(f"{size}(t) <= {c['disturbance']} sup|w| from zero error where eta = 0")
+        if "noise" in c:
+            parts.append(f"{size}(t) <= {c['noise']} sup|eta| from zero error where w = 0")
+        if len(parts) > 1 and self.adds:
+            parts[-1] += ", and these bounds add where several act"
+        parts.append(f"|z|_2 <= {c['gamma']} |w|_2 + {c['initial']} {size}(0) where eta = 0")
+        told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))
+        return "; ".join([f"{self.sequences}: {told}; for {equations(self.system)}", *spec.provisos])
+
+    @property
+    def sequences(self) -> str:
+        """For which measurements it holds, in words."""
+        T1, T2 = above(self.T1), below(self.T2)
+        if not self.T1:
+            return f"for every sequence of measurements that are at most {T2!r} apart, the first one included"
+        jitter = f" (a jitter of {at_least(100 * self.jitter, 4)} %)" if self.T1 < self.T2 else ""
+        apart = f"for every sequence of measurements that are {T1!r} to {T2!r} apart{jitter}"
+        return f"{apart}, and a first one no later than {T2!r}"
+
+    @property
+    def jitter(self) -> fmpq:
+        """(T2 - T1) / T1, for T1 > 0."""
+        return (self.T2 - self.T1) / self.T1
+
+    def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
+        """What is proved, the limit it is near to, and the witnesses."""
+        witnesses = {name: witness.written() for name, witness in self.witnesses.items()}
+        witnesses |= {"T2_max": self.longest.written()} if self.longest else {}
+        guarantee = {
+            "kind": "clock",
+            "gamma": above(self.gamma),
+            "decay": below(self.decay),
+            **({"rate": below(self.rate)} if self.rate else {}),
+            **{name: above(value) for name, value in self.constants.items() if name != "gamma"},
+            **({"jitter": below(self.jitter)} if self.T1 else {}),
+            "T1": above(self.T1),
+            "T2": below(self.T2),
+            **({"T2_max": below(self.longest.theorem.clock.knots[-1])} if self.longest else {}),
+            **limits,
+            "statement": self.statement(spec),
+        }
+        return {
+            "guarantee": guarantee,
+            "certificate": {"kind": "exact", "witnesses": witnesses, "checks": listed(self.checks)},
+        }

@@ -1,0 +1,84 @@
+"""Result files of clock-dependent certificates: what is written of a claim, and how it is read and held again."""
+
+from dataclasses import replace
+from typing import Any
+
+from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.certificate import kept
+from obsdesign.families.sporadic.clock.bernstein import Clock
+from obsdesign.families.sporadic.clock.claim import CONSTANTS, ClockClaim
+from obsdesign.families.sporadic.clock.study import system
+from obsdesign.families.sporadic.clock.theorem import ClockTheorem
+from obsdesign.families.sporadic.clock.witness import GOALS
+from obsdesign.families.sporadic.clock.witness import read as read_witness
+from obsdesign.families.sporadic.held import read_gains, require_asked
+from obsdesign.families.sporadic.observer import sampled
+from obsdesign.families.sporadic.request import SporadicRequest, request_of
+from obsdesign.files import ResultFile
+from obsdesign.lmi.formula import Array, approximate
+from obsdesign.lmi.proof import Check
+from obsdesign.spec import Spec
+
+
+def read(spec: Spec, file: ResultFile) -> ClockClaim:
+    """Claim of a file, checked: every witness of it.
+
+    Raises `UsageError`: it is malformed, or not what the spec asks for.
+    """
+    request, plant, gains = request_of(spec), spec.augmented, read_gains(spec, file)
+    asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
+    require_asked(file, request, gains, asked, plant.C)
+    root = ("certificate", "witnesses")
+    named = file.table(*root)
+    if wrong := named.keys() - {*GOALS, "T2_max"} or {"gamma"} - named.keys():
+        known = ", ".join((*GOALS, "T2_max"))
+        raise file.wrong(".".join((*root, min(wrong))), f"expected gamma, and of {known} those that apply", id="OBS702")
+    error = system(plant, spec.H, gains)
+    theorem = ClockTheorem(
+        error, spec.multiplier, Clock((asked["T2"],), 1), asked["T1"], asked["decay"], request.shape.lookahead
+    )
+    found = {
+        name: read_witness(file, GOALS[name], theorem, asked["T2"], *root, name) for name in named if name in GOALS
+    }
+    longest = None
+    if "T2_max" in named:
+        most = file.number("guarantee", "T2_max")
+        longest = read_witness(file, GOALS["overshoot"], theorem, most, *root, "T2_max")
+    direct = any([*plant.D.flat, *plant.Df.flat])
+    claim = ClockClaim(
+        error,
+        spec.multiplier,
+        direct,
+        gains,
+        asked["T1"],
+        asked["T2"],
+        asked["decay"],
+        found,
+        longest,
+        held(request, gains),
+    )
+    told = {*claim.least, *file.table("guarantee")}
+    return replace(claim, stated={key: file.number("guarantee", key) for key in CONSTANTS if key in told})
+
+
+def held(request: SporadicRequest, gains: dict[str, Array]) -> tuple[Check, ...]:
+    """Whether a designed gain keeps its bound, in rationals."""
+    if request.gains:
+        return ()
+    name, largest = ("K", request.largest_reset) if "K" in gains else ("L", request.largest_gain)
+    return kept(Bounds(L1=largest), gains[name])
+
+
+def written(spec: Spec, claim: ClockClaim) -> dict[str, Any]:
+    """Entry `observer`: gains, their intervals, and how the error contracts over one."""
+    gains = {name: gain.astype(float) for name, gain in claim.gains.items()}
+    found = sampled(spec, gains, claim.guarantee(spec))
+    intervals = found.intervals
+    return {
+        **{name: gain.tolist() for name, gain in gains.items()},
+        "T1": approximate(claim.T1),
+        "T2": approximate(claim.T2),
+        "multipliers": {name: found.multipliers(T) for name, T in intervals.items()},
+        "contraction": {name: found.contraction(T) for name, T in intervals.items()},
+        "noise_gain": found.noise_gain(),
+    }
