@@ -6,8 +6,6 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.certificate import kept
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import (
     CONSTANTS,
@@ -19,7 +17,7 @@ from obsdesign.families.sporadic.certificate import (
 from obsdesign.families.sporadic.clock import file as clocked
 from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
-from obsdesign.families.sporadic.held import read_gains, require_asked
+from obsdesign.families.sporadic.held import held, read_gains, require_asked
 from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
@@ -101,7 +99,7 @@ def read(spec: Spec, file: ResultFile) -> "Claim | ClockClaim":
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
     require_request(file, request_of(spec), gains, asked, spec.augmented.C)
     certificate = read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",))
-    claim = Claim(certificate, asked=held(request_of(spec), gains["L"]))
+    claim = Claim(certificate, asked=held(request_of(spec), gains))
     known = {*claim.constants, *file.table("guarantee")}
     stated = {key: file.number("guarantee", key) for key in CONSTANTS if key in known}
     claim = replace(claim, stated=stated) if stated != claim.constants else claim
@@ -110,11 +108,6 @@ def read(spec: Spec, file: ResultFile) -> "Claim | ClockClaim":
     root = ("certificate", "T2_max")
     asked["T2"] = file.number("guarantee", "T2_max")
     return replace(claim, longest=read_certificate(spec, file, gains, asked, root, (*root, "delta"), root))
-
-
-def held(request: SporadicRequest, L: Array) -> tuple[Check, ...]:
-    """Whether a designed gain keeps its bound, in rationals."""
-    return () if request.gains else kept(Bounds(L1=request.largest_gain), L)
 
 
 def read_certificate(

@@ -20,8 +20,9 @@ from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import BEST_FOUND, Diagnosis, Outcome, Search, Verdict
 from obsdesign.families.reach import judged
 from obsdesign.families.sporadic.advice import lower, wider
-from obsdesign.families.sporadic.claim import Claim, held
+from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
+from obsdesign.families.sporadic.held import held
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
 from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest
@@ -162,7 +163,7 @@ class Designer:
         return Outcome(
             Verdict(made.status),
             in_doubles(made.gains),
-            Claim(made.certificate, asked=held(self.request, made.gains[0]))
+            Claim(made.certificate, asked=held(self.request, {"L": made.gains[0]}))
             if made.certificate and made.gains
             else None,
             limit=limit,
@@ -256,7 +257,7 @@ class Designer:
             "the error decays at this rate without any measurement: T2 is unbounded, and no gain is needed"
         )
         limit = {"T2": float(T2), "attained": True, "unbounded": True}
-        proof = Claim(certificate, asked=held(self.request, nothing[0]))
+        proof = Claim(certificate, asked=held(self.request, {"L": nothing[0]}))
         return Outcome(Verdict.CERTIFIED, in_doubles(nothing), claim=proof, limit=limit)
 
     # Curves

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
+from obsdesign.dissipation.bounds import Bounds, ends
+from obsdesign.dissipation.certificate import kept
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed
+from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
 
 
@@ -51,6 +53,14 @@ def require_given(file: ResultFile, given: Mapping[str, Array], gains: Mapping[s
     for name, gain in given.items():
         if (printed(gain) != gains[name]).any():
             raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives", id="OBS707")
+
+
+def held(request: SporadicRequest, gains: Mapping[str, Array]) -> tuple[Check, ...]:
+    """Whether a designed gain keeps its bound, in rationals."""
+    if request.gains:
+        return ()
+    name, largest = ("K", request.largest_reset) if "K" in gains else ("L", request.largest_gain)
+    return kept(Bounds(L1=largest), gains[name])
 
 
 def of_injection(name: str, gains: Mapping[str, Array], C: Array) -> bool:

@@ -4,7 +4,8 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from flint import fmpq
@@ -12,12 +13,12 @@ from flint import fmpq
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.clock.bernstein import SHAPE, Shape, clock
-from obsdesign.families.sporadic.clock.theorem import ClockTheorem, ErrorSystem
+from obsdesign.families.sporadic.clock.theorem import DECREASE, SETTLES, ClockTheorem, ErrorSystem
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness
-from obsdesign.lmi.formula import Array, Float, Problem, Unknown, Values, printed
-from obsdesign.lmi.probe import Program, matrices
+from obsdesign.lmi.formula import Array, Float, Inequality, Problem, Unknown, Values, printed
+from obsdesign.lmi.probe import Program, matrices, probe
 from obsdesign.lmi.proof import with_digits
-from obsdesign.lmi.reduce import Reduced, balance, reduce
+from obsdesign.lmi.reduce import Reduced, balance, balancing, reduce
 from obsdesign.lmi.solve import Search, homogeneous, unscaled, violation, with_margin
 from obsdesign.lmi.solvers import Ending, call
 from obsdesign.model.multiplier import Multiplier
@@ -40,6 +41,15 @@ class Found:
 
 
 @dataclass(frozen=True)
+class Slope:
+    """Least mu and its derivatives with respect to the matrices F and J of an error; infinite where there is none."""
+
+    mu: float = math.inf
+    flow: Float = field(default_factory=lambda: np.zeros((0, 0)))
+    jump: Float = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+@dataclass(frozen=True)
 class Analysis:
     """An observer's error, in rationals, for intervals from T1 on."""
 
@@ -59,14 +69,48 @@ class Analysis:
 
     def least(self, goal: Goal, T2: fmpq, decay: fmpq) -> Found:
         """Least number of a claim: mu, r or kappa."""
-        theorem = goal.theorem(self.theorem(T2, decay)).doubles
-        number = Unknown(goal.least, (1, 1))
-        problem = Problem(
-            (*theorem.unknowns, number),
-            lambda v: theorem.inequalities({**goal.fixed(ONE), **v}),
-            lambda v: v[goal.least],
-        )
-        return self.solved(problem)
+        return self.solved(least_problem(goal, goal.theorem(self.theorem(T2, decay)).doubles))
+
+    def slope(self, T2: fmpq, decay: fmpq) -> Slope:
+        """Least mu of gamma, and its derivatives with respect to F and J, from the dual matrices of (F) and (J).
+
+        If Z_k are those of (F)_k at the optimum and P_k the control values there, d mu / dF = 2 sum_k P_k Z_k, each Z_k
+        without the rows of w and f; likewise 2 sum P(tau) J Z over the pairs of (J).
+        """
+        theorem = GOALS["gamma"].theorem(self.theorem(T2, decay)).doubles
+        problem = least_problem(GOALS["gamma"], theorem)
+        found, duals = self.with_duals(problem)
+        if found.values is None:
+            return Slope()
+        P, J, m = theorem.P(found.values), theorem.system.J, theorem.system.order
+        flow, jump = np.zeros((m, m)), np.zeros((m, m))
+        stacks = zip(theorem.clock.on(P).reshape(-1, m, m), named(duals, DECREASE), strict=True)
+        for at, Z in stacks:
+            flow += 2 * at @ Z[:m, :m]
+        after = np.concatenate([A for _, A in theorem.followed(P)])
+        for at, Z in zip(after, named(duals, SETTLES), strict=True):
+            jump += 2 * at @ J @ Z[:m, :m]
+        return Slope(found.objective, flow, jump)
+
+    def with_duals(self, problem: Problem) -> tuple[Found, dict[str, Array]]:
+        """One solve, with the dual matrix of every inequality, by its name."""
+        program = probe(problem)
+        reduced = reduce(problem, program)
+        if reduced.contradiction:
+            return Found(), {}
+        rows, _ = balancing(reduced.program)
+        search = Search(call(self.engine.solver))
+        found = self.solved(problem, reduced, search)
+        if found.values is None:
+            return found, {}
+        scales = dict(zip((b.name for b in program.blocks), reduced.scales.rows, strict=True))
+        duals = {b.name: np.zeros((b.order, b.order)) for b in program.blocks}
+        for block, row, Z in zip(reduced.program.blocks, rows, search.duals, strict=True):
+            gone = [i for name, i in reduced.rows if name == block.name]
+            kept = np.delete(np.arange(len(scales[block.name])), gone)
+            size = scales[block.name][kept] * row
+            duals[block.name][np.ix_(kept, kept)] = size[:, None] * Z * size
+        return found, duals
 
     def gamma(self, T2: fmpq, decay: fmpq) -> float:
         """Least gain from w to z; infinite if none is found."""
@@ -81,13 +125,13 @@ class Analysis:
         _, t = self.widest(reduce(problem))
         return t
 
-    def solved(self, problem: Problem) -> Found:
+    def solved(self, problem: Problem, reduced: Reduced | None = None, search: Search | None = None) -> Found:
         """One solve."""
-        reduced = reduce(problem)
+        reduced = reduced or reduce(problem)
         if reduced.contradiction:
             return Found()
         scaled, T = balance(reduced.program)
-        ending, y = self.solve(scaled)
+        ending, y = self.solve(scaled, search)
         z = unscaled(T, y)
         if (
             ending in {Ending.INFEASIBLE, Ending.IMPROPER}
@@ -98,10 +142,10 @@ class Analysis:
         values = matrices(problem.unknowns, reduced.point(z))
         return Found(reduced.program.constant + float(reduced.program.cost @ z), values)
 
-    def solve(self, program: Program) -> tuple[Ending, Array]:
+    def solve(self, program: Program, search: Search | None = None) -> tuple[Ending, Array]:
         """One call of the solver, counted."""
         self.engine.solves += 1
-        return Search(call(self.engine.solver)).solve(program)
+        return (search or Search(call(self.engine.solver))).solve(program)
 
     def widest(self, reduced: Reduced) -> tuple[Array, float]:
         """Point of the largest normalised margin, and the margin, by one solve."""
@@ -143,6 +187,22 @@ class Analysis:
             if witness.holds:
                 break
         return witness
+
+
+def least_problem(goal: Goal, theorem: ClockTheorem) -> Problem:
+    """Minimise the number of a claim; without w the least mu is zero."""
+
+    def inequalities(v: Values) -> list[Inequality]:
+        found = theorem.inequalities({**goal.fixed(ONE), **v})
+        return [*found, Inequality("mu >= 0", -v["mu"])] if "mu" in v and not theorem.system.Bx.shape[1] else found
+
+    unknowns = *theorem.unknowns, Unknown(goal.least, (1, 1))
+    return Problem(unknowns, inequalities, lambda v: v[goal.least])
+
+
+def named(duals: Mapping[str, Array], name: str) -> list[Array]:
+    """Dual matrices of an inequality at all of its control values, in their order."""
+    return [Z for key, Z in duals.items() if key.startswith(name)]
 
 
 def number(least: float, backoff: float) -> fmpq:

@@ -1,25 +1,44 @@
-"""From a request for an observer with sporadic measurements to gains with clock-dependent certificates."""
+"""From a request for an observer with sporadic measurements to gains with clock-dependent certificates.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+No method knows the least gamma over all gains: the limit is the best that is found. The gains that are shipped are the
+smallest that were found within the slack of it, rounded to few digits, and every claim is proved for the rounded ones.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends
+from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.finding import hidden_mode
-from obsdesign.families.outcome import BEST_FOUND, Outcome, Verdict
+from obsdesign.dissipation.gain import DIGITS
+from obsdesign.errors import UndecidedError
+from obsdesign.families.finding import UNDISTURBED, hidden_mode
+from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
 from obsdesign.families.sporadic.clock.analysis import Analysis
 from obsdesign.families.sporadic.clock.claim import ClockClaim
-from obsdesign.families.sporadic.clock.reasons import useless
+from obsdesign.families.sporadic.clock.reasons import nothing_found, useless
+from obsdesign.families.sporadic.clock.search import Curve, Found, main
 from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, system, witnesses
+from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.gains import LONGER, SHORTER
-from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.held import held
+from obsdesign.families.sporadic.reasons import hiding_interval
+from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import within_slack
+from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed
+from obsdesign.lmi.spectrum import upper
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+
+MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least that is found
+ROOM = 5e-3  # of gamma, left to the rounding of the gains
+Point = tuple[dict[str, Any], Curve, Found | None]
 
 
 @dataclass
@@ -34,23 +53,47 @@ class ClockDesigner:
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.T1, self.T2, self.decay = self.request.T1, Range(*ends(self.request.T2)), Range(*ends(self.request.decay))
-        self.lowest = max(printed(self.T2.low), printed(self.T1)), printed(self.decay.low)
+        request = self.request
+        self.T1, self.T2, self.decay = printed(request.T1), Range(*ends(request.T2)), Range(*ends(request.decay))
+        self.lowest = max(printed(self.T2.low), self.T1), printed(self.decay.low)
+        self.curves = [
+            Curve(
+                self.engine,
+                self.plant,
+                self.multiplier,
+                self.Cp,
+                self.T1,
+                request.shape,
+                name,
+                bound
+                if (bound := request.largest_reset if name == "reset" else request.largest_gain) is None
+                else float(bound),
+            )
+            for name, _ in request.pairs
+        ]
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
-        member, decay = in_floats(self.multiplier.member), float(self.lowest[1])
-        hidden = hidden_mode(self.plant.doubles, member, decay, "lambda_t = ")
-        if hidden:
+        member, (T2, decay) = in_floats(self.multiplier.member), self.lowest
+        if hidden := hidden_mode(self.plant.doubles, member, float(decay), "lambda_t = "):
             return Outcome(Verdict.INFEASIBLE, diagnosis=hidden)
-        given = self.request.gains
-        assert given
-        return self.analysed({name: printed(gain) for name, gain in given.items()})
+        hiding = hiding_interval(self.plant, self.multiplier, float(decay), float(T2))
+        if hiding and hiding["interval"] >= float(self.T1):
+            return Outcome(Verdict.INFEASIBLE, diagnosis=hiding)
+        if not self.plant.B.shape[1] and self.request.objective == "min-gamma":
+            self.notes.append(UNDISTURBED)
+        if given := self.request.gains:
+            made = self.analysed({name: printed(gain) for name, gain in given.items()})
+        elif self.request.objective in RANGED:
+            made = self.farthest()
+        else:
+            made = self.pareto() if self.request.objective == "pareto" else self.single()
+        return replace(made, notes=(*made.notes, *self.notes))
 
     def analysis(self, gains: Mapping[str, Array]) -> Analysis:
         """Error of gains, in rationals."""
         error = system(self.plant, self.Cp, gains)
-        return Analysis(self.engine, error, self.multiplier, printed(self.T1), self.request.shape)
+        return Analysis(self.engine, error, self.multiplier, self.T1, self.request.shape)
 
     # Given gains
 
@@ -63,38 +106,177 @@ class ClockDesigner:
         most = self.tolerated(analysis, T2, decay)
         limit: dict[str, Any] = {}
         if most is None or most < float(T2):
-            diagnosis = useless(self.T1, T2, decay, most)
-            return Outcome(Verdict.INFEASIBLE, doubles(gains), diagnosis=diagnosis, notes=tuple(self.notes))
+            return Outcome(Verdict.INFEASIBLE, doubles(gains), diagnosis=useless(self.T1, T2, decay, most))
         if self.request.objective == "max-T2":
             limit = {"T2": min(most, float(self.T2.high))}
             T2 = within_slack(limit["T2"], float(T2), slack)
         if self.request.objective == "max-decay":
             limit = {"decay": fastest(analysis, T2, decay, float(self.decay.high)) or float(decay)}
             decay = within_slack(limit["decay"], float(decay), slack)
-        claim = self.claim(analysis, gains, T2, decay, most)
-        if claim is None:
-            return Outcome(Verdict.UNCERTIFIED, doubles(gains), notes=tuple(self.notes))
-        known = {**limit, "attained": False, **BEST_FOUND} if limit else {}
-        verdict = Verdict.CERTIFIED if claim.holds else Verdict.UNCERTIFIED
-        return Outcome(verdict, doubles(gains), claim, limit=known, notes=tuple(self.notes))
+        claim = self.claim(gains, T2, decay, most)
+        if not limit and (least := analysis.gamma(T2, decay)) < math.inf:
+            limit = {"gamma": least}
+        return Outcome(
+            Verdict.CERTIFIED if claim and claim.holds else Verdict.UNCERTIFIED,
+            doubles(gains),
+            claim,
+            limit={**limit, "attained": False, **BEST_FOUND} if limit else {},
+        )
 
     def tolerated(self, analysis: Analysis, T2: fmpq, decay: fmpq) -> float | None:
         """Largest T2 for which there is a solution, of T1 or a small part of what is asked for, to ten times that."""
         low = max(float(self.T1), SHORTER * float(T2))
         return longest(analysis, decay, low, max(LONGER * float(T2), float(self.T2.high)))
 
-    def claim(
-        self, analysis: Analysis, gains: Mapping[str, Array], T2: fmpq, decay: fmpq, most: float | None = None
-    ) -> ClockClaim | None:
+    def claim(self, gains: Mapping[str, Array], T2: fmpq, decay: fmpq, most: float | None = None) -> ClockClaim | None:
         """Claim of gains with a witness of each part; `most`: the longest T2 that they seem to tolerate."""
+        analysis = self.analysis(gains)
         found = witnesses(analysis, T2, decay)
         if "gamma" not in found:
             return None
         beyond = None if most is None else proof_of_longest(analysis, most, decay, T2)
         direct = any([*self.plant.D.flat, *self.plant.Df.flat])
-        return ClockClaim(analysis.system, self.multiplier, direct, gains, printed(self.T1), T2, decay, found, beyond)
+        asked = held(self.request, gains)
+        return ClockClaim(analysis.system, self.multiplier, direct, gains, self.T1, T2, decay, found, beyond, asked)
+
+    # One T2 and one decay
+
+    def single(self) -> Outcome:
+        """Least gamma, or feasibility, at the lowest T2 and decay that are asked for."""
+        T2, decay = self.lowest
+        found = [(curve, curve.best(T2, decay)) for curve in self.told(self.curves)]
+        curve, best = min(found, key=lambda pair: pair[1].gamma if pair[1] else math.inf)
+        if best is None:
+            return self.nothing(T2, decay)
+        gamma = curve.analysis(best.gains).gamma(T2, decay)
+        return self.shipped(curve, best, T2, decay, {"gamma": gamma, "attained": False, **BEST_FOUND})
+
+    def told(self, curves: list[Curve]) -> Iterator[Curve]:
+        """Curves one after the other, with the progress."""
+        for i, curve in enumerate(curves):
+            self.engine.report(0.7 * i / len(curves), f"gains of injection {curve.name}")
+            yield curve
+
+    def shipped(self, curve: Curve, best: Found, T2: fmpq, decay: fmpq, limit: dict[str, Any]) -> Outcome:
+        """Small gains within the slack of the best, with what is proved of them."""
+        least = curve.analysis(best.gains).gamma(T2, decay)
+        wanted = 1 + float(self.request.slack)
+        target = least * (wanted if self.request.objective in {"min-gamma", "pareto"} else max(wanted, MODERATE))
+        if (cap := self.request.largest_gamma) is not None:
+            target = min(target, float(cap))
+        self.engine.report(0.8, f"small gains for T2 = {float(T2):g}")
+        small = curve.smaller(best, target * (1 - ROOM), T2, decay)
+        self.engine.report(0.9, "proof")
+        for gains in self.roundings(curve, small, target, T2, decay):
+            claim = self.claim(gains, T2, decay)
+            if claim and claim.holds:
+                return Outcome(Verdict.CERTIFIED, doubles(gains), claim, limit=limit)
+        raise UndecidedError(
+            f"gains were found, and no proof for them; gamma seems to be about {least:g}; try `clock: {{segments: 4}}`",
+            id="OBS507",
+        )
+
+    def roundings(self, curve: Curve, found: Found, target: float, T2: fmpq, decay: fmpq) -> Iterator[dict[str, Array]]:
+        """Gains in more and more digits, in rationals, whose gamma stays below a target and whose size in its bound."""
+        for digits in DIGITS:
+            rough = {name: significant(gain, digits) for name, gain in found.gains.items()}
+            exact = {name: printed(gain) for name, gain in rough.items()}
+            if "L" in exact and (tied := tied_gain(curve.name, exact["L"], self.plant.C)) is not None:
+                exact["H"] = tied
+            if curve.kappa is not None and float(np.linalg.norm(main(rough), 2)) > curve.kappa:
+                continue
+            if curve.analysis(in_floats_of(exact)).gamma(T2, decay) <= target:
+                yield exact
+
+    def nothing(self, T2: fmpq, decay: fmpq) -> Outcome:
+        """Answer that no gains were found, with a T2 for which there are some.
+
+        Raises `UndecidedError`: nothing says that there are none.
+        """
+        shorter = None
+        for curve in self.curves:
+            low = max(float(self.T1), SHORTER * float(T2))
+            reached = curve.farthest(lambda value: (printed(value), decay), low, float(T2), lambda _: True)
+            shorter = max((x for x in (shorter, reached[0] if reached else None) if x), default=None)
+        raise UndecidedError(nothing_found(self.curves, T2, decay, shorter), id="OBS507")
+
+    # Largest T2 or decay
+
+    def farthest(self) -> Outcome:
+        """Gains near the largest T2, or decay, that is found of any injection, for a gamma within its bound."""
+        name, cap = RANGED[self.request.objective], self.request.largest_gamma
+        low, other = self.lowest if name == "T2" else self.lowest[::-1]
+        high = float(self.T2.high if name == "T2" else self.decay.high)
+        accept = lambda found: cap is None or found.gamma <= float(cap)  # noqa: E731
+        at = lambda value: (printed(value), other) if name == "T2" else (other, printed(value))  # noqa: E731
+        reached = [(c, r) for c in self.told(self.curves) if (r := c.farthest(at, float(low), high, accept))]
+        if not reached:
+            return self.nothing(*self.lowest)
+        curve, (limit, found) = max(reached, key=lambda pair: pair[1][0])
+        near = within_slack(limit, float(low), self.request.slack)
+        T2, decay = (near, other) if name == "T2" else (other, near)
+        best = curve.best(T2, decay, near=found) or found
+        return self.shipped(curve, best, T2, decay, {name: limit, "attained": limit == high, **BEST_FOUND})
+
+    # Curves
+
+    def pareto(self) -> Outcome:
+        """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
+        name = "decay" if isinstance(self.request.decay, Range) else "T2"
+        found = [list(self.points(curve, name)) for curve in self.told(self.curves)]
+        named: list[dict[str, Any]] = [
+            {"injection": curve.name, "relaxation": "clock", "points": [point for point, _, _ in points]}
+            for curve, points in zip(self.curves, found, strict=True)
+        ]
+        search = Search(name, tuple(named[0]["points"]), curves=tuple(named))
+        made = [item for points in found for item in points if item[2] is not None and "certified" in item[0]]
+        if not made:
+            return replace(self.nothing(*self.lowest), search=search)
+        least = min(point["gamma"] for point, _, _ in made) * (1 + float(self.request.slack))
+        point, curve, best = max((m for m in made if m[0]["gamma"] <= least), key=lambda item: item[0][name])
+        value = printed(point[name])
+        T2, decay = (value, self.lowest[1]) if name == "T2" else (self.lowest[0], value)
+        self.notes.append(
+            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: the largest of all points whose "
+            "gamma is within the slack of the least"
+        )
+        assert best
+        limit = {"gamma": point["gamma"], "at": {name: point[name]}, "attained": False, **BEST_FOUND}
+        return replace(self.shipped(curve, best, T2, decay, limit), search=search)
+
+    def points(self, curve: Curve, name: str) -> Iterator[Point]:
+        """Points of a curve over T2 or the decay, each search begun from the last."""
+        ranged = self.request.decay if name == "decay" else self.request.T2
+        assert isinstance(ranged, Range)
+        last = None
+        for value in map(printed, ranged.grid()):
+            T2, decay = (value, self.lowest[1]) if name == "T2" else (self.lowest[0], value)
+            found = curve.best(T2, decay, near=last) or curve.best(T2, decay)
+            if found is None:
+                yield {name: float(value), "status": "undecided"}, curve, None
+                continue
+            last = found
+            yield self.point(curve, found, name, T2, decay), curve, found
+
+    def point(self, curve: Curve, found: Found, name: str, T2: fmpq, decay: fmpq) -> dict[str, Any]:
+        """Gamma that is found, and what is proved of the rounded gains."""
+        gamma = curve.analysis(found.gains).gamma(T2, decay)
+        known = {name: float(T2 if name == "T2" else decay), "gamma": gamma, "status": "uncertified"}
+        for gains in self.roundings(curve, found, gamma * (1 + ROOM), T2, decay):
+            witness = self.analysis(gains).prove(GOALS["gamma"], T2, decay)
+            if witness and witness.holds and witness.definite:
+                proved, key = upper(witness.constants()["gamma"]), "K" if "K" in gains else "L"
+                size = float(np.linalg.norm(main(in_floats_of(gains)), 2))
+                certified = {"gamma": proved, "T2": float(T2), "decay": float(decay), key: size}
+                return {**known, "gamma": min(gamma, proved), "status": "certified", "certified": certified}
+        return known
+
+
+def in_floats_of(gains: Mapping[str, Array]) -> dict[str, Array]:
+    """Gains in doubles."""
+    return {name: in_floats(gain) for name, gain in gains.items()}
 
 
 def doubles(gains: Mapping[str, Array]) -> dict[str, Array]:
     """Gains as doubles, which print as the decimals that were proved."""
-    return {name: in_floats(gain) for name, gain in gains.items()}
+    return in_floats_of(gains)

@@ -3,20 +3,17 @@
 from dataclasses import replace
 from typing import Any
 
-from obsdesign.dissipation.bounds import Bounds
-from obsdesign.dissipation.certificate import kept
 from obsdesign.families.sporadic.clock.bernstein import Clock
 from obsdesign.families.sporadic.clock.claim import CONSTANTS, ClockClaim
 from obsdesign.families.sporadic.clock.study import system
 from obsdesign.families.sporadic.clock.theorem import ClockTheorem
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.clock.witness import read as read_witness
-from obsdesign.families.sporadic.held import read_gains, require_asked
+from obsdesign.families.sporadic.held import held, read_gains, require_asked
 from obsdesign.families.sporadic.observer import sampled
-from obsdesign.families.sporadic.request import SporadicRequest, request_of
+from obsdesign.families.sporadic.request import request_of
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import Array, approximate
-from obsdesign.lmi.proof import Check
+from obsdesign.lmi.formula import approximate
 from obsdesign.spec import Spec
 
 
@@ -59,14 +56,6 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     )
     told = {*claim.least, *file.table("guarantee")}
     return replace(claim, stated={key: file.number("guarantee", key) for key in CONSTANTS if key in told})
-
-
-def held(request: SporadicRequest, gains: dict[str, Array]) -> tuple[Check, ...]:
-    """Whether a designed gain keeps its bound, in rationals."""
-    if request.gains:
-        return ()
-    name, largest = ("K", request.largest_reset) if "K" in gains else ("L", request.largest_gain)
-    return kept(Bounds(L1=largest), gains[name])
 
 
 def written(spec: Spec, claim: ClockClaim) -> dict[str, Any]:

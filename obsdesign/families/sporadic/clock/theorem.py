@@ -68,6 +68,7 @@ RESETTING = (
     "xhat' = A xhat + Bf f(qhat) + g between measurements, xhat+ = xhat + K (y - C xhat) at a measurement, "
     "e = x - xhat, z = Cp e"
 )
+SETTLES = "V does not grow at a measurement"
 DECREASE = "V' + 2 lambda V + |z|^2 - mu |w|^2 <= 0"
 
 
@@ -176,12 +177,13 @@ class ClockTheorem:
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
         """P and the multiplier at every control value."""
-        scales = [
-            replace(u, name=f"{u.name}_{place}")
-            for u in self.multiplier.unknowns()
-            for place, _ in self.named(self.clock.places.size)
-        ]
-        return (*(u for blocks in self.storage for u in blocks), *scales)
+        return (*(u for blocks in self.storage for u in blocks), *self.scales)
+
+    @property
+    def scales(self) -> tuple[Unknown, ...]:
+        """Unknowns of the multiplier at every control value of the flow."""
+        places = [place for place, _ in self.named(self.clock.places.size)]
+        return tuple(replace(u, name=f"{u.name}_{place}") for u in self.multiplier.unknowns() for place in places)
 
     def P(self, v: Values) -> Array:
         """Control values of P, (.., lookahead, N d + 1, m, m)."""
@@ -207,12 +209,12 @@ class ClockTheorem:
 
     # Inequalities
 
-    def flow(self, P: Array, slope: Array, v: Values) -> Array:
-        """The matrix of (F) in (x, w, df), with weight |z|^2."""
+    def flow(self, P: Array, PF: Array, slope: Array, v: Values) -> Array:
+        """The matrix of (F) in (x, w, df), with weight |z|^2; the product P F is affine in what is searched."""
         s = self.system
         M11, M12, M22 = self.multiplier.matrix(v)
         along = M11 @ s.Dqf + M12
-        drift = he(P @ s.F) - slope + 2 * self.decay * P
+        drift = he(PF) - slope + 2 * self.decay * P
         return symmetric(
             [
                 [
@@ -250,7 +252,8 @@ class ClockTheorem:
         numbers weight, of |z|^2, and mu, and floor, r and kappa where these are asked for, (.., 1, 1).
         """
         deep = {name: v[name][..., None, None, :, :] for name in ("weight", "mu")}
-        F = self.flow(self.clock.on(P), self.clock.slope(P), {**M, **deep})
+        on = self.clock.on(P)
+        F = self.flow(on, on @ self.system.F, self.clock.slope(P), {**M, **deep})
         return [
             *listed(DECREASE, F),
             *self.jumps(P, v.get("kappa")),
@@ -282,7 +285,7 @@ class ClockTheorem:
         for i, (before, after) in enumerate(self.followed(P)):
             first = before[..., None, :, :]
             if deep is None:
-                name, matrix = "V does not grow at a measurement", self.jump(first, after)
+                name, matrix = SETTLES, self.jump(first, after)
             else:
                 name, matrix = "V grows by kappa |eta|^2 at a measurement", self.noisy_jump(first, after, deep)
             yield from listed(f"{name}{self.part(i)}", matrix[..., None, :, :, :])

@@ -21,8 +21,8 @@ from flint import arb, ctx, fmpq
 from obsdesign.families.sporadic.clock.bernstein import Clock
 from obsdesign.families.sporadic.clock.theorem import ClockTheorem
 from obsdesign.files import ResultFile, rows
-from obsdesign.lmi.formula import Array, Unknown, approximate, rational
-from obsdesign.lmi.proof import Check, Proved, prove
+from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, rational
+from obsdesign.lmi.proof import Check, Proved, holds, prove
 from obsdesign.lmi.spectrum import BITS
 from obsdesign.model import loop
 
@@ -85,6 +85,11 @@ class Witness(Proved):
             self.solvable(),
         ]
         return tuple(replace(check, name=f"{self.goal.name}: {check.name}") for check in found)
+
+    @property
+    def definite(self) -> bool:
+        """Whether P(0) > 0, so that V > 0 for every error, and |x| decays with it."""
+        return all(holds(Inequality("P(0) > 0", -P[0], strict=True)) for P in self.P)
 
     def solvable(self) -> Check:
         """Whether q = c + Dqf f(q) has one solution, by the first of the multipliers."""
