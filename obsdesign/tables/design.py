@@ -144,7 +144,7 @@ def reached(point: Mapping[str, Any]) -> str:
         return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
     proved = point.get("certified")
     return f"gamma {point['gamma']:.6g}" + (
-        f"   certified {at_most(proved['gamma'])}, |L| = {proved['L']:.4g}" if proved else ""
+        f"   certified {at_most(proved['gamma'])}, {size_text(proved)}" if proved else ""
     )
 
 
@@ -198,7 +198,13 @@ def solvable(point: Mapping[str, Any]) -> bool:
 def certified(numbers: Mapping[str, float]) -> str:
     """What a gain is proved to achieve, and its size."""
     proved = ", ".join(f"{key} {safe(numbers[key])}" for key, safe in SAFE.items() if key in numbers)
-    return f"{proved}, |L| = {numbers['L']:.4g}"
+    return f"{proved}, {size_text(numbers)}"
+
+
+def size_text(numbers: Mapping[str, float]) -> str:
+    """Size of a gain: of L, or of K where the observer is reset."""
+    name = "K" if "K" in numbers else "L"
+    return f"|{name}| = {numbers[name]:.4g}"
 
 
 def quantities(numbers: Mapping[str, float]) -> str:

@@ -15,6 +15,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.clock.bernstein import SHAPE, Shape, clock
 from obsdesign.families.sporadic.clock.theorem import DECREASE, SETTLES, ClockTheorem, ErrorSystem
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness
+from obsdesign.lmi.equilibrate import Scales
 from obsdesign.lmi.formula import Array, Float, Inequality, Problem, Unknown, Values, printed
 from obsdesign.lmi.probe import Program, matrices, probe
 from obsdesign.lmi.proof import with_digits
@@ -95,21 +96,20 @@ class Analysis:
     def with_duals(self, problem: Problem) -> tuple[Found, dict[str, Array]]:
         """One solve, with the dual matrix of every inequality, by its name."""
         program = probe(problem)
-        reduced = reduce(problem, program)
+        plain = Scales(tuple(np.ones(b.order) for b in program.blocks), np.ones(len(program.cost)))
+        reduced = reduce(problem, program, plain)
         if reduced.contradiction:
             return Found(), {}
         rows, _ = balancing(reduced.program)
-        search = Search(call(self.engine.solver))
+        search = Search(call(self.engine.solver, quick=True))
         found = self.solved(problem, reduced, search)
         if found.values is None:
             return found, {}
-        scales = dict(zip((b.name for b in program.blocks), reduced.scales.rows, strict=True))
         duals = {b.name: np.zeros((b.order, b.order)) for b in program.blocks}
         for block, row, Z in zip(reduced.program.blocks, rows, search.duals, strict=True):
             gone = [i for name, i in reduced.rows if name == block.name]
-            kept = np.delete(np.arange(len(scales[block.name])), gone)
-            size = scales[block.name][kept] * row
-            duals[block.name][np.ix_(kept, kept)] = size[:, None] * Z * size
+            kept = np.delete(np.arange(len(duals[block.name])), gone)
+            duals[block.name][np.ix_(kept, kept)] = row[:, None] * Z * row
         return found, duals
 
     def gamma(self, T2: fmpq, decay: fmpq) -> float:
@@ -145,7 +145,7 @@ class Analysis:
     def solve(self, program: Program, search: Search | None = None) -> tuple[Ending, Array]:
         """One call of the solver, counted."""
         self.engine.solves += 1
-        return (search or Search(call(self.engine.solver))).solve(program)
+        return (search or Search(call(self.engine.solver, quick=True))).solve(program)
 
     def widest(self, reduced: Reduced) -> tuple[Array, float]:
         """Point of the largest normalised margin, and the margin, by one solve."""
@@ -158,9 +158,9 @@ class Analysis:
 
     # Proofs
 
-    def prove(self, goal: Goal, T2: fmpq, decay: fmpq) -> Witness | None:
+    def prove(self, goal: Goal, T2: fmpq, decay: fmpq, found: Found | None = None) -> Witness | None:
         """Witness of nearly the least number; the last attempt if none holds, None if there is none."""
-        found = self.least(goal, T2, decay)
+        found = found or self.least(goal, T2, decay)
         if found.values is None:
             return None
         witness = None

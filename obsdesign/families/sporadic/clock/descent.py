@@ -15,7 +15,6 @@ from obsdesign.lmi.formula import Float
 
 Gains = Mapping[str, Float]
 BARRIER = 1e-4  # weight of -log(1 - |L|^2 / kappa^2) beside log mu
-STEPS = 40
 SETTLED = 1e-4  # decrease of a step below which the descent ends
 ARMIJO = 0.1  # part of the decrease that the slope promises, which a step must bring
 SHORTEST = 1e-6  # part of a step that is tried
@@ -71,13 +70,17 @@ def walled(L: Float, kappa: float) -> tuple[float, Float]:
     return -math.log(room), 2 * s[0] / kappa**2 / room * np.outer(u[:, 0], vt[0])
 
 
-def descend(function: Callable[[Float], tuple[float, Float]], x: Float, steps: int = STEPS) -> Float:
-    """Local minimum by the method of Broyden, Fletcher, Goldfarb and Shanno; values may be infinite.
+def descend(
+    function: Callable[[Float], tuple[float, Float]], x: Float, steps: int, B: Float | None = None
+) -> tuple[Float, Float]:
+    """Local minimum, or as near as so many steps come, by the method of Broyden, Fletcher, Goldfarb and Shanno.
 
-    Steps are halved until they bring part of what the slope promises, so that all points have a finite value.
+    Values may be infinite: steps are halved until they bring part of what the slope promises. `B`: what stands for the
+    inverse of the second derivative, of a minimum nearby; it is returned with the point.
     """
     value, g = function(x)
-    B = np.eye(len(x)) * (np.linalg.norm(x) or 1.0) / (10 * (np.linalg.norm(g) or 1.0))
+    if B is None:
+        B = np.eye(len(x)) * (np.linalg.norm(x) or 1.0) / (10 * (np.linalg.norm(g) or 1.0))
     for _ in range(steps):
         step = -B @ g
         promised, part = float(g @ step), 1.0
@@ -96,4 +99,4 @@ def descend(function: Callable[[Float], tuple[float, Float]], x: Float, steps: i
         if (curvature := float(s @ y)) > CURVED * np.linalg.norm(s) * np.linalg.norm(y):
             E = np.eye(len(x)) - np.outer(s, y) / curvature
             B = E @ B @ E.T + np.outer(s, s) / curvature
-    return x
+    return x, B

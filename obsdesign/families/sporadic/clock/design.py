@@ -165,7 +165,8 @@ class ClockDesigner:
         if (cap := self.request.largest_gamma) is not None:
             target = min(target, float(cap))
         self.engine.report(0.8, f"small gains for T2 = {float(T2):g}")
-        small = curve.smaller(best, target * (1 - ROOM), T2, decay)
+        enough = self.request.objective == "pareto" and curve.kappa is not None  # as large as its point on the curve
+        small = best if enough else curve.smaller(best, target * (1 - ROOM), T2, decay)
         self.engine.report(0.9, "proof")
         for gains in self.roundings(curve, small, target, T2, decay):
             claim = self.claim(gains, T2, decay)
@@ -177,15 +178,19 @@ class ClockDesigner:
         )
 
     def roundings(self, curve: Curve, found: Found, target: float, T2: fmpq, decay: fmpq) -> Iterator[dict[str, Array]]:
-        """Gains in more and more digits, in rationals, whose gamma stays below a target and whose size in its bound."""
+        """Gains in more and more digits, in rationals, whose gamma stays below a target."""
+        for exact in self.rounded(curve, found):
+            if curve.analysis(in_floats_of(exact)).gamma(T2, decay) <= target:
+                yield exact
+
+    def rounded(self, curve: Curve, found: Found) -> Iterator[dict[str, Array]]:
+        """Gains in more and more digits, in rationals, within the bound on them."""
         for digits in DIGITS:
             rough = {name: significant(gain, digits) for name, gain in found.gains.items()}
             exact = {name: printed(gain) for name, gain in rough.items()}
             if "L" in exact and (tied := tied_gain(curve.name, exact["L"], self.plant.C)) is not None:
                 exact["H"] = tied
-            if curve.kappa is not None and float(np.linalg.norm(main(rough), 2)) > curve.kappa:
-                continue
-            if curve.analysis(in_floats_of(exact)).gamma(T2, decay) <= target:
+            if curve.kappa is None or float(np.linalg.norm(main(rough), 2)) <= curve.kappa:
                 yield exact
 
     def nothing(self, T2: fmpq, decay: fmpq) -> Outcome:
@@ -260,10 +265,14 @@ class ClockDesigner:
 
     def point(self, curve: Curve, found: Found, name: str, T2: fmpq, decay: fmpq) -> dict[str, Any]:
         """Gamma that is found, and what is proved of the rounded gains."""
-        gamma = curve.analysis(found.gains).gamma(T2, decay)
-        known = {name: float(T2 if name == "T2" else decay), "gamma": gamma, "status": "uncertified"}
-        for gains in self.roundings(curve, found, gamma * (1 + ROOM), T2, decay):
-            witness = self.analysis(gains).prove(GOALS["gamma"], T2, decay)
+        known = {name: float(T2 if name == "T2" else decay), "gamma": found.gamma, "status": "uncertified"}
+        for gains in self.rounded(curve, found):
+            analysis = self.analysis(gains)
+            least = analysis.least(GOALS["gamma"], T2, decay)
+            gamma = math.sqrt(max(least.objective, 0.0))
+            if gamma > found.gamma * (1 + ROOM):
+                continue
+            witness = analysis.prove(GOALS["gamma"], T2, decay, least)
             if witness and witness.holds and witness.definite:
                 proved, key = upper(witness.constants()["gamma"]), "K" if "K" in gains else "L"
                 size = float(np.linalg.norm(main(in_floats_of(gains)), 2))

@@ -29,6 +29,8 @@ SETTLED = 0.01  # relative change of gamma below which it has
 MOST = 8  # bounds that are tried
 SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sought
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
+RISE = 1.1  # of gamma from one point of a curve to the next, beyond which a search begins anew
+STEPS, FEW = 40, 3  # of a descent, and of one that begins nearby
 STRIDES = 8  # first steps from the least value to the largest
 NEAR = 1e-3  # relative to the largest value: the last step
 
@@ -39,6 +41,7 @@ class Found:
 
     gains: Gains
     gamma: float
+    B: Float | None = None  # of the descent to them
 
     @property
     def size(self) -> float:
@@ -77,12 +80,19 @@ class Curve:
     # One T2 and decay
 
     def best(self, T2: fmpq, decay: fmpq, near: Found | None = None) -> Found | None:
-        """Gains of the least gamma that is found, within the bound on them; None if none has a gamma."""
-        if near is not None and (warm := self.measured(near.gains, T2, decay)):
-            return self.descended(warm, self.kappa or WIDER * warm.size, T2, decay)
+        """Gains of the least gamma that is found, within the bound on them; None if none has a gamma.
+
+        With gains for a T2 and decay nearby a few steps from these are made.
+        """
+        warm = None
+        if near is not None and (warm := self.measured(self.inside(near.gains), T2, decay)):
+            warm = self.descended(replace(warm, B=near.B), self.kappa or WIDER * warm.size, T2, decay, FEW)
+            if warm.gamma < RISE * near.gamma:
+                return warm
         if self.kappa is not None:
-            return self.within(self.kappa, T2, decay)
-        best, kappa = None, self.begin
+            cold = self.within(self.kappa, T2, decay)
+            return min((f for f in (warm, cold) if f), key=lambda f: f.gamma, default=None)
+        best, kappa = warm, self.begin
         for _ in range(MOST):
             found = self.within(kappa, T2, decay)
             settled = found and best and found.gamma > (1 - SETTLED) * best.gamma
@@ -91,6 +101,11 @@ class Curve:
                 break
             kappa *= WIDER
         return best
+
+    def inside(self, gains: Gains) -> Gains:
+        """Gains, smaller where they are too near to the bound for a descent to begin."""
+        room = INSIDE * (self.kappa or math.inf) / (float(np.linalg.norm(main(gains), 2)) or 1.0)
+        return gains if room >= 1 else {name: room * gain for name, gain in gains.items()}
 
     @property
     def begin(self) -> float:
@@ -135,14 +150,13 @@ class Curve:
         """Storage function of a descent."""
         return replace(self.shape, degree=min(COARSE, self.shape.degree), lookahead=1)
 
-    def descended(self, start: Found, kappa: float, T2: fmpq, decay: fmpq) -> Found:
+    def descended(self, start: Found, kappa: float, T2: fmpq, decay: fmpq, steps: int = STEPS) -> Found:
         """Local minimum of gamma within a bound on the gain, from gains within it on."""
         if not start.gamma:
             return start
-        if start.size > INSIDE * kappa:
-            return start
-        x = descend(partial(self.value, kappa, T2, decay), self.injection.vector(start.gains))
-        return self.measured(self.injection.gains(x), T2, decay) or start
+        x, B = descend(partial(self.value, kappa, T2, decay), self.injection.vector(start.gains), steps, start.B)
+        made = self.measured(self.injection.gains(x), T2, decay)
+        return replace(made, B=B) if made else start
 
     def value(self, kappa: float, T2: fmpq, decay: fmpq, x: Float) -> tuple[float, Float]:
         """Logarithm of mu with a barrier at the bound on the gain, and its gradient; infinite where there is no mu."""
