@@ -77,6 +77,7 @@ class Claim(Proved):
             delta = approximate(longest.family.delta)
             certificate["T2_max"] = {**numbers, "delta": delta, **longest.written()}
         guarantee = {
+            "kind": "exponential",
             "gamma": above(proof.gamma),
             "decay": below(proof.family.decay),
             **{name: (below if name == "rate" else above)(value) for name, value in self.constants.items()},

@@ -176,6 +176,24 @@ class SporadicRequest:
         found = ((name, r) for name, relaxations in wanted.items() for r in relaxations if r in INJECTIONS[name])
         return tuple(dict.fromkeys(found))
 
+    def parts(self) -> "Iterator[SporadicRequest]":
+        """The same request of clock-dependent certificates alone, and of propositions alone, as far as it has such."""
+        for clocked in (True, False):
+            pairs = [(name, relaxation) for name, relaxation in self.pairs if (relaxation == CLOCK) == clocked]
+            injections, relaxations = (
+                (tuple(dict.fromkeys(words)) for words in zip(*pairs, strict=True)) if pairs else ((), ())
+            )
+            if pairs:
+                yield replace(self, injections=injections, relaxations=relaxations)
+
+    def older(self) -> "SporadicRequest | None":
+        """The same request of the tightest propositions, which need T1 > 0 and a gain L; None where there is none."""
+        injections = tuple(name for name in self.injections if len(INJECTIONS[name]) > 1)
+        if not injections or not self.T1 or "K" in (self.gains or {}):
+            return None
+        relaxations = tuple(dict.fromkeys(INJECTIONS[name][1] for name in injections))
+        return replace(self, injections=injections, relaxations=relaxations)
+
     @property
     def clocked(self) -> bool:
         """Whether every curve is of clock-dependent certificates."""

@@ -160,6 +160,8 @@ class Analysis:
 
     def prove(self, goal: Goal, T2: fmpq, decay: fmpq, found: Found | None = None) -> Witness | None:
         """Witness of nearly the least number; the last attempt if none holds, None if there is none."""
+        if goal.least == "mu" and not self.system.Bx.shape[1]:
+            return self.witness(goal, T2, decay, fmpq(0))
         found = found or self.least(goal, T2, decay)
         if found.values is None:
             return None

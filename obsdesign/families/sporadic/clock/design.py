@@ -148,7 +148,7 @@ class ClockDesigner:
         curve, best = min(found, key=lambda pair: pair[1].gamma if pair[1] else math.inf)
         if best is None:
             return self.nothing(T2, decay)
-        gamma = curve.analysis(best.gains).gamma(T2, decay)
+        gamma = curve.analysis(best.gains).gamma(T2, decay) if self.plant.B.shape[1] else 0.0
         return self.shipped(curve, best, T2, decay, {"gamma": gamma, "attained": False, **BEST_FOUND})
 
     def told(self, curves: list[Curve]) -> Iterator[Curve]:

@@ -49,6 +49,14 @@ class Found:
         return float(np.linalg.norm(main(self.gains), 2))
 
 
+def driven(plant: Plant[Float]) -> Plant[Float]:
+    """Plant with a disturbance of every state where it has none: gains for it are searched as if there were one."""
+    if plant.B.shape[1]:
+        return plant
+    n = plant.n
+    return replace(plant, B=np.eye(n), D=np.zeros((len(plant.C), n)), Dq=np.zeros((len(plant.Cq), n)))
+
+
 def main(gains: Gains) -> Float:
     """The gain whose size counts: L or K."""
     return gains["K"] if "K" in gains else gains["L"]
@@ -69,7 +77,7 @@ class Curve:
     known: dict[tuple[fmpq, fmpq], Found] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.doubles, self.M = self.plant.doubles, in_floats(self.multiplier)
+        self.doubles, self.M = driven(self.plant.doubles), in_floats(self.multiplier)
         self.injection = Injection(self.name, self.doubles.C)
 
     def analysis(self, gains: Gains, shape: Shape | None = None) -> Analysis:
