@@ -9,6 +9,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.families.sporadic.clock.guarantee import ClockGuarantee
+from obsdesign.families.sporadic.clock.outage import Outage
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem, equations
 from obsdesign.families.sporadic.clock.witness import Witness
 from obsdesign.files import checks as listed
@@ -35,6 +36,7 @@ class ClockClaim(Proved):
     decay: fmpq
     witnesses: Mapping[str, Witness]  # by the names of GOALS
     longest: Witness | None = None  # of the largest T2 that given gains are proved to tolerate
+    outage: Outage | None = None  # where measurements stay away for longer than T2
     asked: tuple[Check, ...] = ()  # that a designed gain keeps the bound of the spec
     stated: Mapping[str, fmpq] | None = None  # constants of a file; None: those that are proved
 
@@ -48,10 +50,19 @@ class ClockClaim(Proved):
             Check("there is a witness of gamma", "gamma" in self.witnesses, 0.0),
             Check("the decay is proved", self.rate >= self.decay >= 0, approximate(self.rate - self.decay)),
             *(check for witness in self.witnesses.values() for check in witness.checks),
+            *(self.outage.checks if self.outage else ()),
             *self.asked,
             *self.keep(),
             *(replace(check, name=f"T2_max: {check.name}") for check in more),
+            *self.reaches(),
         )
+
+    def reaches(self) -> tuple[Check, ...]:
+        """Whether the longest T2 is proved at the decay of the claim."""
+        if self.longest is None:
+            return ()
+        room = self.longest.theorem.decay - self.decay
+        return (Check("T2_max: the decay is proved", room >= 0, approximate(room)),)
 
     @property
     def rate(self) -> fmpq:
@@ -62,8 +73,8 @@ class ClockClaim(Proved):
     @cached_property
     def least(self) -> dict[str, fmpq]:
         """Constants that the witnesses prove, as decimals that print doubles, rounded up."""
-        balls = {name: ball for w in self.witnesses.values() for name, ball in w.constants().items()}
-        found = {name: above(balls[name].upper().fmpq()) for name in CONSTANTS if name in balls}
+        known = {name: x for w in self.witnesses.values() for name, x in w.constants().items()}
+        found = {name: above(known[name]) for name in CONSTANTS if name in known}
         return {name: printed(value) for name, value in found.items() if math.isfinite(value)}
 
     @property
@@ -123,8 +134,16 @@ class ClockClaim(Proved):
         if len(parts) > 1 and self.adds:
             parts[-1] += ", and these bounds add where several act"
         parts.append(f"|z|_2 <= {c['gamma']} |w|_2 + {c['initial']} {size}(0) where eta = 0")
+        if self.outage:
+            parts.append(self.overdue(self.outage))
         told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))
         return "; ".join([f"{self.sequences}: {told}; for {equations(self.system)}", *spec.provisos])
+
+    def overdue(self, outage: Outage) -> str:
+        """What holds where measurements stay away, in words."""
+        grows = f"V grows by at most exp(2 {above(outage.growth)!r} X) while measurements are overdue for a time X"
+        share = at_least(100 * outage.share, 4)
+        return f"{grows}, V that of the decay; the error still vanishes if that is less than {share} % of the time"
 
     @property
     def sequences(self) -> str:
@@ -144,6 +163,7 @@ class ClockClaim(Proved):
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, the limit it is near to, and the witnesses."""
         witnesses = {name: witness.written() for name, witness in self.witnesses.items()}
+        witnesses |= {"outage": self.outage.written()} if self.outage else {}
         witnesses |= {"T2_max": self.longest.written()} if self.longest else {}
         guarantee = {
             "kind": "clock",
@@ -154,6 +174,7 @@ class ClockClaim(Proved):
             **({"jitter": below(self.jitter)} if self.T1 else {}),
             "T1": above(self.T1),
             "T2": below(self.T2),
+            **({"outage": overdue_numbers(self.outage)} if self.outage else {}),
             **({"T2_max": below(self.longest.theorem.clock.knots[-1])} if self.longest else {}),
             **limits,
             "statement": self.statement(spec),
@@ -162,3 +183,8 @@ class ClockClaim(Proved):
             "guarantee": guarantee,
             "certificate": {"kind": "exact", "witnesses": witnesses, "checks": listed(self.checks)},
         }
+
+
+def overdue_numbers(outage: Outage) -> dict[str, float]:
+    """Growth and share of an outage, on the safe side."""
+    return {"growth": above(outage.growth), "share": below(outage.share)}

@@ -21,6 +21,7 @@ from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
 from obsdesign.families.sporadic.clock.analysis import Analysis
 from obsdesign.families.sporadic.clock.claim import ClockClaim
+from obsdesign.families.sporadic.clock.outage import outage
 from obsdesign.families.sporadic.clock.reasons import nothing_found, useless
 from obsdesign.families.sporadic.clock.search import Curve, Found, main
 from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, system, witnesses
@@ -31,8 +32,7 @@ from obsdesign.families.sporadic.reasons import hiding_interval
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import within_slack
 from obsdesign.families.sporadic.theorem import tied_gain
-from obsdesign.lmi.formula import Array, Exact, in_floats, printed
-from obsdesign.lmi.spectrum import upper
+from obsdesign.lmi.formula import Array, Exact, above, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -137,7 +137,10 @@ class ClockDesigner:
         beyond = None if most is None else proof_of_longest(analysis, most, decay, T2)
         direct = any([*self.plant.D.flat, *self.plant.Df.flat])
         asked = held(self.request, gains)
-        return ClockClaim(analysis.system, self.multiplier, direct, gains, self.T1, T2, decay, found, beyond, asked)
+        overdue = outage(analysis, found["overshoot"]) if "overshoot" in found else None
+        return ClockClaim(
+            analysis.system, self.multiplier, direct, gains, self.T1, T2, decay, found, beyond, overdue, asked
+        )
 
     # One T2 and one decay
 
@@ -274,7 +277,7 @@ class ClockDesigner:
                 continue
             witness = analysis.prove(GOALS["gamma"], T2, decay, least)
             if witness and witness.holds and witness.definite:
-                proved, key = upper(witness.constants()["gamma"]), "K" if "K" in gains else "L"
+                proved, key = above(witness.constants()["gamma"]), "K" if "K" in gains else "L"
                 size = float(np.linalg.norm(main(in_floats_of(gains)), 2))
                 certified = {"gamma": proved, "T2": float(T2), "decay": float(decay), key: size}
                 return {**known, "gamma": min(gamma, proved), "status": "certified", "certified": certified}

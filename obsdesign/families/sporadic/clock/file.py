@@ -5,6 +5,8 @@ from typing import Any
 
 from obsdesign.families.sporadic.clock.bernstein import Clock
 from obsdesign.families.sporadic.clock.claim import CONSTANTS, ClockClaim
+from obsdesign.families.sporadic.clock.outage import Outage
+from obsdesign.families.sporadic.clock.outage import read as read_outage
 from obsdesign.families.sporadic.clock.study import system
 from obsdesign.families.sporadic.clock.theorem import ClockTheorem
 from obsdesign.families.sporadic.clock.witness import GOALS
@@ -27,8 +29,8 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     require_asked(file, request, gains, asked, plant.C)
     root = ("certificate", "witnesses")
     named = file.table(*root)
-    if wrong := named.keys() - {*GOALS, "T2_max"} or {"gamma"} - named.keys():
-        known = ", ".join((*GOALS, "T2_max"))
+    if wrong := named.keys() - {*GOALS, "outage", "T2_max"} or {"gamma"} - named.keys():
+        known = ", ".join((*GOALS, "outage", "T2_max"))
         raise file.wrong(".".join((*root, min(wrong))), f"expected gamma, and of {known} those that apply", id="OBS702")
     error = system(plant, spec.H, gains)
     theorem = ClockTheorem(
@@ -41,6 +43,12 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     if "T2_max" in named:
         most = file.number("guarantee", "T2_max")
         longest = read_witness(file, GOALS["overshoot"], theorem, most, *root, "T2_max")
+    overdue = None
+    if "outage" in named:
+        if "overshoot" not in found:
+            raise file.wrong(".".join((*root, "overshoot")), "missing: an outage is one of its V", id="OBS702")
+        overdue = read_outage(file, found["overshoot"], *root, "outage")
+        require_outage(file, overdue)
     direct = any([*plant.D.flat, *plant.Df.flat])
     claim = ClockClaim(
         error,
@@ -52,10 +60,18 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
         asked["decay"],
         found,
         longest,
+        overdue,
         held(request, gains),
     )
     told = {*claim.least, *file.table("guarantee")}
     return replace(claim, stated={key: file.number("guarantee", key) for key in CONSTANTS if key in told})
+
+
+def require_outage(file: ResultFile, outage: Outage) -> None:
+    """Refuse a growth or a share that is better than what is proved."""
+    growth, share = (file.number("guarantee", "outage", name) for name in ("growth", "share"))
+    if growth < outage.growth or share > outage.share:
+        raise file.wrong("guarantee.outage", "is better than what its witness proves", id="OBS705")
 
 
 def written(spec: Spec, claim: ClockClaim) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from obsdesign.families.sporadic.clock.analysis import FEASIBLE, Analysis
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem, held, reset
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness, constants
 from obsdesign.families.sporadic.gains import EDGE, PART, SHORTENED
-from obsdesign.lmi.formula import Array, printed
-from obsdesign.lmi.spectrum import upper
+from obsdesign.lmi.formula import Array, approximate, printed
 from obsdesign.model.plant import Plant
 
 PARTS = (0.15, 0.3, 0.5, 0.7)  # of the fastest rate, at which the constants of w and eta are proved
@@ -107,4 +106,4 @@ def size(analysis: Analysis, goal: Goal, T2: fmpq, rate: fmpq) -> float:
     if found.values is None or found.objective <= 0:
         return math.inf
     known = constants(goal, {goal.least: printed(found.objective)}, rate, analysis.T1)
-    return min(map(upper, known.values()), default=math.inf)
+    return min(map(approximate, known.values()), default=math.inf)

@@ -13,6 +13,7 @@ Every claim has a storage function of its own. With P >= I for those on |x|,
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ class Goal:
 
     name: str
     least: str  # of mu, r and kappa, the number that is the smaller the better
+    also: tuple[str, ...] = ()  # numbers that it needs besides
     disturbed: bool = False
     weighed: bool = False
     normal: bool = True  # P >= I
@@ -53,7 +55,7 @@ class Goal:
 GOALS = {
     goal.name: goal
     for goal in (
-        Goal("gamma", "mu", disturbed=True, weighed=True, normal=False),
+        Goal("gamma", "mu", ("r",), disturbed=True, weighed=True, normal=False),
         Goal("overshoot", "r"),
         Goal("disturbance", "mu", disturbed=True),
         Goal("noise", "kappa"),
@@ -97,8 +99,8 @@ class Witness(Proved):
         verdict = loop.proved(self.theorem.system.Dqf, self.theorem.multiplier, first)
         return Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0)
 
-    def constants(self) -> dict[str, arb]:
-        """Constants that the numbers give, as balls."""
+    def constants(self) -> dict[str, fmpq]:
+        """Constants that the numbers give, rounded up."""
         return constants(self.goal, self.numbers, self.theorem.decay, self.theorem.T1)
 
     def written(self) -> dict[str, Any]:
@@ -129,19 +131,27 @@ def together(checks: Iterable[Check]) -> Iterator[Check]:
         yield Check(f"{name}{where}", all(c.holds for c in found), min(c.margin for c in found))
 
 
-def constants(goal: Goal, numbers: Mapping[str, fmpq], decay: fmpq, T1: fmpq) -> dict[str, arb]:
-    """Constants of a claim that its numbers give at a rate, as balls; none where the theorem gives none."""
-    with ctx.workprec(BITS):
-        number = {name: arb(x) for name, x in numbers.items()}
-        if goal.name == "gamma":
-            return {"gamma": number["mu"].sqrt(), "initial": number["r"].sqrt()}
-        if goal.name == "overshoot":
-            return {"overshoot": number["r"].sqrt()}
-        if goal.name == "disturbance" and decay > 0:
-            return {"disturbance": (number["mu"] / (2 * decay)).sqrt()}
-        if goal.name == "noise" and decay > 0 and T1 > 0:
-            return {"noise": (number["kappa"] / -arb(-2 * decay * T1).expm1()).sqrt()}
+def constants(goal: Goal, numbers: Mapping[str, fmpq], decay: fmpq, T1: fmpq) -> dict[str, fmpq]:
+    """Constants of a claim that its numbers give at a rate, rounded up; none where the theorem gives none."""
+    if goal.name == "gamma":
+        return {"gamma": root(numbers["mu"]), "initial": root(numbers["r"])}
+    if goal.name == "overshoot":
+        return {"overshoot": root(numbers["r"])}
+    if goal.name == "disturbance" and decay > 0:
+        return {"disturbance": root(numbers["mu"] / (2 * decay))}
+    if goal.name == "noise" and decay > 0 and T1 > 0:
+        with ctx.workprec(BITS):
+            return {"noise": root((numbers["kappa"] / -arb(-2 * decay * T1).expm1()).upper().fmpq())}
     return {}
+
+
+def root(x: fmpq) -> fmpq:
+    """Square root of a number, exact if it is rational, or else a little above."""
+    p, q = isqrt(int(x.p)), isqrt(int(x.q))
+    if p * p == x.p and q * q == x.q:
+        return fmpq(p, q)
+    with ctx.workprec(BITS):
+        return arb(x).sqrt().upper().fmpq()
 
 
 def by_segment(values: Array, clock: Clock) -> list[list[Any]]:
@@ -167,8 +177,9 @@ def read(file: ResultFile, goal: Goal, theorem: ClockTheorem, T2: fmpq, *keys: s
         raise file.wrong(".".join((*roots[0], "P")), "expected a list of matrices for each segment", id="OBS702")
     of_goal = goal.theorem(replace(theorem, clock=Clock(knots, degree), decay=file.number(*keys, "lambda")))
     numbers = {name: file.number(*keys, name) for name in NUMBERS if name in place}
-    if goal.least not in numbers:
-        raise file.wrong(".".join((*keys, goal.least)), "missing", id="OBS702")
+    for name in (goal.least, *goal.also):
+        if name not in numbers:
+            raise file.wrong(".".join((*keys, name)), "missing", id="OBS702")
     P = np.stack([read_storage(file, of_goal, *root, "P") for root in roots])
     M = {
         u.name: np.stack([read_unknown(file, u, of_goal.clock, *root, "multipliers", u.name) for root in roots])
