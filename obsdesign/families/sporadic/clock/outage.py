@@ -47,7 +47,7 @@ class Outage(Proved):
     def checks(self) -> tuple[Check, ...]:
         """The growth of every function of the storage function."""
         fixed = {"weight": rational([[0]]), "mu": rational([[0]])}
-        found = []
+        found: list[Check] = []
         for P, M in zip(self.overshoot.P[:, -1], self.multipliers, strict=True):
             found += prove(conditions(self.overshoot.theorem, P, self.growth, {**M, **fixed}))
         rate = self.overshoot.theorem.decay
