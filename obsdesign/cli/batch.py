@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from obsdesign.cli.follow import followed
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Solver
 from obsdesign.errors import UsageError
 
@@ -89,12 +90,12 @@ def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) ->
 
     if os.environ.get("GITHUB_ACTIONS") == "true" and form != "github":
         for line in github(summary):
-            typer.echo(line, nl=False, err=True)
+            say(line, nl=False, err=True, obeyed=True)
     if form and output_file:
         write_whole(output_file, "".join(FORMATS[form](summary)).encode())
     elif form:
         for line in FORMATS[form](summary):
-            typer.echo(line, nl=False)
+            say(line, nl=False, obeyed=form == "github")
     if (output_file or not form) and not quiet:
         for row in rows(summary):
-            typer.echo(row)
+            say(row)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.problems import show
 from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found
@@ -73,5 +74,5 @@ def saves(sources: Sequence[str]) -> Iterator[None]:
         if now != seen:
             seen = now
             yield
-            typer.echo(f"checked at {time.strftime('%H:%M:%S')}, and again after every save; Ctrl-C ends", err=True)
+            say(f"checked at {time.strftime('%H:%M:%S')}, and again after every save; Ctrl-C ends", err=True)
         time.sleep(PAUSE)

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.errors import Problem, UsageError
 
 KEYS = "spec"  # topic whose page ends with all keys
@@ -17,9 +18,9 @@ def explain(
     from obsdesign.tables.text import aligned
 
     if not topic:
-        typer.echo(aligned([*topics().items()]))
-        typer.echo("\nobsdesign explain TOPIC prints a page, obsdesign explain OBS104 what a message means,")
-        typer.echo("obsdesign explain observer.alpha what a key of a spec takes")
+        say(aligned([*topics().items()]))
+        say("\nobsdesign explain TOPIC prints a page, obsdesign explain OBS104 what a message means,")
+        say("obsdesign explain observer.alpha what a key of a spec takes")
         return
     text = explained(topic)
     if text is None or topic == KEYS:
@@ -28,7 +29,7 @@ def explain(
         text = reference.explained(topic) if text is None else f"{text}\n{aligned(reference.listed())}"
     if text is None:
         raise missing(topic)
-    typer.echo(text.rstrip())
+    say(text.rstrip())
 
 
 def missing(topic: str) -> UsageError:

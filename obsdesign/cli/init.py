@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.errors import Problem, UsageError
 
 
@@ -34,7 +35,7 @@ def init(
     if os.path.lexists(target):
         raise UsageError(Problem("is there already, and stays as it is; give another NAME", target, id="OBS914"))
     write_whole(target, text(plant, family).encode())
-    typer.echo(aligned([("file", target), ("next", f"obsdesign solve {target} --simulate")]))
+    say(aligned([("file", target), ("next", f"obsdesign solve {target} --simulate")]))
 
 
 def asked(what: str, given: str, choices: Iterable[str]) -> str:

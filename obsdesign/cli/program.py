@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from obsdesign import __version__
+from obsdesign.cli.printing import say, silence
 from obsdesign.cli.problems import answer
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
@@ -40,7 +41,7 @@ class Commands(TyperGroup):
         except ObsdesignError as error:
             answer(error, as_json=ctx.obj)
         except KeyboardInterrupt:
-            typer.echo("interrupted", err=True)
+            say("interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError as error:
             raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
@@ -64,7 +65,7 @@ app = typer.Typer(
 def tell_version(asked: bool) -> None:
     """Print the version."""
     if asked:
-        typer.echo(f"obsdesign {__version__}")
+        say(f"obsdesign {__version__}")
         raise typer.Exit
 
 
@@ -104,13 +105,7 @@ def main() -> None:
     except OSError as error:
         if error.filename is not None:  # not of a stream
             raise
-        silence()
-        said = f"standard output or standard error cannot be written: {error.strerror or error}"
-        typer.echo(str(Problem(said, id="OBS906")), err=True)
+        silence(sys.stdout)
+        said = f"standard output cannot be written: {error.strerror or error}"
+        say(str(Problem(said, id="OBS906")), err=True)
         sys.exit(1)
-
-
-def silence() -> None:
-    """Drop what could not be printed, or it would fail once more at the exit."""
-    if sys.stdout is not None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 
@@ -41,16 +42,16 @@ def each(sources: Sequence[str], answer: Callable[[str], Answer], *, as_json: bo
         if as_json and several:
             reports.append({"source": source, **report_of(found)})
         elif as_json and found.failure:
-            typer.echo(json.dumps(report_of(found), indent=2))
+            say(json.dumps(report_of(found), indent=2))
         elif found.text:
-            typer.echo(f"== {source}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
+            say(f"== {source}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
         if found.failure:
             tell(found.failure.problems)
         codes.append(found.failure.exit_code if found.failure else found.code)
         if isinstance(found.failure, TimeLimitError):
             break
     if reports:
-        typer.echo(json.dumps(reports, indent=2))  # a path may hold what is no text: ASCII
+        say(json.dumps(reports, indent=2))  # a path may hold what is no text: ASCII
     raise typer.Exit(min(codes, key=WORST.index))
 
 
