@@ -112,10 +112,11 @@ def umask() -> int:
 
 def newest() -> str:
     """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
-    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
+    files = (path for path in Path().glob("*.gains.json") if path.is_file())
+    for path in sorted(files, key=lambda p: p.stat().st_mtime, reverse=True):
         try:
             if json.loads(path.read_bytes()).get("status") == "certified":
                 return str(path)
-        except (OSError, ValueError, AttributeError):
+        except (OSError, ValueError, AttributeError, RecursionError):
             continue
     raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")

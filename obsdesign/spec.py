@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -29,6 +30,11 @@ PROVED = "is proved from f"  # of a type, in a note
 def numbered(letter: str, count: int) -> tuple[str, ...]:
     """Default names: x1, x2, .."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def named_by(path: str) -> str:
+    """Name of a spec whose text gives it none."""
+    return Path(path).stem.strip("<>")
 
 
 def arguments(nq: int) -> tuple[str, ...]:

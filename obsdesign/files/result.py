@@ -15,7 +15,7 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from obsdesign.disk import content_of
-from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
+from obsdesign.errors import EXIT, NOT_ONE_LINE, Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
@@ -111,6 +111,14 @@ class ResultFile:
                 raise self.wrong(".".join(keys[: i + 1]), "missing", id="OBS702")
             value = value[key]
         return value
+
+    @property
+    def status(self) -> str:
+        """How the design ended."""
+        found = self.at("status")
+        if found not in [*EXIT]:
+            raise self.wrong("status", f"{str(found)[:40]!r} is none; expected {', '.join(EXIT)}", id="OBS702")
+        return str(found)
 
     def spec_text(self) -> str:
         """Text of the spec that travels in the file, if its hash is right."""

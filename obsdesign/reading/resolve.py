@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from obsdesign.sections.document import Document, Loc
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import unknown
-from obsdesign.spec import Nonlinearity, Request, Spec, numbered
+from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
@@ -66,7 +65,7 @@ def resolve(document: Document) -> Spec:
         reader.stop()
     assert layout.names is not None
     return Spec(
-        name=file.name or Path(document.path).stem.strip("<>"),
+        name=file.name or named_by(document.path),
         source=file.source or "",
         description=(file.description or "").strip(),
         reproduces=tuple(file.reproduces or ()),
