@@ -58,7 +58,8 @@ def batch(
     if output_file:
         require_writable(output_file, read=paths)
     if merge:
-        summary = batches.merge(paths, batches.prepared(out))
+        with batches.held(out) as folder:
+            summary = batches.merge(paths, folder)
     else:
         with followed(quiet, verbose) as follower:
             summary = batches.batch(
