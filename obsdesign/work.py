@@ -19,6 +19,7 @@ from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load, loads
+from obsdesign.sections.changes import require_distinct
 from obsdesign.sections.scalars import described
 from obsdesign.simulate.comparison import Comparison
 from obsdesign.simulate.comparison import compare as compared
@@ -135,6 +136,7 @@ def otherwise(design: Design, changes: Sequence[str]) -> Design:
             raise UsageError(Problem(said, f"--set {described(change)}", id="OBS904"))
     if not changes:
         return design
+    require_distinct(changes)
     spec = design.spec
     changed = loads(spec.text, spec.path, (*spec.changes, *changes))
     return replace(design, spec=replace(spec, simulation=changed.simulation, changes=changed.changes))

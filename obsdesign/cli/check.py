@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,12 +67,21 @@ def line(finding: "Finding") -> str:
     return f"{'FAIL' if finding.decides else 'note'}  {finding.sentence} [{finding.id}]\n"
 
 
+def saved(sources: Sequence[str]) -> list[tuple[str, int]]:
+    """Files, as far as there are any, with the times at which they were saved."""
+    times = []
+    with suppress(UsageError):  # a folder without specs, of which the check tells
+        for path in found(sources):
+            with suppress(OSError):
+                times.append((path, Path(path).stat().st_mtime_ns))
+    return times
+
+
 def saves(sources: Sequence[str]) -> Iterator[None]:
     """Begin, and go on after every save of a file, without end."""
     seen: object = None
     while True:
-        now = [(path, Path(path).stat().st_mtime_ns) for path in found(sources) if Path(path).exists()]
-        if now != seen:
+        if (now := saved(sources)) != seen:
             seen = now
             yield
             say(f"checked at {time.strftime('%H:%M:%S')}, and again after every save; Ctrl-C ends", err=True)

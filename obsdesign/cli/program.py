@@ -77,6 +77,15 @@ def options(version: Version = False) -> None:
     """Options of the program itself."""
 
 
+def known(solver: str) -> str:
+    """Name of a solver, if it is one; what needs none costs no import. Raises `UsageError`."""
+    if solver.lower() != "clarabel":
+        from obsdesign.lmi.solvers import call
+
+        call(solver)
+    return solver
+
+
 SpecPaths = Annotated[
     list[str], typer.Argument(metavar="SPEC..", help="Spec files (YAML), folders of them; - is standard input.")
 ]
@@ -87,7 +96,9 @@ Changes = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only, and with --json the result.")]
 PlotAll = Annotated[bool, typer.Option("--plot-all", help="Figure with every panel: all states, inputs, V, ..")]
-Solver = Annotated[str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.")]
+Solver = Annotated[
+    str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.", callback=known)
+]
 Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
 
 
