@@ -1,6 +1,6 @@
 """Folders of specs: each solved, verified and held against what it expects, in parallel, and only where it is due.
 
-find.py       specs below paths, and where their results go; sweep.py: with which changes
+find.py       specs below paths, and where their results go; sweep.py: with which changes; clash.py: which cannot be
 perform.py    one spec, from its text to its entry and its files
 record.py     that entry on disk, and whether it is up to date
 workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them; cluster.py: others, by Dask
@@ -10,13 +10,14 @@ summary.py    all entries, counts, exit code; table.py: in lines; formats.py: fo
 import fcntl
 import os
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
 from obsdesign.batches import cluster, workers
+from obsdesign.batches.clash import clashes
 from obsdesign.batches.find import Task, find, share, titled
 from obsdesign.batches.form import Entry
 from obsdesign.batches.merge import merge
@@ -97,7 +98,7 @@ def batch(
     tasks = share(found, shard)
     head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
     with held(out) as folder:
-        run = Run(tasks, options, folder, head, follower or Nobody())
+        run = Run(tasks, options, folder, head, follower or Nobody(), clashes(found))
         if changed_since is not None:
             run.leave_out(os.fspath(changed_since))
         try:
@@ -145,9 +146,16 @@ class Run:
     """One batch, as far as it is."""
 
     def __init__(
-        self, tasks: list[Task], options: Options, out: Path, head: dict[str, Any], follower: Follower
+        self,
+        tasks: list[Task],
+        options: Options,
+        out: Path,
+        head: dict[str, Any],
+        follower: Follower,
+        refused: Mapping[Task, Problem],
     ) -> None:
         self.tasks, self.options, self.out, self.head, self.follower = tasks, options, out, head, follower
+        self.refused = refused
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
         self.loose = dict[Task, Entry]()  # entries that have no record
         self.tally = Tally()
@@ -177,6 +185,10 @@ class Run:
         self.follower.found(len(asked))
         due = dict[Task, str]()
         for task in asked:
+            if task in self.refused:
+                entry = entry_of(task, "invalid", 2, self.refused[task], sha256=sha256(task))
+                self.ended(task, entry, "its results would stand in the place of others")
+                continue
             record = read(self.out, task)
             why = "--force" if force else reason(record, task, self.options, self.out)
             if why is not None or record is None:

@@ -67,21 +67,11 @@ def find(
     (hidden folders are left out, links to folders are not followed); files, which are taken as they are; globs of
     these, ** too. `exclude`: globs, each of a whole path, of a folder of it, or of one name in it.
 
-    Raises `UsageError`: there is nothing at a path, or two specs would have their results in the same folder.
+    Raises `UsageError`: there is nothing at a path.
     """
     patterns = tuple(exclude)
     kept = {one for path in paths for one in below(os.fspath(path)) if not excluded(one, patterns)}
-    found = sorted(Task(path, combination) for path, combination in product(kept, changes))
-    places: dict[str, Task] = {}
-    for task in found:
-        if ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
-            said = f"a spec cannot have this name: its results would leave their folder, or stand in that of {SUMMARY}"
-            raise UsageError(Problem(said, task.path, id="OBS912"))
-        other = places.setdefault(task.place, task)
-        if other is not task:
-            said = f"its results would stand in {task.place}, as those of {other.path}; rename one of them"
-            raise UsageError(Problem(said, task.path, id="OBS912"))
-    return found
+    return sorted(Task(path, combination) for path, combination in product(kept, changes))
 
 
 def below(path: str) -> Iterator[str]:

@@ -1,6 +1,8 @@
 """`obsdesign batch`: folders of specs."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +11,7 @@ import typer
 from obsdesign.cli.follow import followed
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Solver
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 
 if TYPE_CHECKING:
     from obsdesign.batches import Summary
@@ -57,30 +59,44 @@ def batch(
         raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
     if output_file:
         require_writable(output_file, read=paths)
-    if merge:
-        with batches.held(out) as folder:
-            summary = batches.merge(paths, folder)
-    else:
-        with followed(quiet, verbose) as follower:
-            summary = batches.batch(
-                paths,
-                changes=changes,
-                out=out,
-                jobs=jobs or None,
-                simulate=simulate,
-                exclude=exclude,
-                force=force,
-                fail_fast=fail_fast,
-                shard=shard or None,
-                changed_since=changed_since or None,
-                timeout=timeout,
-                memory=memory or None,
-                solver=solver,
-                scheduler=scheduler or None,
-                follower=follower,
-            )
+    with missed(form, output_file):
+        if merge:
+            with batches.held(out) as folder:
+                summary = batches.merge(paths, folder)
+        else:
+            with followed(quiet, verbose) as follower:
+                summary = batches.batch(
+                    paths,
+                    changes=changes,
+                    out=out,
+                    jobs=jobs or None,
+                    simulate=simulate,
+                    exclude=exclude,
+                    force=force,
+                    fail_fast=fail_fast,
+                    shard=shard or None,
+                    changed_since=changed_since or None,
+                    timeout=timeout,
+                    memory=memory or None,
+                    solver=solver,
+                    scheduler=scheduler or None,
+                    follower=follower,
+                )
     told(summary, "json" if as_json and not form else form, output_file, quiet)
     raise typer.Exit(summary.exit_code)
+
+
+@contextmanager
+def missed(form: str | None, output_file: str) -> Iterator[None]:
+    """Say, where a batch is refused as a whole, that what another program waits for is not written."""
+    try:
+        yield
+    except UsageError as error:
+        if form is None:
+            raise
+        earlier = "; the file is of an earlier batch" if os.path.exists(output_file) else ""
+        said = f"--format {form}: nothing is written{earlier}"
+        raise UsageError(*error.problems, Problem(said, output_file, id=error.problems[0].id)) from None
 
 
 def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) -> None:
