@@ -1,6 +1,8 @@
 """Result files whose unproved parts are forged: refused in one line, or shown as data; a status and a name are held."""
 
 import json
+import os
+import subprocess
 import time
 
 import pytest
@@ -75,6 +77,44 @@ def test_numbers_beyond_doubles_are_not_drawn(genuine, text, tmp_path):
     outcome = run("report", path, "-o", tmp_path / "x.html")
     assert outcome.exit_code in {0, 2}
     assert isinstance(outcome.exception, SystemExit | None)
+
+
+def test_a_folder_of_traps_is_walked_to_its_end(genuine, tmp_path, monkeypatch):
+    """Pipes, devices, loops of links, and folders deeper than a path may be long or a function may recurse."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("f/a.gains.json", "f/sub/b.gains.json", "f/.hidden/c.gains.json"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(genuine.read_bytes())
+    for name in ("p.gains.json", "p.yaml", "summary.json", "a.run.csv"):
+        os.mkfifo(f"f/{name}")
+    links = {"loop": ".", "z.gains.json": "/dev/zero", "z.yaml": "/dev/zero", "own.yaml": "own.yaml"}
+    for name, target in links.items():
+        os.symlink(target, f"f/{name}")
+    (tmp_path / "f" / "folder.gains.json").mkdir()
+    (tmp_path / "f" / "spec.yml").write_text(SPEC)
+    monkeypatch.chdir("f")
+    for _ in range(1200):
+        os.mkdir("d")
+        monkeypatch.chdir("d")
+    monkeypatch.chdir(tmp_path)
+    outcome = run("report", "f", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stdout.splitlines()[0]) == (0, "2 certified")
+    page = (tmp_path / "report.html").read_text()
+    assert "f/sub/b.gains.json" in page
+    assert ".hidden/" not in page
+    outcome = run("verify", "f", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stdout.count("\nproved: ")) == (0, 2)
+    outcome = run("check", "f", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert outcome.stderr.startswith("f/own.yaml: cannot be read: Too many levels of symbolic links")
+    outcome = run("batch", "f", "--jobs", 1, "--json", "-q")
+    assert [entry["path"] for entry in json.loads(outcome.stdout)["specs"]] == ["f/spec.yml"]
+    subprocess.run(["rm", "-r", "f/d"], check=True)  # which pytest could not
+    os.symlink("nowhere", "b.gains.json")
+    os.mkfifo("c.gains.json")
+    outcome = run("simulate", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "no certified *.gains.json in this folder" in outcome.stderr
 
 
 @pytest.mark.parametrize("status", ["certified ", "Certified", "no guarantee", "x" * 10_000, 5, None, [], [[]]])

@@ -11,6 +11,7 @@ from itertools import product
 from pathlib import Path, PurePath
 from urllib.parse import quote
 
+from obsdesign import disk
 from obsdesign.errors import Problem, UsageError
 
 ENDINGS = (".yaml", ".yml")
@@ -86,10 +87,8 @@ def below(path: str) -> Iterator[str]:
         elif not Path(match).is_dir():
             said = "is no file and no folder; a batch takes spec files and folders of them"
             raise UsageError(Problem(said, match, id="OBS101"))
-        for folder, folders, files in os.walk(match):
-            folders[:] = [name for name in folders if not name.startswith(".")]
-            inside = (Path(folder, name) for name in files if name.endswith(ENDINGS))
-            yield from (shortened(file) for file in inside if file.is_file() and is_spec(file))
+        files = map(Path, disk.below(match, ENDINGS))
+        yield from (shortened(file) for file in files if file.is_file() and is_spec(file))
 
 
 def shortened(path: str | Path) -> str:

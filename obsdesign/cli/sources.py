@@ -10,6 +10,7 @@ import typer
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
+from obsdesign.disk import below
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 
 SPECS, RESULTS = (".yaml", ".yml"), (".gains.json",)  # endings of files
@@ -71,17 +72,12 @@ def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]
         if not Path(source).is_dir():
             made.append(source)
             continue
-        below = [
-            os.path.join(folder, name)
-            for folder, _, names in os.walk(source)
-            for name in names
-            if name.endswith(endings) and not name.startswith(".")
-        ]
-        if not below:
+        files = [path for path in below(source, endings) if not os.path.basename(path).startswith(".")]
+        if not files:
             raise UsageError(
                 Problem(f"no file below this folder ends with {' or '.join(endings)}", source, id="OBS903")
             )
-        made += sorted(below)
+        made += sorted(files)
     return list(dict.fromkeys(made))
 
 
