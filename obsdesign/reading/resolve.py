@@ -23,7 +23,7 @@ from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
-from obsdesign.sections.words import unknown
+from obsdesign.sections.words import nearest, unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, numbered
 
 FORMAT = "1"
@@ -200,7 +200,7 @@ def read_performance(
         return read_weight(reader, section, layout, exogenous)
     if isinstance(section, str) and section not in GROUPS:
         allowed = (*GROUPS, "a list of names", "{H: a matrix}")
-        reader.wrong(loc, unknown("performance", section, allowed, {}), id="OBS202")
+        reader.wrong(loc, unknown("performance", section, allowed, listed(section, layout, exogenous)), id="OBS202")
     if layout.names is None or exogenous.generator is None or section is None:
         return empty(0, 0), ()
     x, w = layout.names.states, layout.names.w
@@ -227,6 +227,14 @@ def read_performance(
         reader.wrong(loc, "there is nothing to estimate; name at least one state", id="OBS214")
     H = [row for row in map(table.get, chosen) if row is not None]
     return np.array(H, dtype=object), tuple(chosen)
+
+
+def listed(section: str, layout: Layout, exogenous: Exogenous) -> dict[str, str]:
+    """What to say of names that are written without brackets."""
+    known = (*layout.names.states, *exogenous.states, *layout.names.w) if layout.names else ()
+    names = [near for name in section.split(",") if (near := nearest(name.strip(), known))]
+    said = f"is no group of signals; names stand in a list: write [{', '.join(names)}]"
+    return {section: said} if len(names) == section.count(",") + 1 else {}
 
 
 def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Array | None]:

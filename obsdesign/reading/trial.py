@@ -127,7 +127,11 @@ def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
 def read_sampling(reader: Reader, written: str | schema.Law | None) -> str | Expression:
     """When measurements arrive: periodic, random, or a law."""
     if isinstance(written, schema.Law):
-        laws = reader.expressions(written.law, ("simulation", "sampling", "law"), Axis(1, "law"), ("t",))
+        place: Loc = ("simulation", "sampling", "law")
+        laws = reader.expressions(written.law, place, Axis(1, "law"), ("t",))
+        if laws and not laws[0].names and reader.clean(place) and laws[0].scalar(["t"])(0.0) <= 0:
+            said = f"{described(written.law)} is not allowed; give the time to the next measurement, in s: a number > 0"
+            reader.wrong(place, said, id="OBS208")
         return laws[0] if laws else "periodic"
     return written or "periodic"
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.sections.document import Document, Loc, Node, compose, dotted
-from obsdesign.sections.scalars import described
+from obsdesign.sections.scalars import CONSTANTS, described
 
 CHANGE = re.compile(r"\s*([A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*)\s*=(.*)", re.DOTALL)
 OPTION = "--set"
@@ -31,8 +31,11 @@ def read_change(change: str) -> tuple[Loc, Node]:
         raise UsageError(Problem(said, OPTION, id="OBS110"))
     loc = tuple(int(part[1:-1]) if part[0] == "[" else part for part in re.findall(r"[\w-]+|\[\d+\]", found[1]))
     origin = f"{OPTION} {described(change)}"
-    if not found[2].strip():
-        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin, id="OBS110"))
+    given = found[2].strip()
+    if CONSTANTS.get(given, True) is None:
+        unset = f"{given} is no value; give one, or take the key out of the spec"
+        said = unset if given else "the value is empty; give one, or leave the option out"
+        raise UsageError(Problem(said, origin, id="OBS110"))
     try:
         document = compose(found[2], origin)
     except UsageError:
