@@ -158,6 +158,7 @@ class Reader:
         self.document = document
         self.problems = problems
         self.notes: list[str] = []
+        self.unused: list[str] = []  # keys that have no effect, with the reason
         self.parameters: dict[str, fmpq] = {}
         self.exact: dict[str, fmpq] = {}  # values of the texts read so far
 

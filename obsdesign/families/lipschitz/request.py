@@ -157,6 +157,8 @@ def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimatio
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
     )
     asked.refuse_conflicts(reader, request)
+    if request.gains:
+        asked.note_unused(reader, section, ("slack", "bounds"), asked.AS_GIVEN)
     require_lipschitz(reader, request, problem)
     return request
 

@@ -179,6 +179,10 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         gains=asked.read_gains(reader, section.gains, {"L": (states, outputs), "H": (outputs, outputs)}),
     )
     asked.refuse_conflicts(reader, request)
+    if request.gains:
+        asked.note_unused(reader, section, ("slack", "bounds"), asked.AS_GIVEN)
+    elif request.objective == "feasibility":
+        asked.note_unused(reader, section, ("slack",), "feasibility has no optimum")
     return request
 
 
