@@ -19,7 +19,7 @@ LAYERS = (
     ("cli",),
     ("batches", "reports", "difference"),
     ("work",),
-    ("design", "advice"),
+    ("design", "advice", "expectation"),
     ("tables", "simulate"),
     ("plot",),
     ("reading", "starters"),

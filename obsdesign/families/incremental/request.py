@@ -219,3 +219,7 @@ def request_of(spec: Spec) -> Request:
 
 
 SECTION = Observer
+RESULTS = {
+    "guarantee": ("gamma", "alpha", "mu1", "mu2", "reconstruction", "limit", "limit_bounded"),
+    "observer": ("L1", "L2", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+}

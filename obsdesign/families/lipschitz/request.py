@@ -272,3 +272,10 @@ def request_of(spec: Spec) -> LipschitzRequest:
 
 
 SECTION = LipschitzObserver
+RESULTS = {
+    "guarantee": (
+        *("lipschitz", "constants", "gamma", "decay", "mu1", "mu2", "margin", "limit", "limit_bounded"),
+        *("admissible", "ceiling", "comparison", "widened"),
+    ),
+    "observer": ("L", "relaxation", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+}

@@ -261,3 +261,10 @@ def request_of(spec: Spec) -> SporadicRequest:
 
 
 SECTION = SporadicObserver
+RESULTS = {
+    "guarantee": (
+        *("gamma", "decay", "T1", "T2", "T2_max", "limit", "limit_bounded", "jitter", "mu"),
+        *("rate", "overshoot", "initial", "disturbance", "noise"),
+    ),
+    "observer": ("L", "H", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
+}
