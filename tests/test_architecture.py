@@ -48,6 +48,7 @@ NO_FAMILY = {  # a word that names a family and something else too, and where it
         "nonlinearities/": "the type, the constant",
         "constants.py": "the constant",
         "advice.py": "the constant",
+        "expectation.py": "the constant",
         "spec.py": "the constant",
         "cli/": "the command",
         "work.py": "the command",
