@@ -37,3 +37,11 @@ def test_zeros_from_a_disturbance_are_told_only_where_there_is_one():
     text = "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], %sC: [1, 0]}\nobserver: {type: l2, alpha: 0.3}\n"
     assert not [name for name in findings_of(text % "") if name.startswith("zeros")]
     assert [n for n in findings_of(text % "B: [0, 1], ") if n.startswith("zeros")] == ["zeros, w to y", "zeros, v to y"]
+
+
+def test_a_run_tells_its_largest_error_in_words():
+    text = (
+        "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], C: [1, 0]}\nobserver: {type: l2, alpha: 0.3, bounds: {L1: 9}}\n"
+    )
+    Path("spec.yaml").write_text(text + "simulation: {horizon: 1, x0: [1, 0], points: 50}\n")
+    assert "largest error  1 of x1, at t = 0 s" in run("simulate", "spec.yaml").stdout
