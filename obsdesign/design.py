@@ -29,6 +29,7 @@ from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
+from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec
 from obsdesign.tables.split import entry
 
@@ -303,7 +304,10 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
         spec, name = loads(text, f"{file.path} (spec.text)", changes), file.content.get("name")
         spec = replace(spec, name=name) if isinstance(name, str) else spec
     if spec.text != text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}", id="OBS704")
+        said = f"these gains belong to another spec than {spec.path}"
+        if opened(spec.text, spec.path).root.plain() == opened(text, file.path).root.plain():
+            said = f"{spec.path} says what the spec in the file says, with other comments or layout"
+        raise file.wrong("spec.sha256", f"{said}; solve it again, or verify the file alone", id="OBS704")
     if spec.changes != changes:
         spec = loads(text, spec.path, changes)
     FAMILIES[spec.observer.type].require_claims(spec)

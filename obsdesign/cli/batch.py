@@ -50,6 +50,8 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
+    from obsdesign.batches.find import unmatched
+    from obsdesign.batches.table import shown
     from obsdesign.disk import require_writable
 
     if output_file and not form:
@@ -59,6 +61,8 @@ def batch(
     if merge:
         summary = batches.merge(paths, batches.prepared(out))
     else:
+        for pattern in unmatched(paths, exclude) if not quiet else ():
+            typer.echo(f"--exclude {shown(pattern)}: leaves nothing out; no spec below the paths matches", err=True)
         with followed(quiet, verbose) as follower:
             summary = batches.batch(
                 paths,

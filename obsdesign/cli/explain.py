@@ -31,11 +31,22 @@ def explain(
     typer.echo(text.rstrip())
 
 
+def near(id: str, known: list[str]) -> str:
+    """Ids of messages of the same hundred, or else of which hundreds there are some."""
+    same = [one for one in known if one[3] == id[3]]
+    hundreds = ", ".join(dict.fromkeys(f"{one[:4]}.." for one in known))
+    return f"there are {same[0]} to {same[-1]} of its kind" if same else f"ids begin with {hundreds}"
+
+
 def missing(topic: str) -> UsageError:
     """What is said where there is no page: what was probably meant, or what there is."""
-    from obsdesign.guide import topics
+    from obsdesign.guide import ID, sections, topics
     from obsdesign.reading import reference
     from obsdesign.sections.words import nearest
+
+    if ID.fullmatch(topic.upper()):
+        said = f"no message has this id; {near(topic.upper(), list(sections()))}; `explain messages` prints all"
+        return UsageError(Problem(said, topic, id="OBS907"))
 
     meant = nearest(topic, [*topics(), *reference.entries()])
     question = f"; did you mean {meant}?" if meant else ";"
