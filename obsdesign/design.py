@@ -306,7 +306,7 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     if spec.text != text:
         said = f"these gains belong to another spec than {spec.path}"
         if opened(spec.text, spec.path).root.plain() == opened(text, file.path).root.plain():
-            said = f"{spec.path} says what the spec in the file says, with other comments or layout"
+            said += ", of which only comments or layout differ"
         raise file.wrong("spec.sha256", f"{said}; solve it again, or verify the file alone", id="OBS704")
     if spec.changes != changes:
         spec = loads(text, spec.path, changes)

@@ -63,7 +63,27 @@ def test_a_spec_of_which_only_a_comment_changed_is_told_apart_from_another_one()
     outcome = run("verify", "--specs", "spec.gains.json")
     assert outcome.exit_code == 2
     assert (
-        "spec.yaml says what the spec in the file says, with other comments or layout; solve it again" in outcome.stderr
+        "belong to another spec than spec.yaml, of which only comments or layout differ; solve it again"
+        in outcome.stderr
     )
     Path("spec.yaml").write_text(SPEC.replace("0.3", "0.4"))
-    assert "these gains belong to another spec than spec.yaml" in run("verify", "--specs", "spec.gains.json").stderr
+    outcome = run("verify", "--specs", "spec.gains.json")
+    assert "these gains belong to another spec than spec.yaml; solve it again" in outcome.stderr
+
+
+def test_a_proved_number_has_the_same_digits_in_the_table_and_in_the_report():
+    Path("spec.yaml").write_text(SPEC.replace("C: [1, 0]", "B: [0, 1], C: [1, 0]"))
+    table = run("solve", "spec.yaml").stdout
+    gamma = next(line.split()[1] for line in table.splitlines() if line.startswith("gamma"))
+    assert len(gamma.replace(".", "").lstrip("0")) == 6
+    assert run("report", "spec.gains.json").exit_code == 0
+    assert f"<dt>gain γ</dt><dd>{gamma}</dd>" in Path("report.html").read_text()
+
+
+def test_the_reason_of_a_diagnosis_that_is_proved_is_not_called_numerical():
+    Path("spec.yaml").write_text("obsdesign: 1\nsystem: {A: 0.2, B: 1, C: 0}\nobserver: {type: l2, alpha: 0.3}\n")
+    assert run("solve", "spec.yaml", "-q").exit_code == 3
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+    assert run("report", "spec.gains.json").exit_code == 0
+    page = Path("report.html").read_text()
+    assert 'Diagnosis <span class="mark">the reason is proved, the rest numerical</span>' in page

@@ -132,7 +132,7 @@ def test_a_figure_has_the_estimates_their_errors_what_is_measured_and_the_inputs
     assert told(figure.axes[0]) == ["p [m]", "s [m/s]"]
     below = [text.get_text() for text in figure.legends[0].get_texts()]
     assert below == ["true", "estimate", "proved bound on the error"]
-    gamma = at_most(mass.guarantee.gamma, 4)
+    gamma = at_most(mass.guarantee.gamma)
     assert figure.get_suptitle() == f"Cost $5\nproved: γ = {gamma} from zero error, α = 0.1 1/s; all 4 bounds hold"
 
 

@@ -138,10 +138,10 @@ def promises(run: "Run") -> Iterator[str]:
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {at_least(alpha, 4)} 1/s" if alpha else "e → 0 without a disturbance"
+    decays = f"{guarantee.symbol} = {at_least(alpha)} 1/s" if alpha else "e → 0 without a disturbance"
     if run.summary["gamma"] is None:
         return decays
-    return f"γ = {at_most(guarantee.gamma, 4)} from zero error, {decays}"
+    return f"γ = {at_most(guarantee.gamma)} from zero error, {decays}"
 
 
 def ended(run: "Run") -> str:
