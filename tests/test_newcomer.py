@@ -45,8 +45,8 @@ def test_the_summary_of_a_batch_is_no_result_and_says_which_file_to_give(batch, 
 
 
 def test_an_id_that_there_is_not_names_those_of_its_kind():
-    assert "no message has this id; there are OBS901 to OBS9" in run("explain", "obs999").stderr
-    assert "no message has this id; ids begin with OBS1.., OBS2.., " in run("explain", "OBS099").stderr
+    assert "there is no page of it; allowed: OBS901 to OBS9" in run("explain", "obs999").stderr
+    assert "there is no page of it; allowed: ids that begin with OBS1.., OBS2.., " in run("explain", "OBS099").stderr
 
 
 def test_a_form_that_there_is_not_is_told_plainly():

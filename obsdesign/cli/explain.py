@@ -35,7 +35,7 @@ def near(id: str, known: list[str]) -> str:
     """Ids of messages of the same hundred, or else of which hundreds there are some."""
     same = [one for one in known if one[3] == id[3]]
     hundreds = ", ".join(dict.fromkeys(f"{one[:4]}.." for one in known))
-    return f"there are {same[0]} to {same[-1]} of its kind" if same else f"ids begin with {hundreds}"
+    return f"{same[0]} to {same[-1]} of its kind" if same else f"ids that begin with {hundreds}"
 
 
 def missing(topic: str) -> UsageError:
@@ -45,7 +45,8 @@ def missing(topic: str) -> UsageError:
     from obsdesign.sections.words import nearest
 
     if ID.fullmatch(topic.upper()):
-        said = f"no message has this id; {near(topic.upper(), list(sections()))}; `explain messages` prints all"
+        known = near(topic.upper(), list(sections()))
+        said = f"there is no page of it; allowed: {known}; `explain messages`, which prints all"
         return UsageError(Problem(said, topic, id="OBS907"))
 
     meant = nearest(topic, [*topics(), *reference.entries()])
