@@ -29,6 +29,7 @@ from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
+from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec, named_by
 from obsdesign.tables.split import entry
 
@@ -302,7 +303,10 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     if spec is None:
         spec = loads(text, f"{file.path} (spec.text)", changes)
     if spec.text != text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}", id="OBS704")
+        said = f"these gains belong to another spec than {spec.path}"
+        if opened(spec.text, spec.path).root.plain() == opened(text, file.path).root.plain():
+            said += ", of which only comments or layout differ"
+        raise file.wrong("spec.sha256", f"{said}; solve it again, or verify the file alone", id="OBS704")
     if spec.changes != changes:
         spec = loads(text, spec.path, changes)
     spec = named(file, spec)

@@ -37,12 +37,18 @@ def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
     """
     waiting = [folder]
     while waiting:
-        with suppress(OSError), os.scandir(waiting.pop()) as entries:
-            for entry in entries:
-                if entry.is_dir(follow_symlinks=False):
-                    waiting += [] if entry.name.startswith(".") else [entry.path]
-                elif entry.name.endswith(endings) and is_file(entry.path):
-                    yield entry.path
+        for entry in entries(waiting.pop()):
+            if entry.is_dir(follow_symlinks=False):
+                waiting += [] if entry.name.startswith(".") else [entry.path]
+            elif entry.name.endswith(endings) and is_file(entry.path):
+                yield entry.path
+
+
+def entries(folder: str) -> "list[os.DirEntry[str]]":
+    """What is in a folder; nothing where it cannot be read."""
+    with suppress(OSError), os.scandir(folder) as found:
+        return list(found)
+    return []
 
 
 def is_file(path: str) -> bool:

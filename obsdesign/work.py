@@ -14,6 +14,7 @@ from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
+from obsdesign.expectation import strays
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
@@ -57,8 +58,13 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
 
 
 def check(spec: Spec) -> list[Finding]:
-    """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
+    """What the structure of a spec rules out, and what it allows, before any design; each with a sentence.
+
+    Raises `UsageError`: the spec expects an entry of its result that none of its family has.
+    """
     require_spec(spec)
+    if wrong := tuple(strays(spec)):
+        raise UsageError(*wrong)
     with spec.placed():
         idle = [finding("acts", False, said, id="OBS615") for said in spec.idle]
         return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]

@@ -18,16 +18,26 @@ ENDINGS = (".yaml", ".yml")
 SPEC = re.compile(rb"""(?:^|[{,])\s*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)
 MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
 SUMMARY = "summary.json"  # of a batch, beside the results
+NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", re.ASCII)
 LONGEST, KEPT = 120, 80  # characters of the folder of changes, and of one that is longer
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Task:
-    """One spec of a batch, with other values of single keys."""
+    """One spec of a batch, with other values of single keys; in the order of paths, then of values as numbers."""
 
     path: str  # relative to the current folder where it is below it, else absolute; without `..`
     changes: tuple[str, ...] = ()  # such as observer.alpha=0.5
     text: str | None = None  # of the spec, where the file is not at hand to who designs
+
+    def __lt__(self, other: "Task") -> bool:
+        return (self.path, self.values, self.changes) < (other.path, other.values, other.changes)
+
+    @property
+    def values(self) -> list[list[str | float]]:
+        """Changes in texts and numbers by turns: alpha=2 comes before alpha=10."""
+        parts = [NUMBER.split(change) for change in self.changes]
+        return [[float(part) if i % 2 else part for i, part in enumerate(each)] for each in parts]
 
     @property
     def place(self) -> str:
@@ -73,6 +83,12 @@ def find(
     patterns = tuple(exclude)
     kept = {one for path in paths for one in below(os.fspath(path)) if not excluded(one, patterns)}
     return sorted(Task(path, combination) for path, combination in product(kept, changes))
+
+
+def unmatched(paths: Iterable[str | os.PathLike[str]], exclude: Iterable[str]) -> list[str]:
+    """Globs that leave no spec at or below the paths out."""
+    found = [one for path in paths for one in below(os.fspath(path))]
+    return [pattern for pattern in exclude if not any(excluded(one, (pattern,)) for one in found)]
 
 
 def below(path: str) -> Iterator[str]:

@@ -53,6 +53,8 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
+    from obsdesign.batches.find import unmatched
+    from obsdesign.batches.table import shown
     from obsdesign.disk import require_writable
 
     if output_file and not form:
@@ -64,6 +66,8 @@ def batch(
             with batches.held(out) as folder:
                 summary = batches.merge(paths, folder)
         else:
+            for pattern in unmatched(paths, exclude) if not quiet else ():
+                say(f"--exclude {shown(pattern)}: leaves nothing out; no spec below the paths matches", err=True)
             with followed(quiet, verbose) as follower:
                 summary = batches.batch(
                     paths,

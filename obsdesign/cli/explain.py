@@ -32,11 +32,23 @@ def explain(
     say(text.rstrip())
 
 
+def near(id: str, known: list[str]) -> str:
+    """Ids of messages of the same hundred, or else of which hundreds there are some."""
+    same = [one for one in known if one[3] == id[3]]
+    hundreds = ", ".join(dict.fromkeys(f"{one[:4]}.." for one in known))
+    return f"{same[0]} to {same[-1]} of its kind" if same else f"ids that begin with {hundreds}"
+
+
 def missing(topic: str) -> UsageError:
     """What is said where there is no page: what was probably meant, or what there is."""
-    from obsdesign.guide import topics
+    from obsdesign.guide import ID, sections, topics
     from obsdesign.reading import reference
     from obsdesign.sections.words import nearest
+
+    if ID.fullmatch(topic.upper()):
+        known = near(topic.upper(), list(sections()))
+        said = f"there is no page of it; allowed: {known}; `explain messages`, which prints all"
+        return UsageError(Problem(said, topic, id="OBS907"))
 
     meant = nearest(topic, [*topics(), *reference.entries()])
     question = f"; did you mean {meant}?" if meant else ";"

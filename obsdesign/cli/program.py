@@ -49,7 +49,7 @@ class Commands(TyperGroup):
 
 def misused(error: Any) -> UsageError:
     """What typer says of a command line, in one line."""
-    path, said = error.ctx.command_path, error.format_message().rstrip(".")
+    path, said = error.ctx.command_path, error.format_message().rstrip(".").replace("Value error, ", "")
     return UsageError(f"{path}: {said[:1].lower()}{said[1:]}; see {path} --help", id="OBS901")
 
 

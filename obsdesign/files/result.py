@@ -22,6 +22,7 @@ from obsdesign.lmi.proof import Check
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
 LARGEST_POWER = 400  # of ten
+SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
 
@@ -34,6 +35,9 @@ class ResultFile:
     def __init__(self, path: str, raw: bytes) -> None:
         self.path, self.raw = path, raw
         self.content = self.parsed(raw)
+        if self.content.keys() >= SUMMARY:
+            said = "is the summary of a batch; give a gains file of it (specs[..].files.gains), or `report` its folder"
+            raise self.wrong("", said, id="OBS701")
         if self.content.get("obsdesign") != "1":
             raise self.wrong("obsdesign", "not a result of format 1", id="OBS701")
 

@@ -170,7 +170,7 @@ class Entry:
     @property
     def others(self) -> Rows:
         """Further numbers that are proved and are the better the larger they are, rounded down."""
-        return [(key, at_least(value, 5)) for key, value in self.numbers.items() if key in LARGER]
+        return [(key, at_least(value)) for key, value in self.numbers.items() if key in LARGER]
 
     @property
     def proved(self) -> Rows:

@@ -6,7 +6,7 @@ from itertools import combinations
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.sections.document import Document, Loc, Node, compose, dotted
-from obsdesign.sections.scalars import described
+from obsdesign.sections.scalars import CONSTANTS, described
 
 CHANGE = re.compile(r"\s*([A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*)\s*=(.*)", re.DOTALL)
 OPTION = "--set"
@@ -47,8 +47,11 @@ def read_change(change: str) -> tuple[Loc, Node]:
     """Place of a change and the value that it has there, which knows where it came from."""
     loc, key, value = parted(change)
     origin = f"{OPTION} {described(change)}"
-    if not value.strip():
-        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin, id="OBS110"))
+    given = value.strip()
+    if CONSTANTS.get(given, True) is None:
+        unset = f"{given} is no value; give one, or take the key out of the spec"
+        said = unset if given else "the value is empty; give one, or leave the option out"
+        raise UsageError(Problem(said, origin, id="OBS110"))
     try:
         document = compose(value, origin)
     except UsageError:
