@@ -29,7 +29,8 @@ from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.reading import loads, with_simulation
-from obsdesign.spec import Spec
+from obsdesign.sections.changes import opened
+from obsdesign.spec import Spec, named_by
 from obsdesign.tables.split import entry
 
 if TYPE_CHECKING:
@@ -283,7 +284,7 @@ def meets(found: Any, expected: Any) -> bool:
 def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     """Design of a result file; a claim of one that says it is certified is proved anew. See `work.read`."""
     spec = spec_of(file, spec)
-    family, status = FAMILIES[spec.observer.type], file.at("status")
+    family, status = FAMILIES[spec.observer.type], file.status
     if status == Verdict.INFEASIBLE:
         raise file.wrong("status", "infeasible: this result has no gains", id="OBS709")
     gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
@@ -300,12 +301,15 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     """Spec that travels in a file, unaltered, which must be the one that is given, if one is."""
     text, changes = file.spec_text(), file.changes()
     if spec is None:
-        spec, name = loads(text, f"{file.path} (spec.text)", changes), file.content.get("name")
-        spec = replace(spec, name=name) if isinstance(name, str) else spec
+        spec = loads(text, f"{file.path} (spec.text)", changes)
     if spec.text != text:
-        raise file.wrong("spec.sha256", f"these gains belong to another spec than {spec.path}", id="OBS704")
+        said = f"these gains belong to another spec than {spec.path}"
+        if opened(spec.text, spec.path).root.plain() == opened(text, file.path).root.plain():
+            said += ", of which only comments or layout differ"
+        raise file.wrong("spec.sha256", f"{said}; solve it again, or verify the file alone", id="OBS704")
     if spec.changes != changes:
         spec = loads(text, spec.path, changes)
+    spec = named(file, spec)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
@@ -313,9 +317,19 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     return spec
 
 
+def named(file: ResultFile, spec: Spec) -> Spec:
+    """Spec of a file with the name that it has there: that of its text, or else of its path."""
+    name, known = file.at("name"), [spec.name]
+    if spec.name == named_by(spec.path):  # the text may have none
+        known.append(named_by(str(file.at("spec", "path"))))
+    if name not in known:
+        raise file.wrong("name", f"is not that of the spec in the file; expected {known[-1]}", id="OBS703")
+    return replace(spec, name=name)
+
+
 def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     """Prove the claim of a result file: its guarantee, or that there is no solution. See `work.verify`."""
-    spec, status = spec_of(file, spec), file.at("status")
+    spec, status = spec_of(file, spec), file.status
     if status in (Verdict.INFEASIBLE, Verdict.REFUTED):
         proof = FAMILIES[spec.observer.type].absence(spec, file)
         if proof.holds and status == Verdict.INFEASIBLE:

@@ -25,7 +25,7 @@ def diff(old: str | os.PathLike[str], new: str | os.PathLike[str]) -> dict[str, 
     """
     before, after = (ResultFile.open(os.fspath(path)) for path in (old, new))
     return {
-        "status": [described(before.at("status")), described(after.at("status"))],
+        "status": [before.status, after.status],
         "spec": [*changes(keys_of(before), keys_of(after), "path")],
         "gains": [*map(of_gains, changes(gains_of(before), gains_of(after), "name"))],
         "guarantee": [*map(of_numbers, changes(numbers_of(before), numbers_of(after), "name"))],
@@ -65,10 +65,10 @@ def shown(value: Any) -> str:
 
 def gains_of(file: ResultFile) -> dict[str, Array]:
     """Gains in a file: the matrices of its observer, in doubles."""
-    made, computed = file.content.get("observer"), file.content.get("numerical", ())
+    made, computed = file.content.get("observer"), file.content.get("numerical")
     found = {}
     for name, rows in made.items() if isinstance(made, dict) else ():
-        told = f"observer.{name}" in computed  # such as poles
+        told = isinstance(computed, list) and f"observer.{name}" in computed  # such as poles
         if isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows) and not told:
             exact = file.matrix((len(rows), len(rows[0])), "observer", name)
             found[name] = np.vectorize(approximate, otypes=[float])(exact)

@@ -7,7 +7,8 @@ import re
 import stat
 import sys
 import tempfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from obsdesign.errors import Problem, UsageError
@@ -26,6 +27,36 @@ def content_of(path: str, most: int) -> bytes:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
+
+
+def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
+    """Files below a folder whose names end so, however deep they are and whoever made the folder.
+
+    Hidden folders, those that cannot be read and links to folders are left out, and what might never end, such as
+    pipes. A link that leads nowhere is a file.
+    """
+    waiting = [folder]
+    while waiting:
+        for entry in entries(waiting.pop()):
+            if entry.is_dir(follow_symlinks=False):
+                waiting += [] if entry.name.startswith(".") else [entry.path]
+            elif entry.name.endswith(endings) and is_file(entry.path):
+                yield entry.path
+
+
+def entries(folder: str) -> "list[os.DirEntry[str]]":
+    """What is in a folder; nothing where it cannot be read."""
+    with suppress(OSError), os.scandir(folder) as found:
+        return list(found)
+    return []
+
+
+def is_file(path: str) -> bool:
+    """Whether what can be read at a path ends, or there is nothing to be read."""
+    try:
+        return stat.S_ISREG(os.stat(path).st_mode)
+    except OSError:
+        return True
 
 
 def write_whole(path: str | Path, content: bytes) -> None:
@@ -112,10 +143,11 @@ def umask() -> int:
 
 def newest() -> str:
     """Newest certified gains file in the current folder; raises `UsageError` if there is none."""
-    for path in sorted(Path().glob("*.gains.json"), key=lambda p: p.stat().st_mtime, reverse=True):
+    files = (path for path in Path().glob("*.gains.json") if path.is_file())
+    for path in sorted(files, key=lambda p: p.stat().st_mtime, reverse=True):
         try:
             if json.loads(path.read_bytes()).get("status") == "certified":
                 return str(path)
-        except (OSError, ValueError, AttributeError):
+        except (OSError, ValueError, AttributeError, RecursionError):
             continue
     raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -29,6 +30,11 @@ PROVED = "is proved from f"  # of a type, in a note
 def numbered(letter: str, count: int) -> tuple[str, ...]:
     """Default names: x1, x2, .."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
+def named_by(path: str) -> str:
+    """Name of a spec whose text gives it none."""
+    return Path(path).stem.strip("<>")
 
 
 def arguments(nq: int) -> tuple[str, ...]:
@@ -175,6 +181,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    unused: tuple[str, ...] = ()  # keys that have no effect on what is asked, in sentences
     reproduces: tuple[str, ...] = ()  # figures and tables of the source
     changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
@@ -257,7 +264,7 @@ class Spec(metaclass=Called):
 
     @property
     def idle(self) -> list[str]:
-        """Nonlinearities and disturbances that act on nothing, in sentences."""
+        """Nonlinearities and disturbances that act on nothing, and keys without effect, in sentences."""
         column, found = 0, []
         used = {name for _, side in self.typed.equations.sides() for name in side.names} if self.typed else set()
         for name, *columns in zip(self.plant.exogenous, self.plant.B.T, self.plant.D.T, self.plant.Dq.T, strict=True):
@@ -268,7 +275,7 @@ class Spec(metaclass=Called):
             mine = slice(column, column := column + block.multiplier.member.shape[0])
             if not any(M[:, mine].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
                 found.append(f"nonlinearities[{i}] acts on nothing: its columns of Bf, Df and Dqf are zero")
-        return found
+        return [*found, *self.unused]
 
     @property
     def assumed(self) -> list[str]:

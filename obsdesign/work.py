@@ -14,11 +14,13 @@ from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
+from obsdesign.expectation import strays
 from obsdesign.families import FAMILIES, rescaled
 from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load, loads
+from obsdesign.sections.changes import require_distinct
 from obsdesign.sections.scalars import described
 from obsdesign.simulate.comparison import Comparison
 from obsdesign.simulate.comparison import compare as compared
@@ -56,8 +58,13 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
 
 
 def check(spec: Spec) -> list[Finding]:
-    """What the structure of a spec rules out, and what it allows, before any design; each with a sentence."""
+    """What the structure of a spec rules out, and what it allows, before any design; each with a sentence.
+
+    Raises `UsageError`: the spec expects an entry of its result that none of its family has.
+    """
     require_spec(spec)
+    if wrong := tuple(strays(spec)):
+        raise UsageError(*wrong)
     with spec.placed():
         idle = [finding("acts", False, said, id="OBS615") for said in spec.idle]
         return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]
@@ -135,6 +142,7 @@ def otherwise(design: Design, changes: Sequence[str]) -> Design:
             raise UsageError(Problem(said, f"--set {described(change)}", id="OBS904"))
     if not changes:
         return design
+    require_distinct(changes)
     spec = design.spec
     changed = loads(spec.text, spec.path, (*spec.changes, *changes))
     return replace(design, spec=replace(spec, simulation=changed.simulation, changes=changed.changes))

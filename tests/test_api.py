@@ -230,7 +230,7 @@ def test_what_a_forged_file_says_is_not_shown_of_its_design(design):
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("created", "1" * 5000), ("solver", "[]"), ("name", "{}")],
+    [("created", "1" * 5000), ("solver", "[]"), ("tool", "{}")],
 )
 def test_a_file_with_strange_entries_is_shown_as_far_as_it_is_proved(design, key, value):
     text = design.text().decode()

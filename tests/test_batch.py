@@ -9,6 +9,7 @@ from support.commands import files, run
 
 import obsdesign as od
 from obsdesign.batches import sweep
+from obsdesign.batches.clash import clashes
 from obsdesign.batches.find import Task, find, share
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import Options
@@ -110,12 +111,47 @@ def test_what_cannot_be_run_is_refused_in_one_line(arguments, said):
 
 
 @pytest.mark.usefixtures("here")
-def test_two_specs_that_would_share_a_folder_of_results_are_refused():
-    put("a.yaml")
-    put("a.yml")
-    outcome = run("batch", ".")
+def test_specs_that_would_share_a_place_of_results_are_invalid_and_the_others_run():
+    for path in ("a.yaml", "a.yml", "b.yaml", "b/b.gains.json.yaml", "c.yaml", "c/c.yaml", "d/summary.json.yaml"):
+        put(path)
+    outcome = run("batch", ".", "--format", "json", "--jobs", 2)
     assert outcome.exit_code == 2
-    assert outcome.stderr == "a.yml: its results would stand in a, as those of a.yaml; rename one of them [OBS912]\n"
+    statuses = {path: entry["status"] for path, entry in entries().items()}
+    assert statuses == {
+        **dict.fromkeys(("a.yaml", "a.yml", "b.yaml", "b/b.gains.json.yaml"), "invalid"),
+        **dict.fromkeys(("c.yaml", "c/c.yaml", "d/summary.json.yaml"), "certified"),
+    }
+    assert json.loads(outcome.stdout)["counts"]["invalid"] == 4
+    problems = {path: entry["problems"][0]["message"] for path, entry in entries().items() if entry["problems"]}
+    assert problems == {
+        "a.yaml": "its results would stand in a, as those of a.yml; rename one of them",
+        "a.yml": "its results would stand in a, as those of a.yaml; rename one of them",
+        "b.yaml": "its results would stand in b/b.gains.json, as those of b/b.gains.json.yaml; rename one of them",
+        "b/b.gains.json.yaml": "its results would stand in b/b.gains.json, as those of b.yaml; rename one of them",
+    }
+    again = run("batch", ".", "--jobs", 2, "-v")
+    assert again.exit_code == 2
+    assert {path for path, entry in entries().items() if entry["up_to_date"]} == {
+        *("c.yaml", "c/c.yaml", "d/summary.json.yaml")
+    }
+    Path("a.yml").unlink()
+    Path("b/b.gains.json.yaml").unlink()
+    assert run("batch", ".", "--jobs", 2, "-q").exit_code == 0
+
+
+@pytest.mark.parametrize("form", ["json", "junit", "github", "sarif"])
+@pytest.mark.usefixtures("here")
+def test_a_batch_that_is_refused_says_that_nothing_is_written(form):
+    outcome = run("batch", "absent", "--format", form)
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    first, second = outcome.stderr.splitlines()
+    assert first.startswith("absent: there is no such file or folder")
+    assert second == f"--format {form}: nothing is written [OBS101]"
+    put("old", "of yesterday")
+    outcome = run("batch", "absent", "--format", form, "--output-file", "old")
+    said = f"old: --format {form}: nothing is written; the file is of an earlier batch [OBS101]"
+    assert outcome.stderr.splitlines()[1] == said
+    assert Path("old").read_text() == "of yesterday"
 
 
 def test_shards_share_the_specs_out():
@@ -386,8 +422,13 @@ def test_names_of_changes_do_not_leave_their_folder():
     assert outcome.exit_code == 0  # that spec has its results below specs/good/observer.alpha=1/observer.alpha=1
     put("specs/same/a=1.yaml")
     put("specs/same.yaml")
-    with pytest.raises(od.UsageError, match="its results would stand in specs/same/a=1, as those of"):
-        find(["specs"], (), [(), ("a=1",)])
+    refused = clashes(find(["specs"], (), [(), ("a=1",)]))
+    assert {task.title: problem.message for task, problem in refused.items()} == {
+        "specs/same.yaml a=1": "its results would stand in specs/same/a=1, as those of specs/same/a=1.yaml;"
+        " rename one of them",
+        "specs/same/a=1.yaml": "its results would stand in specs/same/a=1, as those of specs/same.yaml;"
+        " rename one of them",
+    }
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Batches that are stopped, and specs that hang, eat memory or break their process: nothing that was done is lost."""
 
+import errno
 import json
 import os
 import pty
@@ -149,6 +150,34 @@ def test_a_batch_that_was_killed_goes_on_where_it_was():
     assert lasting() == lasting("undisturbed")
     assert {path for path, entry in entries().items() if entry["up_to_date"]} == done
     assert list(Path("results").rglob(".obsdesign.*")) == []
+
+
+@pytest.mark.usefixtures("here")
+def test_two_batches_do_not_write_into_one_folder():
+    put("a.yaml")
+    put("long.yaml", endless())
+    process = started(".", "--jobs", 2)
+    until(records)
+    for arguments in (("a.yaml",), ("--merge", "results"), ("a.yaml", "--out", "./results/")):
+        outcome = run("batch", *arguments)
+        assert (outcome.exit_code, outcome.stdout) == (2, "")
+        said = "results: another batch is writing its results here; wait for its end, or give another --out [OBS912]\n"
+        assert outcome.stderr == said
+    assert run("batch", "a.yaml", "--out", "others", "-q", "--jobs", 1).exit_code == 0
+    process.kill()  # SIGKILL
+    process.communicate()
+    assert run("batch", "a.yaml", "-q").exit_code == 0
+    assert sorted(path.name for path in Path("results").iterdir()) == ["a", "summary.json"]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_folder_without_locks_is_written_all_the_same(monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    put("a.yaml")
+    monkeypatch.setattr("fcntl.flock", refuse)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
 
 
 @pytest.mark.slow

@@ -107,6 +107,13 @@ def test_a_run_without_noise_has_none():
     assert {state["noise_rms"] for state in report["states"].values()} == {0.0}
 
 
+def test_a_table_without_noise_has_no_column_for_it():
+    text = run("compare", spec("l2", L2, SIMULATION.replace("0.01,", "0,"))).stdout
+    assert "noise rms" not in text
+    assert "no noise: the spec of the plant has no simulation.noise" in text
+    assert "noise rms" in run("compare", spec("l2", L2)).stdout.splitlines()[0]
+
+
 def test_a_spec_without_a_trial_takes_that_of_the_others():
     first, other = compared(spec("l2", L2), spec("filter", EKF, ""))["observers"]
     assert other["states"]["angle"]["noise_rms"] > 0

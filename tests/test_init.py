@@ -88,6 +88,33 @@ def test_a_file_that_is_there_stays_as_it_is():
     assert Path("pendulum.yaml").read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("a\n::error::b", "a\\n::error::b.yaml: the name holds the character U+000A; give another NAME [OBS902]"),
+        ("a\x1b[31m", "a\\x1b[31m.yaml: the name holds the character U+001B; give another NAME [OBS902]"),
+        ("a\u202eb", "the name holds the character U+202E"),
+        ("\udcff", "\\udcff.yaml: the name holds the character U+DCFF"),
+        ("n" * 251, "..: the name has more than 240 bytes; give a shorter NAME [OBS902]"),
+        ("\u00fc" * 130, "..: the name has more than 240 bytes"),
+        ("n/" * 3000, "cannot be written: "),
+        ("absent/a", "cannot be written: "),
+    ],
+)
+def test_a_name_that_no_file_should_have_is_refused_in_one_line(name, said):
+    outcome = run("init", name)
+    assert (outcome.exit_code, outcome.stdout, files()) == (2, "", [])
+    assert said in outcome.stderr
+    assert outcome.stderr.count("\n") == 1
+
+
+def test_a_name_that_a_shell_would_read_otherwise_is_quoted():
+    assert run("init", "a; b").stdout.splitlines()[1] == "next  obsdesign solve 'a; b.yaml' --simulate"
+    outcome = run("init", "--", "-x")
+    assert (outcome.exit_code, files()) == (2, ["a; b.yaml"])
+    assert outcome.stderr == "-x.yaml: a command would take it for an option; give another NAME [OBS902]\n"
+
+
 def answered(*options, answers):
     """Code of `init` on a terminal whose user types these lines, and what was shown."""
     user, terminal = pty.openpty()

@@ -197,3 +197,54 @@ def test_a_typing_error_is_told_before_anything_heavy_is_imported(command):
     loaded = {name.partition(".")[0] for name in process.stdout.split()}
     assert "yaml" in loaded
     assert not loaded & {"numpy", "scipy", "flint", "cvxpy", "clarabel", "matplotlib"}
+
+
+HOSTILE = """
+obsdesign: 1
+name: "::error::x ##[error]y"
+description: "  ::error::x"
+system: {A: [[0, 1], [-2, -1]], B: [[0], [1]], C: [[1, 0]]}
+observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
+simulation: {horizon: 1, x0: [1, 0], points: 5}
+"""
+OBEYED = re.compile(r"^\s*::|##\[", re.MULTILINE)  # by a runner of GitHub
+
+
+def test_no_line_of_any_command_is_one_that_a_runner_obeys():
+    names = ("::error::a", " \t::set-env name=b::c", "##[error]d")
+    for name in names:
+        Path(f"{name}.yaml").write_text(HOSTILE)
+    specs, gains = [f"{name}.yaml" for name in names], [f"{name}.gains.json" for name in names]
+    assert run("solve", *specs, "--simulate").exit_code == 0
+    for arguments in (
+        ("compare", *specs[:2], *gains),
+        ("verify", *gains),
+        ("diff", *gains[:2]),
+        ("report", gains[0]),
+        ("report", "."),
+        ("check", *specs),
+        ("check", *specs, "--json"),
+        ("solve", specs[0], "-o", "-"),
+        ("lipschitz", *specs),
+        ("batch", "."),
+        ("batch", ".", "--format", "junit"),
+        ("batch", ".", "--json"),
+        *(("explain", name) for name in names),
+        *((name,) for name in names),
+        *(("check", f"absent{name}") for name in names),
+        *(("check", name) for name in names),
+    ):
+        outcome = run(*arguments)
+        assert outcome.exit_code in {0, 2}
+        assert outcome.output
+        assert not OBEYED.search(outcome.output), arguments
+    rows = run("compare", *specs[:2]).stdout.splitlines()
+    assert any(re.match(r"\\u003a:error::a\.yaml +l2 ", row) for row in rows)
+
+
+def test_what_is_escaped_for_a_runner_is_the_same_text_in_json():
+    Path("a.yaml").write_text(HOSTILE)
+    assert run("solve", "a.yaml").exit_code == 0
+    printed = run("solve", "a.yaml", "-o", "-").stdout
+    assert json.loads(printed)["spec"] == json.loads(Path("a.gains.json").read_text())["spec"]
+    assert "##[" not in printed

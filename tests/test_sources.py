@@ -138,6 +138,24 @@ def test_a_spec_is_checked_again_when_it_is_saved():
         assert process.wait(10) == 130
 
 
+def test_a_folder_that_vanishes_is_told_and_watched_on():
+    command = [sys.executable, "-m", "obsdesign", "check", "--watch", "-q", "specs/deep"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert "checked at" in process.stderr.readline()
+        shutil.rmtree("specs/deep")
+        assert process.stderr.readline().startswith("specs/deep: cannot be read: No such file or directory")
+        assert "checked at" in process.stderr.readline()
+        Path("specs/deep").mkdir()
+        Path("specs/deep/wrong.yaml").write_text("obsdesign: [1")
+        assert "specs/deep/wrong.yaml:2:" in process.stderr.readline()
+        assert "checked at" in process.stderr.readline()
+        Path("specs/deep/wrong.yaml").unlink()
+        assert process.stderr.readline().startswith("specs/deep: no file below this folder ends with .yaml")
+        assert "checked at" in process.stderr.readline()
+        process.send_signal(2)
+        assert process.wait(10) == 130
+
+
 def test_the_version_is_told():
     assert run("--version").stdout == f"obsdesign {od.__version__}\n"
 
@@ -211,6 +229,39 @@ def test_a_change_that_cannot_be_is_told_in_one_line(change, words):
     assert len(outcome.stderr.splitlines()) == 1
     for word in words:
         assert word in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        (("observer.alpha=1", "observer.alpha=2"), "observer.alpha"),
+        (("observer.bounds.L1=3", "observer.bounds={L1: 4}"), "observer.bounds.L1"),
+        (("system.A[0]=[0, 1]", "observer.alpha=1", "system.A=[[1]]"), "system.A[0]"),
+    ],
+)
+@pytest.mark.parametrize("command", ["solve", "check", "lipschitz", "simulate", "batch"])
+def test_two_changes_of_one_key_are_refused(changes, key, command):
+    options = [part for change in changes for part in ("--set", change)]
+    outcome = run(command, "specs/cart.yaml", *options)
+    said = f"--set: {changes[0]} and {changes[-1]} both set {key}; leave one of them out [OBS110]\n"
+    assert (outcome.exit_code, outcome.stdout, outcome.stderr) == (2, "", said)
+
+
+def test_two_changes_of_one_key_of_a_run_are_refused():
+    assert run("solve", "specs/cart.yaml", "--set", "simulation.horizon=0.5", "-q").exit_code == 0
+    outcome = run("simulate", "cart.gains.json", *("--set", "simulation.horizon=1") * 2)
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "simulation.horizon=1 and simulation.horizon=1 both set simulation.horizon" in outcome.stderr
+    assert run("simulate", "cart.gains.json", "--set", "simulation.horizon=1", "-q").exit_code == 0
+
+
+@pytest.mark.parametrize("command", ["solve", "simulate", "compare", "batch"])
+def test_a_solver_that_there_is_none_of_is_refused_once(command):
+    shutil.copy("specs/cart.yaml", "specs/other.yaml")
+    outcome = run(command, "specs/cart.yaml", "specs/other.yaml", "--solver", "nosuch")
+    assert (outcome.exit_code, outcome.stdout, outcome.stderr.count("\n")) == (2, "", 1)
+    assert outcome.stderr.startswith("--solver nosuch: not installed; available: clarabel")
+    assert files() == ["specs"]
 
 
 def test_a_change_is_read_as_if_it_stood_in_the_text():

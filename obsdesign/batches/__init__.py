@@ -1,20 +1,23 @@
 """Folders of specs: each solved, verified and held against what it expects, in parallel, and only where it is due.
 
-find.py       specs below paths, and where their results go; sweep.py: with which changes
+find.py       specs below paths, and where their results go; sweep.py: with which changes; clash.py: which cannot be
 perform.py    one spec, from its text to its entry and its files
 record.py     that entry on disk, and whether it is up to date
 workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them; cluster.py: others, by Dask
 summary.py    all entries, counts, exit code; table.py: in lines; formats.py: for other programs; merge.py: of shards
 """
 
+import fcntl
 import os
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
 from obsdesign.batches import cluster, workers
+from obsdesign.batches.clash import clashes
 from obsdesign.batches.find import Task, find, share, titled
 from obsdesign.batches.form import Entry
 from obsdesign.batches.merge import merge
@@ -24,7 +27,7 @@ from obsdesign.batches.sweep import combinations
 from obsdesign.disk import remove_strays
 from obsdesign.errors import Problem, UsageError
 
-__all__ = ["Follower", "Summary", "batch", "merge", "prepared"]
+__all__ = ["Follower", "Summary", "batch", "held", "merge"]
 
 INTERRUPTED = 130
 
@@ -84,7 +87,7 @@ def batch(
     cluster, tcp://HOST:8786, whose workers take the place of the `jobs`.
 
     Returns the summary: `exit_code`, `counts`, and `specs`, an entry each. Raises `UsageError`: there are no specs, an
-    option is wrong, `out` cannot be written, or no scheduler answers.
+    option is wrong, `out` cannot be written or another batch writes there, or no scheduler answers.
     """
     options = Options(solver, simulate, timeout, memory)
     asked = list(changes)
@@ -94,35 +97,65 @@ def batch(
         raise UsageError(said, id="OBS903")
     tasks = share(found, shard)
     head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
-    run = Run(tasks, options, prepared(out), head, follower or Nobody())
-    if changed_since is not None:
-        run.leave_out(os.fspath(changed_since))
-    try:
-        run.through(jobs or len(os.sched_getaffinity(0)), scheduler, force=force, fail_fast=fail_fast)
-    except KeyboardInterrupt:
-        run.summarise("interrupted", INTERRUPTED)
-        raise
-    return run.summarise("--fail-fast")
+    with held(out) as folder:
+        run = Run(tasks, options, folder, head, follower or Nobody(), clashes(found))
+        if changed_since is not None:
+            run.leave_out(os.fspath(changed_since))
+        try:
+            run.through(jobs or len(os.sched_getaffinity(0)), scheduler, force=force, fail_fast=fail_fast)
+        except KeyboardInterrupt:
+            run.summarise("interrupted", INTERRUPTED)
+            raise
+        return run.summarise("--fail-fast")
 
 
-def prepared(out: str | os.PathLike[str]) -> Path:
-    """Folder of all results, without what a killed run left half-written. Raises `UsageError`."""
+@contextmanager
+def held(out: str | os.PathLike[str]) -> Iterator[Path]:
+    """Folder of all results, without what a killed run left half-written, and kept from other batches.
+
+    It is free again when the process ends, however that is. Raises `UsageError`: it cannot be made, or another has it.
+    """
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        remove_strays(folder)
+        lock = os.open(folder, os.O_RDONLY)
     except OSError as error:
-        raise UsageError(Problem(f"cannot be made or written: {error.strerror}", str(folder), id="OBS902")) from None
-    return folder
+        raise unwritable(folder, error) from None
+    try:
+        with suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                said = "another batch is writing its results here; wait for its end, or give another --out"
+                raise UsageError(Problem(said, str(folder), id="OBS912")) from None
+        try:
+            remove_strays(folder)
+        except OSError as error:
+            raise unwritable(folder, error) from None
+        yield folder
+    finally:
+        os.close(lock)
+
+
+def unwritable(folder: Path, error: OSError) -> UsageError:
+    """Error about a folder of results."""
+    return UsageError(Problem(f"cannot be made or written: {error.strerror}", str(folder), id="OBS902"))
 
 
 class Run:
     """One batch, as far as it is."""
 
     def __init__(
-        self, tasks: list[Task], options: Options, out: Path, head: dict[str, Any], follower: Follower
+        self,
+        tasks: list[Task],
+        options: Options,
+        out: Path,
+        head: dict[str, Any],
+        follower: Follower,
+        refused: Mapping[Task, Problem],
     ) -> None:
         self.tasks, self.options, self.out, self.head, self.follower = tasks, options, out, head, follower
+        self.refused = refused
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
         self.loose = dict[Task, Entry]()  # entries that have no record
         self.tally = Tally()
@@ -152,6 +185,10 @@ class Run:
         self.follower.found(len(asked))
         due = dict[Task, str]()
         for task in asked:
+            if task in self.refused:
+                entry = entry_of(task, "invalid", 2, self.refused[task], sha256=sha256(task))
+                self.ended(task, entry, "its results would stand in the place of others")
+                continue
             record = read(self.out, task)
             why = "--force" if force else reason(record, task, self.options, self.out)
             if why is not None or record is None:

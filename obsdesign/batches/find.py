@@ -11,22 +11,33 @@ from itertools import product
 from pathlib import Path, PurePath
 from urllib.parse import quote
 
+from obsdesign import disk
 from obsdesign.errors import Problem, UsageError
 
 ENDINGS = (".yaml", ".yml")
 SPEC = re.compile(rb"""(?:^|[{,])\s*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)
 MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
 SUMMARY = "summary.json"  # of a batch, beside the results
+NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", re.ASCII)
 LONGEST, KEPT = 120, 80  # characters of the folder of changes, and of one that is longer
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Task:
-    """One spec of a batch, with other values of single keys."""
+    """One spec of a batch, with other values of single keys; in the order of paths, then of values as numbers."""
 
     path: str  # relative to the current folder where it is below it, else absolute; without `..`
     changes: tuple[str, ...] = ()  # such as observer.alpha=0.5
     text: str | None = None  # of the spec, where the file is not at hand to who designs
+
+    def __lt__(self, other: "Task") -> bool:
+        return (self.path, self.values, self.changes) < (other.path, other.values, other.changes)
+
+    @property
+    def values(self) -> list[list[str | float]]:
+        """Changes in texts and numbers by turns: alpha=2 comes before alpha=10."""
+        parts = [NUMBER.split(change) for change in self.changes]
+        return [[float(part) if i % 2 else part for i, part in enumerate(each)] for each in parts]
 
     @property
     def place(self) -> str:
@@ -67,21 +78,17 @@ def find(
     (hidden folders are left out, links to folders are not followed); files, which are taken as they are; globs of
     these, ** too. `exclude`: globs, each of a whole path, of a folder of it, or of one name in it.
 
-    Raises `UsageError`: there is nothing at a path, or two specs would have their results in the same folder.
+    Raises `UsageError`: there is nothing at a path.
     """
     patterns = tuple(exclude)
     kept = {one for path in paths for one in below(os.fspath(path)) if not excluded(one, patterns)}
-    found = sorted(Task(path, combination) for path, combination in product(kept, changes))
-    places: dict[str, Task] = {}
-    for task in found:
-        if ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
-            said = f"a spec cannot have this name: its results would leave their folder, or stand in that of {SUMMARY}"
-            raise UsageError(Problem(said, task.path, id="OBS912"))
-        other = places.setdefault(task.place, task)
-        if other is not task:
-            said = f"its results would stand in {task.place}, as those of {other.path}; rename one of them"
-            raise UsageError(Problem(said, task.path, id="OBS912"))
-    return found
+    return sorted(Task(path, combination) for path, combination in product(kept, changes))
+
+
+def unmatched(paths: Iterable[str | os.PathLike[str]], exclude: Iterable[str]) -> list[str]:
+    """Globs that leave no spec at or below the paths out."""
+    found = [one for path in paths for one in below(os.fspath(path))]
+    return [pattern for pattern in exclude if not any(excluded(one, (pattern,)) for one in found)]
 
 
 def below(path: str) -> Iterator[str]:
@@ -96,10 +103,8 @@ def below(path: str) -> Iterator[str]:
         elif not Path(match).is_dir():
             said = "is no file and no folder; a batch takes spec files and folders of them"
             raise UsageError(Problem(said, match, id="OBS101"))
-        for folder, folders, files in os.walk(match):
-            folders[:] = [name for name in folders if not name.startswith(".")]
-            inside = (Path(folder, name) for name in files if name.endswith(ENDINGS))
-            yield from (shortened(file) for file in inside if file.is_file() and is_spec(file))
+        files = map(Path, disk.below(match, ENDINGS))
+        yield from (shortened(file) for file in files if file.is_file() and is_spec(file))
 
 
 def shortened(path: str | Path) -> str:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Iterator
 from itertools import product
 
-from obsdesign.sections.changes import read_change
+from obsdesign.sections.changes import read_change, require_distinct
 
 TOKEN = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|.""", re.DOTALL)  # a quoted text, or one character
 OPENING, CLOSING = "([{", ")]}"
@@ -13,9 +13,11 @@ OPENING, CLOSING = "([{", ")]}"
 def combinations(changes: Iterable[str]) -> list[tuple[str, ...]]:
     """Every combination of the values of changes, each as changes of one value; without changes one that is empty.
 
-    Raises `UsageError`: one is not KEY=VALUE, or its value is not YAML.
+    Raises `UsageError`: one is not KEY=VALUE, its value is not YAML, or two are of the same key or of a part of it.
     """
-    return list(dict.fromkeys(product(*map(singles, changes))))
+    asked = list(changes)
+    require_distinct(asked)
+    return list(dict.fromkeys(product(*map(singles, asked))))
 
 
 def singles(change: str) -> list[str]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 MARKS = {True: "ok  ", False: "FAIL", None: "-   "}
 COLUMN = max(map(len, STATUSES))
 NUMBERS = 3  # of a guarantee, its first
-LONGEST = 60  # characters of a path to which the others are aligned
+LONGEST = 100  # characters of a path to which the others are aligned
 
 
 def shown(text: str) -> str:

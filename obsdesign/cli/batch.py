@@ -1,14 +1,17 @@
 """`obsdesign batch`: folders of specs."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from obsdesign.cli.follow import followed
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Solver
-from obsdesign.errors import UsageError
+from obsdesign.errors import Problem, UsageError
 
 if TYPE_CHECKING:
     from obsdesign.batches import Summary
@@ -50,35 +53,54 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
+    from obsdesign.batches.find import unmatched
+    from obsdesign.batches.table import shown
     from obsdesign.disk import require_writable
 
     if output_file and not form:
         raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
     if output_file:
         require_writable(output_file, read=paths)
-    if merge:
-        summary = batches.merge(paths, batches.prepared(out))
-    else:
-        with followed(quiet, verbose) as follower:
-            summary = batches.batch(
-                paths,
-                changes=changes,
-                out=out,
-                jobs=jobs or None,
-                simulate=simulate,
-                exclude=exclude,
-                force=force,
-                fail_fast=fail_fast,
-                shard=shard or None,
-                changed_since=changed_since or None,
-                timeout=timeout,
-                memory=memory or None,
-                solver=solver,
-                scheduler=scheduler or None,
-                follower=follower,
-            )
+    with missed(form, output_file):
+        if merge:
+            with batches.held(out) as folder:
+                summary = batches.merge(paths, folder)
+        else:
+            for pattern in unmatched(paths, exclude) if not quiet else ():
+                say(f"--exclude {shown(pattern)}: leaves nothing out; no spec below the paths matches", err=True)
+            with followed(quiet, verbose) as follower:
+                summary = batches.batch(
+                    paths,
+                    changes=changes,
+                    out=out,
+                    jobs=jobs or None,
+                    simulate=simulate,
+                    exclude=exclude,
+                    force=force,
+                    fail_fast=fail_fast,
+                    shard=shard or None,
+                    changed_since=changed_since or None,
+                    timeout=timeout,
+                    memory=memory or None,
+                    solver=solver,
+                    scheduler=scheduler or None,
+                    follower=follower,
+                )
     told(summary, "json" if as_json and not form else form, output_file, quiet)
     raise typer.Exit(summary.exit_code)
+
+
+@contextmanager
+def missed(form: str | None, output_file: str) -> Iterator[None]:
+    """Say, where a batch is refused as a whole, that what another program waits for is not written."""
+    try:
+        yield
+    except UsageError as error:
+        if form is None:
+            raise
+        earlier = "; the file is of an earlier batch" if os.path.exists(output_file) else ""
+        said = f"--format {form}: nothing is written{earlier}"
+        raise UsageError(*error.problems, Problem(said, output_file, id=error.problems[0].id)) from None
 
 
 def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) -> None:
@@ -89,12 +111,12 @@ def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) ->
 
     if os.environ.get("GITHUB_ACTIONS") == "true" and form != "github":
         for line in github(summary):
-            typer.echo(line, nl=False, err=True)
+            say(line, nl=False, err=True, obeyed=True)
     if form and output_file:
         write_whole(output_file, "".join(FORMATS[form](summary)).encode())
     elif form:
         for line in FORMATS[form](summary):
-            typer.echo(line, nl=False)
+            say(line, nl=False, obeyed=form == "github")
     if (output_file or not form) and not quiet:
         for row in rows(summary):
-            typer.echo(row)
+            say(row)

@@ -2,11 +2,13 @@
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.problems import show
 from obsdesign.cli.program import AsJson, Changes, Quiet, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found
@@ -65,13 +67,22 @@ def line(finding: "Finding") -> str:
     return f"{'FAIL' if finding.decides else 'note'}  {finding.sentence} [{finding.id}]\n"
 
 
+def saved(sources: Sequence[str]) -> list[tuple[str, int]]:
+    """Files, as far as there are any, with the times at which they were saved."""
+    times = []
+    with suppress(UsageError):  # a folder without specs, of which the check tells
+        for path in found(sources):
+            with suppress(OSError):
+                times.append((path, Path(path).stat().st_mtime_ns))
+    return times
+
+
 def saves(sources: Sequence[str]) -> Iterator[None]:
     """Begin, and go on after every save of a file, without end."""
     seen: object = None
     while True:
-        now = [(path, Path(path).stat().st_mtime_ns) for path in found(sources) if Path(path).exists()]
-        if now != seen:
+        if (now := saved(sources)) != seen:
             seen = now
             yield
-            typer.echo(f"checked at {time.strftime('%H:%M:%S')}, and again after every save; Ctrl-C ends", err=True)
+            say(f"checked at {time.strftime('%H:%M:%S')}, and again after every save; Ctrl-C ends", err=True)
         time.sleep(PAUSE)

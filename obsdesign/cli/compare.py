@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
 from obsdesign.cli.steps import as_text, progress, taken
 from obsdesign.watch import limited
@@ -30,6 +31,6 @@ def compare(
             found = work.compare(problems, seeds, solver, report)
         found.plot(output)
     if as_json:
-        typer.echo(as_text(found.report))
+        say(as_text(found.report))
     elif not quiet:
-        typer.echo(f"{found}\n\nfigure  {output}")
+        say(f"{found}\n\nfigure  {output}")

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.steps import as_text
 from obsdesign.watch import limited
@@ -24,6 +25,6 @@ def diff(
     with limited(timeout):
         found = difference(old, new)
     if as_json:
-        typer.echo(as_text(found))
+        say(as_text(found))
     elif not quiet:
-        typer.echo(aligned(as_rows(found)))
+        say(aligned(as_rows(found)))

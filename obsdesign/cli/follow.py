@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import typer
+from obsdesign.cli.printing import say
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -45,7 +45,7 @@ class Lines:
 
     def say(self, line: str) -> None:
         """One line."""
-        typer.echo(line, err=True)
+        say(line, err=True)
 
 
 class Live(Lines):

@@ -1,13 +1,18 @@
 """`obsdesign init`: a spec to begin with."""
 
 import os
+import shlex
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from obsdesign.errors import Problem, UsageError
+from obsdesign.cli.printing import say
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
+
+LONGEST = 240  # bytes of the name of a file: results add an ending
 
 
 def init(
@@ -31,10 +36,23 @@ def init(
     target = name or plant
     if not target.endswith((".yaml", ".yml")):
         target = f"{target}.yaml"
+    require_name(target)
     if os.path.lexists(target):
         raise UsageError(Problem("is there already, and stays as it is; give another NAME", target, id="OBS914"))
     write_whole(target, text(plant, family).encode())
-    typer.echo(aligned([("file", target), ("next", f"obsdesign solve {target} --simulate")]))
+    say(aligned([("file", target), ("next", f"obsdesign solve {shlex.quote(target)} --simulate")]))
+
+
+def require_name(target: str) -> None:
+    """Refuse a name that would end a line, or is that of an option; raises `UsageError`."""
+    if found := NOT_ONE_LINE.search(target):
+        said = f"the name holds the character U+{ord(found[0]):04X}; give another NAME"
+        raise UsageError(Problem(said, target, id="OBS902"))
+    if len(os.fsencode(Path(target).name)) > LONGEST:
+        said = f"the name has more than {LONGEST} bytes; give a shorter NAME"
+        raise UsageError(Problem(said, f"{target[:40]}..", id="OBS902"))
+    if target.startswith("-"):
+        raise UsageError(Problem("a command would take it for an option; give another NAME", target, id="OBS902"))
 
 
 def asked(what: str, given: str, choices: Iterable[str]) -> str:

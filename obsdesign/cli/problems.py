@@ -9,6 +9,7 @@ from unicodedata import combining, east_asian_width
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.errors import Excerpt, ObsdesignError, Problem, listed, one_line
 
 MOST = 10  # problems whose line is shown
@@ -24,16 +25,16 @@ def show(error: ObsdesignError, *, as_json: bool) -> None:
     """Tell what is wrong, on standard output too as JSON."""
     tell(error.problems)
     if as_json:
-        typer.echo(listed(error.problems))
+        say(listed(error.problems))
 
 
 def tell(problems: Sequence[Problem]) -> None:
     """Print one line each on standard error; on a terminal also the lines of the file that the first are about."""
     terminal = sys.stderr.isatty()
     for i, problem in enumerate(problems):
-        typer.echo(str(problem), err=True)
+        say(str(problem), err=True)
         if terminal and i < MOST and problem.excerpt:
-            typer.echo(pointed(problem.excerpt, shutil.get_terminal_size().columns), err=True, color=coloured())
+            say(pointed(problem.excerpt, shutil.get_terminal_size().columns), err=True, color=coloured())
 
 
 def coloured() -> bool:

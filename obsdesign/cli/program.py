@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from obsdesign import __version__
+from obsdesign.cli.printing import say, silence
 from obsdesign.cli.problems import answer
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
@@ -40,7 +41,7 @@ class Commands(TyperGroup):
         except ObsdesignError as error:
             answer(error, as_json=ctx.obj)
         except KeyboardInterrupt:
-            typer.echo("interrupted", err=True)
+            say("interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError as error:
             raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
@@ -48,7 +49,7 @@ class Commands(TyperGroup):
 
 def misused(error: Any) -> UsageError:
     """What typer says of a command line, in one line."""
-    path, said = error.ctx.command_path, error.format_message().rstrip(".")
+    path, said = error.ctx.command_path, error.format_message().rstrip(".").replace("Value error, ", "")
     return UsageError(f"{path}: {said[:1].lower()}{said[1:]}; see {path} --help", id="OBS901")
 
 
@@ -64,7 +65,7 @@ app = typer.Typer(
 def tell_version(asked: bool) -> None:
     """Print the version."""
     if asked:
-        typer.echo(f"obsdesign {__version__}")
+        say(f"obsdesign {__version__}")
         raise typer.Exit
 
 
@@ -74,6 +75,15 @@ Version = Annotated[bool, typer.Option("--version", help="Show the version.", is
 @app.callback()
 def options(version: Version = False) -> None:
     """Options of the program itself."""
+
+
+def known(solver: str) -> str:
+    """Name of a solver, if it is one; what needs none costs no import. Raises `UsageError`."""
+    if solver.lower() != "clarabel":
+        from obsdesign.lmi.solvers import call
+
+        call(solver)
+    return solver
 
 
 SpecPaths = Annotated[
@@ -86,7 +96,9 @@ Changes = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only, and with --json the result.")]
 PlotAll = Annotated[bool, typer.Option("--plot-all", help="Figure with every panel: all states, inputs, V, ..")]
-Solver = Annotated[str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.")]
+Solver = Annotated[
+    str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.", callback=known)
+]
 Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
 
 
@@ -104,13 +116,7 @@ def main() -> None:
     except OSError as error:
         if error.filename is not None:  # not of a stream
             raise
-        silence()
-        said = f"standard output or standard error cannot be written: {error.strerror or error}"
-        typer.echo(str(Problem(said, id="OBS906")), err=True)
+        silence(sys.stdout)
+        said = f"standard output cannot be written: {error.strerror or error}"
+        say(str(Problem(said, id="OBS906")), err=True)
         sys.exit(1)
-
-
-def silence() -> None:
-    """Drop what could not be printed, or it would fail once more at the exit."""
-    if sys.stdout is not None:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.steps import as_text, progress
 from obsdesign.watch import limited
@@ -27,9 +28,9 @@ def report(
             page = made(source, output, told)
     counts = ", ".join(f"{count} {status}" for status, count in page.counts.items())
     if as_json:
-        typer.echo(as_text({"file": output, "counts": page.counts, "without": page.without}))
+        say(as_text({"file": output, "counts": page.counts, "without": page.without}))
     elif not quiet:
-        typer.echo(f"{counts}\nreport  {output}")
+        say(f"{counts}\nreport  {output}")
     for entry in page.entries:
         if entry.trial.summary:
             require_kept(entry.trial.summary, entry.file.path)

@@ -2,11 +2,11 @@
 
 import json
 
-import typer
+from obsdesign.cli.printing import say
 
 
 def schema() -> None:
     """Print the JSON Schema of a spec file."""
     from obsdesign.reading import json_schema
 
-    typer.echo(json.dumps(json_schema(), indent=2))
+    say(json.dumps(json_schema(), indent=2))

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
 from obsdesign.cli.steps import as_text, drawn, failing, progress, ran, run_text, stem, taken
@@ -31,7 +32,7 @@ def simulate(
         if not sources:
             sources = [newest()]
             if not quiet:
-                typer.echo(f"simulating {sources[0]}", err=True)
+                say(f"simulating {sources[0]}", err=True)
         files = found(sources, (*SPECS, *RESULTS))
         require_one(files, output, plot, gains)
         require_apart(files, [stem(file) for file in files])

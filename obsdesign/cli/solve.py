@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
@@ -61,7 +62,7 @@ def solve(
 
         def afterwards() -> None:
             if plot and not design.plot_search(curve) and not quiet:
-                typer.echo("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
+                say("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
             if run:
                 require_kept(run.summary, paths[0])
 

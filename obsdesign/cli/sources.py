@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
+from obsdesign.disk import below
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 
 SPECS, RESULTS = (".yaml", ".yml"), (".gains.json",)  # endings of files
@@ -41,16 +43,16 @@ def each(sources: Sequence[str], answer: Callable[[str], Answer], *, as_json: bo
         if as_json and several:
             reports.append({"source": source, **report_of(found)})
         elif as_json and found.failure:
-            typer.echo(json.dumps(report_of(found), indent=2))
+            say(json.dumps(report_of(found), indent=2))
         elif found.text:
-            typer.echo(f"== {source}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
+            say(f"== {source}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
         if found.failure:
             tell(found.failure.problems)
         codes.append(found.failure.exit_code if found.failure else found.code)
         if isinstance(found.failure, TimeLimitError):
             break
     if reports:
-        typer.echo(json.dumps(reports, indent=2))  # a path may hold what is no text: ASCII
+        say(json.dumps(reports, indent=2))  # a path may hold what is no text: ASCII
     raise typer.Exit(min(codes, key=WORST.index))
 
 
@@ -70,17 +72,12 @@ def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]
         if not Path(source).is_dir():
             made.append(source)
             continue
-        below = [
-            os.path.join(folder, name)
-            for folder, _, names in os.walk(source)
-            for name in names
-            if name.endswith(endings) and not name.startswith(".")
-        ]
-        if not below:
+        files = [path for path in below(source, endings) if not os.path.basename(path).startswith(".")]
+        if not files:
             raise UsageError(
                 Problem(f"no file below this folder ends with {' or '.join(endings)}", source, id="OBS903")
             )
-        made += sorted(below)
+        made += sorted(files)
     return list(dict.fromkeys(made))
 
 

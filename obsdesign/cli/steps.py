@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.errors import ObsdesignError, TimeLimitError
 
@@ -74,7 +75,7 @@ def ran(design: "Design", quiet: bool) -> "Run":
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
     if run.status != "done" and not quiet:
-        typer.echo(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
+        say(f"the run ended early: {run.status} at t = {run.time:.6g} s", err=True)
     tell(() if quiet else design.unmet(run.summary))
     return run
 

@@ -43,10 +43,11 @@ TOKEN = re.compile(
 HINTS = {
     "^": "a power is written **",
     "=": "equality is written ==; keyword arguments are not allowed",
-    "'": "text in quotes is not allowed",
+    "'": "a derivative or a transpose is written out",
     '"': "text in quotes is not allowed",
     ".": "attributes are not allowed",
-    "[": "subscripts are not allowed",
+    "[": "subscripts are not allowed; each component has its own name, such as x1",
+    ";": "rows of a matrix are lists, separated by commas: [[0, 1], [2, 3]]",
     "%": "the remainder is not available",
     "&": "combine comparisons by *",
     "|": "combine comparisons by + or max",
@@ -65,7 +66,10 @@ WORDS = {
     "square": "a square wave is written sign(sin(..))",
     **dict.fromkeys(("eye", "zeros", "ones", "diag", "blkdiag", "kron"), "a matrix is written out: [[1, 0], [0, 1]]"),
     **dict.fromkeys(("mod", "fmod", "rem"), "the remainder is not available"),
+    **dict.fromkeys(("inf", "Inf", "nan", "NaN", "None", "null"), "every number is finite; write one, or leave it out"),
 }
+
+MODULE = re.compile(r"\b(np|numpy|math|sp|sympy|scipy|torch|jnp|casadi|ca)$")
 
 
 @dataclass(frozen=True)
@@ -89,15 +93,22 @@ def tokens(text: str) -> list[Token]:
     while column < len(text):
         match = TOKEN.match(text, column)
         if match is None:
-            raise ExpressionError(stray(text[column]), column, id="OBS301")
+            raise ExpressionError(stray(text[column], text[:column], text[column + 1 :]), column, id="OBS301")
         if match.lastgroup != "space":
             words.append(Token(str(match.lastgroup), match.group(), column))
         column = match.end()
     return [*words, Token("end", "the end", len(text))]
 
 
-def stray(character: str) -> str:
-    """Message for a character that is not allowed."""
+def stray(character: str, before: str, after: str) -> str:
+    """Message for a character that is not allowed, from what stands before and after it."""
+    operation = re.match(r"\*\*?|/|\^|\\", after)
+    if character == "." and operation:
+        return f"'.{operation[0]}' is not allowed here: values are single numbers; write *, / or **"
+    if character == "." and (module := MODULE.search(before)) and (function := re.match(r"\w+", after)):
+        return f"'{module[0]}.' is not allowed here: a function has no module before it; write {function[0]}(..)"
+    if character in "'[" and not re.search(r"[\w)]\s*$", before):
+        return f"{character!r} is not allowed here: a text or a list stands without quotes, in {'[..]'}"
     if character in HINTS:
         return f"{character!r} is not allowed here: {HINTS[character]}"
     if character.isascii():
@@ -313,8 +324,11 @@ def unknown(kind: str, name: str, allowed: Collection[str]) -> str:
     message = f"unknown {kind} '{name}'"
     if name in WORDS:
         return f"{message}: {WORDS[name]}"
-    if near := get_close_matches(name, sorted(allowed), n=1):
-        message += f"; did you mean '{near[0]}'?"
+    folded = {word.lower(): word for word in sorted(allowed)}
+    if near := get_close_matches(name.lower(), folded, n=1):
+        message += f"; did you mean '{folded[near[0]]}'?"
+    elif kind == "function":
+        message += "; a product is written *"
     if len(allowed) <= ALLOWED_SHOWN:
         message += f"; allowed: {', '.join(sorted(allowed))}"
     return message

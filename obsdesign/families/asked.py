@@ -19,6 +19,7 @@ from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
 
+AS_GIVEN = "given gains are analysed as they are"
 LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
 MAX_POINTS = 10_000
 CALLED = {  # in other words
@@ -138,6 +139,12 @@ def refuse_conflicts(reader: Reader, request: Conflicting) -> None:
     for keys, why in request.conflicts():
         if reader.clean(("observer", *keys)):
             reader.wrong(("observer", *keys), why, at_key=True, id="OBS206")
+
+
+def note_unused(reader: Reader, section: Section, names: Sequence[str], why: str) -> None:
+    """Note keys that are given, other than by default, and have no effect."""
+    given = [name for name in names if getattr(section, name) != section.declared[name].default]
+    reader.unused += [f"observer.{name} has no effect: {why}" for name in given]
 
 
 def read_searched(reader: Reader, written: str | Interval, loc: Loc, sign: Sign, first: Sign = "> 0") -> fmpq | Range:

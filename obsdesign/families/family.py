@@ -26,7 +26,7 @@ class Family:
 
     What each method here asks for is a function of a module of the folder:
 
-    request.py    `SECTION`, `request`, `demand`; `nonlinearities`, if f is unstructured
+    request.py    `SECTION`, `RESULTS`, `request`, `demand`; `nonlinearities`, if f is unstructured
     check.py      `check`
     design.py     `design`
     claim.py      `written`, `read`, `read_gains`
@@ -57,6 +57,12 @@ class Family:
         """Keys of the section `observer:`; what messages and the JSON Schema say of them comes from here."""
         section: type[ObserverSection] = getattr(self.part("request"), self.section)
         return section
+
+    @property
+    def results(self) -> Mapping[str, Sequence[str]]:
+        """Names in the parts `guarantee` and `observer` of a result file, for what a spec expects of it."""
+        names: Mapping[str, Sequence[str]] = self.part("request").RESULTS
+        return names
 
     def nonlinearities(
         self, reader: "Reader", plant: "Sequence[Nonlinearity | None]", model: "Sequence[Nonlinearity | None]"

@@ -64,7 +64,9 @@ def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list
         )
     ]
     if isfinite(limit):
-        said = f"detectability limits {name} to {limit + 0.0:g}{frozen_at(K)}"
+        hidden = "grows" if limit < 0 else "does not decay"
+        none = f"no {name} > 0 can be had: a mode that no output shows {hidden}{frozen_at(K)}"
+        said = f"detectability limits {name} to {limit + 0.0:g}{frozen_at(K)}" if limit > 0 else none
         found.append(finding("decay", limit > rate, said, decides=True, limit=limit, id="OBS602"))
     return found
 

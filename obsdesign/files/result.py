@@ -15,13 +15,14 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from obsdesign.disk import content_of
-from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
+from obsdesign.errors import EXIT, NOT_ONE_LINE, Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
 LARGEST_POWER = 400  # of ten
+SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
 
 
@@ -34,6 +35,9 @@ class ResultFile:
     def __init__(self, path: str, raw: bytes) -> None:
         self.path, self.raw = path, raw
         self.content = self.parsed(raw)
+        if self.content.keys() >= SUMMARY:
+            said = "is the summary of a batch; give a gains file of it (specs[..].files.gains), or `report` its folder"
+            raise self.wrong("", said, id="OBS701")
         if self.content.get("obsdesign") != "1":
             raise self.wrong("obsdesign", "not a result of format 1", id="OBS701")
 
@@ -111,6 +115,14 @@ class ResultFile:
                 raise self.wrong(".".join(keys[: i + 1]), "missing", id="OBS702")
             value = value[key]
         return value
+
+    @property
+    def status(self) -> str:
+        """How the design ended."""
+        found = self.at("status")
+        if found not in [*EXIT]:
+            raise self.wrong("status", f"{str(found)[:40]!r} is none; expected {', '.join(EXIT)}", id="OBS702")
+        return str(found)
 
     def spec_text(self) -> str:
         """Text of the spec that travels in the file, if its hash is right."""

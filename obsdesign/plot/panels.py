@@ -27,6 +27,7 @@ PEAK = 4  # widths of the truth: a transient that takes more of a panel is cut o
 GROWTH = 10  # of a signal that escapes, against its beginning
 APART = 20  # of two signals in one panel: a smaller one is multiplied by a power of ten
 SHARES = (("t5", 5, "D"), ("t1", 1, "s"))  # settling time, percent of the error at first, and how it is marked
+HELD = 0.95  # of a run: an error that is above its level later than that has not been seen to settle
 SIGNS = {"D": "◇", "s": "□"}
 BUSY = 20  # times its height that a signal goes up and down
 SEEN = 0.05  # of the samples, at which a band has to be narrower than its panel to be drawn
@@ -190,7 +191,8 @@ def mark(axes: "Axes", estimate: Estimate, sizes: bool, color: str) -> None:
     """Mark the peak of an error (or of its size), and from when on it stays within 5 % and 1 % of the first one."""
     low, high = axes.get_ylim()
     settled = {sign: (estimate.settling or {}).get(key) for key, _, sign in SHARES}
-    for marker, at in {"o": estimate.peak[0], **{sign: time for sign, time in settled.items() if time}}.items():
+    times = {sign: time for sign, time in settled.items() if time and not ends_first(estimate, time)}
+    for marker, at in {"o": estimate.peak[0], **times}.items():
         value = float(np.interp(at, estimate.t, np.abs(estimate.error) if sizes else estimate.error))
         if value and low <= value <= high:
             look: dict[str, Any] = {"color": color, "markersize": 4.5, "clip_on": False, "zorder": 4}
@@ -203,12 +205,17 @@ def told(estimate: Estimate, alone: bool) -> str:
     said = [f"peak {number(peak)} at {number(at)} s (○)" if peak else "no error"]
     for key, share, sign in SHARES:
         time = (estimate.settling or {}).get(key, 0.0)
-        if time is None:
-            said.append(f"{share} % not reached")
+        if time is None or ends_first(estimate, time):
+            said.append(f"{share} % not reached" if time is None else f"{share} % not held before the end")
             break
         if time:
             said.append(f"{share} % after {number(time)} s ({SIGNS[sign]})")
     return ("" if alone else f"{estimate.label}: ") + ", ".join(said)
+
+
+def ends_first(estimate: Estimate, time: float) -> bool:
+    """Whether a run ends so soon after a time that what was reached then is not seen to be kept."""
+    return time > HELD * float(estimate.t[-1])
 
 
 def draw_storage(axes: "Axes", run: "Run") -> None:

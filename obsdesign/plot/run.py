@@ -26,6 +26,7 @@ SINGLE = 8  # so many signals get a panel each; more share panels
 TALL, LOW = 3.0, 2.35  # inches of a row, where there are two, and where there are more
 SHADE = "#F3D9D2"
 ENDED = "#B00000"
+IDEAL = "proved: how it estimates without disturbance and noise; no bound on the error of a run"
 HOW = {"stopped": "STOPPED", "escape": "ESCAPE", "stall": "STALLED"}
 
 
@@ -118,7 +119,7 @@ def promises(run: "Run") -> Iterator[str]:
     """What is proved, whether the run keeps it, and why a bound is left out."""
     omitted = str(run.summary["bounds_omitted"] or "")
     if run.guarantee is None:
-        yield "no bound is proved" if omitted.startswith(ESTIMATES) else "no guarantee"
+        yield IDEAL if omitted.startswith(ESTIMATES) else "no guarantee"
         return
     checks = run.summary["bounds"]
     broken = sum(not check["holds"] for check in checks)
@@ -138,10 +139,10 @@ def promises(run: "Run") -> Iterator[str]:
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {at_least(alpha, 4)} 1/s" if alpha else "e → 0 without a disturbance"
+    decays = f"{guarantee.symbol} = {at_least(alpha)} 1/s" if alpha else "e → 0 without a disturbance"
     if run.summary["gamma"] is None:
         return decays
-    return f"γ = {at_most(guarantee.gamma, 4)} from zero error, {decays}"
+    return f"γ = {at_most(guarantee.gamma)} from zero error, {decays}"
 
 
 def ended(run: "Run") -> str:

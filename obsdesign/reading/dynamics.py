@@ -20,8 +20,8 @@ from obsdesign.sections.values import Entries, Reader
 from obsdesign.sections.words import unknown
 
 UNDECLARED = (
-    "a constant is declared under parameters, a known input under system.inputs, "
-    "a disturbance under system.disturbances"
+    "a state has a line of its own under system.dynamics, a constant is declared under parameters, "
+    "a known input under system.inputs, a disturbance under system.disturbances"
 )
 
 

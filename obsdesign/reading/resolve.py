@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,8 @@ from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
-from obsdesign.sections.words import unknown
-from obsdesign.spec import Nonlinearity, Request, Spec, numbered
+from obsdesign.sections.words import nearest, unknown
+from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
@@ -32,6 +31,7 @@ PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+( [A-Za-z0-9_-]+)*|\
 RESULT = {"spec", "status"}  # keys that tell a result from a spec
 TOLERANCES = ("rtol", "atol")
 GROUPS = ("x", "w", "all")
+NOT_ESTIMATED = "is unknown, and this type of observer estimates states only; name states, or leave it out"
 FEEDTHROUGH = "is no function of the augmented state; give it a disturbance model, such as integrator"
 RECORD = ("verified", "printed", "rtol", "atol", "note")
 
@@ -54,19 +54,20 @@ def resolve(document: Document) -> Spec:
     plant = read_system(reader, file, family)
     layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout)
-    H, H_names = read_performance(reader, file.performance, layout, exogenous)
+    typed = family is not None and family.equations and not family.matrices
+    H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
     observer = None
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, as_equations=split)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, sampled=bool(family and family.sampled))
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, family)
     expect = read_expectations(reader, file.expect or {})
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
     return Spec(
-        name=file.name or Path(document.path).stem.strip("<>"),
+        name=file.name or named_by(document.path),
         source=file.source or "",
         description=(file.description or "").strip(),
         reproduces=tuple(file.reproduces or ()),
@@ -90,6 +91,7 @@ def resolve(document: Document) -> Spec:
         expect=expect,
         typed=plant.typed,
         notes=tuple(reader.notes),
+        unused=tuple(reader.unused),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
     )
 
@@ -192,15 +194,23 @@ def read_plain(reader: Reader, value: Any, loc: Loc) -> Any:
 
 
 def read_performance(
-    reader: Reader, section: str | Sequence[str] | Weight | None, layout: Layout, exogenous: Exogenous
+    reader: Reader,
+    section: str | Sequence[str] | Weight | None,
+    layout: Layout,
+    exogenous: Exogenous,
+    kind: str = "",
 ) -> tuple[Array, tuple[str, ...]]:
-    """H over the augmented state, and the names of z."""
+    """H over the augmented state, and the names of z; `kind`: the family, if it estimates states whatever z is."""
     loc: Loc = ("performance",)
+    direct_said = NOT_ESTIMATED if kind else FEEDTHROUGH
+    if kind and section not in (None, "x"):
+        said = "the observer does not depend on it; it says what figures of a run show, and of what the run tells z"
+        reader.unused.append(f"performance has no effect on the design by type {kind}: {said}")
     if isinstance(section, Weight):
         return read_weight(reader, section, layout, exogenous)
     if isinstance(section, str) and section not in GROUPS:
         allowed = (*GROUPS, "a list of names", "{H: a matrix}")
-        reader.wrong(loc, unknown("performance", section, allowed, {}), id="OBS202")
+        reader.wrong(loc, unknown("performance", section, allowed, listed(section, layout, exogenous)), id="OBS202")
     if layout.names is None or exogenous.generator is None or section is None:
         return empty(0, 0), ()
     x, w = layout.names.states, layout.names.w
@@ -215,18 +225,26 @@ def read_performance(
         chosen = modelled
     if isinstance(section, str) and (direct := [name for name in chosen if name in table and table[name] is None]):
         said = f"each of {', '.join(direct)}" if len(direct) > 1 else direct[0]
-        reader.wrong(loc, f"{said} {FEEDTHROUGH}", id="OBS214")
+        reader.wrong(loc, f"{said} {direct_said}", id="OBS214")
         return empty(0, 0), ()
     for i, name in enumerate(chosen):
         place = loc if isinstance(section, str) else (*loc, i)
         if name not in table:
             reader.wrong(place, unknown("state", name, tuple(table), {}), id="OBS203")
         elif table[name] is None:
-            reader.wrong(place, f"{name} {FEEDTHROUGH}", id="OBS214")
+            reader.wrong(place, f"{name} {direct_said}", id="OBS214")
     if not chosen:
         reader.wrong(loc, "there is nothing to estimate; name at least one state", id="OBS214")
     H = [row for row in map(table.get, chosen) if row is not None]
     return np.array(H, dtype=object), tuple(chosen)
+
+
+def listed(section: str, layout: Layout, exogenous: Exogenous) -> dict[str, str]:
+    """What to say of names that are written without brackets."""
+    known = (*layout.names.states, *exogenous.states, *layout.names.w) if layout.names else ()
+    names = [near for name in section.split(",") if (near := nearest(name.strip(), known))]
+    said = f"is no group of signals; names stand in a list: write [{', '.join(names)}]"
+    return {section: said} if len(names) == section.count(",") + 1 else {}
 
 
 def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Array | None]:

@@ -8,7 +8,7 @@ from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.expressions.functions import is_condition
-from obsdesign.families import FAMILIES
+from obsdesign.families import FAMILIES, Family
 from obsdesign.reading import trial_schema as schema
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
@@ -24,17 +24,18 @@ SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys for measurements 
 
 
 def read_simulation(
-    reader: Reader, section: schema.Simulation | None, layout: Layout, exogenous: Exogenous, *, sampled: bool = False
+    reader: Reader, section: schema.Simulation | None, layout: Layout, exogenous: Exogenous, family: Family | None
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
-    `exogenous`: the disturbance model; `sampled`: whether measurements arrive at instants, so that the section may say
-    when.
+    `exogenous`: the disturbance model; `family`: says whether measurements arrive at instants, so that the section may
+    say when, and whether the observer has coordinates of its own.
     """
     if section is None:
         return None
     loc: Loc = ("simulation",)
-    sampled = sampled or not reader.clean(("observer",))  # a wrong observer may be one of any family
+    known_family = family is not None and reader.clean(("observer",))  # a wrong observer may be one of any family
+    sampled = not known_family or (family is not None and family.sampled)
     horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
     known = layout.known("states")
     if section.w is not None and section.v is not None:
@@ -49,6 +50,8 @@ def read_simulation(
     w = None if section.w is None else read_signals(reader, section.w, (*loc, "w"), layout.w, channels, known)
     if not sampled:
         refuse_sampling(reader, section)
+    if known_family and family not in in_coordinates().values():
+        refuse_coordinates(reader, section)
     constants = section.theta0 if isinstance(section.theta0, dict) else {}
     theta0 = None if isinstance(section.theta0, dict) else section.theta0
     correction = reader.entries(theta0, (*loc, "theta0"))
@@ -124,10 +127,28 @@ def refuse_sampling(reader: Reader, section: schema.Simulation) -> None:
             reader.wrong(("simulation", key), f"belongs to observer.type {owners}", at_key=True, id="OBS213")
 
 
+def in_coordinates() -> dict[str, Family]:
+    """Families whose observers have states of their own, by name."""
+    return {name: family for name, family in FAMILIES.items() if family.equations and not family.matrices}
+
+
+def refuse_coordinates(reader: Reader, section: schema.Simulation) -> None:
+    """Refuse the keys of families whose observers have states of their own."""
+    for key in ("xi0", "theta0"):
+        if isinstance(getattr(section, key), dict):
+            what = "" if key == "xi0" else "by coordinate "
+            said = f"{what}belongs to observer.type {' or '.join(in_coordinates())}; leave it out"
+            reader.wrong(("simulation", key), said, at_key=True, id="OBS213")
+
+
 def read_sampling(reader: Reader, written: str | schema.Law | None) -> str | Expression:
     """When measurements arrive: periodic, random, or a law."""
     if isinstance(written, schema.Law):
-        laws = reader.expressions(written.law, ("simulation", "sampling", "law"), Axis(1, "law"), ("t",))
+        place: Loc = ("simulation", "sampling", "law")
+        laws = reader.expressions(written.law, place, Axis(1, "law"), ("t",))
+        if laws and not laws[0].names and reader.clean(place) and laws[0].scalar(["t"])(0.0) <= 0:
+            said = f"{described(written.law)} is not allowed; give the time to the next measurement, in s: a number > 0"
+            reader.wrong(place, said, id="OBS208")
         return laws[0] if laws else "periodic"
     return written or "periodic"
 

@@ -18,6 +18,7 @@ DECADES = 7  # labels on a logarithmic axis, at most
 WIDE = 100  # ratio of what a logarithmic axis shows at least
 BUCKETS = 110  # of a curve: each keeps its extremes
 DEPTH = 1e-14  # of the largest: smaller errors are rounding
+FARTHEST, NEAREST = 1e100, 1e-100  # magnitudes that can be drawn; a smaller one is 0
 PEAK = 8  # widths of the leading curve: what takes more of a panel leaves it
 
 Look = Literal["line", "dashed", "dotted", "points"]
@@ -35,7 +36,9 @@ class Axis:
     @classmethod
     def over(cls, label: str, values: Array, *, log: bool = False, tight: bool = False) -> "Axis":
         """Axis that shows all of the values; a linear one with a little room, unless it is tight."""
-        seen = values[np.isfinite(values) & ((values > 0) | (not log))]
+        seen = values[abs(values) < FARTHEST]
+        seen = np.where(abs(seen) < NEAREST, 0.0, seen)
+        seen = seen[(seen > 0) | (not log)]
         if not seen.size:
             return cls(label, 0.0, 1.0)
         low, high = float(seen.min()), float(seen.max())
@@ -49,8 +52,8 @@ class Axis:
         """Fraction of the axis."""
         with np.errstate(all="ignore"):
             scaled = np.log(np.where(values > 0, values, np.nan)) if self.log else values
-        low, high = (math.log(self.low), math.log(self.high)) if self.log else (self.low, self.high)
-        return np.asarray((scaled - low) / (high - low))
+            low, high = (math.log(self.low), math.log(self.high)) if self.log else (self.low, self.high)
+            return np.asarray((scaled - low) / (high - low))
 
     @cached_property
     def ticks(self) -> list[tuple[float, str]]:

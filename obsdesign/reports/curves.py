@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.reports.chart import HEIGHT, LEFT, TOP, WIDTH, Axis, Chart, Curve
+from obsdesign.reports.chart import FARTHEST, HEIGHT, LEFT, NEAREST, TOP, WIDTH, Axis, Chart, Curve
 from obsdesign.tables.design import QUANTITIES
 
 LEVELS = 9
@@ -57,9 +57,11 @@ def quantities(search: Mapping[str, Any]) -> list[str]:
 
 
 def number(point: Point, key: str) -> float | None:
-    """Number of a point, if it has one of this name."""
+    """Number of a point, if it has one of this name that can be drawn."""
     value = point.get(key)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) >= FARTHEST:
+        return None
+    return float(value) if abs(value) >= NEAREST else 0.0
 
 
 def figures(search: Mapping[str, Any]) -> Iterator[Chart | Map]:

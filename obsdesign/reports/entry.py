@@ -82,7 +82,7 @@ class Entry:
         `samples`: whether that is read where there is one. Raises `UsageError`: the file is malformed, or says more
         than is proved.
         """
-        spec, status = spec_of(file, None), str(file.at("status"))
+        spec, status = spec_of(file, None), file.status
         if status == Verdict.INFEASIBLE:
             outcome = Outcome(Verdict.INFEASIBLE, diagnosis=file.table("diagnosis"))
             design = Design.of(spec, outcome, recorded=file)
@@ -112,7 +112,7 @@ class Entry:
     @property
     def status(self) -> str:
         """Status that the file has, unless its claim is not proved."""
-        return "NOT PROVED" if self.broken else str(self.content["status"])
+        return "NOT PROVED" if self.broken else self.file.status
 
     @property
     def tone(self) -> str:
@@ -170,7 +170,7 @@ class Entry:
     @property
     def others(self) -> Rows:
         """Further numbers that are proved and are the better the larger they are, rounded down."""
-        return [(key, at_least(value, 5)) for key, value in self.numbers.items() if key in LARGER]
+        return [(key, at_least(value)) for key, value in self.numbers.items() if key in LARGER]
 
     @property
     def proved(self) -> Rows:

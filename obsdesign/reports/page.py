@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from obsdesign import __version__
 from obsdesign.design import Design
-from obsdesign.disk import content_of, write_whole
+from obsdesign.disk import below, content_of, write_whole
 from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile
 from obsdesign.files.result import LARGEST
@@ -25,7 +25,7 @@ from obsdesign.reports.entry import Entry, Missing, opened, told_of
 from obsdesign.reports.papers import DRAWING, PAPERS, Paper, paper_of
 from obsdesign.tables.text import at_least, at_most
 
-GAINS = "*.gains.json"
+GAINS = ".gains.json"  # ends the names of result files
 SUMMARY = "summary.json"  # of a batch
 UNREADABLE = "�"  # stands for what cannot be printed
 
@@ -143,11 +143,10 @@ def report(
 
 def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
     """Page on a folder; hidden folders are left out."""
-    found = ((path, path.relative_to(folder).parts) for path in folder.rglob(GAINS))
-    paths = sorted(path for path, parts in found if path.is_file() and not any(part.startswith(".") for part in parts))
+    paths = sorted(path for path in map(Path, below(str(folder), (GAINS,))) if not path.name.startswith("."))
     told = list(without_result(folder / SUMMARY))
     if not paths and not told:
-        said = f"holds no result: no {GAINS} in it or below; `obsdesign solve` writes one"
+        said = f"holds no result: no *{GAINS} in it or below; `obsdesign solve` writes one"
         raise UsageError(Problem(said, str(folder), id="OBS903"))
     read = []
     for i, path in enumerate(paths, start=1):

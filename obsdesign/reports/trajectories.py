@@ -12,13 +12,12 @@ from obsdesign.disk import content_of
 from obsdesign.errors import Problem, UsageError
 from obsdesign.files.result import LARGEST
 from obsdesign.lmi.formula import Array
-from obsdesign.reports.chart import Chart, Curve, of_errors, over_time
+from obsdesign.reports.chart import FARTHEST, Chart, Curve, of_errors, over_time
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from obsdesign.simulate import Run
 
-FARTHEST = 1e100  # value of a sample that can be drawn
 MOST = 6  # charts of one kind
 
 

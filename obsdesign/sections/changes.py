@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Sequence
+from itertools import combinations
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.sections.document import Document, Loc, Node, compose, dotted
-from obsdesign.sections.scalars import described
+from obsdesign.sections.scalars import CONSTANTS, described
 
 CHANGE = re.compile(r"\s*([A-Za-z_][\w-]*(?:\.[A-Za-z_][\w-]*|\[\d{1,6}\])*)\s*=(.*)", re.DOTALL)
 OPTION = "--set"
@@ -23,23 +24,41 @@ def opened(text: str, path: str, changes: Sequence[str] = ()) -> Document:
     return document._replace(changes=tuple(changes))
 
 
-def read_change(change: str) -> tuple[Loc, Node]:
-    """Place of a change and the value that it has there, which knows where it came from."""
+def require_distinct(changes: Sequence[str]) -> None:
+    """Refuse changes of one key, or of a key and of a part of it; raises `UsageError`, as for one that is no change."""
+    for one, other in combinations(changes, 2):
+        shorter, longer = sorted((parted(change)[0] for change in (one, other)), key=len)
+        if longer[: len(shorter)] == shorter:
+            said = f"{described(one)} and {described(other)} both set {dotted(longer)}; leave one of them out"
+            raise UsageError(Problem(said, OPTION, id="OBS110"))
+
+
+def parted(change: str) -> tuple[Loc, str, str]:
+    """Place, key and value of a change, as texts. Raises `UsageError`: it is not KEY=VALUE."""
     found = CHANGE.fullmatch(change)
     if not found:
         said = f"expected KEY=VALUE with a dotted key, such as observer.alpha=0.5; found {described(change)}"
         raise UsageError(Problem(said, OPTION, id="OBS110"))
     loc = tuple(int(part[1:-1]) if part[0] == "[" else part for part in re.findall(r"[\w-]+|\[\d+\]", found[1]))
+    return loc, found[1], found[2]
+
+
+def read_change(change: str) -> tuple[Loc, Node]:
+    """Place of a change and the value that it has there, which knows where it came from."""
+    loc, key, value = parted(change)
     origin = f"{OPTION} {described(change)}"
-    if not found[2].strip():
-        raise UsageError(Problem("the value is empty; give one, or leave the option out", origin, id="OBS110"))
+    given = value.strip()
+    if CONSTANTS.get(given, True) is None:
+        unset = f"{given} is no value; give one, or take the key out of the spec"
+        said = unset if given else "the value is empty; give one, or leave the option out"
+        raise UsageError(Problem(said, origin, id="OBS110"))
     try:
-        document = compose(found[2], origin)
+        document = compose(value, origin)
     except UsageError:
         said = "the value is not YAML; a shell needs quotes around a space: --set 'observer.bounds={L1: 400}'"
         raise UsageError(Problem(said, origin, id="OBS110")) from None
     if document.problems:
-        raise UsageError(*(Problem(one.message, origin, key=found[1], id=one.id) for one in document.problems))
+        raise UsageError(*(Problem(one.message, origin, key=key, id=one.id) for one in document.problems))
     return loc, of_origin(document.root, origin)
 
 

@@ -153,6 +153,8 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> str:
         return "a tab cannot indent YAML; use spaces"
     if transpose(error, text):
         return "a ' after a list is no transpose; write the rows of the transposed matrix out: [[0], [1]]"
+    if mark and str(error.problem).endswith("expected ',' or ']'") and text.startswith(("[", ";"), mark.index):
+        return "the entries of a list, rows as well, are separated by commas: [[0, 1], [2, 3]]"
     message = f"not valid YAML: {error.problem}"
     if error.context and error.context_mark:
         message += f" ({error.context} that begins in line {error.context_mark.line + 1})"

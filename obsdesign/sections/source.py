@@ -6,16 +6,17 @@ from pathlib import Path
 
 from obsdesign.disk import content_of
 from obsdesign.errors import Problem, UsageError
-from obsdesign.sections.changes import opened
+from obsdesign.sections.changes import opened, require_distinct
 from obsdesign.sections.document import MAX_BYTES, TOO_LARGE, Document
 
 
 def read(source: str | os.PathLike[str], changes: Sequence[str] = ()) -> Document:
     """Document of a file, or of a text, which has more than one line, with other values of single keys.
 
-    Raises `UsageError`: it cannot be read, is no YAML document, or a change is none.
+    Raises `UsageError`: it cannot be read, is no YAML document, or a change is none, or of what another changes.
     """
     path = os.fspath(source)
+    require_distinct(changes)
     if "\n" in path:
         return opened(path, "<text>", changes)
     try:

@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, NoReturn
 
 import numpy as np
@@ -18,16 +19,21 @@ from obsdesign.expressions import Expression, ExpressionError, constant, parse
 from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import MAX_PROBLEMS, Document, Loc, dotted
+from obsdesign.sections.notation import as_lists, meant
 from obsdesign.sections.scalars import DATE, MAX_QUOTED, NOT_FINITE, described
 from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)
 MOST_PLACES = 8  # of an unknown name, that are told
+UNKNOWN = re.compile("unknown name '([^']+)'(?!:)")  # of a message
+SIGNAL = {kind: re.compile(f"{letter}[0-9]*") for kind, letter in (("a state", "x"), ("an output", "y"))}
+SIGNAL |= {"a known input": re.compile("u[0-9]*"), "a disturbance": re.compile("[wv][0-9]*")}
+FACTORS = "matrices hold the factors of signals, a nonlinear term stands under nonlinearities or in system.dynamics"
+LONGEST_SAID = 250  # characters of a message with a whole matrix
 MAX_SIZE = 400  # of a signal, such as the augmented state
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 ARGUMENT = re.compile(r"q[0-9]*")  # of a nonlinearity
-SPACED = re.compile(r"[-+]?[\w.]+(\s+[\w.]+)+")  # entries of a row without commas
 RECORDED = re.compile(r"[\w./\\ -]+\.(csv|txt|dat|mat|xlsx?|json|npy|npz|parquet|h5)", re.IGNORECASE)  # a file
 
 Size = int | None
@@ -129,15 +135,6 @@ def counted(count: int | None, unit: str) -> str:
     return f"{count} {unit}" if count == 1 else f"{count} {unit}s"
 
 
-def spaced(value: Sequence[Any]) -> list[list[str]] | None:
-    """Rows of a matrix that is written with spaces and semicolons, such as [0 1; 0 -0.5]; None if it is not."""
-    if not all(isinstance(entry, str) for entry in value):
-        return None
-    rows = [re.split(r"[\s,]+", row.strip()) for row in ",".join(value).split(";")]
-    others = len(rows) > 1 or any(SPACED.fullmatch(entry) for entry in value)
-    return [[entry for entry in row if entry] for row in rows] if others else None
-
-
 def gathered(problems: list[Problem]) -> list[Problem]:
     """Problems in their order, an unknown name once: where it stands first, with its other places."""
     found: dict[str, list[Problem]] = {}
@@ -161,6 +158,7 @@ class Reader:
         self.document = document
         self.problems = problems
         self.notes: list[str] = []
+        self.unused: list[str] = []  # keys that have no effect, with the reason
         self.parameters: dict[str, fmpq] = {}
         self.exact: dict[str, fmpq] = {}  # values of the texts read so far
 
@@ -197,12 +195,31 @@ class Reader:
         try:
             value = self.value(text, loc)
         except ExpressionError as error:
-            self.wrong(loc, error.message, column=error.column, id=error.id)
+            self.wrong(loc, error.message + self.undeclared(error.message), column=error.column, id=error.id)
             return ONE
         if (sign == "> 0" and value <= 0) or (sign == ">= 0" and value < 0):
             self.wrong(loc, f"{described(text)} is not allowed; give a number {sign}", id="OBS208")
             return ONE
         return value
+
+    def undeclared(self, message: str) -> str:
+        """What to do about an unknown name in a number: what it is elsewhere in the spec, or where to declare it."""
+        named = UNKNOWN.match(message)
+        if not named:
+            return ""
+        for kind, names in self.signals.items():
+            if named[1] in names or (not names and SIGNAL[kind].fullmatch(named[1])):
+                return f"; {named[1]} is {kind}, and this is a number: {FACTORS}"
+        return "; a constant is declared under parameters"
+
+    @cached_property
+    def signals(self) -> dict[str, list[str]]:
+        """Names of the signals of the plant as they are written, by what they are; none where they are left out."""
+        system = self.document.find(("system",))[1].plain()
+        system = system if isinstance(system, dict) else {}
+        keys = {"a state": ("states", "dynamics"), "an output": ("outputs",), "a known input": ("inputs",)}
+        keys["a disturbance"] = ("disturbances",)
+        return {kind: [str(name) for key in found for name in system.get(key) or ()] for kind, found in keys.items()}
 
     def value(self, text: str, loc: Loc) -> fmpq:
         """Exact value, or `ExpressionError`."""
@@ -240,17 +257,16 @@ class Reader:
         """Values of a matrix that may be a number, a vector or rows; zero if it is missing."""
         if value is None:
             return Entries(loc, np.array(ZERO))
+        if rows := meant(value, self.parameters):
+            said = f"a matrix is a list of its rows, without quotes: write {as_lists(rows)}"
+            self.wrong(loc, said if len(said) < LONGEST_SAID else said.partition(": write")[0], id="OBS209")
+            if isinstance(value, str):
+                return Entries(loc, np.array(ONE), wrong=True)
+            value = rows
         if isinstance(value, str):
             before = len(self.problems)
             number = np.array(self.number(value, loc))
             return Entries(loc, number, wrong=len(self.problems) > before)
-        if rows := spaced(value):
-            self.wrong(
-                loc,
-                f"rows are lists, and entries are separated by commas: write [[{'], ['.join(map(', '.join, rows))}]]",
-                id="OBS209",
-            )
-            value = rows
         self.limit(len(value), "rows or entries", loc)
         if not any(isinstance(row, list) for row in value):
             items = [self.number(entry, (*loc, i)) for i, entry in enumerate(value)]

@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-HEADER = ("observer", "type", "status", "order", "fastest 1/s", "estimate", "5 % s", "1 % s", "noise rms", "floor")
-NUMBERS = {"order", "fastest 1/s", "5 % s", "1 % s", "noise rms", "floor"}  # columns that are aligned to the right
+NOISE = "noise rms"
+HEADER = ("observer", "type", "status", "order", "fastest 1/s", "estimate", "5 % s", "1 % s", NOISE, "floor")
+NUMBERS = {"order", "fastest 1/s", "5 % s", "1 % s", NOISE, "floor"}  # columns that are aligned to the right
 STARTS = "from 0"  # an error that is 0 at first, of which no part is a level
 
 MARK = "*"
@@ -18,16 +19,20 @@ def comparison_table(report: Mapping[str, Any]) -> str:
     seeds = len(report["seeds"])
     falling = any(observer["transient"] for observer in report["observers"])
     still = any(STARTS in row for row in rows)
+    quiet = not any(state["noise_rms"] != 0 for one in report["observers"] for state in one["states"].values())
+    noise = f"noise rms: what noise adds to the estimate in the window, mean of {seeds} seeds +- deviation"
     notes = [
         "5 %, 1 %: last time at which the error without noise is above that part of the initial one",
         *([f"{STARTS}: there is no initial error; peak of the error without noise instead"] if still else []),
         f"window: {low:.4g} to {high:.4g} s, the last 5/6 of the horizon",
-        f"noise rms: what noise adds to the estimate in the window, mean of {seeds} seeds +- deviation",
+        "no noise: the spec of the plant has no simulation.noise, so that nothing is told of it" if quiet else noise,
         "floor: rms of the error without noise in the window",
         *([TRANSIENT] if falling else []),
         *(f"{one['label']}: {said_of(one)}".replace("; ", ";\n  ") for one in report["observers"]),
     ]
-    return "\n".join([*columns([HEADER, *rows]), "", *notes])
+    table = [[cell for cell, name in zip(row, HEADER, strict=True) if name != NOISE or not quiet] for row in rows]
+    header = [name for name in HEADER if name != NOISE or not quiet]
+    return "\n".join([*columns([header, *table]), "", *notes])
 
 
 def rows_of(observer: Mapping[str, Any]) -> list[Sequence[str]]:

@@ -43,10 +43,17 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
         elif key == "validity":
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
-            rows.append((key.replace("_", " "), entries(value)))
+            rows.append(several(key, value))
         elif value is not None and key != "ratio_of":
             rows.append((key.replace("_", " "), shown(key, value)))
     return rows
+
+
+def several(key: str, values: Mapping[str, Any]) -> tuple[str, str]:
+    """Row of several values."""
+    if key == "worst_peak":
+        return "largest error", f"{plain(values['value'])} of {values['name']}, at t = {values['time']:.4g} s"
+    return key.replace("_", " "), entries(values)
 
 
 def related(summary: Mapping[str, Any]) -> str:

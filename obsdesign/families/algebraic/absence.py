@@ -8,6 +8,6 @@ from obsdesign.spec import Spec
 
 def read(spec: Spec, file: ResultFile) -> Proof:
     """Proof that an observer is none. Raises `UsageError`: the file is of coordinates that were not found."""
-    if file.at("status") == Verdict.INFEASIBLE:
+    if file.status == Verdict.INFEASIBLE:
         raise file.wrong("diagnosis", "holds no certificate, so there is nothing to be verified", id="OBS706")
     return refutation(spec, file)

@@ -304,3 +304,9 @@ def request_of(spec: Spec) -> Request:
     """What a spec of this family asks for."""
     assert isinstance(spec.observer, Request)
     return spec.observer
+
+
+RESULTS = {
+    "guarantee": ("rates", "coordinates", "recast", "phi", "beta", "dynamics"),
+    "observer": ("order", "dynamics", "estimates", "initial", "coordinates", "left_inverse", "regressions", "as"),
+}

@@ -110,3 +110,4 @@ def require_weight(reader: Reader, found: Array, loc: Loc, *, positive: bool) ->
 
 
 SECTION = FilterSection
+RESULTS: Mapping[str, Sequence[str]] = {}  # nothing is proved: what is expected is expected of a run

@@ -30,6 +30,8 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     tests = condition1(plant, in_floats(spec.generator.Am))
     findings += [finding(test.name, test.holds, test.sentence, **test.numbers, id="OBS614") for test in tests]
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
+        if not system.B.shape[1]:  # nothing drives the plant
+            continue
         zeros = invariant_zeros(system)
         numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
         said = f"{name}{frozen_at(K)}: {zeros.sentence}"

@@ -154,6 +154,12 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
         ),
         reconstruct=section.reconstruct is not None,
     )
+    if request.gains:
+        asked.note_unused(reader, section, ("L2", "objective", "slack", "bounds"), asked.AS_GIVEN)
+    elif objective == "gamma":
+        asked.note_unused(reader, section, ("slack",), "the level is what objective.gamma says")
+    if objective == "max-alpha" and isinstance(section.alpha, asked.Interval) and section.alpha.points:
+        reader.unused.append("observer.alpha.points has no effect: max-alpha halves the range, without a grid")
     if request.reconstruct:
         require_reconstructible(reader, request, problem)
     return request
@@ -213,3 +219,7 @@ def request_of(spec: Spec) -> Request:
 
 
 SECTION = Observer
+RESULTS = {
+    "guarantee": ("gamma", "alpha", "mu1", "mu2", "reconstruction", "limit", "limit_bounded"),
+    "observer": ("L1", "L2", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+}

@@ -157,6 +157,8 @@ def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimatio
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
     )
     asked.refuse_conflicts(reader, request)
+    if request.gains:
+        asked.note_unused(reader, section, ("slack", "bounds"), asked.AS_GIVEN)
     require_lipschitz(reader, request, problem)
     return request
 
@@ -270,3 +272,10 @@ def request_of(spec: Spec) -> LipschitzRequest:
 
 
 SECTION = LipschitzObserver
+RESULTS = {
+    "guarantee": (
+        *("lipschitz", "constants", "gamma", "decay", "mu1", "mu2", "margin", "limit", "limit_bounded"),
+        *("admissible", "ceiling", "comparison", "widened"),
+    ),
+    "observer": ("L", "relaxation", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+}

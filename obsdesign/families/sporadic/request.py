@@ -242,6 +242,10 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         gap=section.clock is not None and section.clock.gain == "gap",
     )
     asked.refuse_conflicts(reader, request)
+    if request.gains:
+        asked.note_unused(reader, section, ("slack", "bounds"), asked.AS_GIVEN)
+    elif request.objective == "feasibility":
+        asked.note_unused(reader, section, ("slack",), "feasibility has no optimum")
     return request
 
 
@@ -365,3 +369,10 @@ def request_of(spec: Spec) -> SporadicRequest:
 
 
 SECTION = SporadicObserver
+RESULTS = {
+    "guarantee": (
+        *("gamma", "decay", "T1", "T2", "T2_max", "limit", "limit_bounded", "jitter", "mu"),
+        *("rate", "overshoot", "initial", "disturbance", "noise"),
+    ),
+    "observer": ("L", "H", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
+}

@@ -1,0 +1,40 @@
+"""Specs whose results would stand in the place of others, so that none of them can be run."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import PurePath
+
+from obsdesign.batches.find import SUMMARY, Task
+from obsdesign.batches.record import ENDINGS, RECORD
+from obsdesign.errors import Problem
+
+ID = "OBS912"
+
+
+def clashes(tasks: Iterable[Task]) -> dict[Task, Problem]:
+    """What is wrong with each spec whose results would leave their folder, or stand where those of another do."""
+    found, kept = dict[Task, Problem](), list[Task]()
+    for task in tasks:
+        if ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
+            said = f"a spec cannot have this name: its results would leave their folder, or stand in that of {SUMMARY}"
+            found[task] = Problem(said, task.path, id=ID)
+        else:
+            kept.append(task)
+    for task, other, where in pairs(kept):
+        for one, another in ((task, other), (other, task)):
+            said = f"its results would stand in {where}, as those of {another.path}; rename one of them"
+            found.setdefault(one, Problem(said, one.path, id=ID))
+    return found
+
+
+def pairs(tasks: Iterable[Task]) -> Iterator[tuple[Task, Task, str]]:
+    """Specs of the same folder, and such that the folder of one is a file of the other, with its path."""
+    owners, files = dict[str, Task](), dict[str, Task]()
+    for task in tasks:
+        other = owners.setdefault(task.place, task)
+        if other is not task:
+            yield task, other, task.place
+        files |= {str(PurePath(task.place, f"{task.name}{end}")): task for end in (*ENDINGS.values(), RECORD)}
+    for place, task in owners.items():
+        for where in (place, *map(str, PurePath(place).parents)):
+            if where in files:
+                yield task, files[where], where

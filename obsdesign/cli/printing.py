@@ -1,0 +1,31 @@
+"""What a command prints. No line of it is one that a runner of CI obeys, whatever a spec, a file or a path says."""
+
+import os
+import re
+import sys
+from typing import IO
+
+import typer
+
+COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
+
+
+def say(text: str, *, err: bool = False, nl: bool = True, color: bool | None = None, obeyed: bool = False) -> None:
+    """Print on standard output, or on standard error, where one that cannot be written ends nothing.
+
+    Unless it shall be `obeyed`, `::` at the beginning of a line and `##[` anywhere are written with an escape, which in
+    JSON stands for the same text.
+    """
+    plain = text if obeyed else COMMAND.sub(r"\1\2\\u003a", text).replace("##[", r"#\u0023[")
+    try:
+        typer.echo(plain, err=err, nl=nl, color=color)
+    except OSError:
+        if not err:
+            raise
+        silence(sys.stderr)  # the exit code stays that of the work
+
+
+def silence(stream: IO[str] | None) -> None:
+    """Drop what a stream could not print, or it would fail once more at the exit."""
+    if stream is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

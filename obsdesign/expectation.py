@@ -1,0 +1,54 @@
+"""What a spec may expect of its result: dotted names that a result of its family, or the summary of a run, can have."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from obsdesign.errors import Problem
+from obsdesign.families import FAMILIES
+from obsdesign.sections.changes import opened
+from obsdesign.sections.words import unknown
+from obsdesign.spec import Spec
+
+RUN = "simulation"  # the summary of a run
+FILE = {  # parts of a result file, each with the names that it has in every family; none: any
+    "status": (),
+    **dict.fromkeys(("name", "spec", "certificate", "diagnosis", "search", "solver", "analysis", "split"), ()),
+    **dict.fromkeys(("notes", "assumed", "numerical", "tool", "created", "obsdesign"), ()),
+    "guarantee": ("statement",),
+    "observer": ("type",),
+}
+LIMIT = ("gamma", "alpha", "lipschitz", "T2", "decay", "attained", "kind", "at", "objective", "unbounded")
+SUMMARY = (
+    *("status", "time", "reason", "z_norm2", "v_norm2", "w_norm2", "v_norm2_infinite", "w_norm2_infinite"),
+    *("z_sup", "v_sup", "w_sup", "ratio", "ratio_of", "gamma", "bounds", "bounds_omitted", "reconstruction"),
+    *("validity", "sampling", "settling", "settling_time", "worst_peak", "initial_error", "final_error"),
+    *("initial_distance", "final_distance", "start", "excitation", "guards", "stop"),
+)
+
+
+def strays(spec: Spec) -> Iterator[Problem]:
+    """Expectations that no result can meet, for it has no entry of this name; each at its place in the spec."""
+    results = FAMILIES[spec.observer.type].results
+    wrong = {key: said for key in spec.expect if (said := stray(key, results))}
+    document = opened(spec.text, spec.path, spec.changes) if wrong else None
+    for key, said in wrong.items():
+        assert document
+        yield document.problem(("expect", key), said, id="OBS201", at_key=True)
+
+
+def stray(key: str, results: Mapping[str, Sequence[str]]) -> str | None:
+    """What is wrong with a dotted name that no result of a family has; None where one may have it.
+
+    `results`: names in the parts `guarantee` and `observer` of a result.
+    """
+    first, *rest = re.findall(r"[^.\[\]]+", key)
+    parts = {part: (*names, *results.get(part, ())) for part, names in FILE.items()} | {RUN: SUMMARY}
+    if first not in parts:
+        first, rest = "guarantee", [first, *rest]
+    allowed = parts[first]
+    if rest and allowed and rest[0] not in allowed:
+        others = parts if not key.startswith((f"{first}.", f"{first}[")) else ()
+        return unknown(f"entry of {first}", rest[0], tuple(dict.fromkeys((*allowed, *others))), {})
+    if rest[:1] and rest[0].startswith("limit") and len(rest) > 1 and rest[1] not in LIMIT:
+        return unknown(f"entry of {rest[0]}", rest[1], LIMIT, {})
+    return None

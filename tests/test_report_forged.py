@@ -1,0 +1,152 @@
+"""Result files whose unproved parts are forged: refused in one line, or shown as data; a status and a name are held."""
+
+import json
+import os
+import subprocess
+import time
+
+import pytest
+from support.commands import run
+from test_report import altered, solved
+
+SPEC = """
+obsdesign: 1
+name: Small
+system: {A: [[-1]], B: [[1]], C: [[1]]}
+observer: {type: l2, alpha: {min: 0.1, max: 0.8, points: 3}, objective: pareto, bounds: {L1: 5}}
+expect: {gamma: 0.5}
+"""
+NESTED = json.loads("[" * 300 + "1" + "]" * 300)
+HOSTILE = (10**400, -(10**400), 1e308, 5e-324, "NaN", "certified ", "x" * 300_000, NESTED, [[[1]]], {}, [], None, True)
+PARTS = (
+    ("analysis",),
+    ("analysis", "largest_step"),
+    ("analysis", "worst_pole"),
+    ("guarantee", "limit"),
+    ("guarantee", "limit", "gamma"),
+    ("search",),
+    ("search", "points"),
+    ("search", "points", 0),
+    ("search", "points", 0, "alpha"),
+    ("search", "points", 1, "gamma"),
+    ("search", "points", 0, "certified"),
+    ("certificate", "checks", 0, "margin"),
+    ("solver",),
+    ("solver", "name"),
+    ("tool",),
+    ("created",),
+    ("notes",),
+    ("numerical",),
+    ("spec", "path"),
+)
+
+
+@pytest.fixture(scope="module")
+def genuine(tmp_path_factory):
+    """Result of a small spec."""
+    return solved(tmp_path_factory.mktemp("forged"), SPEC)
+
+
+def forged(content, part, value):
+    """Text of a result with another value of a part."""
+    *inner, last = part
+    place = content
+    for key in inner:
+        place = place[key]
+    place[last] = value
+    return json.dumps(content)
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: ".".join(map(str, part)))
+def test_a_part_that_is_not_proved_is_refused_or_shown(genuine, part, tmp_path):
+    path, begun = tmp_path / "x.gains.json", time.process_time()
+    for value in HOSTILE:
+        path.write_text(forged(json.loads(genuine.read_text()), part, value))
+        for command in (("report", path, "-o", tmp_path / "x.html"), ("diff", genuine, path), ("verify", path)):
+            outcome = run(*command)
+            assert outcome.exit_code in {0, 2, 4}, (command, str(value)[:20], outcome.exception)
+            assert isinstance(outcome.exception, SystemExit | None), (command, str(value)[:20])
+            assert outcome.stderr.count("\n") == (outcome.exit_code != 0)
+    assert time.process_time() - begun < 30
+
+
+@pytest.mark.parametrize("text", ['{"points": [{"alpha": 1e999}]}', '{"points": [{"alpha": NaN}]}', "1e400"])
+def test_numbers_beyond_doubles_are_not_drawn(genuine, text, tmp_path):
+    path = tmp_path / "x.gains.json"
+    path.write_text(forged(json.loads(genuine.read_text()), ("search",), "HERE").replace('"HERE"', text))
+    outcome = run("report", path, "-o", tmp_path / "x.html")
+    assert outcome.exit_code in {0, 2}
+    assert isinstance(outcome.exception, SystemExit | None)
+
+
+def test_a_folder_of_traps_is_walked_to_its_end(genuine, tmp_path, monkeypatch):
+    """Pipes, devices, loops of links, and folders deeper than a path may be long or a function may recurse."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("f/a.gains.json", "f/sub/b.gains.json", "f/.hidden/c.gains.json"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(genuine.read_bytes())
+    for name in ("p.gains.json", "p.yaml", "summary.json", "a.run.csv"):
+        os.mkfifo(f"f/{name}")
+    links = {"loop": ".", "z.gains.json": "/dev/zero", "z.yaml": "/dev/zero", "own.yaml": "own.yaml"}
+    for name, target in links.items():
+        os.symlink(target, f"f/{name}")
+    (tmp_path / "f" / "folder.gains.json").mkdir()
+    (tmp_path / "f" / "spec.yml").write_text(SPEC)
+    monkeypatch.chdir("f")
+    for _ in range(1200):
+        os.mkdir("d")
+        monkeypatch.chdir("d")
+    monkeypatch.chdir(tmp_path)
+    outcome = run("report", "f", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stdout.splitlines()[0]) == (0, "2 certified")
+    page = (tmp_path / "report.html").read_text()
+    assert "f/sub/b.gains.json" in page
+    assert ".hidden/" not in page
+    outcome = run("verify", "f", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stdout.count("\nproved: ")) == (0, 2)
+    outcome = run("check", "f", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert outcome.stderr.startswith("f/own.yaml: cannot be read: Too many levels of symbolic links")
+    outcome = run("batch", "f", "--jobs", 1, "--json", "-q")
+    assert [entry["path"] for entry in json.loads(outcome.stdout)["specs"]] == ["f/spec.yml"]
+    subprocess.run(["rm", "-r", "f/d"], check=True)  # which pytest could not
+    os.symlink("nowhere", "b.gains.json")
+    os.mkfifo("c.gains.json")
+    outcome = run("simulate", "--timeout", 60)
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "no certified *.gains.json in this folder" in outcome.stderr
+
+
+@pytest.mark.parametrize("status", ["certified ", "Certified", "no guarantee", "x" * 10_000, 5, None, [], [[]]])
+def test_a_status_is_one_of_those_that_there_are(genuine, status, tmp_path):
+    path = tmp_path / "x.gains.json"
+    path.write_text(forged(json.loads(genuine.read_text()), ("status",), status))
+    for command in (("report", path), ("verify", path), ("diff", genuine, path), ("simulate", path)):
+        outcome = run(*command)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert "status: " in outcome.stderr
+        assert "is none; expected certified, infeasible, refuted, uncertified [OBS702]" in outcome.stderr
+        assert len(outcome.stderr) < 500
+    page = tmp_path / "folder.html"
+    assert run("report", tmp_path, "-o", page).exit_code == 2
+    assert "certified </span>" not in page.read_text()
+
+
+def test_the_name_in_a_file_is_that_of_its_spec(tmp_path):
+    path = altered(solved(tmp_path, SPEC), name="Certified by others")
+    for command in (("report", path), ("verify", path), ("verify", path, tmp_path / "small.yaml"), ("simulate", path)):
+        outcome = run(*command)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert "name: is not that of the spec in the file; expected Small [OBS703]" in outcome.stderr
+
+
+def test_a_spec_without_a_name_has_that_of_its_path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = solved(tmp_path, SPEC.replace("name: Small\n", ""), "plain").rename("moved.gains.json")
+    (tmp_path / "plain.yaml").rename("other.yaml")
+    for command in (("verify", path), ("verify", path, "other.yaml"), ("report", path)):
+        assert run(*command).exit_code == 0
+    assert ">plain</h1>" in (tmp_path / "report.html").read_text()
+    altered(path, name="other's")
+    outcome = run("verify", path, "other.yaml")
+    assert "name: is not that of the spec in the file; expected plain [OBS703]" in outcome.stderr
