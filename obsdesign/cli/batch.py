@@ -53,8 +53,6 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
-    from obsdesign.batches.find import unmatched
-    from obsdesign.batches.table import shown
     from obsdesign.disk import require_writable
 
     if output_file and not form:
@@ -66,8 +64,7 @@ def batch(
             with batches.held(out) as folder:
                 summary = batches.merge(paths, folder)
         else:
-            for pattern in unmatched(paths, exclude) if not quiet else ():
-                say(f"--exclude {shown(pattern)}: leaves nothing out; no spec below the paths matches", err=True)
+            tell_unmatched(paths, [] if quiet else exclude)
             with followed(quiet, verbose) as follower:
                 summary = batches.batch(
                     paths,
@@ -88,6 +85,15 @@ def batch(
                 )
     told(summary, "json" if as_json and not form else form, output_file, quiet)
     raise typer.Exit(summary.exit_code)
+
+
+def tell_unmatched(paths: list[str], exclude: list[str]) -> None:
+    """Say which patterns leave no spec out."""
+    from obsdesign.batches.find import unmatched
+    from obsdesign.batches.table import shown
+
+    for pattern in unmatched(paths, exclude):
+        say(f"--exclude {shown(pattern)}: leaves nothing out; no spec below the paths matches", err=True)
 
 
 @contextmanager
