@@ -87,7 +87,7 @@ class Record:
             return None
         eta_sup = np.maximum.accumulate(np.append(0.0, np.linalg.norm(eta, axis=1)))
         added = np.cumsum(np.append(0.0, self.system.kicks))
-        missing = self.now.of(map(mismatch, self.system.observer.jump))
+        missing = self.now.of(map(mismatch, self.system.corrections))
         timer = schedule.timer(self.t, self.j)
         return Measurements(missing, timer, eta_sup[self.j], added[self.j], schedule.crowded)
 

@@ -45,7 +45,8 @@ class System:
 
     with b' = -2 alpha b + c |v|^2, so that V(t) <= exp(-2 alpha t) V(0) + b(t). Where measurements arrive at instants,
     s goes on with their number j and the last y, and b jumps by what the noise of each adds to V; without a guarantee b
-    stays zero. z = H e, over all states of the plant. The signals of the observer have the same names as the plant's.
+    stays zero. A measurement changes further states, or errors where it corrects a copy of the plant, which itself goes
+    on. z = H e, over all states of the plant. The signals of the observer have the same names as the plant's.
     """
 
     def __init__(self, scenario: Scenario, observer: Observer, H: Float, guarantee: Guarantee | None) -> None:
@@ -73,7 +74,8 @@ class System:
         for name, w in self.estimated.items():
             made.made[error(w)] = made.difference(observer.estimates[name], Expression.variable(w))
         self.integrated = plant.states[: scenario.integrated]
-        self.copied, self.further = made.copied, made.further
+        self.copied, self.further, self.jumping = made.copied, made.further, made.jumping
+        self.corrections = tuple(name for name in self.further if name in observer.jump)
         self.flowing = (*self.integrated, *self.copied, *self.further)
         self.end = len(self.flowing)
         self.width = self.end + len(INTEGRALS)
@@ -91,10 +93,10 @@ class System:
         self.program = Program(inputs, made.made, [*outputs, *deciding])
         self.smooth = Program((*inputs, *signs), smooth, [*map(rate, states), *deciding])
         self.rates, self.deciding = self.smooth.places(map(rate, states)), deciding
-        jumps = (*map(after, observer.jump), *self.seen) if observer.jump else ()
+        jumps = (*map(after, self.jumping), *self.seen) if observer.jump else ()
         self.jumps = Program(inputs, made.made, jumps)
         self.landing = self.jumps.places(jumps)
-        self.leaping = [self.flowing.index(name) for name in observer.jump]
+        self.leaping = [self.flowing.index(name) for name in self.jumping]
 
     def signals(self, made: Definitions) -> dict[str, Definition]:
         """Known inputs, known states of the disturbance model, and the drive."""
@@ -110,7 +112,7 @@ class System:
         wanted = [
             V2, *plant.inputs, *plant.exogenous, *signals, *map(rate, plant.states), *map(error, signals), *self.z,
             *map(rate, map(error, plant.states)), *map(measured, observer.outputs),
-            *(name for state in observer.jump for name in (after(state), mismatch(state))),
+            *map(mismatch, made.further),
             *(hat for hat, twin in observer.twins.items() if twin in plant.algebraic),
         ]  # fmt: skip
         return [name for name in dict.fromkeys(wanted) if name in made.made]
@@ -162,11 +164,10 @@ class System:
         s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
             return self.with_initial(s, acting.held(0.0)[: len(self.silent)])
-        X = self.program.run(0.0, s, self.silent)
-        y, supposed = (
-            self.program.places(names) for names in (self.observer.outputs, map(mismatch, self.observer.jump))
-        )
-        return np.concatenate((s, [0.0], X[y] - X[supposed]))
+        X, outputs = self.program.run(0.0, s, self.silent), self.observer.outputs
+        errors, missing, y = map(self.program.places, (map(error, outputs), map(mismatch, self.corrections), outputs))
+        supposed = -X[missing] if self.corrections else X[errors]  # yhat + theta, or yhat, less y
+        return np.concatenate((s, [0.0], X[y] + supposed))
 
     def with_initial(self, s: Vector, held: Vector) -> Vector:
         """State with the further states of the observer where they begin: at functions of u and noisy y at t = 0."""
