@@ -76,6 +76,8 @@ class Record:
         end = self.system.end
         v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.v)
         z2, v2, b = self.s[:, end : end + 3].T
+        if self.measurements and not np.isfinite(self.system.kicks).all():
+            b = np.where(np.isfinite(self.measurements.added), b, np.inf)
         drive = self.spec.observer.drive
         return Course(self.t, self.e, np.linalg.norm(self.z, axis=1), z2, v2, v_sup, b, drive, self.measurements)
 

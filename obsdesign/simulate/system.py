@@ -182,7 +182,7 @@ class System:
 
     @cached_property
     def kicks(self) -> Vector:
-        """What the noise of each measurement adds to V, (K,)."""
+        """What the noise of each measurement adds to V, (K,); infinite, and left out of b, where nothing bounds it."""
         schedule, eta = self.scenario.schedule, self.scenario.eta
         if self.guarantee is None or schedule is None or eta is None:
             return np.zeros(0 if eta is None else len(eta))
@@ -201,7 +201,7 @@ class System:
         assert eta is not None
         X = self.jumps.run(t, s[: self.width], eta[k])[self.landing]
         s[self.leaping] = X[: len(self.leaping)]
-        s[self.width - 1] += self.kicks[k]
+        s[self.width - 1] += self.kicks[k] if np.isfinite(self.kicks[k]) else 0.0
         s[self.width] += 1
         s[self.width + 1 :] = X[len(self.leaping) :]
         return s
