@@ -236,7 +236,7 @@ class Crossing:
                     return t, s, End("escape", t, f"at t = {t:.6g}: {GROWS}")
                 self.recorder.step(solver, t, s)
                 if self.effort > EFFORT:
-                    return t, s, End("stall", t, "stiff")
+                    raise FloatingPointError("stiff")
                 if reason := self.flow.stopped(t, s, segment.held):
                     return t, s, End("stopped", t, f"at t = {t:.6g}: {reason}")
                 if self.progress is not None and self.recorder.steps % 100 == 0:
