@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flint import fmpq
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 from scipy.linalg import expm
@@ -16,12 +17,15 @@ from support.forging import scaled
 from support.sweep import seeds
 
 import obsdesign
+from obsdesign.expressions import Expression
+from obsdesign.expressions.bernstein import bernstein
 from obsdesign.families import FAMILIES
 from obsdesign.reading import loads
 from obsdesign.simulate import run as simulated
 from obsdesign.simulate import simulation
 from obsdesign.simulate.definitions import error
 from obsdesign.simulate.ensemble import spread
+from obsdesign.simulate.scenario import measurement_noise
 from obsdesign.simulate.simulation import follow, initial, system_of
 from obsdesign.spec import Noise
 
@@ -188,11 +192,11 @@ def test_a_reset_has_no_theta(tried, tmp_path):
     assert "leave it out" in outcome.stderr
 
 
-@pytest.mark.parametrize("name", ["reset", "sine"])
-def test_the_noise_of_many_seeds_adds_to_a_reset_what_it_adds_to_single_runs(name, monkeypatch):
+@pytest.mark.parametrize(("name", "gap"), [("reset", False), ("reset", True), ("sine", False)])
+def test_the_noise_of_many_seeds_adds_to_a_reset_what_it_adds_to_single_runs(name, gap, monkeypatch):
     monkeypatch.setattr(simulation, "RTOL_NOISE", 1e-9)
     spec = set_in(SPECS[name], "sampling=random", "noise={type: gaussian, amplitude: 0.1}")
-    observer = FAMILIES["sporadic"].observer(spec, spec.observer.gains)
+    observer = adapting(spec) if gap else FAMILIES["sporadic"].observer(spec, spec.observer.gains)
     found = spread(spec, observer, (3, 8), (0.0, 10.0))
     noise = replace(spec.simulation, seed=3)
     assert len(found.t) > 20
@@ -216,6 +220,52 @@ simulation: {horizon: 11.06, x0: [1.57], sampling: random, dropout: 0.2}
         found = given(set_in("obsdesign: 1\n" + text, f"seed={seed}"))
         assert found.status == "done"
         assert len(found.t) == 2000
+
+
+# A gain that depends on the gap
+
+KNOTS = np.array([0.205, 0.3, 0.41])
+GAIN = np.array([[[[0.7], [0.4]], [[1.0], [0.2]], [[0.8], [0.5]]], [[[0.8], [0.5]], [[0.6], [0.9]], [[0.9], [0.45]]]])
+
+
+def adapting(spec):
+    """Observer whose gain is that of `GAIN` after each gap."""
+    return FAMILIES["sporadic"].observer(spec, {"knots": KNOTS, "K_of_gap": GAIN})
+
+
+@pytest.mark.parametrize(("more", "rel"), [("", 1e-11), (IDLE, 1e-5)])
+def test_a_gain_of_the_gap_corrects_by_its_value_at_the_gap_that_has_just_ended(more, rel):
+    changes = "sampling=random", "noise={amplitude: 0.1}", "horizon=5", "dropout=0.2", "seed=3"
+    spec = set_in(HEAD + more + OBSERVER, *changes)
+    found, K = simulated(spec, adapting(spec), None), BPoly(np.moveaxis(GAIN, 0, 1), KNOTS)
+    gaps, eta = found.schedule.intervals, measurement_noise(spec.simulation, (len(found.schedule.received), 1))
+    assert gaps.max() > 0.41  # one is lost
+    flow, (x, xhat) = np.array([[0, 1.0], [-4, 0]]), (np.array([1.0, -2]), np.array([0.0, 3]))
+    for gap, noise in zip(gaps, eta, strict=True):
+        x, xhat = expm(flow * gap) @ x, expm(flow * gap) @ xhat
+        xhat = xhat + K(np.clip(gap, 0.205, 0.41))[:, 0] * (x[0] + noise[0] - xhat[0])
+    left = expm(flow * (5 - found.schedule.received[-1]))
+    assert found.xihat[-1] == pytest.approx(left @ xhat, rel=rel)
+    assert found.xi[-1] == pytest.approx(left @ x, rel=rel)
+    assert found.length == "|e|"
+
+
+def test_weights_of_a_piecewise_polynomial_are_those_of_its_bernstein_form():
+    knots = (fmpq(1, 5), fmpq(3, 10), fmpq(41, 100))
+    weights = bernstein("s", knots, 2)
+    s = np.array([0, 0.2, 0.25, np.nextafter(0.3, 0), 0.3, 0.35, 0.41, 2])
+    values = np.array([weight.function(["s"])(s) for weight in weights])
+    assert (values >= 0).all()
+    assert values.sum(axis=0) == pytest.approx(np.ones(len(s)), abs=1e-15)
+    K = BPoly(np.moveaxis(GAIN, 0, 1), [float(knot) for knot in knots])
+    expected = K(np.clip(s, 0.2, 0.41))[:, :, 0].T
+    assert GAIN.reshape(6, 2).T @ values == pytest.approx(expected, rel=1e-13)
+    value, at = fmpq(0), fmpq(1, 4)
+    for weight in weights:
+        (c, rest), *others = weight.substituted({"s": Expression.number(at)}).summands()
+        assert (rest.text, others) == ("1", [])
+        value += c
+    assert value == 1  # in rationals
 
 
 # What is proved, along runs

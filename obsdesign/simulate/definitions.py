@@ -55,6 +55,7 @@ class Definitions:
             for name in plant.states
             if error(name) not in self.copied
         }
+        self.made |= {name: self.difference(side, ZERO) for name, side in observer.received.items()}
         noises = set(map(noise, observer.outputs))
         for name, place in zip(observer.jump, self.jumping, strict=True):
             twin = observer.twins.get(name)

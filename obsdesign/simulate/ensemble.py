@@ -136,7 +136,7 @@ class Passage:
         s = np.repeat(self.reference.s[self.reference.places(np.array([step.before]))].T, held.shape[1] + 1, axis=1)
         s[[system.flowing.index(name) for name in added.moving], 1:] += self.d
         t = np.full((1, s.shape[1]), step.start)
-        X = system.jumps.table(np.vstack([t, s, np.column_stack([np.zeros(len(held)), held])]))
+        X = system.jumps.table(np.vstack([t, s, system.arriving(k, np.column_stack([np.zeros(len(held)), held]))]))
         found = X[system.landing[: len(system.jumping)]]
         self.d[[added.moving.index(name) for name in system.jumping]] = found[:, 1:] - found[:, :1]
 

@@ -15,7 +15,7 @@ from obsdesign.lmi.formula import Array, Float, rational_number
 from obsdesign.simulate.definitions import Definitions, after, error, event, measured, mismatch, noise, rate
 from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector
-from obsdesign.simulate.program import UNIT, Definition, Program, needs
+from obsdesign.simulate.program import UNIT, Definition, Program, needs, reach
 from obsdesign.simulate.scenario import Scenario, Stretch
 from obsdesign.simulate.switches import Break, Switches, Watch
 
@@ -86,7 +86,8 @@ class System:
         inputs = ("t", *states, *(noise(name) for name in observer.outputs if noisy))
         outputs = [*map(rate, states), *self.recorded(made), *map(event, scenario.events)]
         self.switches = Switches()
-        smooth = {name: self.switches.decided(side) for name, side in made.made.items()}
+        flow = reach(outputs, lambda name: needs(made.made[name]) if name in made.made else ())
+        smooth = {name: self.switches.decided(side) for name, side in made.made.items() if name in flow}
         signs, deciding = (*self.switches.timed, *self.switches.others), tuple(map(zero, self.switches.others))
         smooth |= {zero(name): side for name, side in self.switches.smooth.items()}
         made.made |= {zero(name): side for name, side in self.switches.others.items()}
@@ -94,7 +95,7 @@ class System:
         self.smooth = Program((*inputs, *signs), smooth, [*map(rate, states), *deciding])
         self.rates, self.deciding = self.smooth.places(map(rate, states)), deciding
         jumps = (*map(after, self.jumping), *self.seen) if observer.jump else ()
-        self.jumps = Program(inputs, made.made, jumps)
+        self.jumps = Program((*inputs, *filter(None, [observer.gap])), made.made, jumps)
         self.landing = self.jumps.places(jumps)
         self.leaping = [self.flowing.index(name) for name in self.jumping]
 
@@ -199,12 +200,19 @@ class System:
         """Return the state after the measurement of number k, from 0, at t."""
         eta = self.scenario.eta
         assert eta is not None
-        X = self.jumps.run(t, s[: self.width], eta[k])[self.landing]
+        X = self.jumps.run(t, s[: self.width], self.arriving(k, eta[k]))[self.landing]
         s[self.leaping] = X[: len(self.leaping)]
         s[self.width - 1] += self.kicks[k] if np.isfinite(self.kicks[k]) else 0.0
         s[self.width] += 1
         s[self.width + 1 :] = X[len(self.leaping) :]
         return s
+
+    def arriving(self, k: int, eta: Vector) -> Vector:
+        """Inputs of a jump beside t and s: the noise (ny,) or (ny, N), and the time since the measurement before."""
+        schedule = self.scenario.schedule
+        assert schedule
+        gap = np.full((1, *eta.shape[1:]), schedule.intervals[k])
+        return np.concatenate((eta, gap)) if self.observer.gap else eta
 
     def stopped(self, t: float, s: Vector, held: Vector) -> str:
         """Condition that is true at an instant and ends the run; empty if none is."""
