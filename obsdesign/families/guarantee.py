@@ -37,7 +37,7 @@ class Rates(NamedTuple):
 class Measurements:
     """What the jumps at measurements do to a run, up to each instant."""
 
-    mismatch: Array  # (M, ny): theta~ = C e - theta
+    mismatch: Array  # (M, ny): theta~ = C (x - xhat) - theta; (M, 0) of an observer without theta
     timer: Array  # (M,), s: what is left to the next measurement
     eta_sup: Array  # (M,): largest noise |eta|
     added: Array  # (M,): sum of what the noise has added to V

@@ -223,7 +223,7 @@ def draw_storage(axes: "Axes", run: "Run") -> None:
     V, bound, t = run.steps.V, run.steps.V_bound, run.steps.t
     assert V is not None
     assert bound is not None
-    tiny = float(bound.max()) * 1e-20 + 1e-300
+    tiny = float(bound[np.isfinite(bound)].max()) * 1e-20 + 1e-300
     known = t < run.until
     if known.any():
         shown = finite(np.maximum(bound, tiny)[known])

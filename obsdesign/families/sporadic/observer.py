@@ -8,18 +8,22 @@ import numpy as np
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import ends
 from obsdesign.expressions import Expression
+from obsdesign.expressions.bernstein import bernstein
 from obsdesign.families.guarantee import SampledGuarantee
 from obsdesign.families.observer import Copy, Observer
 from obsdesign.families.sporadic.periodic import Periodic
 from obsdesign.families.sporadic.request import request_of
 from obsdesign.lmi.formula import Array, Exact, identity, in_floats, printed
-from obsdesign.model.equations import free, linear
+from obsdesign.model.equations import free, linear, total, weighted
 from obsdesign.spec import Spec
 
 
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
-    """Observer of a spec, for T1 and the least T2 that it asks for; see `holding`, `resetting`."""
-    made = resetting(spec, printed(gains["K"])) if "K" in gains else holding(spec, gains)
+    """Observer of a spec, for T1 and the least T2 that it asks for; see `holding`, `resetting`, `adapting`."""
+    if "K_of_gap" in gains:
+        made = adapting(spec, printed(gains["knots"]), printed(gains["K_of_gap"]))
+    else:
+        made = resetting(spec, printed(gains["K"])) if "K" in gains else holding(spec, gains)
     return replace(made, intervals=intervals(spec))
 
 
@@ -71,6 +75,39 @@ def resetting(spec: Spec, K: Exact) -> Observer:
         algebraic={**copy.algebraic, **copy.outputs},
         jump=copy.corrected(states, np.hstack([K, -K]), (*plant.outputs, *copy.outputs)),
         twins=copy.twins,
+    )
+
+
+def adapting(spec: Spec, knots: Array, K: Array) -> Observer:
+    """Observer with a gain K(s) that depends on the time s since the measurement before, or since t = 0.
+
+    zhat'  = A zhat + Bf f(t, u, qhat) + gx,    qhat = Cq zhat + gq
+    zhat+  = zhat + K(s) (y - yhat)     at a measurement,            yhat = C zhat + gy
+
+    `knots`: (N + 1,), s, exact; `K`: control values of its Bernstein form, (N, d + 1, n, ny), exact. Before the first
+    knot and beyond the last K is that of the knot.
+
+    Raises `UsageError` if a nonlinearity has no f.
+    """
+    made = resetting(spec, K[0, 0])
+    taken = {*made.dynamics, *made.algebraic, *made.inputs, *made.outputs, "t"}
+    gap = free("gap", taken)
+    weights = bernstein(gap, knots.tolist(), K.shape[1] - 1)
+    places = [free(f"weight{j + 1}", taken) for j in range(len(weights))]
+    innovations = [free(f"innovation_{y}", taken) for y in made.outputs]
+    hats = [hat for y in made.outputs for hat, twin in made.twins.items() if twin == y]
+    eye = identity(len(hats), K[0, 0])
+    parts = [Expression.variable(w) * Expression.variable(r) for w in places for r in innovations]
+    corrections = weighted(np.hstack([*K.reshape(-1, *K.shape[2:])]), parts)
+    states = [Expression.variable(name) for name in made.dynamics]
+    return replace(
+        made,
+        jump=dict(zip(made.dynamics, total(states, corrections), strict=True)),
+        received={
+            **dict(zip(places, weights, strict=True)),
+            **dict(zip(innovations, linear(np.hstack([eye, -eye]), (*made.outputs, *hats)), strict=True)),
+        },
+        gap=gap,
     )
 
 

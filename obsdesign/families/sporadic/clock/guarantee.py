@@ -110,9 +110,8 @@ class ClockGuarantee:
         return np.asarray(np.where(square > 0, self.kappa * np.maximum(square, np.finfo(float).tiny), 0.0))
 
     def errors(self, course: Course) -> Array:
-        """Error x along a run, (M, m)."""
-        kept = self.witness.theorem.system.kept
-        return np.hstack([course.e, measurements(course).mismatch]) if kept else course.e
+        """Error x along a run, (M, m), with e = x - xhat; that of a course has the other sign."""
+        return np.hstack([-course.e, measurements(course).mismatch])
 
     def storage(self, course: Course) -> Array:
         """V along a run, (M,): with a look further ahead the least of its functions, and at the start the largest."""
