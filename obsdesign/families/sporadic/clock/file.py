@@ -5,8 +5,7 @@ from typing import Any
 
 from obsdesign.families.sporadic.clock.bernstein import Clock
 from obsdesign.families.sporadic.clock.claim import CONSTANTS, ClockClaim
-from obsdesign.families.sporadic.clock.study import system
-from obsdesign.families.sporadic.clock.theorem import ClockTheorem
+from obsdesign.families.sporadic.clock.theorem import ClockTheorem, error_system
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.clock.witness import read as read_witness
 from obsdesign.families.sporadic.held import held, read_gains, require_asked
@@ -30,7 +29,7 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     if wrong := named.keys() - {*GOALS, "T2_max"} or {"gamma"} - named.keys():
         known = ", ".join((*GOALS, "T2_max"))
         raise file.wrong(".".join((*root, min(wrong))), f"expected gamma, and of {known} those that apply", id="OBS702")
-    error = system(plant, spec.H, gains)
+    error = error_system(plant, spec.H, gains)
     theorem = ClockTheorem(
         error, spec.multiplier, Clock((asked["T2"],), 1), asked["T1"], asked["decay"], request.shape.lookahead
     )
