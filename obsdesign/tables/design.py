@@ -81,7 +81,8 @@ def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> str:
         limit, proved = found["pattern_limit"], claimed.get("T2_max", claimed.get("T2"))
         short = "no such decay" if rate else "unstable"
         recurring = "periodic" if len(limit["gaps"]) == 1 else f"{len(limit['gaps'])} intervals that recur"
-        parts += [f"T2 proved {at_least(proved, 4)} s, {short} from {at_most(limit['T2'], 4)} s ({recurring})"]
+        known = f"T2 proved {at_least(proved, 4)} s, " if proved else ""
+        parts += [f"{known}{short} from {at_most(limit['T2'], 4)} s ({recurring})"]
     gains = [gain for name, gain in found.get("gamma", {}).items() if name != "gaps" and gain is not None]
     weight = f" with the weight exp({rate:g} t)" if rate else ""
     parts += [f"gamma at least {at_least(max(gains), 4)}{weight}"] if gains else []

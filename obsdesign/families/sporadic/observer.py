@@ -112,8 +112,7 @@ def beside(spec: Spec, gains: Mapping[str, Array], guarantee: SampledGuarantee |
     decay = guarantee.decay if guarantee else float(ends(request_of(spec).decay)[0])
     error = error_system(spec.augmented.doubles, in_floats(spec.H), gains)
     members = Errors.of(spec.augmented, spec.multiplier, spec.H).through
-    with np.errstate(all="ignore"):
-        found = truth(error, members, T1, T2, decay)
+    found = truth(error, members, T1, T2, decay)
     return {"truth": found} if found else {}
 
 

@@ -51,7 +51,7 @@ class LinearError:
     def of(cls, A: Array, B: Array, C: Array, J: Array) -> "LinearError":
         """Error with the jump x+ = J x, which is factored as its rank allows."""
         left, sizes, right = np.linalg.svd(J)
-        rank = int((sizes > np.finfo(float).eps * len(J) * sizes.max(initial=0.0)).sum())
+        rank = max(1, int((sizes > np.finfo(float).eps * len(J) * sizes.max(initial=0.0)).sum()))
         return cls(A, B, C, left[:, :rank] * sizes[:rank], right[:rank])
 
     def step(self, T: float) -> Float:
@@ -190,7 +190,7 @@ def logarithms(products: Float) -> Float:
     finite = np.isfinite(products).all(axis=(1, 2))
     found = np.full(len(products), -np.inf)
     sizes = np.abs(np.linalg.eigvals(products[finite])).max(axis=1, initial=0.0)
-    found[finite] = np.log(np.maximum(sizes, np.finfo(float).tiny))
+    found[finite] = np.log(sizes)
     return found
 
 

@@ -27,6 +27,7 @@ OF_PLANT = "the error itself"
 OF_MEMBERS = "the worst frozen member f = K q that was found"
 
 
+@np.errstate(all="ignore")  # what is not finite shows nothing
 def truth(system: ErrorSystem, members: Sequence[Array], T1: float, T2: float, decay: float) -> dict[str, Any]:
     """Limits of stability, the worst growth and the gains that are found of an error, in doubles.
 
