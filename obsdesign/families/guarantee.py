@@ -135,6 +135,10 @@ class SampledGuarantee(Guarantee, Protocol):
         """Longest interval between measurements, s."""
 
     @property
+    def decay(self) -> float:
+        """Rate at which the error is claimed to decay, 1/s."""
+
+    @property
     def ahead(self) -> int:
         """How many intervals that are still to come V depends on, so that all of them must be at least T1."""
 

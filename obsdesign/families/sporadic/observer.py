@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.bernstein import bernstein
 from obsdesign.families.guarantee import SampledGuarantee
 from obsdesign.families.observer import Copy, Observer
+from obsdesign.families.sporadic.clock.theorem import error_system
+from obsdesign.families.sporadic.clock.truth import truth
 from obsdesign.families.sporadic.periodic import Periodic
 from obsdesign.families.sporadic.request import request_of
 from obsdesign.lmi.formula import Array, Exact, identity, in_floats, printed
@@ -135,6 +138,19 @@ def sampled(spec: Spec, gains: Mapping[str, Array], guarantee: SampledGuarantee 
     J, Jn = np.vstack([eye, p.C]), np.vstack([np.zeros((n, ny)), np.eye(ny)])
     errors = Errors.of(flow, spec.multiplier, np.pad(in_floats(spec.H), beside))
     return Periodic(**vars(errors), J=J, Jn=Jn, T1=T1, T2=T2)
+
+
+def beside(spec: Spec, gains: Mapping[str, Array], guarantee: SampledGuarantee | None) -> dict[str, Any]:
+    """Entry `truth` of `analysis`, what no claim can be better than; see `truth`. Empty where nothing is known.
+
+    Intervals are those of the guarantee, or the least that is asked for, and so is the rate.
+    """
+    T1, T2 = (guarantee.T1, guarantee.T2) if guarantee else intervals(spec)
+    decay = guarantee.decay if guarantee else float(ends(request_of(spec).decay)[0])
+    error = error_system(spec.augmented.doubles, in_floats(spec.H), gains)
+    members = Errors.of(spec.augmented, spec.multiplier, spec.H).through
+    found = truth(error, members, T1, T2, decay)
+    return {"truth": found} if found else {}
 
 
 def intervals(spec: Spec) -> tuple[float, float]:

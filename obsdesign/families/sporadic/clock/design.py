@@ -24,7 +24,8 @@ from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.clock.outage import outage
 from obsdesign.families.sporadic.clock.reasons import nothing_found, useless
 from obsdesign.families.sporadic.clock.search import Curve, Found, main
-from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, system, witnesses
+from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, witnesses
+from obsdesign.families.sporadic.clock.theorem import error_system
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.gains import LONGER, SHORTER
 from obsdesign.families.sporadic.held import held
@@ -92,7 +93,7 @@ class ClockDesigner:
 
     def analysis(self, gains: Mapping[str, Array]) -> Analysis:
         """Error of gains, in rationals."""
-        error = system(self.plant, self.Cp, gains)
+        error = error_system(self.plant, self.Cp, gains)
         return Analysis(self.engine, error, self.multiplier, self.T1, self.request.shape)
 
     # Given gains

@@ -7,8 +7,7 @@ from obsdesign.families.sporadic.clock.bernstein import Clock
 from obsdesign.families.sporadic.clock.claim import CONSTANTS, ClockClaim
 from obsdesign.families.sporadic.clock.outage import Outage
 from obsdesign.families.sporadic.clock.outage import read as read_outage
-from obsdesign.families.sporadic.clock.study import system
-from obsdesign.families.sporadic.clock.theorem import ClockTheorem
+from obsdesign.families.sporadic.clock.theorem import ClockTheorem, error_system
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.clock.witness import read as read_witness
 from obsdesign.families.sporadic.held import held, read_gains, require_asked
@@ -32,7 +31,7 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     if wrong := named.keys() - {*GOALS, "outage", "T2_max"} or {"gamma"} - named.keys():
         known = ", ".join((*GOALS, "outage", "T2_max"))
         raise file.wrong(".".join((*root, min(wrong))), f"expected gamma, and of {known} those that apply", id="OBS702")
-    error = system(plant, spec.H, gains)
+    error = error_system(plant, spec.H, gains)
     theorem = ClockTheorem(
         error, spec.multiplier, Clock((asked["T2"],), 1), asked["T1"], asked["decay"], request.shape.lookahead
     )

@@ -17,7 +17,7 @@ from obsdesign.families.sporadic.clock.analysis import Analysis
 from obsdesign.families.sporadic.clock.bernstein import Shape
 from obsdesign.families.sporadic.clock.convex import Convex, Predictor, Reset
 from obsdesign.families.sporadic.clock.descent import BARRIER, Gains, Injection, descend, walled
-from obsdesign.families.sporadic.clock.study import system
+from obsdesign.families.sporadic.clock.theorem import error_system
 from obsdesign.lmi.formula import Array, Exact, Float, in_floats
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -82,7 +82,7 @@ class Curve:
 
     def analysis(self, gains: Gains, shape: Shape | None = None) -> Analysis:
         """Error of gains, in doubles."""
-        error = system(self.doubles, in_floats(self.Cp), gains)
+        error = error_system(self.doubles, in_floats(self.Cp), gains)
         return Analysis(self.engine, error, self.M, self.T1, shape or self.shape)
 
     # One T2 and decay

@@ -1,30 +1,20 @@
 """What gains are proved to achieve by clock-dependent certificates, a witness for each claim."""
 
 import math
-from collections.abc import Mapping
 
 from flint import fmpq
 
 from obsdesign.dissipation import scan
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.families.sporadic.clock.analysis import FEASIBLE, Analysis
-from obsdesign.families.sporadic.clock.theorem import ErrorSystem, held, reset
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness, constants
 from obsdesign.families.sporadic.gains import EDGE, PART, SHORTENED
-from obsdesign.lmi.formula import Array, approximate, printed
-from obsdesign.model.plant import Plant
+from obsdesign.lmi.formula import approximate, printed
 
 PARTS = (0.15, 0.3, 0.5, 0.7)  # of the fastest rate, at which the constants of w and eta are proved
 QUIET = 0.5  # of the fastest rate, at which |x| is proved to decay where no rate is asked for
 FASTER = 2.0  # between rates that are tried, until one has no solution
 MOST = 40  # .. of these
-
-
-def system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> ErrorSystem:
-    """Error of an observer with the gains L and H, or K."""
-    if "K" in gains:
-        return reset(plant, Cp, gains["K"])
-    return held(plant, Cp, gains["L"], gains["H"])
 
 
 def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None) -> float | None:

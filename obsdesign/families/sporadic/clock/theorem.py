@@ -37,7 +37,7 @@ functions to each that may follow.
 (J) at tau = 0 leaves no room in the rows where J = I: P(0) is block-diagonal then. This is not in the paper.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -127,6 +127,13 @@ def reset(p: Plant[Array], Cp: Array, K: Array) -> ErrorSystem:
     """Error e of a copy of the plant that is corrected at the measurements, xhat+ = xhat + K (y - C xhat)."""
     eye = identity(p.n, K)
     return ErrorSystem(p.A, p.B, p.Bf, eye - K @ p.C, -K, Cp, p.Cq, p.Dq, p.Dqf, 0)
+
+
+def error_system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> ErrorSystem:
+    """Error of an observer with the gains L and H, or K."""
+    if "K" in gains:
+        return reset(plant, Cp, gains["K"])
+    return held(plant, Cp, gains["L"], gains["H"])
 
 
 def equations(system: ErrorSystem) -> str:
