@@ -6,6 +6,7 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from flint import fmpq
@@ -228,8 +229,7 @@ def noise_level(theorem: ClockTheorem, P: Float) -> float:
     """Smallest kappa with (N), by the Schur complement of it; infinite where (J) leaves no room."""
     levels = []
     for before, after in theorem.followed(P):
-        J, Jn = theorem.system.J, theorem.system.Jn
-        for A in after:
+        for A, (J, Jn) in product(after, theorem.system.jumps):
             room, across, own = before - J.T @ A @ J, J.T @ A @ Jn, Jn.T @ A @ Jn
             solved, *_ = np.linalg.lstsq(room, across, rcond=None)
             met = np.abs(room @ solved - across).max(initial=0.0) <= MET * np.abs(across).max(initial=0.0)

@@ -75,9 +75,9 @@ class Convex(ABC):
         return math.sqrt(max(found.objective, 0.0)), self.gain(found.values)
 
     def bound(self, P: Array, Y: Array, t: Array) -> Iterator[Inequality]:
-        """|P^-1 Y| <= kappa."""
-        yield Inequality("t I <= P", t * np.eye(self.n) - P)
+        """|P^-1 Y| <= kappa, for t I <= P."""
         size = self.kappa**2 * t * np.eye(Y.shape[-1])
+        yield Inequality("t I <= P", t * np.eye(self.n) - P)
         yield Inequality("|gain| <= kappa", -symmetric([[P, Y], [size]]))
 
     def flow(self, P: Array, PF: Array, slope: Array, v: Values) -> Iterator[Inequality]:
@@ -134,14 +134,59 @@ class Reset(Convex):
         on = clock.on(P)
         yield from self.flow(on, on @ theorem.system.F, -clock.slope(P), v)
         after = v["P0"][..., None, None, :, :]
-        left = after - self.C.T @ v["Y"][..., None, None, :, :].mT
+        left = after - self.C.T @ self.corrections(v).mT
         late = P[..., clock.within(theorem.T1, clock.knots[-1]), :, :]
         yield from listed("jump", -symmetric([[late, broadcast(left, late)], [broadcast(after, late)]]))
+        yield from self.bounds(v)
+
+    def corrections(self, v: Values) -> Array:
+        """Y for every control value of P."""
+        return np.asarray(v["Y"][..., None, None, :, :])
+
+    def bounds(self, v: Values) -> Iterator[Inequality]:
+        """|K| <= kappa."""
         yield from self.bound(v["P0"], v["Y"], v["t"])
 
     def gain(self, v: Values) -> Float:
         """K = P(0)^-1 Y."""
         return np.asarray(np.linalg.solve(v["P0"], v["Y"]))
+
+
+class GapReset(Reset):
+    """Control values of a K that depends on the interval that has just ended, K(s) = P(0)^-1 Y(s)."""
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Control values of P, and those of Y in [T1, T2]."""
+        P = (Unknown(f"P{j}", (self.n, self.n), symmetric=True) for j in range(self.theorem.clock.count))
+        return *P, *(Unknown(name, (self.n, len(self.C))) for name in self.names)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the control values of Y."""
+        return [f"Y{j}" for j in self.theorem.clock.within(self.theorem.T1, self.theorem.clock.knots[-1])]
+
+    def corrections(self, v: Values) -> Array:
+        """Y for the control values of P in [T1, T2], (.., 1, k, n, ny)."""
+        return self.theorem.stacked([v[name] for name in self.names], len(self.names))
+
+    def bounds(self, v: Values) -> Iterator[Inequality]:
+        """|K_j| <= kappa for every control value."""
+        for name in self.names:
+            yield from self.bound(v["P0"], v[name], v["t"])
+
+    def gain(self, v: Values) -> Float:
+        """Control values, segment by segment, (N, d + 1, n, ny)."""
+        K, d = np.stack([np.linalg.solve(v["P0"], v[name]) for name in self.names]), self.theorem.clock.degree
+        if len(K) == 1:  # T1 = T2
+            return np.broadcast_to(K[0], (1, d + 1, *K.shape[1:]))
+        return np.stack([K[a : a + d + 1] for a in range(0, len(K) - 1, d)])
+
+    @property
+    def knots(self) -> Float:
+        """Ends of the segments of K, s."""
+        inside = [s for s in self.theorem.clock.knots if s >= self.theorem.T1]
+        return np.array([float(s) for s in ([0, *inside] if len(inside) == 1 else inside)])
 
 
 def broadcast(matrix: Array, like: Array) -> Array:

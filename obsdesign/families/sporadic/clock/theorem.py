@@ -33,6 +33,9 @@ depend on this clock. With `lookahead` it looks one measurement further: P is on
 length, of [T1, T2] in which the interval after the next measurement ends, and (J) and (N) are asked from each of these
 functions to each that may follow.
 
+A K that depends on the interval that has just ended makes J(s) = I - K(s) C a mean of its control values J_j. (J) and (N)
+are convex in J and Jn where P(tau) >= 0, so that they hold if they do for every J_j.
+
 (F), (J), (N) are affine in P, P' and M, so that they hold if they do for the control values (`bernstein`). For T1 = 0,
 (J) at tau = 0 leaves no room in the rows where J = I: P(0) is block-diagonal then. This is not in the paper.
 """
@@ -86,11 +89,17 @@ class ErrorSystem:
     Dq: Array  # (nq, nw)
     Dqf: Array  # (nq, nf)
     kept: int  # the first entries of x, which a measurement leaves as they are; 0: none is known to be
+    others: tuple[tuple[Array, Array], ...] = ()  # further J and Jn, of which that of a measurement is a mean
 
     @property
     def order(self) -> int:
         """Number m of entries of x."""
         return len(self.F)
+
+    @property
+    def jumps(self) -> tuple[tuple[Array, Array], ...]:
+        """All J and Jn."""
+        return (self.J, self.Jn), *self.others
 
     @property
     def size(self) -> str:
@@ -130,7 +139,11 @@ def reset(p: Plant[Array], Cp: Array, K: Array) -> ErrorSystem:
 
 
 def error_system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> ErrorSystem:
-    """Error of an observer with the gains L and H, or K."""
+    """Error of an observer with the gains L and H, or K, or the control values of a K that depends on the interval."""
+    if "K_of_gap" in gains:
+        first, *others = gains["K_of_gap"].reshape(-1, plant.n, len(plant.C))
+        system = reset(plant, Cp, first)
+        return replace(system, others=tuple((system.J + (first - K) @ plant.C, -K) for K in others))
     if "K" in gains:
         return reset(plant, Cp, gains["K"])
     return held(plant, Cp, gains["L"], gains["H"])
@@ -235,18 +248,21 @@ class ClockTheorem:
         )
 
     def jump(self, before: Array, after: Array) -> Array:
-        """The matrix of (J)."""
-        return self.system.J.mT @ after @ self.system.J - before
+        """The matrices of (J), of one J after the other, (.., k, m, m)."""
+        return np.concatenate([J.mT @ after @ J - before for J, _ in self.system.jumps], axis=-3)
 
     def noisy_jump(self, before: Array, after: Array, kappa: Array) -> Array:
-        """The matrix of (N), of the other sign."""
-        s = self.system
-        return symmetric(
-            [
-                [self.jump(before, after), s.J.mT @ after @ s.Jn],
-                [s.Jn.mT @ after @ s.Jn - kappa * identity(s.Jn.shape[1], s.Jn)],
-            ]
-        )
+        """The matrices of (N), of the other sign."""
+        found = [
+            symmetric(
+                [
+                    [J.mT @ after @ J - before, J.mT @ after @ Jn],
+                    [Jn.mT @ after @ Jn - kappa * identity(Jn.shape[1], Jn)],
+                ]
+            )
+            for J, Jn in self.system.jumps
+        ]
+        return np.concatenate(found, axis=-3)
 
     def inequalities(self, v: Values) -> list[Inequality]:
         """All of them, of the unknowns and of the numbers of `conditions`."""
