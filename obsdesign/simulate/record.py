@@ -90,8 +90,8 @@ class Record:
         eta_sup = np.maximum.accumulate(np.append(0.0, np.linalg.norm(eta, axis=1)))
         added = np.cumsum(np.append(0.0, self.system.kicks))
         missing = self.now.of(map(mismatch, self.system.corrections))
-        timer = schedule.timer(self.t, self.j)
-        return Measurements(missing, timer, eta_sup[self.j], added[self.j], schedule.crowded)
+        clocks = schedule.timer(self.t, self.j), schedule.elapsed(self.t, self.j)
+        return Measurements(missing, *clocks, eta_sup[self.j], added[self.j], schedule.crowded)
 
     @cached_property
     def signals(self) -> Samples:

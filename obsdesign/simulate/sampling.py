@@ -64,7 +64,7 @@ class Schedule:
     T1: float  # s, limits of the intervals for which the guarantee holds
     T2: float
     horizon: float
-    ahead: int = 0  # intervals, one that is too short included, before which the guarantee is void; 0: none is
+    ahead: int | None = None  # intervals to come that the guarantee depends on; None: they may be shorter than T1
 
     @property
     def intervals(self) -> Vector:
@@ -89,13 +89,13 @@ class Schedule:
         """Time from which on no guarantee holds: a measurement is overdue, or one comes too soon; or infinite."""
         late, short, received = np.flatnonzero(self.late), np.flatnonzero(self.short), np.append(0.0, self.received)
         overdue = float(received[late[0]] + self.T2) if len(late) else np.inf
-        hasty = float(received[max(short[0] + 1 - self.ahead, 0)]) if len(short) and self.ahead else np.inf
+        hasty = float(received[max(short[0] + 1 - self.ahead, 0)]) if len(short) and self.ahead is not None else np.inf
         return min(overdue, hasty)
 
     @property
     def why(self) -> str:
         """What voids the guarantee, in words."""
-        hasty = self.ahead and self.until < replace(self, ahead=0).until
+        hasty = self.ahead is not None and self.until < replace(self, ahead=None).until
         return "an interval that is too short begins" if hasty else "a measurement is overdue"
 
     @property
@@ -108,6 +108,13 @@ class Schedule:
         """Time tau that is left to the next measurement, or to the one that T2 demands, after j are received."""
         last, following = np.append(0.0, self.received)[j], np.append(self.received, np.inf)[j]
         return np.asarray(np.maximum(np.minimum(following, last + self.T2) - t, 0.0))
+
+    def elapsed(self, t: Array, j: Array) -> Array:
+        """Time since the last measurement after j are received; the clock is at T1 at the first one, or beyond."""
+        begins = np.append(0.0, self.received)
+        if len(self.received):
+            begins[0] -= max(0.0, self.T1 - self.received[0])
+        return np.asarray(t - begins[j])
 
     def report(self) -> dict[str, Any]:
         """Numbers and intervals of the measurements, and from when on a guarantee is void."""

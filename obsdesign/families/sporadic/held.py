@@ -1,12 +1,14 @@
 """What any result of this family is held against: the intervals, the decay and the gains that its spec asks for."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds, ends
 from obsdesign.dissipation.certificate import kept
-from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.request import LARGEST_DEGREE, SporadicRequest
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed
@@ -17,8 +19,26 @@ from obsdesign.spec import Spec
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
     """Exact gains of a file: L and H, or K."""
     n, ny = spec.augmented.n, len(spec.augmented.C)
+    if "K_of_gap" in file.table("observer"):
+        return read_adapted(file, (n, ny))
     sizes = {"K": (n, ny)} if "K" in file.table("observer") else {"L": (n, ny), "H": (ny, ny)}
     return {name: file.matrix(shape, "observer", name) for name, shape in sizes.items()}
+
+
+def read_adapted(file: ResultFile, size: tuple[int, int]) -> dict[str, Array]:
+    """Exact control values of a gain that depends on the interval that has just ended, and the ends of its segments."""
+    root = ("observer", "K_of_gap")
+    knots = file.numbers(*root, "knots")
+    T1, T2 = (file.number("observer", name) for name in ("T1", "T2"))
+    rising = len(knots) > 1 and all(a < b for a, b in pairwise(knots))
+    if not rising or knots[-1] != T2 or knots[0] != (T1 if T1 < T2 else 0):
+        raise file.wrong("observer.K_of_gap.knots", "expected numbers that rise from T1 to T2", id="OBS702")
+    first = file.at(*root, "K")
+    degree = len(first[0]) - 1 if isinstance(first, list) and first and isinstance(first[0], list) else 0
+    if not 1 <= degree <= LARGEST_DEGREE:
+        raise file.wrong("observer.K_of_gap.K", "expected a list of matrices for each segment", id="OBS702")
+    K = file.stack((len(knots) - 1, degree + 1, *size), *root, "K")
+    return {"K_of_gap": K, "knots": np.array(knots, dtype=object)}
 
 
 def require_asked(
@@ -39,8 +59,9 @@ def require_asked(
             raise file.wrong(f"observer.{name}", "differs from that of the guarantee", id="OBS705")
     if request.gains:
         require_given(file, request.gains, gains)
-    elif not any(of_injection(name, gains, C) for name in request.injections):
-        key, said = ("K" if "K" in gains else "H"), " or ".join(request.injections)
+    elif not any(of_injection(name, gains, C, gap=request.gap) for name in request.injections):
+        key, said = ("H" if "H" in gains else next(iter(gains))), " or ".join(request.injections)
+        said += f" with clock.gain {'gap' if request.gap else 'constant'}" if "reset" in request.injections else ""
         raise file.wrong(f"observer.{key}", f"not that of {said}, which the spec asks for", id="OBS707")
 
 
@@ -59,13 +80,17 @@ def held(request: SporadicRequest, gains: Mapping[str, Array]) -> tuple[Check, .
     """Whether a designed gain keeps its bound, in rationals."""
     if request.gains:
         return ()
-    name, largest = ("K", request.largest_reset) if "K" in gains else ("L", request.largest_gain)
-    return kept(Bounds(L1=largest), gains[name])
+    if "L" in gains:
+        return kept(Bounds(L1=request.largest_gain), gains["L"])
+    values = gains["K"][None] if "K" in gains else gains["K_of_gap"].reshape(-1, *gains["K_of_gap"].shape[2:])
+    return tuple(check for K in values for check in kept(Bounds(L1=request.largest_reset), K))
 
 
-def of_injection(name: str, gains: Mapping[str, Array], C: Array) -> bool:
-    """Whether gains are those of an injection."""
-    if (name == "reset") != ("K" in gains):
+def of_injection(name: str, gains: Mapping[str, Array], C: Array, *, gap: bool) -> bool:
+    """Whether gains are those of an injection; `gap`: whether K of a reset depends on the interval."""
+    if name == "reset":
+        return ("K_of_gap" if gap else "K") in gains
+    if "L" not in gains:
         return False
-    H = None if name == "reset" else tied_gain(name, gains["L"], C)
+    H = tied_gain(name, gains["L"], C)
     return H is None or not (gains["H"] != H).any()

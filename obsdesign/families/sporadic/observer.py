@@ -121,8 +121,9 @@ def sampled(spec: Spec, gains: Mapping[str, Array], guarantee: SampledGuarantee 
     """
     p, eye = spec.augmented.doubles, np.eye(spec.augmented.n)
     T1, T2 = (guarantee.T1, guarantee.T2) if guarantee else intervals(spec)
-    if "K" in gains:
-        J, Jn = eye - gains["K"] @ p.C, -gains["K"]
+    if "L" not in gains:
+        K = gains["K"] if "K" in gains else np.stack([gains["K_of_gap"][0, 0], gains["K_of_gap"][-1, -1]])
+        J, Jn = eye - K @ p.C, -K
         return Periodic(**vars(Errors.of(p, spec.multiplier, in_floats(spec.H))), J=J, Jn=Jn, T1=T1, T2=T2)
     L, H = gains["L"], gains["H"]
     n, ny = L.shape
@@ -146,6 +147,8 @@ def beside(spec: Spec, gains: Mapping[str, Array], guarantee: SampledGuarantee |
     Intervals are those of the guarantee, or the least that is asked for, and so is the rate.
     """
     T1, T2 = (guarantee.T1, guarantee.T2) if guarantee else intervals(spec)
+    if "K_of_gap" in gains:
+        return {}  # J is not one matrix
     decay = guarantee.decay if guarantee else float(ends(request_of(spec).decay)[0])
     error = error_system(spec.augmented.doubles, in_floats(spec.H), gains)
     members = Errors.of(spec.augmented, spec.multiplier, spec.H).through

@@ -25,8 +25,8 @@ MOST = 500  # intervals
 class Periodic(Errors):
     """Error systems between two measurements, in (e, theta) or e, with the intervals T1 and T2 of these."""
 
-    J: Array  # (m, n), of what is left of e at a measurement
-    Jn: Array  # (m, ny), of its noise
+    J: Array  # (m, n), of what is left of e at a measurement, or those after T1 and after T2, (2, m, n)
+    Jn: Array  # (m, ny), of its noise, or (2, m, ny)
     T1: float  # s; 0: any positive interval
     T2: float  # s
 
@@ -38,7 +38,7 @@ class Periodic(Errors):
     @property
     def n(self) -> int:
         """Order of e."""
-        return int(self.J.shape[1])
+        return int(self.J.shape[-1])
 
     @property
     def intervals(self) -> dict[str, float]:
@@ -49,8 +49,9 @@ class Periodic(Errors):
         """Matrices of e and of eta for a matrix of the flow."""
         from scipy.linalg import expm
 
-        E = expm(A * T)[: self.n]
-        return E @ self.J, E @ self.Jn
+        E, at = expm(A * T)[: self.n], int(self.T1 != T)
+        J, Jn = (M if M.ndim == 2 else M[at] for M in (self.J, self.Jn))
+        return E @ J, E @ Jn
 
     def multipliers(self, T: float) -> list[list[float]]:
         """Eigenvalues [re, im] of one step of the linear part, without f, the largest first."""

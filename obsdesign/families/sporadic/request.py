@@ -291,6 +291,8 @@ def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq) -> Shape:
     lookahead = reader.integer(section.lookahead, (*loc, "lookahead"), 1, 1, FARTHEST)
     if lookahead > 1 and not T1 and reader.clean(("observer", "T1")):
         reader.wrong((*loc, "lookahead"), f"{lookahead} needs T1 > 0; for T1 = 0 it gains nothing, give 1", id="OBS208")
+    if section.gain == "gap" and not T1 and reader.clean(("observer", "T1")):
+        reader.wrong((*loc, "gain"), "gap needs T1 > 0; for T1 = 0 give constant", id="OBS208")
     return Shape(degree, segments, lookahead)
 
 

@@ -1,6 +1,6 @@
 """Gains for sporadic measurements as text."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from obsdesign.families.sporadic.certificate import MEANING
@@ -23,12 +23,21 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
 
 def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Gains for sporadic measurements, and how they contract the error over one interval."""
-    name = "K" if "K" in made else "L"
-    rows = [("gain", f"|{name}| = {spectral_norm(made[name]):.4g}")]
-    rows += [(key, matrix_text(made[key])) for key in ("L", "H", "K") if key in made]
     known = ", ".join(f"{k:.3g} over {name}" for name, k in made["contraction"].items() if k is not None)
     said = f"{known}   the slowest that was found of f = K q of the types" if known else UNBOUNDED
-    rows += [("delta", f"{made['delta']:g} 1/s")] if "delta" in made else []
-    rows += [("contraction", said)]
+    rows = [*gains(made), *([("delta", f"{made['delta']:g} 1/s")] if "delta" in made else []), ("contraction", said)]
     noise = ", ".join(f"{name} {gain:.3g}" for name, gain in made["noise_gain"].items())
     return rows + ([("noise gain", f"{noise}   at the measurements, T1 or T2 apart")] if noise else [])
+
+
+def gains(made: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Size and entries of the gains; of one that depends on the interval those at its ends."""
+    if "K_of_gap" in made:
+        segments = made["K_of_gap"]["K"]
+        yield "gain", f"|K| at most {max(spectral_norm(K) for segment in segments for K in segment):.4g}"
+        yield "K after T1", matrix_text(segments[0][0])
+        yield "K after T2", matrix_text(segments[-1][-1])
+        return
+    name = "K" if "K" in made else "L"
+    yield "gain", f"|{name}| = {spectral_norm(made[name]):.4g}"
+    yield from ((key, matrix_text(made[key])) for key in ("L", "H", "K") if key in made)

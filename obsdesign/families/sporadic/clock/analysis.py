@@ -6,14 +6,13 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.sporadic.clock.bernstein import SHAPE, Shape, clock
+from obsdesign.families.sporadic.clock.bernstein import SHAPE, Clock, Shape, clock
 from obsdesign.families.sporadic.clock.theorem import DECREASE, SETTLES, ClockTheorem, ErrorSystem
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness
 from obsdesign.lmi.equilibrate import Scales
@@ -60,11 +59,12 @@ class Analysis:
     multiplier: Multiplier
     T1: fmpq
     shape: Shape = SHAPE
+    clock: Clock | None = None  # of a K that depends on the interval: that of K
 
     def theorem(self, T2: fmpq, decay: fmpq) -> ClockTheorem:
         """The inequalities for a longest interval and a rate."""
         s = self.shape
-        pieces = clock(self.T1, T2, s.degree, s.segments, s.lookahead)
+        pieces = self.clock or clock(self.T1, T2, s.degree, s.segments, s.lookahead)
         return ClockTheorem(self.system, self.multiplier, pieces, self.T1, decay, s.lookahead)
 
     # Searches
@@ -227,11 +227,18 @@ def more(goal: Goal, theorem: ClockTheorem, P: Array) -> dict[str, fmpq]:
 
 def noise_level(theorem: ClockTheorem, P: Float) -> float:
     """Smallest kappa with (N), by the Schur complement of it; infinite where (J) leaves no room."""
+    J, Jn = theorem.system.J, theorem.system.Jn
     levels = []
     for before, after in theorem.followed(P):
-        for A, (J, Jn) in product(after, theorem.system.jumps):
-            room, across, own = before - J.T @ A @ J, J.T @ A @ Jn, Jn.T @ A @ Jn
+        rooms, acrosses, owns = before - J.mT @ after @ J, J.mT @ after @ Jn, Jn.mT @ after @ Jn
+        count = len(rooms)
+        for room, across, own in zip(rooms, repeated(acrosses, count), repeated(owns, count), strict=True):
             solved, *_ = np.linalg.lstsq(room, across, rcond=None)
             met = np.abs(room @ solved - across).max(initial=0.0) <= MET * np.abs(across).max(initial=0.0)
             levels.append(float(np.linalg.eigvalsh(own + across.T @ solved)[-1]) if met else math.inf)
     return max(levels, default=0.0)
+
+
+def repeated(stack: Float, count: int) -> Float:
+    """Stack of so many matrices, of as many or of one."""
+    return np.broadcast_to(stack, (count, *stack.shape[-2:]))

@@ -23,7 +23,7 @@ from math import comb
 import numpy as np
 from flint import fmpq
 
-from obsdesign.lmi.formula import Array, Float, zeros
+from obsdesign.lmi.formula import Array, Float, rational_number, zeros
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,11 @@ class Clock:
         met = [i for i, (a, b) in enumerate(ends) if a < high and b > low]
         return np.unique(self.places[met])
 
+    def segments_within(self, T1: fmpq) -> Array:
+        """Control values of the segments of [T1, T2], one segment after the other; of the point T2 for T1 = T2."""
+        late = self.places[[a >= T1 for a in self.knots[:-1]]].ravel()
+        return late if len(late) else self.places[-1, -1:]
+
     def halved(self, P: Array) -> "tuple[Clock, Array]":
         """Same polynomial on segments half as long: its control values are closer to it (de Casteljau)."""
         knots, values = [self.knots[0]], [P[..., :1, :, :]]
@@ -126,6 +131,18 @@ def clock(T1: fmpq, T2: fmpq, degree: int, segments: int, bins: int = 1) -> Cloc
     late = max(bins, round(segments * float((T2 - T1) / T2) / bins) * bins)
     late = max(bins, min(late, segments - 1))
     return Clock((fmpq(0), *divided(fmpq(0), T1, max(segments - late, 1)), *divided(T1, T2, late)), degree)
+
+
+def adapted(T1: fmpq, T2: fmpq, degree: int, segments: int) -> Clock:
+    """Segments of the time elapsed: [0, T1], and the others of [T1, T2]; their inner ends are decimals."""
+    ends = [*divided(T1, T2, max(segments - 1, 1))] if T1 < T2 else []
+    inner = [rational_number(f"{float(s):.6g}") for s in ends[:-1]]
+    return Clock((fmpq(0), *([T1] if T1 else []), *inner, *ends[-1:]), degree)
+
+
+def of_gain(T1: fmpq, knots: Array, K: Array) -> Clock:
+    """Segments of the time elapsed on which a gain K(s) is a polynomial: [0, T1], and those of its knots."""
+    return Clock((fmpq(0), *([T1] if T1 else []), *knots[1:].tolist()), K.shape[1] - 1)
 
 
 def divided(low: fmpq, high: fmpq, parts: int) -> Iterator[fmpq]:

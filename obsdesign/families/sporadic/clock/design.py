@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends
@@ -20,10 +19,11 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
 from obsdesign.families.sporadic.clock.analysis import Analysis
+from obsdesign.families.sporadic.clock.bernstein import of_gain
 from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.clock.outage import outage
 from obsdesign.families.sporadic.clock.reasons import nothing_found, useless
-from obsdesign.families.sporadic.clock.search import Curve, Found, main
+from obsdesign.families.sporadic.clock.search import Curve, Found, main, norm
 from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, witnesses
 from obsdesign.families.sporadic.clock.theorem import error_system
 from obsdesign.families.sporadic.clock.witness import GOALS
@@ -57,21 +57,15 @@ class ClockDesigner:
         request = self.request
         self.T1, self.T2, self.decay = printed(request.T1), Range(*ends(request.T2)), Range(*ends(request.decay))
         self.lowest = max(printed(self.T2.low), self.T1), printed(self.decay.low)
-        self.curves = [
-            Curve(
-                self.engine,
-                self.plant,
-                self.multiplier,
-                self.Cp,
-                self.T1,
-                request.shape,
-                name,
-                bound
-                if (bound := request.largest_reset if name == "reset" else request.largest_gain) is None
-                else float(bound),
-            )
-            for name, _ in request.pairs
-        ]
+        self.curves = [self.curve(name) for name, _ in request.pairs]
+
+    def curve(self, name: str) -> Curve:
+        """Search of one injection, within the bound on its gain."""
+        request, resets = self.request, name == "reset"
+        bound = request.largest_reset if resets else request.largest_gain
+        kappa = None if bound is None else float(bound)
+        problem = self.engine, self.plant, self.multiplier, self.Cp
+        return Curve(*problem, self.T1, request.shape, name, kappa, request.gap and resets)
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
@@ -94,7 +88,8 @@ class ClockDesigner:
     def analysis(self, gains: Mapping[str, Array]) -> Analysis:
         """Error of gains, in rationals."""
         error = error_system(self.plant, self.Cp, gains)
-        return Analysis(self.engine, error, self.multiplier, self.T1, self.request.shape)
+        clock = of_gain(self.T1, gains["knots"], gains["K_of_gap"]) if "K_of_gap" in gains else None
+        return Analysis(self.engine, error, self.multiplier, self.T1, self.request.shape, clock)
 
     # Given gains
 
@@ -190,11 +185,11 @@ class ClockDesigner:
     def rounded(self, curve: Curve, found: Found) -> Iterator[dict[str, Array]]:
         """Gains in more and more digits, in rationals, within the bound on them."""
         for digits in DIGITS:
-            rough = {name: significant(gain, digits) for name, gain in found.gains.items()}
+            rough = {n: gain if n == "knots" else significant(gain, digits) for n, gain in found.gains.items()}
             exact = {name: printed(gain) for name, gain in rough.items()}
             if "L" in exact and (tied := tied_gain(curve.name, exact["L"], self.plant.C)) is not None:
                 exact["H"] = tied
-            if curve.kappa is None or float(np.linalg.norm(main(rough), 2)) <= curve.kappa:
+            if curve.kappa is None or norm(main(rough)) <= curve.kappa:
                 yield exact
 
     def nothing(self, T2: fmpq, decay: fmpq) -> Outcome:
@@ -278,8 +273,8 @@ class ClockDesigner:
                 continue
             witness = analysis.prove(GOALS["gamma"], T2, decay, least)
             if witness and witness.holds and witness.definite:
-                proved, key = above(witness.constants()["gamma"]), "K" if "K" in gains else "L"
-                size = float(np.linalg.norm(main(in_floats_of(gains)), 2))
+                proved, key = above(witness.constants()["gamma"]), "L" if "L" in gains else "K"
+                size = norm(main(in_floats_of(gains)))
                 certified = {"gamma": proved, "T2": float(T2), "decay": float(decay), key: size}
                 return {**known, "gamma": min(gamma, proved), "status": "certified", "certified": certified}
         return known

@@ -1,5 +1,6 @@
 """Result files of clock-dependent certificates: what is written of a claim, and how it is read and held again."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -8,13 +9,13 @@ from obsdesign.families.sporadic.clock.claim import CONSTANTS, ClockClaim
 from obsdesign.families.sporadic.clock.outage import Outage
 from obsdesign.families.sporadic.clock.outage import read as read_outage
 from obsdesign.families.sporadic.clock.theorem import ClockTheorem, error_system
-from obsdesign.families.sporadic.clock.witness import GOALS
+from obsdesign.families.sporadic.clock.witness import GOALS, Witness
 from obsdesign.families.sporadic.clock.witness import read as read_witness
 from obsdesign.families.sporadic.held import held, read_gains, require_asked
 from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import request_of
 from obsdesign.files import ResultFile
-from obsdesign.lmi.formula import approximate
+from obsdesign.lmi.formula import Array, approximate
 from obsdesign.spec import Spec
 
 
@@ -48,6 +49,7 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
             raise file.wrong(".".join((*root, "overshoot")), "missing: an outage is one of its V", id="OBS702")
         overdue = read_outage(file, found["overshoot"], *root, "outage")
         require_outage(file, overdue)
+    require_segments(file, gains, found.values())
     direct = any([*plant.D.flat, *plant.Df.flat])
     claim = ClockClaim(
         error,
@@ -66,6 +68,16 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     return replace(claim, stated={key: file.number("guarantee", key) for key in CONSTANTS if key in told})
 
 
+def require_segments(file: ResultFile, gains: Mapping[str, Array], witnesses: Iterable[Witness]) -> None:
+    """Refuse storage functions that are not polynomials on the segments of a gain that depends on the interval."""
+    for witness in witnesses if "K_of_gap" in gains else ():
+        clock, T1 = witness.theorem.clock, witness.theorem.T1
+        late = [s for s in clock.knots if s >= T1] if gains["knots"][0] else list(clock.knots)
+        if late != gains["knots"].tolist() or clock.degree != gains["K_of_gap"].shape[1] - 1:
+            said = "the storage functions and K have not the same degree on the same segments"
+            raise file.wrong("observer.K_of_gap", said, id="OBS702")
+
+
 def require_outage(file: ResultFile, outage: Outage) -> None:
     """Refuse a growth or a share that is better than what is proved."""
     growth, share = (file.number("guarantee", "outage", name) for name in ("growth", "share"))
@@ -78,8 +90,11 @@ def written(spec: Spec, claim: ClockClaim) -> dict[str, Any]:
     gains = {name: gain.astype(float) for name, gain in claim.gains.items()}
     found = sampled(spec, gains, claim.guarantee(spec))
     intervals = found.intervals
+    told = {name: gain.tolist() for name, gain in gains.items()}
+    if "K_of_gap" in told:
+        told = {"K_of_gap": {"knots": told["knots"], "K": told["K_of_gap"]}}
     return {
-        **{name: gain.tolist() for name, gain in gains.items()},
+        **told,
         "T1": approximate(claim.T1),
         "T2": approximate(claim.T2),
         "multipliers": {name: found.multipliers(T) for name, T in intervals.items()},

@@ -55,9 +55,9 @@ class ClockGuarantee:
         return None
 
     @property
-    def ahead(self) -> int:
+    def ahead(self) -> int | None:
         """Intervals to come that V depends on, where there is a shortest one."""
-        return self.witness.theorem.ahead if self.T1 else 0
+        return self.witness.theorem.ahead if self.T1 else None
 
     def rates(self) -> Rates:
         """V' <= -2 lambda V + gamma^2 |w|^2."""
@@ -115,8 +115,9 @@ class ClockGuarantee:
 
     def storage(self, course: Course) -> Array:
         """V along a run, (M,): with a look further ahead the least of its functions, and at the start the largest."""
-        x, timer, clock = self.errors(course), measurements(course).timer, self.witness.theorem.clock
-        values = [np.einsum("ti,tij,tj->t", x, clock.at(P, timer), x) for P in self.doubles]
+        x, at, theorem = self.errors(course), measurements(course), self.witness.theorem
+        time = at.elapsed if theorem.system.elapsed else at.timer
+        values = [np.einsum("ti,tij,tj->t", x, theorem.clock.at(P, time), x) for P in self.doubles]
         least, largest = np.min(values, axis=0), np.max(values, axis=0)
         return np.append(largest[:1], least[1:])
 

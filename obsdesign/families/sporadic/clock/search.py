@@ -6,7 +6,7 @@ lower degree, and what is shipped is analysed once more and proved.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -14,11 +14,11 @@ from flint import fmpq
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.clock.analysis import Analysis
-from obsdesign.families.sporadic.clock.bernstein import Shape
-from obsdesign.families.sporadic.clock.convex import Convex, Predictor, Reset
+from obsdesign.families.sporadic.clock.bernstein import Shape, adapted, of_gain
+from obsdesign.families.sporadic.clock.convex import Convex, GapReset, Predictor, Reset
 from obsdesign.families.sporadic.clock.descent import BARRIER, Gains, Injection, descend, walled
 from obsdesign.families.sporadic.clock.theorem import error_system
-from obsdesign.lmi.formula import Array, Exact, Float, in_floats
+from obsdesign.lmi.formula import Array, Exact, Float, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -46,7 +46,7 @@ class Found:
     @property
     def size(self) -> float:
         """|L| or |K|."""
-        return float(np.linalg.norm(main(self.gains), 2))
+        return norm(main(self.gains))
 
 
 def driven(plant: Plant[Float]) -> Plant[Float]:
@@ -58,8 +58,18 @@ def driven(plant: Plant[Float]) -> Plant[Float]:
 
 
 def main(gains: Gains) -> Float:
-    """The gain whose size counts: L or K."""
-    return gains["K"] if "K" in gains else gains["L"]
+    """The gain whose size counts: L or K, or all control values of K."""
+    return next(gains[name] for name in ("K_of_gap", "K", "L") if name in gains)
+
+
+def norm(gain: Float) -> float:
+    """Spectral norm of a gain, or the largest of its control values."""
+    return float(np.linalg.norm(gain, 2, axis=(-2, -1)).max())
+
+
+def scaled(gains: Gains, factor: float) -> Gains:
+    """Gains that are multiplied by a factor."""
+    return {name: gain if name == "knots" else factor * gain for name, gain in gains.items()}
 
 
 @dataclass
@@ -74,7 +84,7 @@ class Curve:
     shape: Shape
     name: str  # dynamic, predictor, hold or reset
     kappa: float | None  # bound on |L| or |K|
-    known: dict[tuple[fmpq, fmpq], Found] = field(default_factory=dict)
+    gap: bool = False  # whether K of a reset depends on the interval that has just ended
 
     def __post_init__(self) -> None:
         self.doubles, self.M = driven(self.plant.doubles), in_floats(self.multiplier)
@@ -83,7 +93,8 @@ class Curve:
     def analysis(self, gains: Gains, shape: Shape | None = None) -> Analysis:
         """Error of gains, in doubles."""
         error = error_system(self.doubles, in_floats(self.Cp), gains)
-        return Analysis(self.engine, error, self.M, self.T1, shape or self.shape)
+        clock = of_gain(self.T1, printed(gains["knots"]), gains["K_of_gap"]) if "K_of_gap" in gains else None
+        return Analysis(self.engine, error, self.M, self.T1, shape or self.shape, clock)
 
     # One T2 and decay
 
@@ -112,8 +123,8 @@ class Curve:
 
     def inside(self, gains: Gains) -> Gains:
         """Gains, smaller where they are too near to the bound for a descent to begin."""
-        room = INSIDE * (self.kappa or math.inf) / (float(np.linalg.norm(main(gains), 2)) or 1.0)
-        return gains if room >= 1 else {name: room * gain for name, gain in gains.items()}
+        room = INSIDE * (self.kappa or math.inf) / (norm(main(gains)) or 1.0)
+        return gains if room >= 1 else scaled(gains, room)
 
     @property
     def begin(self) -> float:
@@ -131,6 +142,9 @@ class Curve:
         """Gains within a bound from convex problems: a predictor, or a reset and what acts like it between samples."""
         C, zero = self.doubles.C, np.zeros((len(self.doubles.C),) * 2)
         T = float(T2)
+        if self.gap:
+            yield from self.adapted(kappa, T2, decay)
+            return
         if self.name == "reset":
             yield from ({"K": K} for K in self.convex(Reset, kappa, T2, decay))
             return
@@ -138,6 +152,15 @@ class Curve:
             yield {"L": L, "H": zero if self.name == "hold" else -C @ L}
         for K in self.convex(Reset, kappa * T, T2, decay) if self.name != "predictor" else ():
             yield {"L": K / T, "H": zero}
+
+    def adapted(self, kappa: float, T2: fmpq, decay: fmpq) -> Iterator[Gains]:
+        """Gain that depends on the interval."""
+        none = self.analysis({"K": np.zeros((self.doubles.n, len(self.doubles.C)))})
+        clock = adapted(self.T1, T2, self.shape.degree, self.shape.segments)
+        form = GapReset(replace(none, clock=clock).theorem(T2, decay).doubles, self.doubles.C, kappa)
+        _, K = form.least(none)
+        if K is not None and np.isfinite(K).all():
+            yield scaled({"K_of_gap": K, "knots": form.knots}, min(1.0, INSIDE * kappa / (norm(K) or 1.0)))
 
     def convex(self, form: type[Convex], kappa: float, T2: fmpq, decay: fmpq) -> Iterator[Float]:
         """Gain of a convex problem, if it has a solution, inside the bound."""
@@ -160,7 +183,7 @@ class Curve:
 
     def descended(self, start: Found, kappa: float, T2: fmpq, decay: fmpq, steps: int = STEPS) -> Found:
         """Local minimum of gamma within a bound on the gain, from gains within it on."""
-        if not start.gamma:
+        if not start.gamma or self.gap:
             return start
         x, B = descend(partial(self.value, kappa, T2, decay), self.injection.vector(start.gains), steps, start.B)
         made = self.measured(self.injection.gains(x), T2, decay)
@@ -189,8 +212,7 @@ class Curve:
         kappa = part * found.size
         if not kappa:
             return None
-        shrunk = {name: INSIDE * part * gain for name, gain in found.gains.items()}
-        first = self.measured(shrunk, T2, decay)
+        first = self.measured(scaled(found.gains, INSIDE * part), T2, decay)
         if first is None:
             starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
             first = min((f for f in starts if f), key=lambda f: f.gamma, default=None)

@@ -33,8 +33,10 @@ depend on this clock. With `lookahead` it looks one measurement further: P is on
 length, of [T1, T2] in which the interval after the next measurement ends, and (J) and (N) are asked from each of these
 functions to each that may follow.
 
-A K that depends on the interval that has just ended makes J(s) = I - K(s) C a mean of its control values J_j. (J) and (N)
-are convex in J and Jn where P(tau) >= 0, so that they hold if they do for every J_j.
+A gain K(s) of a reset may depend on the interval s that has just ended. For it the clock is the time s since the last
+measurement instead: P(s), P' with the other sign in (F), and J(s)' P(0) J(s) <= P(s) for s in [T1, T2], J = I - K C.
+With K and P of the same degree on the same segments, this holds if it does for each pair of control values, since it
+is convex in J where P(0) >= 0. Before the first measurement, at t1, the clock begins at max(0, T1 - t1).
 
 (F), (J), (N) are affine in P, P' and M, so that they hold if they do for the control values (`bernstein`). For T1 = 0,
 (J) at tau = 0 leaves no room in the rows where J = I: P(0) is block-diagonal then. This is not in the paper.
@@ -67,6 +69,10 @@ HOLDING = (
     "xhat' = A xhat + Bf f(qhat) + g + L theta, theta' = H theta between measurements, "
     "theta+ = y - C xhat at a measurement, e = x - xhat, d = C e - theta, z = Cp e"
 )
+ADAPTING = (
+    "xhat' = A xhat + Bf f(qhat) + g between measurements, xhat+ = xhat + K(s) (y - C xhat) at a measurement, "
+    "s the time since the one before, e = x - xhat, z = Cp e"
+)
 RESETTING = (
     "xhat' = A xhat + Bf f(qhat) + g between measurements, xhat+ = xhat + K (y - C xhat) at a measurement, "
     "e = x - xhat, z = Cp e"
@@ -82,14 +88,13 @@ class ErrorSystem:
     F: Array  # (m, m)
     Bx: Array  # (m, nw)
     Bfx: Array  # (m, nf)
-    J: Array  # (m, m)
-    Jn: Array  # (m, ny)
+    J: Array  # (m, m), or the control values on the segments of [T1, T2], (k, m, m)
+    Jn: Array  # (m, ny), or (k, m, ny)
     Cp: Array  # (nz, m)
     Cq: Array  # (nq, m)
     Dq: Array  # (nq, nw)
     Dqf: Array  # (nq, nf)
     kept: int  # the first entries of x, which a measurement leaves as they are; 0: none is known to be
-    others: tuple[tuple[Array, Array], ...] = ()  # further J and Jn, of which that of a measurement is a mean
 
     @property
     def order(self) -> int:
@@ -97,9 +102,9 @@ class ErrorSystem:
         return len(self.F)
 
     @property
-    def jumps(self) -> tuple[tuple[Array, Array], ...]:
-        """All J and Jn."""
-        return (self.J, self.Jn), *self.others
+    def elapsed(self) -> bool:
+        """Whether J depends on the interval that has ended: the clock is the time since the last measurement then."""
+        return self.J.ndim > 2
 
     @property
     def size(self) -> str:
@@ -141,9 +146,8 @@ def reset(p: Plant[Array], Cp: Array, K: Array) -> ErrorSystem:
 def error_system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> ErrorSystem:
     """Error of an observer with the gains L and H, or K, or the control values of a K that depends on the interval."""
     if "K_of_gap" in gains:
-        first, *others = gains["K_of_gap"].reshape(-1, plant.n, len(plant.C))
-        system = reset(plant, Cp, first)
-        return replace(system, others=tuple((system.J + (first - K) @ plant.C, -K) for K in others))
+        K = gains["K_of_gap"].reshape(-1, plant.n, len(plant.C))
+        return reset(plant, Cp, K[-1:] if not gains["knots"][0] else K)  # T1 = T2: K of the point
     if "K" in gains:
         return reset(plant, Cp, gains["K"])
     return held(plant, Cp, gains["L"], gains["H"])
@@ -151,7 +155,7 @@ def error_system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> 
 
 def equations(system: ErrorSystem) -> str:
     """Observer and error in words."""
-    return HOLDING if system.kept else RESETTING
+    return HOLDING if system.kept else ADAPTING if system.elapsed else RESETTING
 
 
 @dataclass(frozen=True)
@@ -174,6 +178,8 @@ class ClockTheorem:
     @property
     def ahead(self) -> int:
         """Intervals to come that V depends on."""
+        if self.system.elapsed:
+            return 0
         return 2 if self.lookahead > 1 else 1
 
     # Unknowns
@@ -248,21 +254,14 @@ class ClockTheorem:
         )
 
     def jump(self, before: Array, after: Array) -> Array:
-        """The matrices of (J), of one J after the other, (.., k, m, m)."""
-        return np.concatenate([J.mT @ after @ J - before for J, _ in self.system.jumps], axis=-3)
+        """The matrices of (J), (.., k, m, m)."""
+        return self.system.J.mT @ after @ self.system.J - before
 
     def noisy_jump(self, before: Array, after: Array, kappa: Array) -> Array:
         """The matrices of (N), of the other sign."""
-        found = [
-            symmetric(
-                [
-                    [J.mT @ after @ J - before, J.mT @ after @ Jn],
-                    [Jn.mT @ after @ Jn - kappa * identity(Jn.shape[1], Jn)],
-                ]
-            )
-            for J, Jn in self.system.jumps
-        ]
-        return np.concatenate(found, axis=-3)
+        s = self.system
+        own = s.Jn.mT @ after @ s.Jn - kappa * identity(s.Jn.shape[-1], s.Jn)
+        return symmetric([[self.jump(before, after), s.J.mT @ after @ s.Jn], [own]])
 
     def inequalities(self, v: Values) -> list[Inequality]:
         """All of them, of the unknowns and of the numbers of `conditions`."""
@@ -275,8 +274,8 @@ class ClockTheorem:
         numbers weight, of |z|^2, and mu, and floor, r and kappa where these are asked for, (.., 1, 1).
         """
         deep = {name: v[name][..., None, None, :, :] for name in ("weight", "mu")}
-        on = self.clock.on(P)
-        F = self.flow(on, on @ self.system.F, self.clock.slope(P), {**M, **deep})
+        on, slope = self.clock.on(P), self.clock.slope(P)
+        F = self.flow(on, on @ self.system.F, -slope if self.system.elapsed else slope, {**M, **deep})
         return [
             *listed(DECREASE, F),
             *self.jumps(P, v.get("kappa")),
@@ -295,22 +294,27 @@ class ClockTheorem:
             yield from listed("P <= r I", P - v["r"][..., None, None, :, :] * eye)
 
     def followed(self, P: Array) -> Iterator[tuple[Array, Array]]:
-        """P(0) of each function (.., m, m), and the control values that may follow it (.., k, m, m), of all of them."""
+        """P before and after a measurement, for each function: P(0), (.., 1, m, m), and what may follow, (.., k, m, m).
+
+        Of the time elapsed they are the control values in [T1, T2], segment by segment, and P(0).
+        """
         T2 = self.clock.knots[-1]
+        if self.system.elapsed:
+            yield P[..., 0, self.clock.segments_within(self.T1), :, :], P[..., 0, :1, :, :]
+            return
         ends = [self.T1 + (T2 - self.T1) * fmpq(i, self.lookahead) for i in range(self.lookahead + 1)]
         for i in range(self.lookahead):
             after = P[..., self.clock.within(ends[i], ends[i + 1]), :, :]
-            yield P[..., i, 0, :, :], after.reshape(*after.shape[:-4], -1, *after.shape[-2:])
+            yield P[..., i, :1, :, :], after.reshape(*after.shape[:-4], -1, *after.shape[-2:])
 
     def jumps(self, P: Array, kappa: Array | None) -> Iterator[Inequality]:
         """(J), or (N), from each function to each at the control values of the part of [T1, T2] that it stands for."""
         deep = None if kappa is None else kappa[..., None, :, :]
         for i, (before, after) in enumerate(self.followed(P)):
-            first = before[..., None, :, :]
             if deep is None:
-                name, matrix = SETTLES, self.jump(first, after)
+                name, matrix = SETTLES, self.jump(before, after)
             else:
-                name, matrix = "V grows by kappa |eta|^2 at a measurement", self.noisy_jump(first, after, deep)
+                name, matrix = "V grows by kappa |eta|^2 at a measurement", self.noisy_jump(before, after, deep)
             yield from listed(f"{name}{self.part(i)}", matrix[..., None, :, :, :])
 
     def part(self, i: int) -> str:
