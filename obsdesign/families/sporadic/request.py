@@ -29,6 +29,7 @@ ABOVE_DECAY = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
 LARGEST_DEGREE, MOST_SEGMENTS, FARTHEST = 12, 32, 8
+INSTEAD = "; a w of finite energy has no value at an instant: what disturbs a sample is simulation.noise"
 ABSENT = ("D", "Dq", "Dqf", "Df")
 
 SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
@@ -144,7 +145,6 @@ class SporadicObserver(asked.ObserverSection):
 class SporadicRequest:
     """The `observer` section of a spec for the family whose measurements arrive sporadically."""
 
-    drive: ClassVar[str] = "w"
     reconstruct: ClassVar[bool] = False
 
     type: str
@@ -162,6 +162,7 @@ class SporadicRequest:
     gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny), or K (n, ny): analysis of these
     shape: Shape = SHAPE  # of clock-dependent storage functions
     delta_given: bool = False  # whether the spec says where delta is searched
+    drive: str = "w"  # v where a disturbance model generates w
     gap: bool = False  # whether K depends on the interval that has just ended
 
     @property
@@ -216,12 +217,12 @@ class SporadicRequest:
 def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> SporadicRequest:
     """Return the request, held against what the family knows."""
     loc: Loc = ("observer",)
-    require_sampled(reader, problem)
     T1 = reader.number(section.T1, (*loc, "T1"), ">= 0")
     T2 = asked.read_searched(reader, section.T2, (*loc, "T2"), "> 0")
     decay = asked.read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
     require_ordered(reader, T1, T2)
     relaxations, injections = chosen(section)
+    require_sampled(reader, problem, clocked=set(relaxations) <= {CLOCK})
     require_ranges(reader, section, T2, decay)
     request = SporadicRequest(
         type=section.type,
@@ -238,6 +239,7 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         largest_reset=asked.read_bound(reader, section.bounds.K if section.bounds else None, "K"),
         gains=read_gains(reader, section, problem),
         shape=read_shape(reader, section.clock, T1),
+        drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
         delta_given=section.delta is not None,
         gap=section.clock is not None and section.clock.gain == "gap",
     )
@@ -296,14 +298,28 @@ def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq) -> Shape:
     return Shape(degree, segments, lookahead)
 
 
-def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
-    """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
-    if problem.generator is not None and len(problem.generator.Am):
-        reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out", id="OBS406")
-    for name in ABSENT:
-        instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
+def require_sampled(reader: Reader, problem: asked.Estimation, *, clocked: bool) -> None:
+    """Refuse what the family does not know: a w or an f that acts on a sample.
+
+    The propositions know no f of f or of w either, and no disturbance model.
+    """
+    modelled = problem.generator is not None and len(problem.generator.Am) > 0
+    if modelled and not clocked:
+        said = "the propositions take no disturbance model; relaxation clock does: leave `relaxation` and `delta` out"
+        reader.wrong(("observer", "type"), said, id="OBS406")
+    for name in ("D", "Df") if clocked else ABSENT:
+        if name == "D" and modelled and not through(problem):
+            continue
         for place, said in problem.refused(name, "sporadic"):
-            reader.wrong(place, f"{said}{instead}", id="OBS406")
+            reader.wrong(place, f"{said}{INSTEAD if name == 'D' else ''}", id="OBS406")
+
+
+def through(problem: asked.Estimation) -> bool:
+    """Whether what drives a disturbance model acts on y at once."""
+    plant, generator = problem.plant, problem.generator
+    if plant is None or generator is None:
+        return False
+    return bool((plant.D @ generator.Dm != 0).any() or (plant.D @ generator.Dwf != 0).any())
 
 
 def listed(written: str | list[str] | None) -> tuple[str, ...]:

@@ -3,14 +3,15 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from obsdesign.families.sporadic.certificate import MEANING
+from obsdesign.families.sporadic.clock.claim import MEANING
 from obsdesign.lmi.formula import printed
 from obsdesign.tables.text import UNBOUNDED, at_least, at_most, gamma_text, matrix_text, rate_text, spectral_norm
 
 
 def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is proved of the gains L and H."""
-    rows = [("gamma", gamma_text(claimed, MEANING))]
+    w = "v" if "|v|_2" in claimed["statement"] else "w"
+    rows = [("gamma", gamma_text(claimed, MEANING.format(w=w)))]
     rows += [("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
     T1, T2 = (printed(claimed[name]) for name in ("T1", "T2"))
     jitter = f", a jitter of {at_least(100 * (T2 - T1) / T1, 3)} %" if T1 else ", however short"

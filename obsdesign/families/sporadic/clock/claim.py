@@ -19,7 +19,7 @@ from obsdesign.model.multiplier import Multiplier
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 
-MEANING = "norm2(z) <= gamma norm2(w) from zero error"  # of gamma
+MEANING = "norm2(z) <= gamma norm2({w}) from zero error"  # of gamma
 CONSTANTS = ("gamma", "overshoot", "initial", "disturbance", "noise")  # more of each holds too
 
 
@@ -115,25 +115,26 @@ class ClockClaim(Proved):
             adds=self.adds,
         )
 
-    def headline(self, spec: Spec) -> str:  # noqa: ARG002
+    def headline(self, spec: Spec) -> str:
         """Claim in one line."""
+        meaning = MEANING.format(w=spec.observer.drive)
         gamma, decay, T1, T2 = at_most(self.gamma), at_least(self.decay), at_most(self.T1), at_least(self.T2)
-        return f"gamma {gamma}, {MEANING}; decay rate {decay} 1/s, intervals from {T1} to {T2} s"
+        return f"gamma {gamma}, {meaning}; decay rate {decay} 1/s, intervals from {T1} to {T2} s"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee in words, with the observer written out, and where it holds."""
-        c, size = {name: at_most(x) for name, x in self.constants.items()}, self.system.size
+        c, size, w = {name: at_most(x) for name, x in self.constants.items()}, self.system.size, spec.observer.drive
         parts = []
         if "overshoot" in c:
             decays = f"{c['overshoot']} exp(-{below(self.rate)!r} t) {size}(0)"
-            parts.append(f"{size}(t) <= {decays} where w = 0 and eta = 0")
+            parts.append(f"{size}(t) <= {decays} where {w} = 0 and eta = 0")
         if "disturbance" in c:
-            parts.append(f"{size}(t) <= {c['disturbance']} sup|w| from zero error where eta = 0")
+            parts.append(f"{size}(t) <= {c['disturbance']} sup|{w}| from zero error where eta = 0")
         if "noise" in c:
-            parts.append(f"{size}(t) <= {c['noise']} sup|eta| from zero error where w = 0")
+            parts.append(f"{size}(t) <= {c['noise']} sup|eta| from zero error where {w} = 0")
         if len(parts) > 1 and self.adds:
             parts[-1] += ", and these bounds add where several act"
-        parts.append(f"|z|_2 <= {c['gamma']} |w|_2 + {c['initial']} {size}(0) where eta = 0")
+        parts.append(f"|z|_2 <= {c['gamma']} |{w}|_2 + {c['initial']} {size}(0) where eta = 0")
         if self.outage:
             parts.append(self.overdue(self.outage))
         told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))

@@ -139,7 +139,8 @@ class ClockGuarantee:
 
     def decreases(self, course: Course, V: Array) -> Bound:
         """Bound V(t) by what is left of V(0) and what w and eta have added since."""
-        added = " + gamma^2 integral exp(-2 decay (t-s)) |w(s)|^2 ds" if course.v2[-1] else ""
+        w = course.drive
+        added = f" + gamma^2 integral exp(-2 decay (t-s)) |{w}(s)|^2 ds" if course.v2[-1] else ""
         added += " + sum exp(-2 decay (t-t_k)) kappa |eta|^2" if measurements(course).eta_sup[-1] else ""
         limit = envelope(self, course, V)
         return tightest(f"sqrt(V(t)) <= sqrt(exp(-2 decay t) V(0){added})", course.t, np.sqrt(V), np.sqrt(limit))
@@ -152,12 +153,12 @@ class ClockGuarantee:
         found = []
         if len(self.doubles) == 1 and np.isfinite(at.added[-1]):
             noise = " + kappa sum |eta|^2" if noisy else ""
-            name = f"norm2(z) <= sqrt(V(0) + gamma^2 norm2(w)^2{noise})"
+            name = f"norm2(z) <= sqrt(V(0) + gamma^2 norm2({course.drive})^2{noise})"
             found = [bound(name, z, float(np.sqrt(V0 + w**2 + at.added[-1])))]
         if noisy:
             return found
         length = self.witness.theorem.system.size
-        name = f"norm2(z) <= initial {length}(0) + gamma norm2(w)"
+        name = f"norm2(z) <= initial {length}(0) + gamma norm2({course.drive})"
         return [*found, bound(name, z, self.constants["initial"] * size + w)]
 
     def stays(self, course: Course, size: Array, early: Array) -> list[Bound]:
@@ -173,7 +174,7 @@ class ClockGuarantee:
             return []
         terms = {
             "overshoot": (f"overshoot exp(-rate t) {length}(0)", np.exp(-self.rate * t) * size[0]),
-            "disturbance": ("disturbance sup|w|", w_sup),
+            "disturbance": (f"disturbance sup|{course.drive}|", w_sup),
             "noise": ("noise sup|eta|", eta_sup),
         }
         limit = np.sum([self.constants[name] * terms[name][1] for name in names], axis=0) if names else 0 * t
