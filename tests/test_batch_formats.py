@@ -55,7 +55,7 @@ def made(tmp_path, *entries):
     """Summary of entries."""
     tally = Tally()
     for entry in entries:
-        tally.add(entry)
+        tally.add(Task(entry["path"], tuple(entry["set"])), entry)
     return write(tmp_path, tally, {"tool": {}, "options": {}, "time_s": 1.5}, entries, tally.exit_code)
 
 
