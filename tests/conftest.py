@@ -14,6 +14,9 @@ from hypothesis import HealthCheck, settings
 from support.commands import PNG, result_of, run
 from support.sweep import SWEEP
 
+from obsdesign.batches.perform import perform
+from obsdesign.batches.record import kept
+
 settings.register_profile(
     "repeatable",
     derandomize=True,
@@ -89,6 +92,18 @@ def here(tmp_path, monkeypatch):
 def sketched(monkeypatch):
     """Figures that take no time to draw."""
     monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG)
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """Batches that design in this process; those of their own are tested in test_batch_trouble.py."""
+
+    def run(tasks, options, out, _jobs, begun=lambda _: None):
+        for task in tasks:
+            begun(task)
+            yield task, kept(perform(task, options), task, options, out)
+
+    monkeypatch.setattr("obsdesign.batches.workers.run", run)
 
 
 @pytest.fixture
