@@ -1,5 +1,6 @@
 """Options and fixtures of several test files: a small problem, solved once, and the verification of result files."""
 
+import gc
 import json
 import os
 import time
@@ -53,6 +54,11 @@ def pytest_configure(config):
             SWEEP.read(config.option.sweep)
         except ValueError:
             raise pytest.UsageError(f"--sweep {config.option.sweep}: expected N or N:SEED, N > 0") from None
+
+
+def pytest_collection_finish():
+    """What is imported lives as long as the tests: garbage is not looked for in it again and again."""
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)

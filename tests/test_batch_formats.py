@@ -187,7 +187,7 @@ def test_a_hostile_spec_does_no_harm(here):
     assert again.exit_code == 2
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch):
     Path("wrong.yaml").write_text(WRONG)
     outcome = run("batch", ".", "--format", "junit", "-q")

@@ -219,7 +219,7 @@ def read(terminal):
 # Shards
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_shards_are_made_one_as_if_there_had_been_none():
     for i in range(3):
         put(f"specs/s{i}.yaml")
@@ -235,7 +235,7 @@ def test_shards_are_made_one_as_if_there_had_been_none():
     assert all(entry["up_to_date"] for entry in entries("all").values())
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_what_is_no_whole_batch_is_not_merged():
     put("specs/a.yaml")
     put("specs/b.yaml")
