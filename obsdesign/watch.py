@@ -18,12 +18,14 @@ from typing import Any
 from obsdesign.errors import TimeLimitError, listed
 
 LATE = 1.0  # s until which a command ends by itself
+ORDERLY = 60.0  # s until which one does that was interrupted and writes what is done; a second interrupt ends it
 UNDECIDED, INTERRUPTED, KILLED = 4, 130, 128  # exit codes, the last with the number of a signal
 HEARD = (signal.SIGCHLD, signal.SIGINT, signal.SIGTERM)
 DIES_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 
 LIMIT = struct.Struct("dd")  # s that are allowed, and the end of them on the monotonic clock; zero: no limit
-shared = mmap.mmap(-1, LIMIT.size)  # by parent and child
+GRACE = struct.Struct("d")  # s within which the child ends by itself once it is interrupted
+shared = mmap.mmap(-1, LIMIT.size + GRACE.size)  # by parent and child
 interrupted: list[int] = []  # signals that the child heard
 
 
@@ -46,6 +48,11 @@ def limited(seconds: float) -> Iterator[None]:
         LIMIT.pack_into(shared, 0, 0, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+
+
+def orderly() -> None:
+    """Let this command write what is done once it is interrupted, however busy the machine."""
+    GRACE.pack_into(shared, LIMIT.size, ORDERLY)
 
 
 def late(seconds: float) -> TimeLimitError:
@@ -100,7 +107,7 @@ def with_parent() -> None:
 
 def awaited(child: int) -> int:
     """Exit code of the child."""
-    since = 0.0
+    since = again = 0.0
     while True:
         heard = signal.sigtimedwait(HEARD, LATE / 4)
         ended, status = os.waitpid(child, os.WNOHANG)
@@ -109,9 +116,11 @@ def awaited(child: int) -> int:
             return INTERRUPTED if since else code if code >= 0 else KILLED - code
         if heard and heard.si_signo != signal.SIGCHLD:
             os.kill(child, heard.si_signo)
-            since = since or (time.monotonic() if heard.si_signo == signal.SIGINT else 0.0)
+            again = time.monotonic() if heard.si_signo == signal.SIGINT else again
+            since = since or again
         seconds, end = LIMIT.unpack_from(shared)
-        if since and time.monotonic() > since + LATE:
+        grace = max(LATE, *GRACE.unpack_from(shared, LIMIT.size))
+        if since and (again > since + LATE or time.monotonic() > since + grace):
             return killed(child, "interrupted", INTERRUPTED)
         if end and time.monotonic() > end + LATE:
             if "--json" in sys.argv:

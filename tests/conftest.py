@@ -1,5 +1,6 @@
 """Options and fixtures of several test files: a small problem, solved once, and the verification of result files."""
 
+import gc
 import json
 import os
 import time
@@ -13,6 +14,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support.commands import PNG, result_of, run
 from support.sweep import SWEEP
+
+from obsdesign.batches.perform import perform
+from obsdesign.batches.record import kept
 
 settings.register_profile(
     "repeatable",
@@ -52,6 +56,11 @@ def pytest_configure(config):
             raise pytest.UsageError(f"--sweep {config.option.sweep}: expected N or N:SEED, N > 0") from None
 
 
+def pytest_collection_finish():
+    """What is imported lives as long as the tests: garbage is not looked for in it again and again."""
+    gc.freeze()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Tests that share a process take longest and begin first, so that at the end no process waits for another."""
@@ -89,6 +98,18 @@ def here(tmp_path, monkeypatch):
 def sketched(monkeypatch):
     """Figures that take no time to draw."""
     monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG)
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """Batches that design in this process; those of their own are tested in test_batch_trouble.py."""
+
+    def run(tasks, options, out, _jobs, begun=lambda _: None):
+        for task in tasks:
+            begun(task)
+            yield task, kept(perform(task, options), task, options, out)
+
+    monkeypatch.setattr("obsdesign.batches.workers.run", run)
 
 
 @pytest.fixture

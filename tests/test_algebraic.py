@@ -18,7 +18,7 @@ from obsdesign.expressions.algebra import identical
 from obsdesign.files import digest
 from obsdesign.guide import page
 
-pytestmark = pytest.mark.usefixtures("here")
+pytestmark = pytest.mark.usefixtures("here", "sketched")
 
 CERTIFIED = [
     "cuk-kkl", "cuk-pebo", "cuk-kkl-pebo", "cuk-immersion", "cuk-high-gain", "cuk-high-gain-linear",

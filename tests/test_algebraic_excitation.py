@@ -7,7 +7,7 @@ import pytest
 from support.commands import run
 from support.shipped import SPECS
 
-pytestmark = pytest.mark.usefixtures("here")
+pytestmark = pytest.mark.usefixtures("here", "sketched")
 
 TWO = """\
 obsdesign: 1

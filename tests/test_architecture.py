@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -79,16 +80,28 @@ SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}
 FORBIDDEN = {"eval", "exec", "compile", "__import__", "sympify"}
 
 
+parsed = cache(ast.parse)
+
+
+@cache
 def imported(tree):
     """(module, line, at the top of the file) of every import; what only a type checker sees is left out."""
+    return tuple(imports(tree))
+
+
+def imports(tree):
+    """The same, one by one."""
+    found = [
+        node for node in ast.walk(tree) if isinstance(node, ast.If | ast.FunctionDef | ast.Import | ast.ImportFrom)
+    ]
     checked = {
         id(n)
-        for node in ast.walk(tree)
+        for node in found
         if isinstance(node, ast.If) and names(node.test) & {"TYPE_CHECKING"}
         for n in ast.walk(node)
     }
-    inner = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
-    for node in ast.walk(tree):
+    inner = {id(n) for f in found if isinstance(f, ast.FunctionDef) for n in ast.walk(f)}
+    for node in found:
         if id(node) in checked:
             continue
         if isinstance(node, ast.Import):
@@ -111,7 +124,7 @@ def names(tree):
 
 def problems(source, path):
     """What is wrong with the source of the module at a path within the package."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     part = place(path.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
     for module, line, top in imported(tree):
         head, _, rest = module.partition(".")
@@ -151,7 +164,7 @@ def family_problems(source, path):
     """Where a module at a path within the package knows a family that is not its own."""
     parts = Path(path).parts
     home = parts[1] if parts[0] == "families" and len(parts) > 2 else None
-    tree = ast.parse(source)
+    tree = parsed(source)
     for module, line, _ in imported(tree):
         other = re.match(r"obsdesign\.families\.(\w+)", module)
         stray = other and other[1] in FOLDERS and other[1] != home and (home, other[1]) not in SIDEWAYS
@@ -210,7 +223,7 @@ def test_no_import_leads_back_to_where_it_began():
 
 def imports_of(name):
     """Modules of the package that a module imports when it is imported itself."""
-    for node in ast.parse(MODULES[name].read_text()).body:
+    for node in parsed(MODULES[name].read_text()).body:
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("obsdesign."):
             inner = [f"{node.module}.{alias.name}" for alias in node.names]
             modules = [module for module in inner if module in MODULES]
@@ -222,7 +235,7 @@ def imports_of(name):
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_a_module_and_its_functions_can_be_read_in_one_go(path):
     source = path.read_text()
-    functions = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.FunctionDef)]
+    functions = [n for n in ast.walk(parsed(source)) if isinstance(n, ast.FunctionDef)]
     long = [n.name for n in functions if n.end_lineno - n.lineno + 1 > LONGEST_FUNCTION]
     assert (source.count("\n") <= LONGEST_MODULE, long) == (True, [])
 
@@ -294,7 +307,7 @@ def test_everything_public_is_described_and_exists(name):
         assert hasattr(module, public), f"{name}.__all__ holds {public}"
     missing = [
         f"{name}.{node.name}"
-        for node in ast.walk(ast.parse(MODULES[name].read_text()))
+        for node in ast.walk(parsed(MODULES[name].read_text()))
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and not node.name.startswith("_")
         if not ast.get_docstring(node) and node.name not in local(MODULES[name])
     ]
@@ -303,6 +316,6 @@ def test_everything_public_is_described_and_exists(name):
 
 def local(path):
     """Names of the functions inside functions: these are nobody else's."""
-    tree = ast.parse(path.read_text())
+    tree = parsed(path.read_text())
     outer = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
     return {n.name for f in outer for n in ast.walk(f) if isinstance(n, ast.FunctionDef) and n is not f}

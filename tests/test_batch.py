@@ -298,7 +298,7 @@ def test_the_exit_code_is_the_worst_of_what_is_not_as_expected(codes, worst):
     }
 
 
-@pytest.mark.usefixtures("folder")
+@pytest.mark.usefixtures("folder", "at_once")
 def test_what_is_up_to_date_is_not_redone_and_v_says_why_another_is(monkeypatch):
     def whys(*options):
         outcome = run("batch", "specs", "-v", "--jobs", 1, *options)
@@ -327,7 +327,7 @@ def test_what_is_up_to_date_is_not_redone_and_v_says_why_another_is(monkeypatch)
     assert whys() == ["version of the tool changed"] * 3
 
 
-@pytest.mark.usefixtures("folder")
+@pytest.mark.usefixtures("folder", "at_once")
 def test_only_what_differs_from_another_summary_is_run():
     run("batch", "specs", "--out", "before")
     put("specs/good.yaml", GOOD + "# a remark\n")
@@ -377,7 +377,7 @@ def test_commas_separate_values_outside_of_what_encloses_them(changes, combinati
     assert sweep.combinations(changes) == combinations
 
 
-@pytest.mark.usefixtures("folder")
+@pytest.mark.usefixtures("folder", "at_once")
 def test_changes_are_tried_in_every_combination_and_kept_apart():
     sets = "--set", "observer.alpha=0.1,0.2", "--set", "simulation={horizon: 1, points: 3},{horizon: 1, x0: [1]}"
     outcome = run("batch", "specs/good.yaml", *sets)
@@ -408,7 +408,7 @@ def test_changes_are_tried_in_every_combination_and_kept_apart():
     assert lasting("all") == lasting()
 
 
-@pytest.mark.usefixtures("folder")
+@pytest.mark.usefixtures("folder", "at_once")
 def test_names_of_changes_do_not_leave_their_folder():
     hostile = ("name=../../x\n", "name=a,b")
     (task,) = find(["specs/good.yaml"], (), [hostile])

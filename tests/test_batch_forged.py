@@ -8,7 +8,7 @@ import pytest
 from support.commands import run
 from test_batch import GOOD, entries, put
 
-pytestmark = pytest.mark.usefixtures("here")
+pytestmark = pytest.mark.usefixtures("here", "at_once")
 RECORD = Path("results/a/a.record.json")
 FORGED = [
     ("options", []),

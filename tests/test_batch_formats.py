@@ -55,7 +55,7 @@ def made(tmp_path, *entries):
     """Summary of entries."""
     tally = Tally()
     for entry in entries:
-        tally.add(entry)
+        tally.add(Task(entry["path"], tuple(entry["set"])), entry)
     return write(tmp_path, tally, {"tool": {}, "options": {}, "time_s": 1.5}, entries, tally.exit_code)
 
 
@@ -187,7 +187,7 @@ def test_a_hostile_spec_does_no_harm(here):
     assert again.exit_code == 2
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch):
     Path("wrong.yaml").write_text(WRONG)
     outcome = run("batch", ".", "--format", "junit", "-q")

@@ -55,10 +55,10 @@ def until(holds, seconds=60.0):
         time.sleep(0.01)
 
 
-def worker_processes():
-    """Numbers of the processes of batches."""
-    found = subprocess.run(["pgrep", "-f", "obsdesign.batches.worker"], capture_output=True, text=True, check=False)
-    return set(found.stdout.split())
+def below(pid):
+    """Numbers of the processes that a process began, and these."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return {*children, *(found for child in children for found in below(child))}
 
 
 @pytest.mark.usefixtures("here")
@@ -138,12 +138,13 @@ def test_a_batch_that_was_killed_goes_on_where_it_was():
     put("specs/x.yaml", HIDDEN)
     put("specs/y.yaml", WRONG)
     assert run("batch", "specs", "--out", "undisturbed", "-q").exit_code == 2
-    before = worker_processes()
     process = started("specs", "--jobs", 2)
     until(lambda: len(records()) >= 2)
+    begun = below(process.pid)
     process.kill()
     process.communicate()
-    until(lambda: worker_processes() <= before, 10)
+    assert len(begun) >= 2
+    until(lambda: not any(Path("/proc", pid).exists() for pid in begun), 10)
     done = {json.loads(path.read_bytes())["entry"]["path"] for path in records()}
     assert 2 <= len(done) < 8
     run("batch", "specs", "-q")
@@ -247,7 +248,7 @@ def read(terminal):
 # Shards
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_shards_are_made_one_as_if_there_had_been_none():
     for i in range(3):
         put(f"specs/s{i}.yaml")
@@ -263,7 +264,7 @@ def test_shards_are_made_one_as_if_there_had_been_none():
     assert all(entry["up_to_date"] for entry in entries("all").values())
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_what_is_no_whole_batch_is_not_merged():
     put("specs/a.yaml")
     put("specs/b.yaml")

@@ -12,7 +12,7 @@ from support.commands import endless, files, interrupted, run
 from obsdesign.lmi.formula import in_floats
 from obsdesign.reading import load
 
-pytestmark = pytest.mark.usefixtures("here")
+pytestmark = pytest.mark.usefixtures("here", "sketched")
 
 SPEC = """
 obsdesign: 1

@@ -129,7 +129,7 @@ SMALL = {
             raised=(({"T2": 3}, {"T2": 3}),),
             read=("T1", "T2", "delta"),
             optional=("T2_max",),
-            hopeless={"observer": {"decay": 50, "gains": None}},
+            hopeless={"observer": {"decay": 50, "delta": 150, "gains": None}},
             scalable=False,
         ),
     ),

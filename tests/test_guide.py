@@ -14,6 +14,7 @@ LONGEST = 120
 
 
 @pytest.mark.parametrize("topic", PAGES)
+@pytest.mark.usefixtures("sketched")
 def test_a_page_runs(topic, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names, code = {}, 0

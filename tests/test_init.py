@@ -24,6 +24,7 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("plant", "family"), PAIRS)
+@pytest.mark.usefixtures("sketched")
 def test_what_init_writes_solves_verifies_and_simulates(plant, family):
     written = run("init", "mine", "--plant", plant, "--family", family)
     assert (written.exit_code, written.stderr, files()) == (0, "", ["mine.yaml"])
@@ -44,6 +45,7 @@ def test_every_plant_has_a_spec_and_every_spec_a_plant_and_a_family():
     assert {plant for plant, _ in PAIRS} == set(PLANTS)
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_run_of_a_spec_with_a_guarantee_from_the_initial_error_holds_its_bounds():
     run("init", "--plant", "pendulum")
     solved = run("solve", "pendulum.yaml", "--simulate")

@@ -271,6 +271,7 @@ def test_numbers_of_the_split_are_exact():
     assert entry(shipped("pendulum")) == {}
 
 
+@pytest.mark.usefixtures("sketched")
 def test_sentences_name_the_terms_and_states(folder):
     (folder / "case.yaml").write_text(LOCAL + TRIAL)
     outcome = run("solve", "case.yaml", "--simulate")
@@ -284,6 +285,7 @@ def test_sentences_name_the_terms_and_states(folder):
     assert "f_1" not in constants
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_run_leaves_the_domain_of_a_state(folder):
     (folder / "case.yaml").write_text(LOCAL + TRIAL.replace("v: 2.5", "x: 8"))
     outcome = run("solve", "case.yaml", "--simulate")

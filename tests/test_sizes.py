@@ -9,8 +9,8 @@ import obsdesign as od
 
 REQUESTS = [
     {"type": "l2", "alpha": 0.1, "L2": 0, "objective": "feasibility"},
-    {"type": "linf", "alpha": {"min": 0.05, "max": 0.4, "points": 5}, "L2": 0, "objective": "feasibility"},
-    {"type": "linf", "alpha": {"min": 0.05, "max": 0.4, "points": 5}, "L2": 0, "objective": "max-alpha"},
+    {"type": "linf", "alpha": {"min": 0.05, "max": 0.4, "points": 3}, "L2": 0, "objective": "feasibility"},
+    {"type": "linf", "alpha": {"min": 0.05, "max": 0.4, "points": 3}, "L2": 0, "objective": "max-alpha"},
     {"type": "lipschitz", "objective": "max-lipschitz", "decay": 0.05, "bounds": {"L": 20}},
     {"type": "sporadic", "T1": 0.05, "T2": 0.1, "decay": 0.05, "delta": 3, "objective": "feasibility"},
 ]
@@ -19,7 +19,8 @@ FULL = {"A": np.array([[0, 1], [-1, -0.5]]), "B": np.array([[0.5], [1]]), "Bf": 
 
 def plants():
     """One or two states, one or all of them measured, with and without w, D and f, and with f that does nothing."""
-    for n, all_measured, disturbance, block in product((1, 2), (False, True), ("none", "w", "w and D"), range(4)):
+    sizes = ((1, True), (2, False), (2, True))  # states, whether all are measured
+    for (n, all_measured), disturbance, block in product(sizes, ("none", "w", "w and D"), range(4)):
         C = np.eye(n) if all_measured else np.eye(1, n)
         system = {"A": FULL["A"][-n:, -n:], "C": C}
         if disturbance != "none":

@@ -98,6 +98,7 @@ def test_findings_that_do_not_hold_and_reasons_name_their_id():
     assert re.search(r"^reason .* \[OBS601\]$", table, re.MULTILINE)
 
 
+@pytest.mark.usefixtures("sketched")
 def test_several_are_solved_verified_and_simulated():
     assert run("solve", "specs/cart.yaml", "specs/deep", "-q").exit_code == 3
     assert files() == ["cart.gains.json", "hidden.gains.json", "specs"]
@@ -198,6 +199,7 @@ def test_a_verdict_of_infeasibility_is_of_the_changed_spec():
     assert outcome.stdout.splitlines()[-1].endswith("of the spec with observer.alpha=0.3")
 
 
+@pytest.mark.usefixtures("sketched")
 def test_a_run_of_given_gains_changes_its_trial_only():
     assert run("solve", "specs/cart.yaml", "-q").exit_code == 0
     assert run("simulate", "cart.gains.json", "--set", "simulation.horizon=0.5", "-q").exit_code == 0

@@ -204,7 +204,7 @@ def test_random_equations_are_both_split_and_refused():
     assert not answered(WHOLE % ("b*c + w", "-sign(b) - 2*n", "u*c", "a"))[0]
 
 
-@examples(60, deadline=None)
+@examples(40, deadline=None)
 @given(st.lists(sums, min_size=3, max_size=3), sums, st.sampled_from([None, *CORRUPTED]), st.integers(0, 3))
 def test_a_spec_of_random_equations_is_split_or_answered_in_lines_of_its_own_keys(sides, output, change, where):
     texts = [*sides, output]

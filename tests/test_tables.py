@@ -176,7 +176,7 @@ def beside(rows, key):
     return [text.strip() for name, text in rows if name == key]
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_both_tables_say_what_z_and_v_are_and_what_gamma_bounds(family):
     observer, letter, norm = FAMILIES[family]
@@ -197,7 +197,7 @@ def norm_of(norm, letter):
     return "sup|z| / sup|v|" if norm == "sup" else f"norm2(z) / norm2({letter})"
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 def test_z_and_v_are_told_where_a_model_or_a_matrix_makes_them():
     observer = f"observer: {FAMILIES['l2'][0]}\n"
     rows = printed("solve", f"{PLANT}{observer}disturbance: integrator\nperformance: w\n")
@@ -206,7 +206,7 @@ def test_z_and_v_are_told_where_a_model_or_a_matrix_makes_them():
     assert beside(rows, "signals") == ["z: H e, e the error of the estimated p, s; v: w1"]
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 def test_a_rate_of_zero_says_whether_the_error_vanishes_and_a_gamma_that_was_not_sought_says_so():
     observer = "observer: {type: lipschitz, %s}\n"
     rows = printed("solve", PLANT + observer % "bounds: {L: 20}")
@@ -216,7 +216,7 @@ def test_a_rate_of_zero_says_whether_the_error_vanishes_and_a_gamma_that_was_not
     assert beside(rows, "gamma")[0].endswith("from zero error")
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 def test_a_run_that_stalls_says_until_when_it_is_valid():
     stalling = (
         (
@@ -231,7 +231,7 @@ def test_a_run_that_stalls_says_until_when_it_is_valid():
     assert re.fullmatch(r"stall at t = 0\.66\d+ s: valid until then", status)
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 @pytest.mark.parametrize("family", ["l2", "linf", "sporadic"])
 def test_a_nonlinearity_that_acts_on_nothing_is_pointed_out(family):
     text = PLANT.replace("Bf: [0, 0.5]", "Bf: [0, 0]") + f"observer: {FAMILIES[family][0]}\n"
@@ -251,7 +251,7 @@ observer: {type: %s, alpha: 0.5}
 """
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 @pytest.mark.parametrize("family", ["l2", "linf"])
 def test_a_disturbance_that_acts_on_nothing_is_pointed_out(family):
     said = "the disturbance d acts on nothing: it enters neither the dynamics nor an output"
@@ -261,7 +261,7 @@ def test_a_disturbance_that_acts_on_nothing_is_pointed_out(family):
         assert said not in beside(printed(command, IDLE % ("[d]", " + 0.1*d", family)), "note")
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 @pytest.mark.parametrize("family", ["l2", "linf"])
 def test_where_no_disturbance_acts_no_row_says_how_much_of_it_reaches_the_error(family):
     attenuation = ("gamma", "limit", "peak gain")
@@ -272,7 +272,7 @@ def test_where_no_disturbance_acts_no_row_says_how_much_of_it_reaches_the_error(
     assert beside(driven, "gamma")
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 def test_what_is_left_out_of_the_bounds_is_told_from_when_on():
     local = PLANT.replace("type: sin", "type: sin, region: {q: [-1.5, 1.05]}").replace("w: [sin(t)]", "w: [6]")
     rows = printed("simulate", f"{local}observer: {FAMILIES['l2'][0]}\n")
@@ -295,7 +295,7 @@ def test_a_figure_of_a_search_names_the_bounds_and_the_region(family):
     assert loads(f"{PLANT}observer: {observer.replace('bounds', '#')}".split(", #")[0] + "}").conditions == []
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 def test_the_curve_of_a_search_is_drawn_with_what_bounds_it(monkeypatch):
     titles = []
     monkeypatch.setattr("obsdesign.plot.tradeoff_figure", lambda *args, **_: titles.append(args[2]) or PNG)
@@ -304,7 +304,7 @@ def test_the_curve_of_a_search_is_drawn_with_what_bounds_it(monkeypatch):
     assert titles == ["case\n|L1| <= 20"]
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "sketched")
 def test_the_accuracy_of_a_reconstruction_is_told_in_words():
     observer = "{type: linf, L2: 0, alpha: 0.3, bounds: {L1: 20}, reconstruct: w}"
     (said,) = beside(

@@ -98,15 +98,15 @@ def batch(
     tasks = share(found, shard)
     head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
     with held(out) as folder:
-        run = Run(tasks, options, folder, head, follower or Nobody(), clashes(found))
+        run = Run(tasks, options, folder, head, follower or Nobody(), clashes(found), force=force)
         if changed_since is not None:
             run.leave_out(os.fspath(changed_since))
         try:
-            run.through(jobs or len(os.sched_getaffinity(0)), scheduler, force=force, fail_fast=fail_fast)
+            run.through(jobs or len(os.sched_getaffinity(0)), scheduler, fail_fast=fail_fast)
+            return run.summarise("--fail-fast")
         except KeyboardInterrupt:
             run.summarise("interrupted", INTERRUPTED)
             raise
-        return run.summarise("--fail-fast")
 
 
 @contextmanager
@@ -153,9 +153,12 @@ class Run:
         head: dict[str, Any],
         follower: Follower,
         refused: Mapping[Task, Problem],
+        *,
+        force: bool,
     ) -> None:
         self.tasks, self.options, self.out, self.head, self.follower = tasks, options, out, head, follower
-        self.refused = refused
+        self.refused, self.force = refused, force
+        self.due = dict[Task, str]()  # what is to be run, and why
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
         self.loose = dict[Task, Entry]()  # entries that have no record
         self.tally = Tally()
@@ -177,29 +180,28 @@ class Run:
     def skip(self, task: Task, why: str, digest: str | None = None) -> None:
         """Leave a task out."""
         self.loose[task] = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
-        self.tally.add(self.loose[task])
+        self.tally.add(task, self.loose[task])
 
-    def through(self, jobs: int, scheduler: str | None, *, force: bool, fail_fast: bool) -> None:
+    def through(self, jobs: int, scheduler: str | None, *, fail_fast: bool) -> None:
         """Run what is not up to date."""
         asked = [task for task in self.tasks if task not in self.loose]
         self.follower.found(len(asked))
-        due = dict[Task, str]()
         for task in asked:
             if task in self.refused:
                 entry = entry_of(task, "invalid", 2, self.refused[task], sha256=sha256(task))
                 self.ended(task, entry, "its results would stand in the place of others")
                 continue
             record = read(self.out, task)
-            why = "--force" if force else reason(record, task, self.options, self.out)
+            why = "--force" if self.force else reason(record, task, self.options, self.out)
             if why is not None or record is None:
-                due[task] = why or ""
+                self.due[task] = why or ""
             else:
                 self.ended(task, record["entry"], None)
         if fail_fast and self.tally.codes:
             return
-        running = self.running(due, jobs, scheduler)
+        running = self.running(self.due, jobs, scheduler)
         for task, entry in running:
-            self.ended(task, entry, due[task])
+            self.ended(task, entry, self.due[task])
             if fail_fast and self.tally.codes:
                 running.close()
 
@@ -215,16 +217,23 @@ class Run:
 
     def ended(self, task: Task, entry: Entry, why: str | None) -> None:
         """Count what ended; its entry stays in memory only where it has no record."""
-        self.why[task] = why
-        self.tally.add(entry)
         if (read(self.out, task) or {}).get("entry") != entry:
             self.loose[task] = entry
+        self.tally.add(task, entry)
+        self.why[task] = why  # at last, so that after an interrupt nothing in it lacks anything
         self.follower.ended({**entry, "up_to_date": why is None, "why": why})
 
     def summarise(self, skipped: str, exit_code: int | None = None) -> Summary:
-        """Write the summary; what did not end is skipped."""
+        """Write the summary; what did not end is skipped, unless its record is there before its answer."""
         for task in self.tasks:
-            if task not in self.why and task not in self.loose:
+            if task in self.why:
+                continue
+            record = None if self.force else read(self.out, task)
+            if task in self.loose:
+                self.tally.add(task, self.loose[task])
+            elif record and reason(record, task, self.options, self.out) is None:
+                self.ended(task, record["entry"], self.due.get(task))
+            else:
                 self.skip(task, skipped)
         head = {**self.head, "time_s": round(time.perf_counter() - self.started, 3)}
         code = self.tally.exit_code if exit_code is None else exit_code

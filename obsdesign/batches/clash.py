@@ -7,8 +7,6 @@ from obsdesign.batches.find import SUMMARY, Task
 from obsdesign.batches.record import ENDINGS, RECORD
 from obsdesign.errors import Problem
 
-ID = "OBS912"
-
 
 def clashes(tasks: Iterable[Task]) -> dict[Task, Problem]:
     """What is wrong with each spec whose results would leave their folder, or stand where those of another do."""
@@ -16,13 +14,13 @@ def clashes(tasks: Iterable[Task]) -> dict[Task, Problem]:
     for task in tasks:
         if ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
             said = f"a spec cannot have this name: its results would leave their folder, or stand in that of {SUMMARY}"
-            found[task] = Problem(said, task.path, id=ID)
+            found[task] = Problem(said, task.path, id="OBS912")
         else:
             kept.append(task)
     for task, other, where in pairs(kept):
         for one, another in ((task, other), (other, task)):
             said = f"its results would stand in {where}, as those of {another.path}; rename one of them"
-            found.setdefault(one, Problem(said, one.path, id=ID))
+            found.setdefault(one, Problem(said, one.path, id="OBS912"))
     return found
 
 

@@ -30,8 +30,8 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
             require_new(entry, source, found)
             found[task_of(entry)] = source, entry
     tally, first = Tally(), contents[paths[0]]
-    for _, entry in found.values():
-        tally.add(entry)
+    for task, (_, entry) in found.items():
+        tally.add(task, entry)
     entries = (copied(*found[task], out) for task in sorted(found))
     head = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
     head["time_s"] = max(content["time_s"] for content in contents.values())

@@ -8,6 +8,7 @@ import json
 import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
 FORMAT = 1
 ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of the files of a spec
 RECORD = ".record.json"
+installed = cache(version)  # of a package, whose files are read for it
 LARGEST = 2**30  # bytes of a file that is read back
 LIMITS = {"timeout": "timeout", "memory": "memory"}  # option that ends a spec, by the status that it ends with
 
@@ -81,7 +83,7 @@ def written(problem: Problem) -> dict[str, Any]:
 
 def tool() -> dict[str, str]:
     """What designs."""
-    return {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")}
+    return {"version": __version__, "python": platform.python_version(), "cvxpy": installed("cvxpy")}
 
 
 def digest_of(content: bytes) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import IO, Any
 
-from obsdesign.batches.find import SUMMARY
+from obsdesign.batches.find import SUMMARY, Task
 from obsdesign.batches.form import STATUSES, Entry, is_number, sound
 from obsdesign.batches.record import FORMAT
 from obsdesign.disk import STAGED, content_of, umask
@@ -47,15 +47,15 @@ class Summary:
 
 
 class Tally:
-    """Counts and exit code of entries, as they come."""
+    """Counts and exit code of the entries of tasks, as they come; of one that comes again the last counts."""
 
     def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
+        self.ends = dict[Task, tuple[str, bool]]()  # status, and whether it is as expected
         self.codes: set[int] = set()
 
-    def add(self, entry: Mapping[str, Any]) -> None:
+    def add(self, task: Task, entry: Mapping[str, Any]) -> None:
         """Count one entry."""
-        self.counts.update(("total", entry["status"], *["as_expected"] * bool(entry["as_expected"])))
+        self.ends[task] = entry["status"], bool(entry["as_expected"])
         if entry["as_expected"] is False:
             self.codes.add(own_code(entry))
 
@@ -66,7 +66,9 @@ class Tally:
 
     def written(self) -> dict[str, int]:
         """Entry `counts`."""
-        return {name: self.counts[name] for name in ("total", "as_expected", *STATUSES)}
+        statuses = Counter(status for status, _ in self.ends.values())
+        fine = sum(as_expected for _, as_expected in self.ends.values())
+        return {"total": len(self.ends), "as_expected": fine, **{name: statuses[name] for name in STATUSES}}
 
 
 def own_code(entry: Mapping[str, Any]) -> int:

@@ -33,6 +33,7 @@ ROUNDING = 1e-14  # of a pole, relative to the largest
 INSIDE = 1e-9  # relative; a pole is stable if its real part is below that
 SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 DIRECTIONS = 100  # of z in which its peak is sought
+AT_ONCE = 512  # of the samples, so that what is computed of them stays near the processor
 STARTS = 8  # members from which extreme ones are sought, in as many steps as
 ASCENTS = 8
 
@@ -285,9 +286,10 @@ def explicit_steps(poles: Array) -> dict[str, float | None]:
     if not found.size:
         return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
     euler = -2 * found.real / np.abs(found) ** 2
-    z = np.linspace(0, 4, 4001) * (found / np.abs(found)).reshape(-1, 1)
+    towards, which = np.unique(found.real / np.abs(found) + 1j * np.abs(found.imag / found), return_inverse=True)
+    z = np.linspace(0, 4, 4001) * towards[:, None]
     outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
-    rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1] / np.abs(found)
+    rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1][which] / np.abs(found)
     return {"euler": float(euler.min()), "rk4": float(rk4.min())}
 
 
@@ -318,18 +320,20 @@ def area(A: Array, B: Array, H: Array) -> float:
     counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
     dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]
     t = np.unique(np.concatenate([*dense, ends.max() * np.geomspace(1e-9, 1, SAMPLES)]))
-    left, right = H @ V, np.linalg.solve(V, B)
-    h = np.einsum("zk,kt,kv->tzv", left, np.exp(values[:, None] * t), right)
-    return largest_area(h, t)
+    residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
+    return largest_area((residues @ np.exp(values[:, None] * t)).real, t)
 
 
 def largest_area(h: Array, t: Array) -> float:
-    """Largest integral over t of |u' h| for |u| = 1, over directions u; h: (nt, nz, nv)."""
+    """Largest integral over t of |u' h| for |u| = 1, over directions u; h: (nv, nz, nt)."""
     if not h.size:
         return 0.0
-    moment = np.trapezoid(np.einsum("tzv,tyv->zyt", h, h), t, axis=2)
+    widths = np.diff(t, prepend=t[0]) / 2 + np.diff(t, append=t[-1]) / 2
+    moment = ((h * widths) @ h.transpose(0, 2, 1)).sum(axis=0)
     random = np.random.default_rng(0).normal(size=(DIRECTIONS, h.shape[1]))
     directions = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(h.shape[1]), random])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    along = np.linalg.norm(np.einsum("uz,tzv->tuv", directions if h.shape[1] > 1 else np.eye(1), h), axis=2)
-    return float(np.trapezoid(along, t, axis=0).max())
+    directions, areas = directions if h.shape[1] > 1 else np.eye(1), np.zeros(1)
+    for part in (slice(first, first + AT_ONCE) for first in range(0, len(t), AT_ONCE)):
+        areas = areas + np.sqrt(((directions @ h[:, :, part]) ** 2).sum(axis=0)) @ widths[part]
+    return float(areas.max())

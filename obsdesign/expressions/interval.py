@@ -166,14 +166,14 @@ def integer_power(x: Interval, n: int) -> Interval:
 
 def repeated(x: Interval, n: int) -> Interval:
     """Product of n factors x of one sign."""
-    result = Interval(np.array(1.0), np.array(1.0))
+    result = None
     while n:
         if n % 2:
-            result = result * x
+            result = x if result is None else result * x
         n //= 2
         if n:
             x = x * x
-    return result
+    return Interval(np.array(1.0), np.array(1.0)) if result is None else result
 
 
 def around(values: Array, exact: Array | bool = False) -> Interval:

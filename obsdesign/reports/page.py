@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -168,8 +168,9 @@ def without_result(path: Path) -> Iterator[Missing]:
         return
 
 
+@cache
 def environment() -> Environment:
-    """Templates of this package: everything is escaped, and a name that is not known is an error."""
+    """Templates of this package, compiled once: everything is escaped, and a name that is not known is an error."""
     made = Environment(
         loader=PackageLoader("obsdesign.reports"),
         autoescape=True,

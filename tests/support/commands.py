@@ -1,18 +1,21 @@
 """The command line, run within the process."""
 
 import time
+from functools import cache
 from pathlib import Path
 
-from typer.testing import CliRunner
+from typer import testing
+from typer.main import get_command
 
 from obsdesign.cli import app
 
+testing._get_command = cache(get_command)  # else made anew for each call, of the signatures of all commands
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def run(*arguments):
     """A command through the entry point of the application."""
-    return CliRunner().invoke(app, [str(a) for a in arguments])
+    return testing.CliRunner().invoke(app, [str(a) for a in arguments])
 
 
 def files(folder="."):

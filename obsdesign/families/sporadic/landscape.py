@@ -14,6 +14,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.scan import Minimum
 from obsdesign.families.sporadic.relaxations import UNBOUNDED, Bound, Relaxation, WithGains
 from obsdesign.families.sporadic.theorem import Sporadic
+from obsdesign.lmi.equilibrate import Scales, scales
 from obsdesign.lmi.formula import Array, Problem, Values
 from obsdesign.lmi.probe import Block, Program, matrices, probe
 from obsdesign.lmi.reduce import reduce
@@ -43,9 +44,15 @@ class Optimum:
         return bool(self.values)
 
 
-def solve_once(engine: Engine, relaxation: Relaxation, problem: Problem, program: Program | None = None) -> Optimum:
+def solve_once(
+    engine: Engine,
+    relaxation: Relaxation,
+    problem: Problem,
+    program: Program | None = None,
+    scaling: Scales | None = None,
+) -> Optimum:
     """One solve, in the scaling of its data; nothing found is no proof that there is nothing."""
-    reduced = reduce(problem, program)
+    reduced = reduce(problem, program, scaling)
     if reduced.contradiction:
         return Optimum()
     scaled, T = relaxation.scaled(problem, reduced.program)
@@ -65,7 +72,7 @@ class Pieces:
     def __init__(self, problem: Callable[[float, float], Problem]) -> None:
         self.problem = problem(0.0, 0.0)
         corners = [probe(problem(delta, ratio)) for delta in (0.0, 1.0) for ratio in (0.0, 1.0)]
-        self.program = corners[0]
+        self.program, self.scales = corners[0], scales(self.problem)
         self.terms = [combined(terms) for terms in zip(*([b.terms for b in c.blocks] for c in corners), strict=True)]
 
     def at(self, delta: float, ratio: float) -> Program:
@@ -136,7 +143,7 @@ class Landscape:
             self.relaxation(delta, T2),
             self.pieces.at(delta * self.family.units.time, math.exp(delta * T2)),
         )
-        return root(solve_once(self.engine, relaxation, self.pieces.problem, program))
+        return root(solve_once(self.engine, relaxation, self.pieces.problem, program, self.pieces.scales))
 
     def missing(self, delta: float, T2: float) -> float:
         """What is missing for feasibility at any gamma, by one solve."""

@@ -80,9 +80,9 @@ class Periodic(Errors):
         n, H, (Phi, _) = self.n, self.H[:, : self.n], self.step(A, T)
         count = int(min(MOST, 1 + np.log(FORGOTTEN) / np.log(max(radius(Phi), FORGOTTEN))))
         within = powers(expm(A * (T / 2**HALVINGS)), 2**HALVINGS + 1)[:, :n, :n] @ B[:n]
-        h = np.einsum("kzn,snv->kszv", H @ powers(Phi, count), within)
+        h = np.einsum("kzn,snv->vzks", H @ powers(Phi, count), within)
         t = T * (np.arange(count)[:, None] + np.linspace(0, 1, len(within)))
-        return largest_area(h.reshape(t.size, len(H), B.shape[1]), t.ravel())
+        return largest_area(h.reshape(B.shape[1], len(H), t.size), t.ravel())
 
 
 def radius(Phi: Array) -> float:

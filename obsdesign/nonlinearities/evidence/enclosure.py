@@ -9,6 +9,7 @@ what is left of it makes a bound loose, never wrong.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from functools import lru_cache
 from itertools import product
 from math import inf
 
@@ -197,8 +198,13 @@ def enclosure(f: Restriction) -> Enclosure:
 
 def supremum_of(g: Expression, f: Restriction, share: float = 1.0, target: float | None = None) -> Supremum:
     """Supremum of an expression over the box of f, for a share of the work."""
-    box = {name: f.box[name] for name in f.box if name in g.names}
-    work = share * WORK
+    return looked_for(g, tuple((name, limits) for name, limits in f.box.items() if name in g.names), share, target)
+
+
+@lru_cache(maxsize=1000)  # a design, its proof and its run read the same plant
+def looked_for(g: Expression, limits: tuple[tuple[str, Range], ...], share: float, target: float | None) -> Supremum:
+    """The same over a box of limits by names."""
+    box, work = dict(limits), share * WORK
     if work >= MIN_BOXES * len(g.order):
         form = MeanValueForm(g, {name: g.derivative(name) for name in box})
         if work >= MIN_BOXES * form.operations:

@@ -1,0 +1,142 @@
+"""An interrupt at any moment of a batch loses nothing that was done, and its summary says what is on disk."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+from test_batch import GOOD, HIDDEN, WRONG, entries, put, summary
+from test_batch_trouble import SAFE, endless, records, until
+
+from obsdesign import batches
+from obsdesign.batches import workers
+from obsdesign.batches.find import Task
+from obsdesign.batches.form import STATUSES
+from obsdesign.batches.perform import perform
+from obsdesign.batches.record import Options, keep
+
+TRACED = {batches.__file__, batches.summary.__file__}
+SPECS = {"a.yaml": GOOD, "b.yaml": HIDDEN, "c.yaml": WRONG, "d.yaml": GOOD}
+
+
+@pytest.fixture
+def quick(here, monkeypatch):
+    """Four specs whose results are there at once: of the last no record can be kept."""
+    for name, text in SPECS.items():
+        put(name, text)
+    results = {name: perform(Task(name), Options()) for name in SPECS}
+
+    def run(tasks, options, out, jobs, begun):  # noqa: ARG001
+        for task in tasks:
+            begun(task)
+            result = results[task.path]
+            yield task, result.entry if task.path == "d.yaml" else keep(result, task, options, out)
+
+    monkeypatch.setattr(workers, "run", run)
+    return here
+
+
+def interrupted_at(moment, out, **options):
+    """Whether a batch has that many moments, the last of which raises what an interrupt does; a moment is a line."""
+    left, before = moment, sys.gettrace()
+
+    def line(_frame, event, _):
+        nonlocal left
+        if event == "line":
+            left -= 1
+            if left == 0:
+                raise KeyboardInterrupt
+        return line
+
+    sys.settrace(lambda frame, *_: line if frame.f_code.co_filename in TRACED else None)
+    try:
+        batches.batch(SPECS, out=out, **options)
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+@pytest.mark.parametrize("options", [{"force": True}, {"fail_fast": True, "changed_since": "other"}, {}], ids=str)
+@pytest.mark.usefixtures("quick")
+def test_an_interrupt_at_any_moment_leaves_a_summary_of_what_is_on_disk(options):
+    batches.batch(SPECS, out="other")
+    batches.batch(["b.yaml", "c.yaml"], out="earlier")
+    put("b.yaml", HIDDEN + "name: changed\n")
+    earlier, kept, codes = summary("earlier"), {path.name for path in records("earlier")}, Counter()
+    for moment in range(1, 10_000):
+        out = f"{moment}"
+        copytree("earlier", out)
+        if not interrupted_at(moment, out, **options):
+            break
+        assert {path.name for path in records(out)} >= kept
+        if (found := summary(out)) == earlier:
+            codes["earlier"] += 1
+            continue
+        codes[found["exit_code"]] += 1
+        assert found["counts"]["total"] == len(found["specs"]) == len(SPECS)
+        for status in STATUSES:
+            assert found["counts"][status] == sum(entry["status"] == status for entry in found["specs"])
+        assert found["counts"]["as_expected"] == sum(bool(entry["as_expected"]) for entry in found["specs"])
+    assert codes.keys() == {"earlier", 130}
+    assert codes[130] > 20
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_spec_whose_record_is_there_before_its_answer_is_not_called_skipped(monkeypatch):
+    real = workers.run
+
+    def run(*given):
+        list(real(*given))
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(workers, "run", run)
+    with pytest.raises(KeyboardInterrupt):
+        batches.batch(["."])
+    found = {path: (entry["status"], entry["why"]) for path, entry in entries().items()}
+    assert found == {
+        "a.yaml": ("certified", "never run"),
+        "b.yaml": ("infeasible", "never run"),
+        "c.yaml": ("invalid", "never run"),
+        "d.yaml": ("skipped", "interrupted"),
+    }
+
+
+SLOW = """import sys, time
+from obsdesign import watch
+from obsdesign.batches import Run
+watch.LATE, real = 0.2, Run.summarise
+def summarise(*given):
+    print("begun", flush=True)
+    time.sleep({})
+    return real(*given)
+Run.summarise = summarise
+from obsdesign.__main__ import command
+sys.argv[1:] = ["batch", ".", "--jobs", "1", "-q"]
+raise SystemExit(watch.watched(command))
+"""
+
+
+@pytest.mark.parametrize(("seconds", "interrupts"), [(0.7, 1), (60, 2)])
+@pytest.mark.usefixtures("here")
+def test_a_batch_may_write_its_summary_on_a_busy_machine_unless_it_is_interrupted_again(seconds, interrupts):
+    put("a.yaml")
+    put("b.yaml", endless())
+    command, pipe = [sys.executable, "-c", SLOW.format(seconds)], subprocess.PIPE
+    process = subprocess.Popen(command, env=os.environ | SAFE, stdout=pipe, stderr=pipe, text=True)
+    until(records)
+    process.send_signal(signal.SIGINT)
+    assert process.stdout.readline() == "begun\n"
+    if interrupts == 2:
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(0.3)
+        process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert (process.returncode, said) == (130, "interrupted\n")
+    assert Path("results/summary.json").exists() == (interrupts == 1)
