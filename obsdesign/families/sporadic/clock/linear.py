@@ -23,7 +23,8 @@ from obsdesign.lmi.formula import Array, Float
 SCANNED = 200  # periods up to the longest one that is tried
 TURN = 0.4  # rad of the fastest oscillation between two of these, at most
 DENSEST = 2000
-WITHIN = 16  # periods about each peak of the growth, between its neighbors
+WITHIN = 17  # periods about each peak of the growth, between its neighbors
+CLOSER = 3  # times that a peak is looked at so
 SHARP = 1e-6  # relative, of a limit of stability
 LETTERS = 32  # intervals of [T1, T2] that sequences consist of
 COARSE = np.array([0, 1, 2, 4, 8, 16, 24, 32])  # .. of which they begin to be sought
@@ -99,13 +100,20 @@ class LinearError:
         unstable = np.flatnonzero(growth >= 0)
         end = unstable[0] if len(unstable) else count - 1
         for k in peaks[peaks < end]:
-            ends = float(periods[k - 1]), float(periods[k + 1])
-            finer = logarithms(self.steps(*ends, WITHIN))
-            if finer.max() >= 0:
-                return self.sharper(ends[0], float(np.linspace(*ends, WITHIN)[finer.argmax()]))
+            peak = self.peak(float(periods[k - 1]), float(periods[k + 1]))
+            if self.growth([peak]) >= 0:
+                return self.sharper(float(periods[k - 1]), peak)
         if not len(unstable):
             return None
         return low if not end else self.sharper(float(periods[end - 1]), float(periods[end]))
+
+    def peak(self, low: float, high: float) -> float:
+        """Period about the largest growth between two."""
+        for _ in range(CLOSER):
+            periods = np.linspace(low, high, WITHIN)
+            k = int(logarithms(self.steps(low, high, WITHIN)).argmax())
+            low, high = float(periods[max(k - 1, 0)]), float(periods[min(k + 1, WITHIN - 1)])
+        return float(periods[k])
 
     def sharper(self, stable: float, unstable: float) -> float:
         """Unstable period near to where instability begins between two periods."""
@@ -174,9 +182,7 @@ class LinearError:
                 return self.growth(np.linspace(*interval(T1, T2), LETTERS + 1)[word].tolist()) >= 0
 
             below = max(low, SHORTENED * edge)
-            if not unstable(edge) or below >= edge:
-                break
-            edge = edge if unstable(below) else scan.edge(unstable, edge, below, SHARP)
+            edge = below if unstable(below) else scan.edge(unstable, edge, below, SHARP)
         return edge, np.linspace(*interval(T1, edge), LETTERS + 1)[found]
 
 
