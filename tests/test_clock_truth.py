@@ -189,12 +189,19 @@ def test_a_first_order_error_is_known_in_closed_form():
     assert found["pattern_limit"]["T2"] == pytest.approx(found["period_limit"])
     assert found["pattern"]["growth"] == pytest.approx(np.log(1 - k) + a)
     assert "T1" not in found["gamma"]
+    assert gain(frozen(system, NONE, decay), [1.01 * found["period_limit"]]) == np.inf
+
+
+def test_an_interval_so_short_that_doubles_see_no_decay_is_not_called_unstable():
+    system = reset(plant([[-1]], [[1]], [[1]]), np.eye(1), np.array([[0]]))
+    found = truth(system, [NONE], 1e-20, 2e-20, 0.0)
+    assert found["period_limit"] is found["pattern_limit"] is None
 
 
 def test_a_narrow_range_of_unstable_periods_is_found():
     # an undamped oscillation seen by its position is not corrected at half its period and at multiples of that
     system = reset(plant([[0, 50], [-50, 0]], [[0], [1]], [[1, 0]]), np.eye(2), np.array([[0.5], [0.02]]))
-    found = truth(system, [NONE], 0.04, 0.06, 0.0)
+    found = truth(system, [NONE], 0.0386, 0.06, 0.0)
     half = np.pi / 50
     begin = brentq(lambda T: radius(system, NONE, 0.0, [T]) - 1, 0.98 * half, 0.995 * half)
     assert found["period_limit"] == pytest.approx(begin, rel=1e-5)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.families.sporadic.clock.energy import exceeds, gain
-from obsdesign.families.sporadic.clock.linear import LETTERS, LinearError, interval
+from obsdesign.families.sporadic.clock.linear import LETTERS, ROUNDING, LinearError, interval
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem
 from obsdesign.lmi.formula import Array
 
@@ -108,7 +108,7 @@ def largest(
     """
     for error in errors:
         least = known * (1 + BETTER)
-        if not known or error.growth(gaps) >= 0 or exceeds(error, gaps, least):
+        if not known or error.growth(gaps) >= ROUNDING or exceeds(error, gaps, least):
             known = gain(error, gaps, least or near)
     return known
 
