@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 
 from obsdesign.dissipation import scan
-from obsdesign.families.sporadic.clock.linear import LinearError
+from obsdesign.families.sporadic.clock.linear import ROUNDING, LinearError
 from obsdesign.lmi.formula import Float
 
 STEP = 0.5  # of the Hamiltonian system, relative to its rates
@@ -57,14 +57,11 @@ class Stretch:
 def gain(error: LinearError, gaps: Sequence[float], guess: float | None = None) -> float:
     """Gain from w to z of a sequence of intervals that recurs, from below, to `SHARP`; infinite where it is unstable.
 
-    It is 0 where doubles show none. `guess`: a gain that it is near to.
+    w acts on z. The gain is 0 where doubles show none. `guess`: a gain that it is near to.
     """
-    strength = error.strength
-    if not strength:
-        return 0.0
-    if error.growth(gaps) >= 0:
+    if error.growth(gaps) >= ROUNDING:
         return np.inf
-    exceeded, start = partial(exceeds, error, gaps), guess or strength * max(gaps)
+    exceeded, start = partial(exceeds, error, gaps), guess or error.strength * max(gaps)
     inside, outside = scan.strides(exceeded, start, FACTOR, MOST) if start else (None, None)
     return 0.0 if inside is None or outside is None else scan.edge(exceeded, inside, outside, SHARP)
 

@@ -23,7 +23,9 @@ from obsdesign.lmi.formula import Array, Float
 SCANNED = 200  # periods up to the longest one that is tried
 TURN = 0.4  # rad of the fastest oscillation between two of these, at most
 DENSEST = 2000
-WITHIN = 16  # periods about each peak of the growth, between its neighbors
+WITHIN = 17  # periods about each peak of the growth, between its neighbors
+CLOSER = 3  # times that a peak is looked at so
+ROUNDING = 1e-9  # of the logarithm of a spectral radius, above which it is believed to be positive
 SHARP = 1e-6  # relative, of a limit of stability
 LETTERS = 32  # intervals of [T1, T2] that sequences consist of
 COARSE = np.array([0, 1, 2, 4, 8, 16, 24, 32])  # .. of which they begin to be sought
@@ -96,20 +98,27 @@ class LinearError:
         periods = np.linspace(low, high, count)
         growth = logarithms(self.steps(low, high, count))
         peaks = 1 + np.flatnonzero((growth[1:-1] >= growth[:-2]) & (growth[1:-1] >= growth[2:]))
-        unstable = np.flatnonzero(growth >= 0)
+        unstable = np.flatnonzero(growth >= ROUNDING)
         end = unstable[0] if len(unstable) else count - 1
         for k in peaks[peaks < end]:
-            ends = float(periods[k - 1]), float(periods[k + 1])
-            finer = logarithms(self.steps(*ends, WITHIN))
-            if finer.max() >= 0:
-                return self.sharper(ends[0], float(np.linspace(*ends, WITHIN)[finer.argmax()]))
+            peak = self.peak(float(periods[k - 1]), float(periods[k + 1]))
+            if self.growth([peak]) >= ROUNDING:
+                return self.sharper(float(periods[k - 1]), peak)
         if not len(unstable):
             return None
         return low if not end else self.sharper(float(periods[end - 1]), float(periods[end]))
 
+    def peak(self, low: float, high: float) -> float:
+        """Period about the largest growth between two."""
+        for _ in range(CLOSER):
+            periods = np.linspace(low, high, WITHIN)
+            k = int(logarithms(self.steps(low, high, WITHIN)).argmax())
+            low, high = float(periods[max(k - 1, 0)]), float(periods[min(k + 1, WITHIN - 1)])
+        return float(periods[k])
+
     def sharper(self, stable: float, unstable: float) -> float:
         """Unstable period near to where instability begins between two periods."""
-        return scan.edge(lambda T: self.growth([T]) >= 0, unstable, stable, SHARP)
+        return scan.edge(lambda T: self.growth([T]) >= ROUNDING, unstable, stable, SHARP)
 
     # Sequences
 
@@ -162,21 +171,19 @@ class LinearError:
 
     def shortest_unstable(self, T1: float, low: float, high: float) -> tuple[float, Float] | None:
         """Least T2 of an interval for which a sequence is found to be unstable, and its intervals; None if none is."""
-        if self.largest(T1, high) < 0:
+        if self.largest(T1, high) < ROUNDING:
             return None
-        edge = scan.edge(lambda T2: self.largest(T1, T2) >= 0, high, low, 1 / LETTERS**2)
+        edge = scan.edge(lambda T2: self.largest(T1, T2) >= ROUNDING, high, low, 1 / LETTERS**2)
         words, sizes = self.words(self.table(T1, edge))
         found = words[int(sizes.argmax())]
         for _ in range(TWICE):
             found = self.climbed(self.table(T1, edge), found, np.ones(LETTERS + 1))
 
             def unstable(T2: float, word: Word = found) -> bool:
-                return self.growth(np.linspace(*interval(T1, T2), LETTERS + 1)[word].tolist()) >= 0
+                return self.growth(np.linspace(*interval(T1, T2), LETTERS + 1)[word].tolist()) >= ROUNDING
 
             below = max(low, SHORTENED * edge)
-            if not unstable(edge) or below >= edge:
-                break
-            edge = edge if unstable(below) else scan.edge(unstable, edge, below, SHARP)
+            edge = below if unstable(below) else scan.edge(unstable, edge, below, SHARP)
         return edge, np.linspace(*interval(T1, edge), LETTERS + 1)[found]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.families.sporadic.clock.energy import exceeds, gain
-from obsdesign.families.sporadic.clock.linear import LETTERS, LinearError, interval
+from obsdesign.families.sporadic.clock.linear import LETTERS, ROUNDING, LinearError, interval
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem
 from obsdesign.lmi.formula import Array
 
@@ -49,8 +49,8 @@ def truth(system: ErrorSystem, members: Sequence[Array], T1: float, T2: float, d
         "pattern_limit": shortest_interval(errors, T1, low, period, high),
         "pattern": fastest_growth(errors, T1, T2, decay),
     }
-    acts = any(error.strength for error in errors)
-    return found | ({"gamma": gains(errors, T1, T2)} if acts else {})
+    disturbed = [error for error in errors if error.strength]
+    return found | ({"gamma": gains(disturbed, T1, T2)} if disturbed else {})
 
 
 def frozen(system: ErrorSystem, K: Array, decay: float) -> LinearError:
@@ -107,12 +107,9 @@ def largest(
     `near`: a gain that it is near to.
     """
     for error in errors:
-        if not known:
-            known = gain(error, gaps, near)
-        elif error.growth(gaps) >= 0:
-            known = np.inf
-        elif error.strength and exceeds(error, gaps, known * (1 + BETTER)):
-            known = gain(error, gaps, known * (1 + BETTER))
+        least = known * (1 + BETTER)
+        if not known or error.growth(gaps) >= ROUNDING or exceeds(error, gaps, least):
+            known = gain(error, gaps, least or near)
     return known
 
 
