@@ -79,12 +79,14 @@ def test_an_interrupt_at_any_moment_leaves_a_summary_of_what_is_on_disk(options)
             codes["earlier"] += 1
             continue
         codes[found["exit_code"]] += 1
+        if found["exit_code"] != 130:  # the interrupt came when all was done
+            assert not found["counts"]["skipped"] or options.get("fail_fast")
         assert found["counts"]["total"] == len(found["specs"]) == len(SPECS)
         for status in STATUSES:
             assert found["counts"][status] == sum(entry["status"] == status for entry in found["specs"])
         assert found["counts"]["as_expected"] == sum(bool(entry["as_expected"]) for entry in found["specs"])
-    assert codes.keys() == {"earlier", 130}
-    assert codes[130] > 20
+    assert {"earlier", 130} <= codes.keys() <= {"earlier", 130, found["exit_code"]}
+    assert codes[130] > 20 > codes[found["exit_code"]]
 
 
 @pytest.mark.usefixtures("quick")

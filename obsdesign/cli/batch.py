@@ -54,7 +54,6 @@ def batch(
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
     from obsdesign.disk import require_writable
-    from obsdesign.watch import orderly
 
     if output_file and not form:
         raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
@@ -66,7 +65,6 @@ def batch(
                 summary = batches.merge(paths, folder)
         else:
             tell_unmatched(paths, [] if quiet else exclude)
-            orderly()
             with followed(quiet, verbose) as follower:
                 summary = batches.batch(
                     paths,

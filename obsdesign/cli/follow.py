@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.cli.printing import say
+from obsdesign.watch import orderly
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -105,7 +106,8 @@ class Live(Lines):
 
 @contextmanager
 def followed(quiet: bool, verbose: bool) -> Iterator["Follower"]:
-    """Who tells how a batch goes on."""
+    """Who tells how a batch goes on, which ends in order where it is interrupted."""
+    orderly()
     if quiet or not sys.stderr.isatty():
         yield Lines(quiet, verbose)
         return
