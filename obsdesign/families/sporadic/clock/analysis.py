@@ -14,13 +14,14 @@ from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.clock.bernstein import SHAPE, Clock, Shape, clock
 from obsdesign.families.sporadic.clock.theorem import DECREASE, SETTLES, ClockTheorem, ErrorSystem
+from obsdesign.families.sporadic.clock.tied import tied
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness
 from obsdesign.lmi.equilibrate import Scales
 from obsdesign.lmi.formula import Array, Float, Inequality, Problem, Unknown, Values, printed
 from obsdesign.lmi.probe import Program, matrices, probe
-from obsdesign.lmi.proof import with_digits
+from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.reduce import Reduced, balance, balancing, reduce
-from obsdesign.lmi.solve import Search, homogeneous, unscaled, violation, with_margin
+from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation, with_margin
 from obsdesign.lmi.solvers import Ending, call
 from obsdesign.model.multiplier import Multiplier
 
@@ -65,7 +66,9 @@ class Analysis:
         """The inequalities for a longest interval and a rate."""
         s = self.shape
         pieces = self.clock or clock(self.T1, T2, s.degree, s.segments, s.lookahead)
-        return ClockTheorem(self.system, self.multiplier, pieces, self.T1, decay, s.lookahead)
+        loose = not self.T1 and not self.system.kept and self.system.J.dtype == object
+        held = tied(self.system.J) if loose else None
+        return ClockTheorem(self.system, self.multiplier, pieces, self.T1, decay, s.lookahead, held)
 
     # Searches
 
@@ -143,6 +146,11 @@ class Analysis:
         values = matrices(problem.unknowns, reduced.point(z))
         return Found(reduced.program.constant + float(reduced.program.cost @ z), values)
 
+    def optimum(self, problem: Problem) -> Found:
+        """Same, by solves in different scalings that agree."""
+        answer = self.engine.minimise(problem)
+        return Found(answer.objective, answer.values) if answer.status is Status.OPTIMAL else Found()
+
     def solve(self, program: Program, search: Search | None = None) -> tuple[Ending, Array]:
         """One call of the solver, counted."""
         self.engine.solves += 1
@@ -164,6 +172,9 @@ class Analysis:
         if goal.least == "mu" and not self.system.Bx.shape[1]:
             return self.witness(goal, T2, decay, fmpq(0))
         found = found or self.least(goal, T2, decay)
+        if found.values is None:  # by one solve
+            problem = least_problem(goal, goal.theorem(self.theorem(T2, decay)).doubles)
+            found = self.optimum(problem)
         if found.values is None:
             return None
         witness = None
@@ -184,8 +195,8 @@ class Analysis:
         v = matrices(theorem.unknowns, point)
         witness = None
         for digits in DIGITS:
-            P, M = with_digits(theorem.P(v), digits), theorem.multipliers(v)
-            M = {name: with_digits(stack, digits) for name, stack in M.items()}
+            values = rounded(v, digits)
+            P, M = exact.P(values), exact.multipliers(values)
             witness = Witness(goal, exact, {goal.least: least, **more(goal, theorem, P)}, P, M)
             if witness.holds:
                 break

@@ -38,6 +38,7 @@ from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least that is found
+SHORT = 1000  # parts of T2: the T1 of a search for K where it is zero
 ROOM = 5e-3  # of gamma, left to the rounding of the gains
 Point = tuple[dict[str, Any], Curve, Found | None]
 
@@ -65,7 +66,8 @@ class ClockDesigner:
         bound = request.largest_reset if resets else request.largest_gain
         kappa = None if bound is None else float(bound)
         problem = self.engine, self.plant, self.multiplier, self.Cp
-        return Curve(*problem, self.T1, request.shape, name, kappa, request.gap and resets)
+        shortest = self.T1 or (self.lowest[0] / SHORT if resets else self.T1)  # where T1 = 0 ties P(0) to K
+        return Curve(*problem, shortest, request.shape, name, kappa, request.gap and resets)
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""

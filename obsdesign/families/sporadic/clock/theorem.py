@@ -50,6 +50,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.families.sporadic.clock.bernstein import Clock
+from obsdesign.families.sporadic.clock.tied import Tied
 from obsdesign.lmi.formula import (
     Array,
     Inequality,
@@ -168,12 +169,13 @@ class ClockTheorem:
     T1: fmpq
     decay: Any  # lambda, 1/s
     lookahead: int = 1
+    tied: Tied | None = None  # what T1 = 0 asks of P(0) where no entry of x is kept
 
     @property
     def doubles(self) -> "ClockTheorem":
         """Same theorem in doubles; the clock stays as it is."""
-        system, multiplier = in_floats(self.system), in_floats(self.multiplier)
-        return replace(self, system=system, multiplier=multiplier, decay=float(self.decay))
+        system, multiplier, tied = in_floats(self.system), in_floats(self.multiplier), in_floats(self.tied)
+        return replace(self, system=system, multiplier=multiplier, decay=float(self.decay), tied=tied)
 
     @property
     def ahead(self) -> int:
@@ -190,7 +192,11 @@ class ClockTheorem:
         m, n = self.system.order, self.system.kept
         blocks = [("", m)] if self.T1 or not n else [("e", n), ("d", m - n)]
         return [
-            tuple(Unknown(f"P{place}{part}", (k, k), symmetric=True) for part, k in (blocks if not j else [("", m)]))
+            (Unknown(f"P{place}", (len(self.tied.basis), 1)),)
+            if self.tied and not j
+            else tuple(
+                Unknown(f"P{place}{part}", (k, k), symmetric=True) for part, k in (blocks if not j else [("", m)])
+            )
             for place, j in self.named(self.clock.count)
         ]
 
@@ -214,10 +220,16 @@ class ClockTheorem:
     def P(self, v: Values) -> Array:
         """Control values of P, (.., lookahead, N d + 1, m, m)."""
         values = [
-            block_diagonal([v[u.name] for u in blocks]) if len(blocks) > 1 else v[blocks[0].name]
+            block_diagonal([v[u.name] for u in blocks]) if len(blocks) > 1 else self.first(v[blocks[0].name])
             for blocks in self.storage
         ]
         return self.stacked(values, self.clock.count)
+
+    def first(self, value: Array) -> Array:
+        """P of its unknown: itself, or where P(0) is tied the sum of the matrices of the basis, (.., m, m)."""
+        if value.shape[-1] > 1 or self.tied is None:
+            return value
+        return np.asarray(np.tensordot(value[..., 0], self.tied.basis, axes=1))
 
     def stacked(self, values: list[Array], count: int) -> Array:
         """Values of all functions, (.., lookahead, count, k, k)."""
@@ -264,8 +276,12 @@ class ClockTheorem:
         return symmetric([[self.jump(before, after), s.J.mT @ after @ s.Jn], [own]])
 
     def inequalities(self, v: Values) -> list[Inequality]:
-        """All of them, of the unknowns and of the numbers of `conditions`."""
-        return self.conditions(self.P(v), self.multipliers(v), v)
+        """All of them, of the unknowns and of the numbers of `conditions`; without rows that must vanish and do."""
+        found = self.conditions(self.P(v), self.multipliers(v), v)
+        if self.tied is None:
+            return found
+        S, at_once = self.tied.across, f"{SETTLES} (1)"
+        return [replace(i, matrix=S.mT @ i.matrix @ S) if i.name == at_once else i for i in found]
 
     def conditions(self, P: Array, M: Values, v: Values) -> list[Inequality]:
         """(F), (J) or where there is a kappa (N), and the bounds on P, at all control values.
