@@ -6,6 +6,7 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from flint import fmpq
@@ -31,7 +32,7 @@ FEASIBLE = 1e-7  # normalised margin above which there is a solution
 BACKOFFS = (1e-3, 5e-3, 2e-2, 0.1)  # of the least number that a claim needs
 DIGITS = (8, 12, 17)  # of a witness
 ROOM = 1e-6  # relative, of numbers that follow from P
-MET = 1e-6  # relative, of equations that a least squares solution meets
+NOTHING: Mapping[str, fmpq] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -167,28 +168,33 @@ class Analysis:
 
     # Proofs
 
-    def prove(self, goal: Goal, T2: fmpq, decay: fmpq, found: Found | None = None) -> Witness | None:
-        """Witness of nearly the least number; the last attempt if none holds, None if there is none."""
+    def prove(
+        self, goal: Goal, T2: fmpq, decay: fmpq, found: Found | None = None, given: Mapping[str, fmpq] = NOTHING
+    ) -> Witness | None:
+        """Witness of nearly the least number; the last attempt if none holds, None if there is none.
+
+        `found`: the least number, if it is known; `given`: other numbers of the claim.
+        """
         if goal.least == "mu" and not self.system.Bx.shape[1]:
-            return self.witness(goal, T2, decay, fmpq(0))
-        found = found or self.least(goal, T2, decay)
-        if found.values is None:  # by one solve
-            problem = least_problem(goal, goal.theorem(self.theorem(T2, decay)).doubles)
-            found = self.optimum(problem)
+            return self.witness(goal, T2, decay, {"mu": fmpq(0)})
+        problem = least_problem(goal, goal.theorem(self.theorem(T2, decay)).doubles, given)
+        found = found or self.solved(problem)
+        if found.values is None:
+            found = self.optimum(problem)  # one solve was not enough
         if found.values is None:
             return None
         witness = None
         for backoff in BACKOFFS:
-            witness = self.witness(goal, T2, decay, number(found.objective, backoff))
+            witness = self.witness(goal, T2, decay, {**given, goal.least: number(found.objective, backoff)})
             if witness and witness.holds:
                 break
         return witness
 
-    def witness(self, goal: Goal, T2: fmpq, decay: fmpq, least: fmpq) -> Witness | None:
-        """Witness for a number of a claim; the last attempt if none holds, None if there is none."""
+    def witness(self, goal: Goal, T2: fmpq, decay: fmpq, numbers: Mapping[str, fmpq]) -> Witness | None:
+        """Witness for the numbers of a claim; the last attempt if none holds, None if there is none."""
         exact = goal.theorem(self.theorem(T2, decay))
-        theorem, fixed = exact.doubles, {goal.least: np.array([[float(least)]])}
-        problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**goal.fixed(ONE), **fixed, **v}))
+        theorem, fixed = exact.doubles, {**goal.fixed(ONE), **in_matrices(numbers)}
+        problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**fixed, **v}))
         point, t = self.widest(reduce(problem))
         if t <= 0:
             return None
@@ -197,21 +203,27 @@ class Analysis:
         for digits in DIGITS:
             values = rounded(v, digits)
             P, M = exact.P(values), exact.multipliers(values)
-            witness = Witness(goal, exact, {goal.least: least, **more(goal, theorem, P)}, P, M)
+            witness = Witness(goal, exact, {**numbers, **({"r": largest(P)} if "r" in goal.also else {})}, P, M)
             if witness.holds:
                 break
         return witness
 
 
-def least_problem(goal: Goal, theorem: ClockTheorem) -> Problem:
-    """Minimise the number of a claim; without w the least mu is zero."""
+def least_problem(goal: Goal, theorem: ClockTheorem, given: Mapping[str, fmpq] = NOTHING) -> Problem:
+    """Minimise the number of a claim, others given; without w the least mu is zero."""
+    fixed = {**goal.fixed(ONE), **in_matrices(given)}
 
     def inequalities(v: Values) -> list[Inequality]:
-        found = theorem.inequalities({**goal.fixed(ONE), **v})
+        found = theorem.inequalities({**fixed, **v})
         return [*found, Inequality("mu >= 0", -v["mu"])] if "mu" in v and not theorem.system.Bx.shape[1] else found
 
     unknowns = *theorem.unknowns, Unknown(goal.least, (1, 1))
     return Problem(unknowns, inequalities, lambda v: v[goal.least])
+
+
+def in_matrices(numbers: Mapping[str, fmpq]) -> dict[str, Array]:
+    """Numbers as 1x1 matrices, in doubles."""
+    return {name: np.array([[float(value)]]) for name, value in numbers.items()}
 
 
 def named(duals: Mapping[str, Array], name: str) -> list[Array]:
@@ -225,31 +237,6 @@ def number(least: float, backoff: float) -> fmpq:
     return root * root
 
 
-def more(goal: Goal, theorem: ClockTheorem, P: Array) -> dict[str, fmpq]:
-    """Numbers of a claim that follow from P: r, and kappa where there is one."""
-    if goal.name != "gamma":
-        return {}
-    doubles = P.astype(float)
-    r = float(np.linalg.eigvalsh(doubles)[..., -1].max())
-    found = {"r": printed(round_up(r * (1 + ROOM), 6))}
-    kappa = noise_level(theorem, doubles)
-    return found | ({"kappa": printed(round_up(kappa * (1 + ROOM), 6))} if math.isfinite(kappa) else {})
-
-
-def noise_level(theorem: ClockTheorem, P: Float) -> float:
-    """Smallest kappa with (N), by the Schur complement of it; infinite where (J) leaves no room."""
-    J, Jn = theorem.system.J, theorem.system.Jn
-    levels = []
-    for before, after in theorem.followed(P):
-        rooms, acrosses, owns = before - J.mT @ after @ J, J.mT @ after @ Jn, Jn.mT @ after @ Jn
-        count = len(rooms)
-        for room, across, own in zip(rooms, repeated(acrosses, count), repeated(owns, count), strict=True):
-            solved, *_ = np.linalg.lstsq(room, across, rcond=None)
-            met = np.abs(room @ solved - across).max(initial=0.0) <= MET * np.abs(across).max(initial=0.0)
-            levels.append(float(np.linalg.eigvalsh(own + across.T @ solved)[-1]) if met else math.inf)
-    return max(levels, default=0.0)
-
-
-def repeated(stack: Float, count: int) -> Float:
-    """Stack of so many matrices, of as many or of one."""
-    return np.broadcast_to(stack, (count, *stack.shape[-2:]))
+def largest(P: Array) -> fmpq:
+    """Decimal a little above the largest eigenvalue of control values of P."""
+    return printed(round_up(float(np.linalg.eigvalsh(P.astype(float))[..., -1].max()) * (1 + ROOM), 6))

@@ -109,7 +109,7 @@ class ClockClaim(Proved):
             decay=below(self.decay),
             T1=above(self.T1),
             T2=below(self.T2),
-            witness=self.witnesses["gamma"],
+            witness=self.witnesses.get("energy", self.witnesses["gamma"]),
             rate=below(self.rate),
             constants={name: above(x) for name, x in self.constants.items()},
             adds=self.adds,
@@ -135,6 +135,10 @@ class ClockClaim(Proved):
         if len(parts) > 1 and self.adds:
             parts[-1] += ", and these bounds add where several act"
         parts.append(f"|z|_2 <= {c['gamma']} |{w}|_2 + {c['initial']} {size}(0) where eta = 0")
+        if "energy" in self.witnesses:
+            numbers = {name: at_most(x) for name, x in self.witnesses["energy"].numbers.items()}
+            initial, given = f"{numbers['r']} {size}(0)^2", f"{numbers['mu']} |{w}|_2^2"
+            parts.append(f"|z|_2^2 <= {initial} + {given} + {numbers['kappa']} sum |eta_k|^2")
         if self.outage:
             parts.append(self.overdue(self.outage))
         told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))

@@ -20,7 +20,7 @@ from obsdesign.families.guarantee import (
 )
 from obsdesign.families.sporadic.clock.witness import Witness
 from obsdesign.families.sporadic.guarantee import measurements
-from obsdesign.lmi.formula import Array, Float, Inequality, above, zeros
+from obsdesign.lmi.formula import Array, Float, Inequality, above, below, zeros
 from obsdesign.lmi.proof import holds
 from obsdesign.lmi.spectrum import extremes, lower
 
@@ -32,7 +32,7 @@ class ClockGuarantee:
     """What holds of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2.
 
     With the error x, (e, d) or e alone, and the time tau that is left to the next measurement, V = x' P(tau) x of the
-    witness of gamma satisfies V' <= -2 lambda V - |z|^2 + gamma^2 |w|^2 between measurements, and at each of them
+    witness satisfies V' <= -2 lambda V - |z|^2 + mu |w|^2 between measurements, and at each of them
     V+ <= V + kappa |eta|^2.
     """
 
@@ -44,7 +44,7 @@ class ClockGuarantee:
     decay: float  # 1/s
     T1: float  # s
     T2: float  # s
-    witness: Witness  # of gamma
+    witness: Witness  # of the energy of z with noise, or else of gamma
     rate: float  # 1/s, of |x|
     constants: Mapping[str, float]
     adds: bool  # whether the bounds on |x| add
@@ -60,8 +60,8 @@ class ClockGuarantee:
         return self.witness.theorem.ahead if self.T1 else None
 
     def rates(self) -> Rates:
-        """V' <= -2 lambda V + gamma^2 |w|^2."""
-        return Rates(float(self.witness.theorem.decay), self.gamma**2)
+        """V' <= -2 lambda V + mu |w|^2."""
+        return Rates(below(self.witness.theorem.decay), above(self.witness.numbers["mu"]))
 
     @cached_property
     def positive(self) -> Array:
@@ -140,7 +140,7 @@ class ClockGuarantee:
     def decreases(self, course: Course, V: Array) -> Bound:
         """Bound V(t) by what is left of V(0) and what w and eta have added since."""
         w = course.drive
-        added = f" + gamma^2 integral exp(-2 decay (t-s)) |{w}(s)|^2 ds" if course.v2[-1] else ""
+        added = f" + mu integral exp(-2 decay (t-s)) |{w}(s)|^2 ds" if course.v2[-1] else ""
         added += " + sum exp(-2 decay (t-t_k)) kappa |eta|^2" if measurements(course).eta_sup[-1] else ""
         limit = envelope(self, course, V)
         return tightest(f"sqrt(V(t)) <= sqrt(exp(-2 decay t) V(0){added})", course.t, np.sqrt(V), np.sqrt(limit))
@@ -153,8 +153,9 @@ class ClockGuarantee:
         found = []
         if len(self.doubles) == 1 and np.isfinite(at.added[-1]):
             noise = " + kappa sum |eta|^2" if noisy else ""
-            name = f"norm2(z) <= sqrt(V(0) + gamma^2 norm2({course.drive})^2{noise})"
-            found = [bound(name, z, float(np.sqrt(V0 + w**2 + at.added[-1])))]
+            given = above(self.witness.numbers["mu"]) * course.v2[-1]
+            name = f"norm2(z) <= sqrt(V(0) + mu norm2({course.drive})^2{noise})"
+            found = [bound(name, z, float(np.sqrt(V0 + given + at.added[-1])))]
         if noisy:
             return found
         length = self.witness.theorem.system.size

@@ -5,13 +5,14 @@ import math
 from flint import fmpq
 
 from obsdesign.dissipation import scan
-from obsdesign.dissipation.decimals import round_down
+from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.families.sporadic.clock.analysis import FEASIBLE, Analysis
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness, constants
 from obsdesign.families.sporadic.gains import EDGE, PART, SHORTENED
 from obsdesign.lmi.formula import approximate, printed
 
 PARTS = (0.15, 0.3, 0.5, 0.7)  # of the fastest rate, at which the constants of w and eta are proved
+NOISY = 1.1  # gamma, relative to the least, of the bound that takes the noise of measurements in
 QUIET = 0.5  # of the fastest rate, at which |x| is proved to decay where no rate is asked for
 FASTER = 2.0  # between rates that are tried, until one has no solution
 MOST = 40  # .. of these
@@ -65,7 +66,11 @@ def proof_of_longest(analysis: Analysis, edge: float, decay: fmpq, low: fmpq) ->
 
 def witnesses(analysis: Analysis, T2: fmpq, decay: fmpq) -> dict[str, Witness]:
     """Witness of gamma, of the decay, and of the constants of w and eta, each with the best of a few rates."""
-    found = {"gamma": analysis.prove(GOALS["gamma"], T2, decay)}
+    gamma = analysis.prove(GOALS["gamma"], T2, decay)
+    found = {"gamma": gamma}
+    if gamma and gamma.holds:
+        level = {"mu": printed(round_up(float(gamma.numbers["mu"]) * NOISY**2, 6))}
+        found["energy"] = analysis.prove(GOALS["energy"], T2, decay, given=level)
     limit = fastest(analysis, T2, decay)
     if limit is not None:
         rate = decay or printed(round_down(QUIET * limit, 3))

@@ -2,8 +2,8 @@
 
 Every claim has a storage function of its own. With P >= I for those on |x|,
 
-    gamma        |z|_2 <= gamma |w|_2 + initial |x(0)| where eta = 0:    mu <= gamma^2, P <= initial^2 I, and where it
-                 has a kappa |z|_2^2 <= gamma^2 |w|_2^2 + V(0) + kappa sum |eta_k|^2
+    gamma        |z|_2 <= gamma |w|_2 + initial |x(0)| where eta = 0:    mu <= gamma^2, P <= initial^2 I
+    energy       |z|_2^2 <= r |x(0)|^2 + mu |w|_2^2 + kappa sum |eta_k|^2:    P <= r I, (N)
     overshoot    |x(t)| <= overshoot exp(-lambda t) |x(0)| where w = 0 and eta = 0:    I <= P <= overshoot^2 I
     disturbance  |x(t)| <= disturbance sup|w| from zero error where eta = 0:    P >= I, mu <= 2 lambda disturbance^2
     noise        |x(t)| <= noise sup|eta| from zero error where w = 0:    P >= I, (N) with a kappa of at most
@@ -56,6 +56,7 @@ GOALS = {
     goal.name: goal
     for goal in (
         Goal("gamma", "mu", ("r",), disturbed=True, weighed=True, normal=False),
+        Goal("energy", "kappa", ("mu", "r"), disturbed=True, weighed=True, normal=False),
         Goal("overshoot", "r"),
         Goal("disturbance", "mu", disturbed=True),
         Goal("noise", "kappa"),
@@ -83,10 +84,15 @@ class Witness(Proved):
         found = [
             *together(prove(self.theorem.conditions(self.P, self.multipliers, given))),
             Check("lambda >= 0", self.theorem.decay >= 0, approximate(self.theorem.decay)),
-            *(Check(f"{name} >= 0", x >= 0, approximate(x)) for name, x in self.numbers.items()),
+            *(Check(f"{name} >= 0", x >= 0, approximate(x)) for name, x in self.ordered.items()),
             self.solvable(),
         ]
         return tuple(replace(check, name=f"{self.goal.name}: {check.name}") for check in found)
+
+    @property
+    def ordered(self) -> dict[str, fmpq]:
+        """Numbers in the order of NUMBERS."""
+        return {name: self.numbers[name] for name in NUMBERS if name in self.numbers}
 
     @property
     def definite(self) -> bool:
@@ -115,7 +121,7 @@ class Witness(Proved):
         }
         return {
             "lambda": str(self.theorem.decay),
-            **{name: str(value) for name, value in self.numbers.items()},
+            **{name: str(value) for name, value in self.ordered.items()},
             "knots": [str(s) for s in clock.knots],
             **(parts["1"] if len(parts) == 1 else {"parts": parts}),
         }
