@@ -33,8 +33,8 @@ depend on this clock. With `lookahead` it looks one measurement further: P is on
 length, of [T1, T2] in which the interval after the next measurement ends, and (J) and (N) are asked from each of these
 functions to each that may follow.
 
-A K that depends on the interval that has just ended makes J(s) = I - K(s) C a mean of its control values J_j. (J) and (N)
-are convex in J and Jn where P(tau) >= 0, so that they hold if they do for every J_j.
+A K that depends on the interval that has just ended makes J(s) = I - K(s) C a mean of its control values J_j. (J) and
+(N) are convex in J and Jn where P(tau) >= 0, so that they hold if they do for every J_j.
 
 (F), (J), (N) are affine in P, P' and M, so that they hold if they do for the control values (`bernstein`). For T1 = 0,
 (J) at tau = 0 leaves no room in the rows where J = I: P(0) is block-diagonal then. This is not in the paper.
