@@ -421,10 +421,10 @@ def test_the_shortest_interval_is_part_of_what_is_proved():
 # Types of nonlinearities
 
 TYPES = {
-    "lipschitz": ("{lipschitz: 0.5}", [-0.5, 0, 0.5]),
+    "lipschitz": ("{lipschitz: 0.3}", [-0.3, 0, 0.3]),
     "slope": ("{slope: [-0.2, 0.5]}", [-0.2, 0, 0.5]),
     "slope without zero": ("{slope: [0.5, 1]}", [0.5, 0.7, 1]),
-    "half line": ("{slope: [0, .inf]}", [0, 1, 100]),
+    "half line": ("{slope: [1, .inf]}", [1, 10, 100]),
     "sector": ("{sector: {K1: 0.3, K2: 0.9}}", [0.3, 0.6, 0.9]),
     "polytope": ("{jacobian: [[[0.2]], [[0.7]]]}", [0.2, 0.5, 0.7]),
     "cocoercive": ("{cocoercive: 0.8}", [0, 0.4, 0.8]),
