@@ -69,7 +69,7 @@ class SporadicRequest:
                 (tuple(dict.fromkeys(words)) for words in zip(*pairs, strict=True)) if pairs else ((), ())
             )
             if pairs:
-                yield replace(self, injections=injections, relaxations=relaxations)
+                yield self.part(injections, relaxations)
 
     def older(self) -> "SporadicRequest | None":
         """The same request of the tightest propositions, which need T1 > 0 and a gain L; None where there is none."""
@@ -77,7 +77,12 @@ class SporadicRequest:
         if not injections or not self.T1 or "K" in (self.gains or {}):
             return None
         relaxations = tuple(dict.fromkeys(INJECTIONS[name][1] for name in injections))
-        return replace(self, injections=injections, relaxations=relaxations)
+        return self.part(injections, relaxations)
+
+    def part(self, injections: tuple[str, ...], relaxations: tuple[str, ...]) -> "SporadicRequest":
+        """The same request of some injections and relaxations, without what is for others."""
+        made = replace(self, injections=injections, relaxations=relaxations)
+        return made if "reset" in injections else replace(made, largest_reset=None, gap=False)
 
     @property
     def clocked(self) -> bool:
@@ -88,6 +93,7 @@ class SporadicRequest:
         """Relaxations that fit none of the injections, or else injections that have none of the relaxations."""
         if self.delta_given and self.clocked:
             yield ("delta",), "is the exponent of a proposition; relaxation clock has none: leave `delta` out"
+        yield from self.idle()
         known = "; ".join(f"{name} takes {', '.join(relaxations)}" for name, relaxations in INJECTIONS.items())
         fitting = {relaxation for _, relaxation in self.pairs}
         strays = [relaxation for relaxation in self.relaxations if relaxation not in fitting]
@@ -96,6 +102,16 @@ class SporadicRequest:
         for name in self.injections if not strays else ():
             if name not in {injection for injection, _ in self.pairs}:
                 yield ("injection",), f"{name} has none of the relaxations that are listed; {known}"
+
+    def idle(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Bounds, and a K that depends on the interval, of an injection that is not asked for."""
+        resets, holds = "reset" in self.injections, set(self.injections) != {"reset"}
+        if self.largest_reset is not None and not resets:
+            yield ("bounds", "K"), "bounds K of injection reset, which is not asked for; give `bounds.L`"
+        if self.largest_gain is not None and not holds:
+            yield ("bounds", "L"), "bounds L, and injection reset has the gain K; give `bounds.K`"
+        if self.gap and not resets:
+            yield ("clock", "gain"), "gap is for injection reset, which is not asked for; leave it out"
 
 
 def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> SporadicRequest:

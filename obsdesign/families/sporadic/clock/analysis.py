@@ -5,7 +5,7 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -27,7 +27,8 @@ from obsdesign.lmi.solvers import Ending, call
 from obsdesign.model.multiplier import Multiplier
 
 ONE = np.ones((1, 1))
-VIOLATION = 1e-5  # of a constraint that a search tolerates
+VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns
+LARGE = 100.0  # unknowns beside which a solver may lose the constant terms
 FEASIBLE = 1e-7  # normalised margin above which there is a solution
 BACKOFFS = (1e-3, 5e-3, 2e-2, 0.1)  # of the least number that a claim needs
 DIGITS = (8, 12, 17)  # of a witness
@@ -136,12 +137,12 @@ class Analysis:
         if reduced.contradiction:
             return Found()
         scaled, T = balance(reduced.program)
-        ending, y = self.solve(scaled, search)
+        ending, y = self.careful(scaled, search or Search(call(self.engine.solver, quick=True)))
         z = unscaled(T, y)
         if (
             ending in {Ending.INFEASIBLE, Ending.IMPROPER}
             or not np.isfinite(z).all()
-            or violation(scaled, y) > VIOLATION
+            or violation(scaled, y) > max(VIOLATION, RELATIVE * np.abs(y).max())
         ):
             return Found()
         values = matrices(problem.unknowns, reduced.point(z))
@@ -156,6 +157,19 @@ class Analysis:
         """One call of the solver, counted."""
         self.engine.solves += 1
         return (search or Search(call(self.engine.solver, quick=True))).solve(program)
+
+    def careful(self, program: Program, search: Search) -> tuple[Ending, Array]:
+        """One call, and another one with larger constant terms where these are lost beside large unknowns."""
+        ending, y = self.solve(program, search)
+        size, duals = np.abs(y).max(initial=0.0), search.duals
+        if ending not in {Ending.INACCURATE, Ending.STALLED, Ending.FAILED} or not LARGE < size < math.inf:
+            return ending, y
+        factor = math.sqrt(size)
+        again, x = self.solve(magnified(program, factor), search)
+        if again in {Ending.SOLVED, Ending.INACCURATE}:
+            return again, x / factor
+        search.duals = duals
+        return ending, y
 
     def widest(self, reduced: Reduced) -> tuple[Array, float]:
         """Point of the largest normalised margin, and the margin, by one solve."""
@@ -224,6 +238,12 @@ def least_problem(goal: Goal, theorem: ClockTheorem, given: Mapping[str, fmpq] =
 def in_matrices(numbers: Mapping[str, fmpq]) -> dict[str, Array]:
     """Numbers as 1x1 matrices, in doubles."""
     return {name: np.array([[float(value)]]) for name, value in numbers.items()}
+
+
+def magnified(program: Program, size: float) -> Program:
+    """Program for unknowns that are so many times as large; its dual solution is the same."""
+    factor = np.array([size, *np.ones(len(program.cost))])[:, None, None]
+    return replace(program, blocks=tuple(replace(b, terms=factor * b.terms) for b in program.blocks))
 
 
 def named(duals: Mapping[str, Array], name: str) -> list[Array]:

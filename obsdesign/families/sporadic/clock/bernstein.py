@@ -128,8 +128,8 @@ def clock(T1: fmpq, T2: fmpq, degree: int, segments: int, bins: int = 1) -> Cloc
     """
     if (segments == 1 and bins == 1) or not 0 < T1 < T2:
         return Clock((fmpq(0), *divided(fmpq(0), T2, segments)), degree)
-    late = max(bins, round(segments * float((T2 - T1) / T2) / bins) * bins)
-    late = max(bins, min(late, segments - 1))
+    each = min(round(segments * float((T2 - T1) / T2) / bins), (segments - 1) // bins)
+    late = bins * max(1, each)
     return Clock((fmpq(0), *divided(fmpq(0), T1, max(segments - late, 1)), *divided(T1, T2, late)), degree)
 
 

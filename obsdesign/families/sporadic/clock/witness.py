@@ -186,6 +186,9 @@ def read(file: ResultFile, goal: Goal, theorem: ClockTheorem, T2: fmpq, *keys: s
     for name in (goal.least, *goal.also):
         if name not in numbers:
             raise file.wrong(".".join((*keys, name)), "missing", id="OBS702")
+    for name, value in numbers.items():
+        if value < 0:
+            raise file.wrong(".".join((*keys, name)), "negative", id="OBS702")
     P = np.stack([read_storage(file, of_goal, *root, "P") for root in roots])
     M = {
         u.name: np.stack([read_unknown(file, u, of_goal.clock, *root, "multipliers", u.name) for root in roots])
