@@ -11,6 +11,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
@@ -22,10 +23,11 @@ from obsdesign.families.sporadic.clock.analysis import Analysis
 from obsdesign.families.sporadic.clock.bernstein import of_gain
 from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.clock.outage import outage
-from obsdesign.families.sporadic.clock.reasons import nothing_found, useless
+from obsdesign.families.sporadic.clock.reasons import nothing_found, undecided, unstable
 from obsdesign.families.sporadic.clock.search import Curve, Found, main, norm
 from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, witnesses
 from obsdesign.families.sporadic.clock.theorem import error_system
+from obsdesign.families.sporadic.clock.truth import truth
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.gains import LONGER, SHORTER
 from obsdesign.families.sporadic.held import held
@@ -104,7 +106,7 @@ class ClockDesigner:
         most = self.tolerated(analysis, T2, decay)
         limit: dict[str, Any] = {}
         if most is None or most < float(T2):
-            return Outcome(Verdict.INFEASIBLE, doubles(gains), diagnosis=useless(self.T1, T2, decay, most))
+            return self.useless(gains, T2, decay, most)
         if self.request.objective == "max-T2":
             limit = {"T2": min(most, float(self.T2.high))}
             T2 = within_slack(limit["T2"], float(T2), slack)
@@ -120,6 +122,18 @@ class ClockDesigner:
             claim,
             limit={**limit, "attained": False, **BEST_FOUND} if limit else {},
         )
+
+    def useless(self, gains: Mapping[str, Array], T2: fmpq, decay: fmpq, most: float | None) -> Outcome:
+        """Answer that given gains achieve nothing, where intervals are found for which the error does not decay.
+
+        Raises `UndecidedError`: none are found.
+        """
+        members = Errors.of(self.plant, self.multiplier, self.Cp).through
+        error = error_system(self.plant.doubles, in_floats(self.Cp), in_floats_of(gains))
+        found = {} if error.elapsed else truth(error, members, float(self.T1), float(T2), float(decay))
+        if (found.get("pattern_limit") or {}).get("T2", math.inf) > float(T2):
+            raise UndecidedError(undecided(self.T1, T2, decay, most), id="OBS507")
+        return Outcome(Verdict.INFEASIBLE, doubles(gains), diagnosis=unstable(found, T2, decay, most))
 
     def tolerated(self, analysis: Analysis, T2: fmpq, decay: fmpq) -> float | None:
         """Largest T2 for which there is a solution, of T1 or a small part of what is asked for, to ten times that."""

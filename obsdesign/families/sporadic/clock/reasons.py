@@ -1,31 +1,42 @@
 """Why clock-dependent certificates prove nothing of gains, and what would be possible."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from flint import fmpq
 
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.sporadic.clock.search import Curve
+from obsdesign.families.sporadic.clock.truth import OF_PLANT
 from obsdesign.tables.text import at_least
 
 CLOSE = 1e-3  # relative, from a limit to what is suggested
 
 
-def useless(T1: fmpq, T2: fmpq, decay: fmpq, tolerated: float | None) -> Diagnosis:
-    """Answer that given gains achieve nothing; `tolerated`: the largest T2 for which there seems to be a solution."""
-    shorter = "look at a smaller decay"
+def unstable(found: Mapping[str, Any], T2: fmpq, decay: fmpq, tolerated: float | None) -> Diagnosis:
+    """Answer that an error does not decay with given gains, for intervals that recur; `found`: entries of `truth`."""
+    gaps, limit = found["pattern_limit"]["gaps"], found["pattern_limit"]["T2"]
+    recurring = f"measurements {', '.join(f'{gap:g}' for gap in gaps)} s apart, again and again,"
+    rate = f" at the rate {float(decay):g} 1/s" if decay else ""
+    which = "of" if found["of"] == OF_PLANT else "of a frozen member f = K q, which the types allow, and of"
+    instead = f"T2 below {limit:.4g} is necessary"
     if tolerated:
-        shorter = f"look at T2 about {at_least(tolerated * (1 - CLOSE), 4)}, where solutions seem to end"
+        instead = f"ask for T2 at most about {at_least(tolerated * (1 - CLOSE), 3)}, which these gains seem to tolerate"
     return {
         "id": "OBS609",
         "condition": "gains",
-        "reason": (
-            "no storage function of the time left to the next measurement was found for these gains, for intervals "
-            f"from T1 = {float(T1):g} to T2 = {float(T2):g} with decay {float(decay):g}"
-        ),
-        "feasible": {"T2": tolerated} if tolerated else {},
-        "suggestion": f"{shorter}, or look at new gains: leave `gains` out",
+        "reason": f"T2 = {float(T2):g} is too long: with {recurring} the error {which} these gains does not decay{rate}",
+        "feasible": {"T2": tolerated} if tolerated else {"T2_below": limit},
+        "suggestion": f"{instead}, or leave `gains` out",
     }
+
+
+def undecided(T1: fmpq, T2: fmpq, decay: fmpq, tolerated: float | None) -> str:
+    """Say that nothing was proved of given gains, which proves nothing, and what to try."""
+    where = f"for intervals from T1 = {float(T1):g} to T2 = {float(T2):g} with decay {float(decay):g}"
+    said = f"no storage function of the time left to the next measurement was found for these gains {where}"
+    shorter = f"ask for T2 at most about {at_least(tolerated * (1 - CLOSE), 3)}, or " if tolerated else ""
+    return f"{said}; {shorter}try `clock: {{degree: 6, segments: 4}}`, or a smaller decay"
 
 
 def nothing_found(curves: Sequence[Curve], T2: fmpq, decay: fmpq, shorter: float | None) -> str:
