@@ -138,7 +138,11 @@ class ClockDesigner:
     def tolerated(self, analysis: Analysis, T2: fmpq, decay: fmpq) -> float | None:
         """Largest T2 for which there is a solution, of T1 or a small part of what is asked for, to ten times that."""
         low = max(float(self.T1), SHORTER * float(T2))
-        return longest(analysis, decay, low, max(LONGER * float(T2), float(self.T2.high)))
+        return longest(self.finer(analysis), decay, low, max(LONGER * float(T2), float(self.T2.high)))
+
+    def finer(self, analysis: Analysis) -> Analysis:
+        """Analysis with another segment, for a T2 that is much longer than T1, where the last segment begins."""
+        return replace(analysis, shape=replace(analysis.shape, segments=analysis.shape.segments + 1))
 
     def claim(self, gains: Mapping[str, Array], T2: fmpq, decay: fmpq, most: float | None = None) -> ClockClaim | None:
         """Claim of gains with a witness of each part; `most`: the longest T2 that they seem to tolerate."""
@@ -146,7 +150,7 @@ class ClockDesigner:
         found = witnesses(analysis, T2, decay)
         if "gamma" not in found:
             return None
-        beyond = None if most is None else proof_of_longest(analysis, most, decay, T2)
+        beyond = None if most is None else proof_of_longest(self.finer(analysis), most, decay, T2)
         direct = any([*self.plant.D.flat, *self.plant.Df.flat])
         asked = held(self.request, gains)
         overdue = outage(analysis, found["overshoot"]) if "overshoot" in found else None

@@ -16,8 +16,8 @@ CLOSE = 1e-3  # relative, from a limit to what is suggested
 def unstable(found: Mapping[str, Any], T2: fmpq, decay: fmpq, tolerated: float | None) -> Diagnosis:
     """Answer that an error does not decay with given gains, for intervals that recur; `found`: entries of `truth`."""
     gaps, limit = found["pattern_limit"]["gaps"], found["pattern_limit"]["T2"]
-    recurring = f"measurements {', '.join(f'{gap:g}' for gap in gaps)} s apart, again and again,"
-    rate = f" at the rate {float(decay):g} 1/s" if decay else ""
+    recurring = f"with measurements {', '.join(f'{gap:g}' for gap in gaps)} s apart, again and again,"
+    rate = f" at {float(decay):g} 1/s" if decay else ""
     which = "of" if found["of"] == OF_PLANT else "of a frozen member f = K q, which the types allow, and of"
     instead = f"T2 below {limit:.4g} is necessary"
     if tolerated:
@@ -25,7 +25,7 @@ def unstable(found: Mapping[str, Any], T2: fmpq, decay: fmpq, tolerated: float |
     return {
         "id": "OBS609",
         "condition": "gains",
-        "reason": f"T2 = {float(T2):g} is too long: with {recurring} the error {which} these gains does not decay{rate}",
+        "reason": f"T2 = {float(T2):g} is too long: {recurring} the error {which} these gains does not decay{rate}",
         "feasible": {"T2": tolerated} if tolerated else {"T2_below": limit},
         "suggestion": f"{instead}, or leave `gains` out",
     }
