@@ -92,10 +92,14 @@ class ClockClaim(Proved):
     def adds(self) -> bool:
         """Whether the bounds on |x| of an initial error, of w and of eta add where several act.
 
-        Along a trajectory df = Theta(t) dq with a bounded member Theta(t) of the class at every t, so that the error is
-        that of a linear system that varies in time, of which all members are of the class; its trajectories add.
+        Along a trajectory df = Theta(t) dq with a bounded member Theta(t) of the class at every t: of a class that is
+        known by one quadratic form with M22 < 0, or of scalars. The error is that of a linear system that varies in
+        time, of which all trajectories keep to the class; they add.
         """
-        return all(block.bounded for block in self.multiplier.blocks)
+        return all(
+            block.bounded and (len(block.generators) == 1 or block.nq * block.nf == 1)
+            for block in self.multiplier.blocks
+        )
 
     @property
     def gamma(self) -> fmpq:
@@ -140,15 +144,16 @@ class ClockClaim(Proved):
             initial, given = f"{numbers['r']} {size}(0)^2", f"{numbers['mu']} |{w}|_2^2"
             parts.append(f"|z|_2^2 <= {initial} + {given} + {numbers['kappa']} sum |eta_k|^2")
         if self.outage:
-            parts.append(self.overdue(self.outage))
+            parts.append(self.overdue(self.outage, w))
         told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))
         return "; ".join([f"{self.sequences}: {told}; for {equations(self.system)}", *spec.provisos])
 
-    def overdue(self, outage: Outage) -> str:
+    def overdue(self, outage: Outage, w: str) -> str:
         """What holds where measurements stay away, in words."""
-        grows = f"V grows by at most exp(2 {above(outage.growth)!r} X) while measurements are overdue for a time X"
+        grows = f"V, that of (P1), grows by at most exp(2 {above(outage.growth)!r} X) while measurements are overdue"
         share = at_least(100 * outage.share, 4)
-        return f"{grows}, V that of the decay; the error still vanishes if that is less than {share} % of the time"
+        still = f"the error still vanishes if that is less than {share} % of the time"
+        return f"{grows} for a time X where {w} = 0 and eta = 0; {still}"
 
     @property
     def sequences(self) -> str:

@@ -273,7 +273,10 @@ class ClockDesigner:
         ranged = self.request.decay if name == "decay" else self.request.T2
         assert isinstance(ranged, Range)
         last = None
-        for value in map(printed, ranged.grid()):
+        grid, done = [printed(value) for value in ranged.grid()], self.curves.index(curve)
+        for i, value in enumerate(grid):
+            part = (done + i / len(grid)) / len(self.curves)
+            self.engine.report(0.8 * part, f"injection {curve.name}, {name} = {float(value):g}")
             T2, decay = (value, self.lowest[1]) if name == "T2" else (self.lowest[0], value)
             found = curve.best(T2, decay, near=last) or curve.best(T2, decay)
             if found is None:

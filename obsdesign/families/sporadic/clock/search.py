@@ -30,7 +30,7 @@ MOST = 8  # bounds that are tried
 SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sought
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
 RISE = 1.1  # of gamma from one point of a curve to the next, beyond which a search begins anew
-STEPS, FEW = 40, 3  # of a descent, and of one that begins nearby
+STEPS, SOME, FEW = 40, 12, 3  # of a descent, and of one that begins nearby
 STRIDES = 8  # first steps from the least value to the largest
 NEAR = 1e-3  # relative to the largest value: the last step
 
@@ -216,7 +216,7 @@ class Curve:
         if first is None:
             starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
             first = min((f for f in starts if f), key=lambda f: f.gamma, default=None)
-        made = first and self.descended(first, kappa, T2, decay)
+        made = first and self.descended(first, kappa, T2, decay, SOME)
         return made if made and self.analysis(made.gains).gamma(T2, decay) <= target else None
 
     # How far
