@@ -297,7 +297,7 @@ def test_a_result_says_what_is_true_beside_what_is_proved(tmp_path):
     assert proved["rate"] <= -found["pattern"]["growth"]
     assert "analysis" in content["numerical"]
     assert line.split(maxsplit=1)[1] == (
-        "T2 proved 1.146 s, no such decay from 1.171 s (periodic); gamma at least 1.195 with the weight exp(0.05 t); "
+        "T2 proved 1.167 s, no such decay from 1.171 s (periodic); gamma at least 1.195 with the weight exp(0.05 t); "
         "decay at most 1.291 1/s   of the error itself"
     )
 

@@ -14,7 +14,7 @@ from obsdesign.families.sporadic.clock.analysis import Slope
 from obsdesign.lmi.formula import Float
 
 Gains = Mapping[str, Float]
-BARRIER = 1e-4  # weight of -log(1 - |L|^2 / kappa^2) beside log mu
+BARRIER = 1e-2  # weight of -log(1 - |L|^2 / kappa^2) beside log mu
 SETTLED = 1e-4  # decrease of a step below which the descent ends
 ARMIJO = 0.1  # part of the decrease that the slope promises, which a step must bring
 SHORTEST = 1e-6  # part of a step that is tried

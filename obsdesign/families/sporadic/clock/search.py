@@ -25,12 +25,12 @@ from obsdesign.model.plant import Plant
 COARSE = 3  # degree of the storage function of a descent, at most
 FINE = 4  # .. and segments of that of a convex problem
 WIDER = 4.0  # between bounds on the gain, until gamma settles
-SETTLED = 0.01  # relative change of gamma below which it has
+SETTLED = 0.03  # relative change of gamma below which it has
 MOST = 8  # bounds that are tried
 SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sought
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
 RISE = 1.1  # of gamma from one point of a curve to the next, beyond which a search begins anew
-STEPS, SOME, FEW = 40, 12, 3  # of a descent, and of one that begins nearby
+STEPS, SOME, FEW = 80, 12, 3  # of a descent, and of one that begins nearby
 STRIDES = 8  # first steps from the least value to the largest
 NEAR = 1e-3  # relative to the largest value: the last step
 
