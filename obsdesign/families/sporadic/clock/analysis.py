@@ -16,11 +16,12 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.clock.bernstein import SHAPE, Clock, Shape, clock
 from obsdesign.families.sporadic.clock.theorem import DECREASE, SETTLES, ClockTheorem, ErrorSystem
 from obsdesign.families.sporadic.clock.tied import tied
+from obsdesign.families.sporadic.clock.units import ErrorUnits, error_units
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness
 from obsdesign.lmi.equilibrate import Scales
 from obsdesign.lmi.formula import Array, Float, Inequality, Problem, Unknown, Values, printed
 from obsdesign.lmi.probe import Program, matrices, probe
-from obsdesign.lmi.proof import rounded
+from obsdesign.lmi.proof import with_digits
 from obsdesign.lmi.reduce import Reduced, balance, balancing, reduce
 from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation, with_margin
 from obsdesign.lmi.solvers import Ending, call
@@ -28,7 +29,7 @@ from obsdesign.model.multiplier import Multiplier
 
 ONE = np.ones((1, 1))
 VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns
-LARGE = 100.0  # unknowns beside which a solver may lose the constant terms
+MAGNIFIED = 100.0  # constant terms, at least, of a second solve: a solver loses them beside large unknowns
 FEASIBLE = 1e-7  # normalised margin above which there is a solution
 BACKOFFS = (1e-3, 5e-3, 2e-2, 0.1)  # of the least number that a claim needs
 DIGITS = (8, 12, 17)  # of a witness
@@ -75,8 +76,16 @@ class Analysis:
     # Searches
 
     def least(self, goal: Goal, T2: fmpq, decay: fmpq) -> Found:
-        """Least number of a claim: mu, r or kappa."""
-        return self.solved(least_problem(goal, goal.theorem(self.theorem(T2, decay)).doubles))
+        """Least number of a claim, mu, r or kappa; without values there is none."""
+        _, units, theorem = self.asked(goal, T2, decay)
+        found = self.solved(least_problem(goal, theorem, units))
+        return Found(units.number(goal.least) * found.objective, found.values)
+
+    def asked(self, goal: Goal, T2: fmpq, decay: fmpq) -> tuple[ClockTheorem, ErrorUnits, ClockTheorem]:
+        """Theorem of a claim, the units in which a solver is asked, and the theorem in these, in doubles."""
+        exact = goal.theorem(self.theorem(T2, decay))
+        units = error_units(exact.doubles, weighed=goal.weighed)
+        return exact, units, units.theorem(exact.doubles)
 
     def slope(self, T2: fmpq, decay: fmpq) -> Slope:
         """Least mu of gamma, and its derivatives with respect to F and J, from the dual matrices of (F) and (J).
@@ -84,8 +93,8 @@ class Analysis:
         If Z_k are those of (F)_k at the optimum and P_k the control values there, d mu / dF = 2 sum_k P_k Z_k, each Z_k
         without the rows of w and f; likewise 2 sum P(tau) J Z over the pairs of (J).
         """
-        theorem = GOALS["gamma"].theorem(self.theorem(T2, decay)).doubles
-        problem = least_problem(GOALS["gamma"], theorem)
+        _, units, theorem = self.asked(GOALS["gamma"], T2, decay)
+        problem = least_problem(GOALS["gamma"], theorem, units)
         found, duals = self.with_duals(problem)
         if found.values is None:
             return Slope()
@@ -97,7 +106,8 @@ class Analysis:
         after = np.concatenate([A for _, A in theorem.followed(P)])
         for at, Z in zip(after, named(duals, SETTLES), strict=True):
             jump += 2 * at @ J @ Z[:m, :m]
-        return Slope(found.objective, flow, jump)
+        mu, inner = units.number("mu"), units.x / units.x[:, None]
+        return Slope(mu * found.objective, mu * units.time * inner * flow, mu * inner * jump)
 
     def with_duals(self, problem: Problem) -> tuple[Found, dict[str, Array]]:
         """One solve, with the dual matrix of every inequality, by its name."""
@@ -124,8 +134,7 @@ class Analysis:
 
     def margin(self, T2: fmpq, decay: fmpq) -> float:
         """Largest normalised margin of the inequalities without w and z: there is a solution iff it is positive."""
-        goal = GOALS["overshoot"]
-        theorem = goal.theorem(self.theorem(T2, decay)).doubles
+        *_, theorem = self.asked(GOALS["overshoot"], T2, decay)
         fixed = {"weight": 0 * ONE, "mu": 0 * ONE, "floor": 0 * ONE}
         problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**v, **fixed}))
         _, t = self.widest(reduce(problem))
@@ -159,14 +168,14 @@ class Analysis:
         return (search or Search(call(self.engine.solver, quick=True))).solve(program)
 
     def careful(self, program: Program, search: Search) -> tuple[Ending, Array]:
-        """One call, and another one with larger constant terms where these are lost beside large unknowns."""
+        """One call, and where it breaks down another one with larger constant terms; the more accurate of the two."""
         ending, y = self.solve(program, search)
-        size, duals = np.abs(y).max(initial=0.0), search.duals
-        if ending not in {Ending.INACCURATE, Ending.STALLED, Ending.FAILED} or not LARGE < size < math.inf:
+        doubtful, duals = {Ending.INACCURATE, Ending.STALLED, Ending.FAILED}, search.duals
+        if ending not in doubtful or not np.isfinite(y).all():
             return ending, y
-        factor = math.sqrt(size)
+        factor = max(MAGNIFIED, math.sqrt(np.abs(y).max()))
         again, x = self.solve(magnified(program, factor), search)
-        if again in {Ending.SOLVED, Ending.INACCURATE}:
+        if again in {Ending.SOLVED, *doubtful} and violation(program, x / factor) < violation(program, y):
             return again, x / factor
         search.duals = duals
         return ending, y
@@ -191,10 +200,12 @@ class Analysis:
         """
         if goal.least == "mu" and not self.system.Bx.shape[1]:
             return self.witness(goal, T2, decay, {"mu": fmpq(0)})
-        problem = least_problem(goal, goal.theorem(self.theorem(T2, decay)).doubles, given)
-        found = found or self.solved(problem)
-        if found.values is None:
-            found = self.optimum(problem)  # one solve was not enough
+        if found is None:
+            _, units, theorem = self.asked(goal, T2, decay)
+            problem = least_problem(goal, theorem, units, given)
+            one = self.solved(problem)
+            found = one if one.values is not None else self.optimum(problem)  # one solve was not enough
+            found = Found(units.number(goal.least) * found.objective, found.values)
         if found.values is None:
             return None
         witness = None
@@ -206,8 +217,8 @@ class Analysis:
 
     def witness(self, goal: Goal, T2: fmpq, decay: fmpq, numbers: Mapping[str, fmpq]) -> Witness | None:
         """Witness for the numbers of a claim; the last attempt if none holds, None if there is none."""
-        exact = goal.theorem(self.theorem(T2, decay))
-        theorem, fixed = exact.doubles, {**goal.fixed(ONE), **in_matrices(numbers)}
+        exact, units, theorem = self.asked(goal, T2, decay)
+        fixed = in_units({**goal.fixed(ONE), **in_matrices(numbers, units)}, units.unity)
         problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**fixed, **v}))
         point, t = self.widest(reduce(problem))
         if t <= 0:
@@ -215,29 +226,36 @@ class Analysis:
         v = matrices(theorem.unknowns, point)
         witness = None
         for digits in DIGITS:
-            values = rounded(v, digits)
-            P, M = exact.P(values), exact.multipliers(values)
+            P, M = with_digits(units.storage(theorem.P(v)), digits), units.multipliers(theorem.multipliers(v))
+            M = {name: with_digits(stack, digits) for name, stack in M.items()}
+            if exact.tied:
+                P[0, 0] = exact.first(with_digits(units.V * v["P0"], digits))
             witness = Witness(goal, exact, {**numbers, **({"r": largest(P)} if "r" in goal.also else {})}, P, M)
             if witness.holds:
                 break
         return witness
 
 
-def least_problem(goal: Goal, theorem: ClockTheorem, given: Mapping[str, fmpq] = NOTHING) -> Problem:
+def in_units(v: Values, unity: Float) -> dict[str, Array]:
+    """Numbers of which those that bound P are multiples of I of the spec."""
+    return {name: value * unity if name in {"floor", "r"} else value for name, value in v.items()}
+
+
+def least_problem(goal: Goal, theorem: ClockTheorem, units: ErrorUnits, given: Mapping[str, fmpq] = NOTHING) -> Problem:
     """Minimise the number of a claim, others given; without w the least mu is zero."""
-    fixed = {**goal.fixed(ONE), **in_matrices(given)}
+    fixed = {**goal.fixed(ONE), **in_matrices(given, units)}
 
     def inequalities(v: Values) -> list[Inequality]:
-        found = theorem.inequalities({**fixed, **v})
+        found = theorem.inequalities(in_units({**fixed, **v}, units.unity))
         return [*found, Inequality("mu >= 0", -v["mu"])] if "mu" in v and not theorem.system.Bx.shape[1] else found
 
     unknowns = *theorem.unknowns, Unknown(goal.least, (1, 1))
     return Problem(unknowns, inequalities, lambda v: v[goal.least])
 
 
-def in_matrices(numbers: Mapping[str, fmpq]) -> dict[str, Array]:
-    """Numbers as 1x1 matrices, in doubles."""
-    return {name: np.array([[float(value)]]) for name, value in numbers.items()}
+def in_matrices(numbers: Mapping[str, fmpq], units: ErrorUnits) -> dict[str, Array]:
+    """Numbers as 1x1 matrices, in doubles and in units."""
+    return {name: np.array([[float(value) / units.number(name)]]) for name, value in numbers.items()}
 
 
 def magnified(program: Program, size: float) -> Program:
