@@ -290,7 +290,7 @@ SECTION = SporadicObserver
 RESULTS = {
     "guarantee": (
         *("gamma", "decay", "T1", "T2", "T2_max", "limit", "limit_bounded", "jitter", "mu"),
-        *("rate", "overshoot", "initial", "disturbance", "noise"),
+        *("kind", "rate", "overshoot", "initial", "disturbance", "noise", "outage"),
     ),
-    "observer": ("L", "H", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
+    "observer": ("L", "H", "K", "K_of_gap", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
 }
