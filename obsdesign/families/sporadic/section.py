@@ -16,8 +16,8 @@ INJECTIONS = {  # how the correction evolves between measurements, and its relax
 RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
 SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
 DELAYED = (
-    "is not offered: a measurement is used at the instant at which it was taken; for a known delay tau run the observer "
-    "tau late, with u of then: it estimates x(t - tau)"
+    "is not offered: a measurement is used at the instant at which it was taken; for a known delay tau run the "
+    "observer tau late, with u of then: it estimates x(t - tau)"
 )
 
 
