@@ -91,7 +91,7 @@ class SporadicRequest:
 
     def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Relaxations that fit none of the injections, or else injections that have none of the relaxations."""
-        if self.delta_given and self.clocked:
+        if self.delta_given and self.pairs and self.clocked:
             yield ("delta",), "is the exponent of a proposition; relaxation clock has none: leave `delta` out"
         yield from self.idle()
         known = "; ".join(f"{name} takes {', '.join(relaxations)}" for name, relaxations in INJECTIONS.items())
@@ -290,7 +290,7 @@ SECTION = SporadicObserver
 RESULTS = {
     "guarantee": (
         *("gamma", "decay", "T1", "T2", "T2_max", "limit", "limit_bounded", "jitter", "mu"),
-        *("rate", "overshoot", "initial", "disturbance", "noise"),
+        *("kind", "rate", "overshoot", "initial", "disturbance", "noise", "outage"),
     ),
-    "observer": ("L", "H", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
+    "observer": ("L", "H", "K", "K_of_gap", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
 }

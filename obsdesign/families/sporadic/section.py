@@ -1,6 +1,7 @@
 """The section `observer` of a spec where measurements arrive sporadically."""
 
-from typing import Literal, get_args
+from collections.abc import Mapping
+from typing import ClassVar, Literal, get_args
 
 from obsdesign.families import asked
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
@@ -14,6 +15,10 @@ INJECTIONS = {  # how the correction evolves between measurements, and its relax
 }
 RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
 SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
+DELAYED = (
+    "is not offered: a measurement is used at the instant at which it was taken; for a known delay tau run the "
+    "observer tau late, with u of then: it estimates x(t - tau)"
+)
 
 
 class SporadicBounds(Section):
@@ -61,6 +66,8 @@ def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
 
 class SporadicObserver(asked.ObserverSection):
     """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
+
+    hints: ClassVar[Mapping[str, str]] = {"delay": DELAYED}
 
     T1: str = required(ENTRY, "shortest interval between measurements; 0: any positive one", unit="s", example="0.05")
     T2: str | asked.Interval = required(
