@@ -65,7 +65,8 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
         held(request, gains),
     )
     told = {*claim.least, *file.table("guarantee")}
-    return replace(claim, stated={key: file.number("guarantee", key) for key in CONSTANTS if key in told})
+    stated = {key: file.number("guarantee", key) for key in CONSTANTS if key in told}
+    return replace(claim, stated=stated) if stated != claim.constants else claim
 
 
 def require_segments(file: ResultFile, gains: Mapping[str, Array], witnesses: Iterable[Witness]) -> None:
