@@ -124,7 +124,10 @@ SMALL = {
             read=("T1", "T2", "delta"),
         ),
         Small(
-            {"type": "sporadic", "T1": 0.1, "T2": 0.2, "decay": 0.05, "gains": {"L": [1.5, 0.5], "H": -1.5}},
+            {
+                **{"type": "sporadic", "T1": 0.1, "T2": 0.2, "decay": 0.05, "relaxation": "proposition-2"},
+                "gains": {"L": [1.5, 0.5], "H": -1.5},
+            },
             NOISELESS,
             raised=(({"T2": 3}, {"T2": 3}),),
             read=("T1", "T2", "delta"),
@@ -201,7 +204,9 @@ SEARCHES = {  # observer, kind of its limit, and where it is
     "proposition-3": ({**SPORADIC, "relaxation": "proposition-3"}, "best-found", None),
     "proposition-4": ({**SPORADIC, "relaxation": "proposition-4"}, "best-found", None),
     "proposition-2": (SPORADIC, "infimum", None),
-    "delta": ({**SPORADIC, "delta": None}, "best-found", None),
+    "delta": ({**SPORADIC, "delta": None, "relaxation": "proposition-2"}, "best-found", None),
+    "clock": ({**SPORADIC, "delta": None}, "best-found", None),
+    "reset": ({**SPORADIC, "delta": None, "injection": "reset", "bounds": {"K": 3}}, "best-found", None),
     "T2": ({**SPORADIC, "objective": "max-T2", "T2": {"min": 0.1, "max": 1}}, "infimum", None),
     "curves": (
         {
