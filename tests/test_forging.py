@@ -39,12 +39,14 @@ OBSERVERS = {
     "lipschitz trade-off": "{type: lipschitz, objective: pareto, weight: {min: 0, max: 1, points: 3}, bounds: {L: 20}}",
     "lipschitz compared": "{type: lipschitz, relaxation: compare, objective: min-gamma, decay: 0.1, bounds: {L: 20}}",
     "lipschitz given": "{type: lipschitz, objective: min-gamma, gains: {L: [3, 2]}}",
-    "sporadic least gamma": "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, bounds: {L: 20}}",
-    "sporadic feasibility": "{type: sporadic, T1: 0.1, T2: 0.2, objective: feasibility}",
-    "sporadic given": "{type: sporadic, T1: 0.1, T2: 0.2, gains: {L: [2, 1], H: 0}}",
+    "sporadic least gamma": "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, bounds: {L: 20},"
+    " relaxation: proposition-2}",
+    "sporadic feasibility": "{type: sporadic, T1: 0.1, T2: 0.2, objective: feasibility, relaxation: proposition-2}",
+    "sporadic given": "{type: sporadic, T1: 0.1, T2: 0.2, gains: {L: [2, 1], H: 0}, relaxation: proposition-2}",
     "sporadic largest T2": "{type: sporadic, T1: 0.1, T2: {min: 0.1, max: 2}, objective: max-T2,"
     " relaxation: proposition-5, injection: hold, decay: 0.4}",
-    "sporadic trade-off": "{type: sporadic, T1: 0.1, T2: {min: 0.1, max: 0.2, points: 2}, objective: pareto}",
+    "sporadic trade-off": "{type: sporadic, T1: 0.1, T2: {min: 0.1, max: 0.2, points: 2}, objective: pareto,"
+    " relaxation: proposition-2}",
 }
 SHIPPED = (
     *("corless2019-magnetic-bearing", "harmonic-motor", "draining-tanks"),
@@ -75,7 +77,7 @@ STANCES = {
     " certificate.admissible certificate.T2_max diagnosis.certificate.multipliers diagnosis.certificate.members"
     " diagnosis.certificate.gamma",
     # a part of it
-    "part": "certificate.kind",
+    "part": "certificate.kind guarantee.kind",
     # a smaller number, or a larger one: it says less
     "smaller": "guarantee.T2_max guarantee.rate",
     "larger": "guarantee.overshoot guarantee.initial guarantee.disturbance guarantee.noise",

@@ -24,6 +24,7 @@ from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, above, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
+from obsdesign.sections.scalars import described
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 
@@ -93,8 +94,14 @@ class Claim(Proved):
 
 
 def read(spec: Spec, file: ResultFile) -> "Claim | ClockClaim":
-    """Claim of a file, checked: of its intervals, and of the longest that is tolerated."""
-    if file.table("guarantee").get("kind") == "clock":
+    """Claim of a file, checked: of its intervals, and of the longest that is tolerated.
+
+    Raises `UsageError`: it is malformed, or not what the spec asks for.
+    """
+    kind = file.table("guarantee").get("kind", "exponential")
+    if kind not in ("clock", "exponential"):
+        raise file.wrong("guarantee.kind", f"expected clock or exponential, found {described(kind)}", id="OBS702")
+    if kind == "clock":
         return clocked.read(spec, file)
     gains = read_gains(spec, file)
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}

@@ -45,3 +45,4 @@ def demand(spec):
 
 
 SECTION = LuenbergerSection
+RESULTS = {"guarantee": ("gamma", "alpha"), "observer": ("L1",)}
