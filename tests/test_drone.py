@@ -48,3 +48,19 @@ def test_a_constant_that_follows_from_a_proved_slope_is_proved():
     assert "NOT" not in run("lipschitz", spec).stdout
     (block,) = json.loads(run("lipschitz", spec, "--json").stdout)["blocks"]
     assert block["upper"] <= block["declared"]
+
+
+def test_a_change_that_makes_a_parameter_of_no_use_is_refused_with_the_nearest_name():
+    outcome = run("solve", drone(), "--set", "parameters.mm=2")
+    assert outcome.exit_code == 2
+    assert "parameters.mm: unknown parameter mm; did you mean m? allowed: m, g, cd [OBS201]" in outcome.stderr
+    assert run("check", drone(), "--set", "parameters.m=2").exit_code == 0
+    twice = run("check", drone(), "--set", "parameters.mm=2", "--set", "parameters.m=mm")
+    assert twice.exit_code == 2  # m stands first, and mm is not yet known there
+
+
+def test_a_parameter_that_nothing_uses_is_told():
+    outcome = run("check", drone("cd: 0.15}", "cd: 0.15, rho: 1.2}"))
+    assert outcome.exit_code == 0
+    assert "parameters.rho has no effect: no number and no expression uses it [OBS615]" in outcome.stdout
+    assert "OBS615" not in run("check", drone()).stdout

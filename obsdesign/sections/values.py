@@ -160,6 +160,7 @@ class Reader:
         self.notes: list[str] = []
         self.unused: list[str] = []  # keys that have no effect, with the reason
         self.parameters: dict[str, fmpq] = {}
+        self.used: set[str] = set()  # parameters that stand in a number or an expression
         self.exact: dict[str, fmpq] = {}  # values of the texts read so far
 
     def wrong(self, loc: Loc, message: str, *, id: str, at_key: bool = False, column: int = 0) -> None:
@@ -231,11 +232,16 @@ class Reader:
                     f"expected a number, found {described(text)}, which reads as a date or a time", id="OBS212"
                 )
             self.require_plain(text, self.parameters)
+            self.note_used(text)
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
                 double = float(self.exact[text])
                 self.notes.append(f"{dotted(loc)} = {described(text)} is read as the double {double!r}")
         return self.exact[text]
+
+    def note_used(self, text: str) -> None:
+        """Note which parameters stand in a text."""
+        self.used.update(NAME.findall(text))
 
     def require_plain(self, text: str, names: Collection[str]) -> None:
         """Refuse a number with a unit that is none of the names, or with a decimal comma, by an `ExpressionError`."""
@@ -332,6 +338,7 @@ class Reader:
                     f"files are not read here, such as {described(text)}; write an expression", id="OBS212"
                 )
             self.require_plain(text, {*names, *self.parameters})
+            self.note_used(text)
             return parse(text, names, self.parameters)
         except ExpressionError as error:
             said = f"; {about}" if about and error.message.startswith("unknown name") else ""
