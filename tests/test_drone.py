@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 from support.commands import run
 
 DRONE = """obsdesign: 1
@@ -64,3 +65,27 @@ def test_a_parameter_that_nothing_uses_is_told():
     assert outcome.exit_code == 0
     assert "parameters.rho has no effect: no number and no expression uses it [OBS615]" in outcome.stdout
     assert "OBS615" not in run("check", drone()).stdout
+
+
+def test_an_input_that_is_not_given_is_told_to_be_zero():
+    spec = drone()
+    assert "not given" not in run("solve", spec, "--simulate").stdout
+    spec = drone('  u: {thrust: "m*g - 0.5*(h - 10) - 1.0*vz"}\n', "")
+    assert "simulation.u.thrust is not given; 0 is used" in run("solve", spec, "--simulate").stdout
+
+
+def test_the_samples_of_a_run_hold_what_replays_it():
+    assert run("solve", drone(), "--simulate", "-q").exit_code == 0
+    header, *rows = Path("drone.run.csv").read_text().splitlines()
+    columns = dict(zip(header.split(","), np.loadtxt(rows, delimiter=",").T, strict=True))
+    assert list(columns)[:7] == ["t", "h", "vz", "hat_h", "hat_vz", "wind", "noise"]
+    np.testing.assert_allclose(
+        columns["thrust"], 1.2 * 9.81 - 0.5 * (columns["h"] - 10) - columns["vz"], rtol=0, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        columns["baro"], columns["h"] + 0.3 * columns["noise"] + columns["noise_baro"], atol=1e-9
+    )
+    assert 0.2 < columns["noise_baro"].std() < 0.4
+    drone("  noise: {type: normal, amplitude: 0.3, period: 0.02}\n", "")
+    assert run("solve", "drone.yaml", "--simulate", "-q").exit_code == 0
+    assert "noise_baro" not in Path("drone.run.csv").read_text()
