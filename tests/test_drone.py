@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 from support.commands import run
 
+from obsdesign import work
+from obsdesign.plot.run import heading
+
 DRONE = """obsdesign: 1
 name: Drone altitude
 parameters: {m: 1.2, g: 9.81, cd: 0.15}
@@ -89,3 +92,10 @@ def test_the_samples_of_a_run_hold_what_replays_it():
     drone("  noise: {type: normal, amplitude: 0.3, period: 0.02}\n", "")
     assert run("solve", "drone.yaml", "--simulate", "-q").exit_code == 0
     assert "noise_baro" not in Path("drone.run.csv").read_text()
+
+
+def test_the_title_of_a_run_with_noise_tells_whole_why_no_bound_is_held_against_it():
+    spec = drone()
+    assert run("solve", spec, "-q").exit_code == 0
+    title = heading(work.read("drone.gains.json").simulate())
+    assert title.endswith("; no bound: the guarantee does not cover simulation.noise")
