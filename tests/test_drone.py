@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from support.commands import run
 
 from obsdesign import work
@@ -99,3 +100,30 @@ def test_the_title_of_a_run_with_noise_tells_whole_why_no_bound_is_held_against_
     assert run("solve", spec, "-q").exit_code == 0
     title = heading(work.read("drone.gains.json").simulate())
     assert title.endswith("; no bound: the guarantee does not cover simulation.noise")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("obsdesign: 1", "obsdesign:1", "1:1: a space parts a key from its value: write obsdesign: 1 ["),
+        ("inputs: [", "inputs [", "5:3: a colon stands after a key: write inputs: [thrust] ["),
+        ("alpha: 0.3", "alpha:0.3", "17:3: a space parts a key from its value: write alpha: 0.3 ["),
+        ("horizon: 3", "horizon:3", "20:3: a space parts a key from its value: write horizon: 3 ["),
+        ("h: vz\n", "h = vz\n", "9:5: a value stands after a colon, a derivative too: write h: vz ["),
+        ("h: vz\n", "h' = vz\n", "9:5: a value stands after a colon, a derivative too: write h: vz ["),
+        ("h: vz\n    vz:", "h = vz\n    vz =", "system.dynamics: expected a mapping, such as h: vz; found"),
+        ("Drone altitude", "Drone: altitude", "2:1: a text that holds ': ' is quoted: write name: 'Drone: altitude' ["),
+        ("  type: l2", "  - type: l2", "16:5: a key of a mapping has no - before it: write type: l2 ["),
+        (
+            "  type: l2\n  alpha: 0.3\n  bounds",
+            "  - type: l2\n  - alpha: 0.3\n  - bounds",
+            "reconstruct, each without a - before it; found a list",
+        ),
+        ("  u: {thrust", "  u: {thrust}}", "not valid YAML"),
+    ],
+)
+def test_a_slip_in_yaml_is_told_in_its_own_line_with_what_to_write(old, new, said):
+    drone(old, new)
+    outcome = run("check", "drone.yaml")
+    assert outcome.exit_code == 2
+    assert said in outcome.stderr

@@ -29,6 +29,27 @@ MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LINE_END = re.compile("[\n\r\x85\u2028\u2029]")
 OPERATOR = re.compile(r"[*/()+<>]")
+KEY = r"\s*(?:- )?(?P<key>[A-Za-z_][\w+-]*)"
+SLIPS = (  # lines that are no YAML, what to write instead, and whether the parser takes them for a list
+    (re.compile(KEY + r"\s+(?P<value>[\[{].*)"), "a colon stands after a key: write {key}: {value}", False),
+    (re.compile(KEY + r":(?P<value>[^\s:].*)"), "a space parts a key from its value: write {key}: {value}", False),
+    (
+        re.compile(KEY + r"'?\s*=\s*(?P<value>\S.*)"),
+        "a value stands after a colon, a derivative too: write {key}: {value}",
+        False,
+    ),
+    (
+        re.compile(KEY + r":\s+(?P<value>[^\s'\"\[{&*|>#][^'#]*:\s.*)"),
+        "a text that holds ': ' is quoted: write {key}: '{value}'",
+        False,
+    ),
+    (
+        re.compile(r"\s*- " + KEY + r":\s+(?P<value>.*)"),
+        "a key of a mapping has no - before it: write {key}: {value}",
+        True,
+    ),
+)
+PARSER = "not valid YAML"  # what the parser says, where nothing better is known
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
 Loc = tuple[str | int, ...]
@@ -126,9 +147,12 @@ def compose(text: str, path: str) -> Document:
 
 def invalid(error: yaml.MarkedYAMLError, path: str, text: str) -> Problem:
     """Syntax error, with the line in which it is found, or else that in which begins what does not end."""
+    said = explained(error, text)
+    if (found := slip(error, text)) and said.startswith(PARSER):
+        return about(*found, path, text, id="OBS104")
     mark, began = transpose(error, text) or error.problem_mark or error.context_mark, error.context_mark
     place = placed(None, mark) if mark else Node(None, 1, 1, 0)
-    problem = about(place, explained(error, text), path, text, id="OBS104")
+    problem = about(place, said, path, text, id="OBS104")
     blank = not "".join(excerpt(place, text)[1:]).strip()
     return replace(problem, excerpt=excerpt(placed(None, began), text)) if began and blank else problem
 
@@ -155,10 +179,28 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> str:
         return "a ' after a list is no transpose; write the rows of the transposed matrix out: [[0], [1]]"
     if mark and str(error.problem).endswith("expected ',' or ']'") and text.startswith(("[", ";"), mark.index):
         return "the entries of a list, rows as well, are separated by commas: [[0, 1], [2, 3]]"
-    message = f"not valid YAML: {error.problem}"
+    message = f"{PARSER}: {error.problem}"
     if error.context and error.context_mark:
         message += f" ({error.context} that begins in line {error.context_mark.line + 1})"
     return message
+
+
+def slip(error: yaml.MarkedYAMLError, text: str) -> tuple[Node, str] | None:
+    """Place of a key that is written otherwise than in YAML, where a syntax error is about it, and what to write.
+
+    The parser meets such an error in this line, in the next one, or in the one after a list that is no list.
+    """
+    for mark in (error.context_mark, error.problem_mark):
+        begin = text.rfind("\n", 0, mark.index) + 1 if mark else 0
+        for first in (begin, text.rfind("\n", 0, max(begin - 1, 0)) + 1) if mark else ():
+            end = LINE_END.search(text, first, first + LONGEST)
+            line = text[first : end.start() if end else first + LONGEST]
+            for pattern, said, about_lists in SLIPS:
+                found = pattern.fullmatch(line)
+                if found and ("'-'" in str(error.problem)) is about_lists:
+                    begins, row = first + found.start("key"), text.count("\n", 0, first) + 1
+                    return Node(None, row, begins - first + 1, begins), said.format(**found.groupdict())
+    return None
 
 
 def transpose(error: yaml.MarkedYAMLError, text: str) -> Mark | None:

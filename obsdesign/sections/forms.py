@@ -15,6 +15,7 @@ Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the m
 is read, since families and types of nonlinearities are registered, which no static model says.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
@@ -44,6 +45,14 @@ def refuse(reader: Reader, expected: str, value: Any, loc: Loc) -> Any:
     """None, with a note that a value has another form; that it is missing was said by the reader of the text."""
     if value is not None:
         reader.wrong(loc, f"expected {expected}; found {described(value)}", id="OBS204")
+
+
+def rewritten(value: Any) -> str:
+    """How a mapping is written, as an addition to what is expected, where its entries are written otherwise."""
+    if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+        return ", each without a - before it"
+    equation = re.match(r"(\w+)'?\s*=\s*([^\s=]+)", value) if isinstance(value, str) else None
+    return f", such as {equation[1]}: {equation[2]}" if equation else ""
 
 
 @dataclass(frozen=True)
@@ -127,7 +136,7 @@ class MapOf:
     def read(self, reader: Reader, value: Any, loc: Loc) -> Any:
         """Return the values by name."""
         if not isinstance(value, dict):
-            return refuse(reader, "a mapping", value, loc)
+            return refuse(reader, "a mapping" + rewritten(value), value, loc)
         if len(value) < self.least:
             return refuse(reader, f"at least {self.least} entry", value, loc)
         return {name: self.item.read(reader, item, (*loc, name)) for name, item in value.items()}
@@ -292,7 +301,7 @@ class Section:
     def read(cls, reader: Reader, value: Any, loc: Loc) -> Self | None:
         """Return the section; None, with what is wrong noted."""
         if not isinstance(value, dict):
-            refuse(reader, f"a mapping with the keys {', '.join(cls.forms())}", value, loc)
+            refuse(reader, f"a mapping with the keys {', '.join(cls.forms())}{rewritten(value)}", value, loc)
             return None
         before = len(reader.problems)
         found = cls.values(reader, value, loc)
