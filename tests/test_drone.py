@@ -127,3 +127,19 @@ def test_a_slip_in_yaml_is_told_in_its_own_line_with_what_to_write(old, new, sai
     outcome = run("check", "drone.yaml")
     assert outcome.exit_code == 2
     assert said in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("unknown]", "white]", "white has no model: write unknown, w = v"),
+        ("unknown]", "whte-noise]", "did you mean white-noise? It has no model: write unknown, w = v;"),
+        ("vz*abs(vz)", "vz*math.fabs(vz)", "write abs(..)"),
+        ("vz*abs(vz)", "vz*np.arctann(vz)", "write atan(..)"),
+        ("performance: [h, vz, wind]", "performance: [h, gust]", "unknown state gust; allowed: h, vz, wind ["),
+    ],
+)
+def test_what_is_suggested_is_allowed_there(old, new, said):
+    outcome = run("check", drone(old, new))
+    assert outcome.exit_code == 2
+    assert said in outcome.stderr

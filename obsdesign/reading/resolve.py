@@ -243,7 +243,8 @@ def read_performance(
     for i, name in enumerate(chosen):
         place = loc if isinstance(section, str) else (*loc, i)
         if name not in table:
-            reader.wrong(place, unknown("state", name, tuple(table), {}), id="OBS203")
+            estimated = tuple(known for known, row in table.items() if row is not None)
+            reader.wrong(place, unknown("state", name, estimated, {}), id="OBS203")
         elif table[name] is None:
             reader.wrong(place, f"{name} {direct_said}", id="OBS214")
     if not chosen:
