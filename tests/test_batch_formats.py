@@ -203,3 +203,16 @@ def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch
     assert "::error file=wrong.yaml,line=2,col=1,title=obsdesign invalid OBS201::" in outcome.stderr
     assert "::error" not in outcome.stdout
     assert run("batch", ".", "--format", "github", "-q").stdout.startswith("::error file=wrong.yaml,line=2")
+
+
+def test_an_expectation_that_does_not_hold_is_labelled_so():
+    Path("spec.yaml").write_text(
+        "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], C: [1, 0]}\n"
+        "observer: {type: l2, alpha: 0.3, bounds: {L1: 9}}\nexpect: {observer.type: linf}\n"
+    )
+    outcome = run("batch", "spec.yaml")
+    assert "not as expected: spec.yaml:4:" in outcome.stderr
+    assert "certified:" not in outcome.stderr
+    assert "title=obsdesign not as expected OBS617" in run("batch", "spec.yaml", "--format", "github", "-q").stdout
+    (case,) = ET.fromstring(run("batch", "spec.yaml", "--format", "junit", "-q").stdout).iter("testcase")
+    assert case[0].get("type") == "not as expected"

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 MARKS = {True: "ok  ", False: "FAIL", None: "-   "}
 COLUMN = max(map(len, STATUSES))
 NUMBERS = 3  # of a guarantee, its first
+UNMET = "OBS617"  # id of an expectation that does not hold
 LONGEST = 100  # characters of a path to which the others are aligned
 
 
@@ -40,7 +41,12 @@ def title(entry: Entry) -> str:
 def complaints(entry: Entry) -> Iterator[str]:
     """What is wrong with a spec that is not as expected, a line each."""
     for problem in entry["problems"] if entry["as_expected"] is False else ():
-        yield f"{entry['status']}: {shown(sentence(problem) + changed(entry))}"
+        yield f"{label(entry, problem)}: {shown(sentence(problem) + changed(entry))}"
+
+
+def label(entry: Entry, problem: Mapping[str, Any]) -> str:
+    """What a problem makes of a spec: its status, or that it is not as expected."""
+    return "not as expected" if problem["id"] == UNMET else str(entry["status"])
 
 
 def changed(entry: Entry) -> str:
