@@ -143,3 +143,11 @@ def test_what_is_suggested_is_allowed_there(old, new, said):
     outcome = run("check", drone(old, new))
     assert outcome.exit_code == 2
     assert said in outcome.stderr
+
+
+@pytest.mark.parametrize("change", ["observer.bounds.L1=20,40", "observer.alpha=0.1,0.2"])
+def test_several_values_of_a_key_are_for_a_batch(change):
+    outcome = run("solve", drone(), "--set", change)
+    assert outcome.exit_code == 2
+    assert "expected one number; several values of a key are for `obsdesign batch --set`" in outcome.stderr
+    assert "batch" not in run("solve", drone("alpha: 0.3", "alpha: '0,3'")).stderr

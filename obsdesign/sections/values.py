@@ -29,6 +29,7 @@ UNKNOWN = re.compile("unknown name '([^']+)'(?!:)")  # of a message
 SIGNAL = {kind: re.compile(f"{letter}[0-9]*") for kind, letter in (("a state", "x"), ("an output", "y"))}
 SIGNAL |= {"a known input": re.compile("u[0-9]*"), "a disturbance": re.compile("[wv][0-9]*")}
 FACTORS = "matrices hold the factors of signals, a nonlinear term stands under nonlinearities or in system.dynamics"
+SEVERAL = "expected one number; several values of a key are for `obsdesign batch --set`, a decimal point is a point"
 LONGEST_SAID = 250  # characters of a message with a whole matrix
 MAX_SIZE = 400  # of a signal, such as the augmented state
 
@@ -196,7 +197,9 @@ class Reader:
         try:
             value = self.value(text, loc)
         except ExpressionError as error:
-            self.wrong(loc, error.message + self.undeclared(error.message), column=error.column, id=error.id)
+            several = SEVERAL if "," in text and "(" not in text and self.document.find(loc)[1].origin else ""
+            said = several or error.message + self.undeclared(error.message)
+            self.wrong(loc, said, column=error.column, id=error.id)
             return ONE
         if (sign == "> 0" and value <= 0) or (sign == ">= 0" and value < 0):
             self.wrong(loc, f"{described(text)} is not allowed; give a number {sign}", id="OBS208")
