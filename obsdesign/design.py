@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from obsdesign.simulate import Run
 
 FORMAT = 1
+PACKAGES = {"sdpa": "sdpa-python", "copt": "coptpy"}  # of solvers that have another name
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,11 @@ class Solver:
 
     def written(self) -> dict[str, Any]:
         """Entry of a result file."""
-        vendor = "clarabel" if self.name == "clarabel" else "cvxpy"
-        return {"name": self.name, "version": version(vendor), "solves": self.solves, "time_s": round(self.time_s, 4)}
+        try:
+            its = version(PACKAGES.get(self.name.lower(), self.name))
+        except PackageNotFoundError:
+            its = f"cvxpy {version('cvxpy')}"
+        return {"name": self.name, "version": its, "solves": self.solves, "time_s": round(self.time_s, 4)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
