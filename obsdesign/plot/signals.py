@@ -125,7 +125,8 @@ def asked(run: "Run") -> list[Source]:
                     name,
                     plain(name),
                     run.xi @ h,
-                    *(part.xihat[:, :size] @ h for part in (run, run.steps)),
+                    run.xihat[:, :size] @ h,
+                    run.steps.xihat[:, :size] @ h,
                     run.steps.e @ h,
                     row,
                 )
