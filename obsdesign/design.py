@@ -11,7 +11,8 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import PackageNotFoundError, version
+from importlib import util
+from importlib.metadata import version
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from obsdesign.simulate import Run
 
 FORMAT = 1
-PACKAGES = {"sdpa": "sdpa-python", "copt": "coptpy"}  # of solvers that have another name
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,8 @@ class Solver:
 
     def written(self) -> dict[str, Any]:
         """Entry of a result file."""
-        try:
-            its = version(PACKAGES.get(self.name.lower(), self.name))
-        except PackageNotFoundError:
-            its = f"cvxpy {version('cvxpy')}"
-        return {"name": self.name, "version": its, "solves": self.solves, "time_s": round(self.time_s, 4)}
+        package = self.name if util.find_spec(self.name) else "cvxpy"
+        return {"name": self.name, "version": version(package), "solves": self.solves, "time_s": round(self.time_s, 4)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -13,6 +13,7 @@ import yaml
 
 from obsdesign.errors import NOT_ONE_LINE, Excerpt, Problem, UsageError
 from obsdesign.sections.scalars import Number, described, scalar
+from obsdesign.sections.slips import slip
 
 MAX_BYTES = 4 * 2**20
 TOO_LARGE = "is larger than 4 MiB; a spec may not be"
@@ -29,26 +30,6 @@ MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LINE_END = re.compile("[\n\r\x85\u2028\u2029]")
 OPERATOR = re.compile(r"[*/()+<>]")
-KEY = r"\s*(?:- )?(?P<key>[A-Za-z_][\w+-]*)"
-SLIPS = (  # lines that are no YAML, what to write instead, and whether the parser takes them for a list
-    (re.compile(KEY + r"\s+(?P<value>[\[{].*)"), "a colon stands after a key: write {key}: {value}", False),
-    (re.compile(KEY + r":(?P<value>[^\s:].*)"), "a space parts a key from its value: write {key}: {value}", False),
-    (
-        re.compile(KEY + r"'?\s*=\s*(?P<value>\S.*)"),
-        "a value stands after a colon, a derivative too: write {key}: {value}",
-        False,
-    ),
-    (
-        re.compile(KEY + r":\s+(?P<value>[^\s'\"\[{&*|>#][^'#]*:\s.*)"),
-        "a text that holds ': ' is quoted: write {key}: '{value}'",
-        False,
-    ),
-    (
-        re.compile(r"\s*- " + KEY + r":\s+(?P<value>.*)"),
-        "a key of a mapping has no - before it: write {key}: {value}",
-        True,
-    ),
-)
 PARSER = "not valid YAML"  # what the parser says, where nothing better is known
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
@@ -149,7 +130,7 @@ def invalid(error: yaml.MarkedYAMLError, path: str, text: str) -> Problem:
     """Syntax error, with the line in which it is found, or else that in which begins what does not end."""
     said = explained(error, text)
     if (found := slip(error, text)) and said.startswith(PARSER):
-        return about(*found, path, text, id="OBS104")
+        return about(Node(None, *found[:3]), found[3], path, text, id="OBS104")
     mark, began = transpose(error, text) or error.problem_mark or error.context_mark, error.context_mark
     place = placed(None, mark) if mark else Node(None, 1, 1, 0)
     problem = about(place, said, path, text, id="OBS104")
@@ -183,24 +164,6 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> str:
     if error.context and error.context_mark:
         message += f" ({error.context} that begins in line {error.context_mark.line + 1})"
     return message
-
-
-def slip(error: yaml.MarkedYAMLError, text: str) -> tuple[Node, str] | None:
-    """Place of a key that is written otherwise than in YAML, where a syntax error is about it, and what to write.
-
-    The parser meets such an error in this line, in the next one, or in the one after a list that is no list.
-    """
-    for mark in (error.context_mark, error.problem_mark):
-        begin = text.rfind("\n", 0, mark.index) + 1 if mark else 0
-        for first in (begin, text.rfind("\n", 0, max(begin - 1, 0)) + 1) if mark else ():
-            end = LINE_END.search(text, first, first + LONGEST)
-            line = text[first : end.start() if end else first + LONGEST]
-            for pattern, said, about_lists in SLIPS:
-                found = pattern.fullmatch(line)
-                if found and ("'-'" in str(error.problem)) is about_lists:
-                    begins, row = first + found.start("key"), text.count("\n", 0, first) + 1
-                    return Node(None, row, begins - first + 1, begins), said.format(**found.groupdict())
-    return None
 
 
 def transpose(error: yaml.MarkedYAMLError, text: str) -> Mark | None:

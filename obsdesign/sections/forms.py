@@ -51,8 +51,8 @@ def rewritten(value: Any) -> str:
     """How a mapping is written, as an addition to what is expected, where its entries are written otherwise."""
     if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
         return ", each without a - before it"
-    equation = re.match(r"(\w+)'?\s*=\s*([^\s=]+)", value) if isinstance(value, str) else None
-    return f", such as {equation[1]}: {equation[2]}" if equation else ""
+    found = re.match(r"(\w+)'?\s*=\s*([^\s=]+)", str(value))
+    return f", such as {found[1]}: {found[2]}" if found else ""
 
 
 @dataclass(frozen=True)
