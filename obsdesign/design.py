@@ -50,8 +50,8 @@ class Solver:
 
     def written(self) -> dict[str, Any]:
         """Entry of a result file."""
-        package = self.name if util.find_spec(self.name) else "cvxpy"
-        return {"name": self.name, "version": version(package), "solves": self.solves, "time_s": round(self.time_s, 4)}
+        its = version(self.name if util.find_spec(self.name) else "cvxpy")
+        return {"name": self.name, "version": its, "solves": self.solves, "time_s": round(self.time_s, 4)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -15,7 +15,6 @@ Why these and no library's (2026-11-28, Python 3.11, one core, the spec of the m
 is read, since families and types of nonlinearities are registered, which no static model says.
 """
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self, dataclass_transform
@@ -23,6 +22,7 @@ from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 from obsdesign.errors import NOT_ONE_LINE
 from obsdesign.sections.document import Loc, compose
 from obsdesign.sections.scalars import Number, described
+from obsdesign.sections.slips import rewritten
 from obsdesign.sections.values import Reader
 from obsdesign.sections.words import nearest, unknown
 
@@ -45,14 +45,6 @@ def refuse(reader: Reader, expected: str, value: Any, loc: Loc) -> Any:
     """None, with a note that a value has another form; that it is missing was said by the reader of the text."""
     if value is not None:
         reader.wrong(loc, f"expected {expected}; found {described(value)}", id="OBS204")
-
-
-def rewritten(value: Any) -> str:
-    """How a mapping is written, as an addition to what is expected, where its entries are written otherwise."""
-    if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
-        return ", each without a - before it"
-    found = re.match(r"(\w+)'?\s*=\s*([^\s=]+)", str(value))
-    return f", such as {found[1]}: {found[2]}" if found else ""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Lines that a user writes otherwise than YAML has them, and what to write instead."""
 
 import re
+from typing import Any
 
 import yaml
 
@@ -43,3 +44,11 @@ def slip(error: yaml.MarkedYAMLError, text: str) -> tuple[int, int, int, str] | 
                     begins, row = first + found.start("key"), text.count("\n", 0, first) + 1
                     return row, begins - first + 1, begins, said.format(**found.groupdict())
     return None
+
+
+def rewritten(value: Any) -> str:
+    """How a mapping is written, as an addition to what is expected, where its entries are written otherwise."""
+    if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+        return ", each without a - before it"
+    found = re.match(r"(\w+)'?\s*=\s*([^\s=]+)", str(value))
+    return f", such as {found[1]}: {found[2]}" if found else ""
