@@ -153,3 +153,11 @@ def test_a_spec_whose_format_is_missing_is_not_left_out():
     put("a.yaml", GOOD.replace("obsdesign: 1", "obsdesing: 1"))
     assert run("batch", ".", "--jobs", 1).exit_code == 2
     assert entries()["a.yaml"]["status"] == "invalid"
+
+
+@pytest.mark.parametrize("filler", ["\n", "\r", " ", "\t", ",", "{ ", ", \n"])
+def test_a_large_file_of_blanks_is_looked_at_once(filler):
+    put("blank.yaml", filler * (2**22 // len(filler) - 100))  # would take hours, were each blank a beginning
+    put("late.yaml", "# a spec\r\n" + "\n" * 2**16 + '{\r\n\t "obsdesign" : 1}')
+    assert run("batch", ".", "--jobs", 1).exit_code == 2
+    assert list(entries()) == ["late.yaml"]
