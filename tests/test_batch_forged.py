@@ -161,3 +161,53 @@ def test_a_large_file_of_blanks_is_looked_at_once(filler):
     put("late.yaml", "# a spec\r\n" + "\n" * 2**16 + '{\r\n\t "obsdesign" : 1}')
     assert run("batch", ".", "--jobs", 1).exit_code == 2
     assert list(entries()) == ["late.yaml"]
+
+
+def test_results_that_were_changed_or_lost_are_not_merged():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
+
+    def refusal():
+        outcome = run("batch", "--merge", "results", "--out", "all")
+        assert (outcome.exit_code, Path("all/summary.json").exists()) == (2, False)
+        return outcome.stderr
+
+    gains, run_csv, whole = Path("results/a/a.gains.json"), Path("results/a/a.run.csv"), RECORD.read_text()
+    good = gains.read_text()
+    gains.write_text(good + " ")
+    assert refusal() == "results: a/a.gains.json was changed; run its shard again [OBS911]\n"
+    gains.unlink()
+    assert refusal() == "results: a/a.gains.json is missing; run its shard again [OBS911]\n"
+    gains.write_text(good)
+    run_csv.rename("kept.csv")
+    assert "a/a.run.csv is missing" in refusal()
+    Path("kept.csv").rename(run_csv)
+    summary = Path("results/summary.json").read_text()
+    for path, place in ((RECORD, ("entry",)), (Path("results/summary.json"), ("specs", 0)), (RECORD, ("hashes",))):
+        content = json.loads(path.read_text())
+        part = content
+        for key in place:
+            part = part[key]
+        del (part if place == ("hashes",) else part["files"])["gains"]
+        path.write_text(json.dumps(content))
+    assert "the gains file of a.yaml is missing" in refusal()
+    RECORD.unlink()
+    assert "the record of a.yaml is missing" in refusal()
+    RECORD.write_text(whole)
+    Path("results/summary.json").write_text(summary)
+    assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0
+
+
+def test_a_merge_leaves_no_file_of_an_earlier_run():
+    put("a.yaml")
+    put("b.yaml")
+    long = "x" * 249
+    put(f"{long}.yaml")  # the names of its results would be too long: it has none
+    assert run("batch", "a.yaml", "b.yaml", "-q", "--simulate", "--jobs", 1, "--out", "all").exit_code == 0
+    put("b.yaml", GOOD + "expekt: 1\n")
+    assert run("batch", ".", "-q", "--jobs", 1).exit_code == 2
+    for sources, out in (("results", "all"), ("all", "all")):
+        assert run("batch", "--merge", sources, "--out", out, "-q").exit_code == 2
+        assert sorted(path.name for path in Path("all/a").iterdir()) == ["a.gains.json", "a.record.json"]
+        assert [path.name for path in Path("all/b").iterdir()] == ["b.record.json"]
+    assert [entry["status"] for entry in entries("all").values()] == ["certified", "invalid", "invalid"]

@@ -290,5 +290,4 @@ def test_what_is_no_whole_batch_is_not_merged():
     assert "is no path of a spec" in refusal("up")
     put("change/summary.json", json.dumps({**content, "specs": [{**altered, "set": [".."]}]}))
     assert "is no path of a spec" in refusal("change")
-    assert run("batch", "--merge", "same", "--out", "all", "-q").exit_code == 0
-    assert entries("all")["specs/a.yaml"]["files"] == {}  # a summary alone has none
+    assert "same: the record of specs/a.yaml is missing; give its folder too" in refusal("same")

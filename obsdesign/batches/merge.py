@@ -1,16 +1,17 @@
 """Results of the shards of one batch, made one as if there had been no shards."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any
 
 from obsdesign.batches.find import Task, parted
 from obsdesign.batches.form import Entry
-from obsdesign.batches.record import ENDINGS, RECORD, differing, folder_of, read
+from obsdesign.batches.record import ENDINGS, cleared, differing, paths_of, read, spoiled
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.disk import write_all
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import EXIT, Problem, UsageError
 
 VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
 
@@ -18,8 +19,8 @@ VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may 
 def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     """Copy the results of shards, given by their folders or summaries, to one folder, and write its summary.
 
-    Raises `UsageError`: one is no summary, they are not of one batch, a shard is missing, or two say different things
-    of a spec.
+    Raises `UsageError`: one is no summary, they are not of one batch, a shard is missing, two say different things of a
+    spec, or the results of one that was solved are not whole.
     """
     paths = [os.fspath(source) for source in sources]
     contents = {path: opened(path) for path in paths}
@@ -72,25 +73,34 @@ def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry
 
 
 def copied(source: str, entry: Entry, out: Path) -> Entry:
-    """Entry whose files are copied, as far as they are there."""
+    """Entry whose files are copied; none of an earlier run is left beside them."""
+    task = task_of(entry)
+    files = results(source, entry)
+    paths = cleared(task, files, out) if files or os.path.isdir(out / task.place) else {}
+    write_all({str(paths[kind]): content for kind, content in files.items()})
+    names = {kind: str(Path(task.place, paths[kind].name)) for kind in ENDINGS if kind in files}
+    return {**entry, "set": list(task.changes), "files": names}
+
+
+def results(source: str, entry: Entry) -> dict[str, bytes]:
+    """Files of a spec and its record, by their kinds; none where it ended without a record.
+
+    Raises `UsageError`: it was solved, and one of them is missing or was changed.
+    """
     task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
-    names = {kind: f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
-    paths = {kind: folder / task.place / name for kind, name in names.items()}
-    there = {kind: names[kind] for kind, path in paths.items() if path.is_file() and not path.is_symlink()}
     record = read(folder, task)
-    if record and (changed := differing({**record["entry"], **VOLATILE}, {**entry, **VOLATILE})):
+    if record is None:
+        if entry["status"] in EXIT:
+            raise UsageError(
+                Problem(f"the record of {task.title} is missing; give its folder too", source, id="OBS911")
+            )
+        return {}
+    if changed := differing({**record["entry"], **VOLATILE}, {**entry, **VOLATILE}):
         said = f"differs from the record of {task.title} in {changed}"
         raise UsageError(Problem(said, source, id="OBS911"))
-    if there:
-        target = folder_of(out, task)
-        write_all({str(target / name): (folder / task.place / name).read_bytes() for name in there.values()})
-    return {
-        **entry,
-        "set": list(task.changes),
-        "files": {kind: str(Path(task.place, name)) for kind, name in files(there)},
-    }
-
-
-def files(there: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Results among the files that are there, in their order."""
-    return ((kind, there[kind]) for kind in ENDINGS if kind in there)
+    proved = entry["verified"] is not None  # of what is in the gains file
+    lost = [f"the gains file of {task.title} is missing"] if proved and "gains" not in entry["files"] else []
+    if wrong := next(chain(lost, spoiled(record, task, folder)), None):
+        raise UsageError(Problem(f"{wrong}; run its shard again", source, id="OBS911"))
+    paths = paths_of(task, folder / task.place)
+    return {kind: paths[kind].read_bytes() for kind in (*record["hashes"], "record")}
