@@ -8,7 +8,7 @@ from typing import Any
 
 from obsdesign.batches.find import Task, parted
 from obsdesign.batches.form import Entry
-from obsdesign.batches.record import ENDINGS, cleared, differing, paths_of, read, spoiled
+from obsdesign.batches.record import ENDINGS, cleared, differing, digest_of_list, paths_of, read, spoiled
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.disk import write_all
 from obsdesign.errors import EXIT, Problem, UsageError
@@ -34,7 +34,8 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     for task, (_, entry) in found.items():
         tally.add(task, entry)
     entries = (copied(*found[task], out) for task in sorted(found))
-    head = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
+    head: dict[str, Any] = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
+    head["list_sha256"] = digest_of_list(found)
     head["time_s"] = max(content["time_s"] for content in contents.values())
     code = 130 if any(content["exit_code"] == 130 for content in contents.values()) else tally.exit_code
     return write(out, tally, head, entries, code)
@@ -53,12 +54,23 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
         if changed := differing(before, now):
             said = f"differs from {path} in {changed}; shards are of one batch"
             raise UsageError(Problem(said, other, id="OBS911"))
-    shards = [parted(content["options"]["shard"]) for content in contents.values() if content["options"].get("shard")]
+    parts = {path: content for path, content in contents.items() if content["options"].get("shard")}
+    require_one_list(parts)
+    shards = [parted(content["options"]["shard"]) for content in parts.values()]
     for count in {count for _, count in shards}:
         missing = sorted(set(range(1, count + 1)) - {index for index, of in shards if of == count})
         if missing:
             shown = ", ".join(f"{index}/{count}" for index in missing)
             raise UsageError(f"--merge: of the shards, {shown} missing", id="OBS911")
+
+
+def require_one_list(shards: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse shards of different specs: one of them might be in none. A summary of old says nothing of its list."""
+    lists = [(path, content["list_sha256"]) for path, content in shards.items() if "list_sha256" in content]
+    for other, digest in lists[1:]:
+        if digest != lists[0][1]:
+            said = f"is a shard of other specs than {lists[0][0]}; run both with the same paths, --set and --exclude"
+            raise UsageError(Problem(said, other, id="OBS911"))
 
 
 def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:

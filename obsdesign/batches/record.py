@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
@@ -90,6 +90,12 @@ def tool() -> dict[str, str]:
 def digest_of(content: bytes) -> str:
     """SHA-256 of a file."""
     return hashlib.sha256(content).hexdigest()
+
+
+def digest_of_list(tasks: Iterable[Task]) -> str:
+    """SHA-256 of the paths and changes of specs, whatever their order."""
+    names = sorted([printable(task.path), *map(printable, task.changes)] for task in tasks)
+    return digest_of(json.dumps(names).encode())
 
 
 def folder_of(out: Path, task: Task) -> Path:

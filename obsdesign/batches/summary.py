@@ -81,7 +81,8 @@ def write(out: Path, tally: Tally, head: Mapping[str, Any], entries: Iterable[En
     """Write `summary.json` entry by entry, whole or not at all. Raises `UsageError`: it cannot be written."""
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     told = {"created": created, "time_s": head["time_s"], "exit_code": exit_code, "counts": tally.written()}
-    whole = {"obsdesign": FORMAT, "tool": head["tool"], "options": head["options"], **told}
+    asked = {key: head[key] for key in ("tool", "options", "list_sha256")}
+    whole = {"obsdesign": FORMAT, **asked, **told}
     path = out / SUMMARY
     with whole_or_not(path) as file:
         file.write("{\n")
