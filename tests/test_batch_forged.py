@@ -211,3 +211,23 @@ def test_a_merge_leaves_no_file_of_an_earlier_run():
         assert sorted(path.name for path in Path("all/a").iterdir()) == ["a.gains.json", "a.record.json"]
         assert [path.name for path in Path("all/b").iterdir()] == ["b.record.json"]
     assert [entry["status"] for entry in entries("all").values()] == ["certified", "invalid", "invalid"]
+
+
+@pytest.mark.parametrize("ending", ["gains.json", "record.json", "run.csv"])
+def test_a_pipe_in_place_of_a_result_is_replaced_and_not_waited_for(ending):
+    put("a.yaml")
+    pipe = Path(f"results/a/a.{ending}")
+    for out in ("results", "all"):
+        Path(out, "a").mkdir(parents=True)
+        os.mkfifo(f"{out}/a/a.{ending}")
+    assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
+    assert pipe.is_file()
+    assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0
+    assert Path(f"all/a/a.{ending}").read_bytes() == pipe.read_bytes()
+    pipe.unlink()
+    os.mkfifo(pipe)
+    said = "record of a.yaml" if ending == "record.json" else f"a/a.{ending}"
+    assert f"{said} is missing" in run("batch", "--merge", "results", "--out", "new").stderr
+    assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
+    assert entries()["a.yaml"]["up_to_date"] is False
+    assert pipe.is_file()

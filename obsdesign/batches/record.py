@@ -117,15 +117,15 @@ def folder_of(out: Path, task: Task) -> Path:
 
 
 def cleared(task: Task, kinds: Collection[str], out: Path) -> dict[str, Path]:
-    """Paths of the results of a spec, in a folder that holds none of an earlier run but of these kinds, and no links.
+    """Paths of the results of a spec, in a folder that holds none of an earlier run but of these kinds, as files.
 
-    What a link leads to is not a result. Raises `UsageError`: they cannot be written.
+    A link or a pipe is no result: what it leads to is not written. Raises `UsageError`: they cannot be written.
     """
     folder = folder_of(out, task)
     paths = paths_of(task, folder)
     try:
         for kind, path in paths.items():
-            if os.path.lexists(path) and (kind not in kinds or path.is_symlink()):
+            if os.path.lexists(path) and (kind not in kinds or path.is_symlink() or not path.is_file()):
                 path.unlink()
     except OSError as error:
         raise UsageError(Problem(f"its results cannot be written: {error.strerror}", task.path, id="OBS902")) from None
