@@ -231,3 +231,36 @@ def test_a_pipe_in_place_of_a_result_is_replaced_and_not_waited_for(ending):
     assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
     assert entries()["a.yaml"]["up_to_date"] is False
     assert pipe.is_file()
+
+
+CONTRADICTIONS = [
+    {"status": "invalid"},
+    {"status": "infeasible"},
+    {"status": "skipped"},
+    {"exit_code": 4},
+    {"exit_code": 3, "status": "infeasible"},  # without a word on it in `expected`
+    {"exit_code": None},
+    {"as_expected": None},
+    {"verified": False},
+    {"verified": None},
+    {"verified": False, "as_expected": False},
+    {"expected": [{"key": "alpha", "expected": 1, "found": 0.1, "holds": False}]},
+    {"expected": [{"key": "status", "expected": [], "found": "certified", "holds": True}]},
+]
+
+
+@pytest.mark.parametrize("parts", CONTRADICTIONS)
+def test_an_entry_that_contradicts_itself_is_not_believed(parts):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    for path in (RECORD, Path("results/summary.json")):
+        content = json.loads(path.read_text())
+        (content["entry"] if path == RECORD else content["specs"][0]).update(parts)
+        path.write_text(json.dumps(content))
+    outcome = run("batch", "--merge", "results", "--out", "all")
+    said = "results: what it says of a.yaml contradicts itself; run its shard again [OBS911]\n"
+    assert (outcome.exit_code, outcome.stderr) == (2, said)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1, "--changed-since", "results", "--out", "new").exit_code == 0
+    assert entries("new")["a.yaml"]["status"] == "certified"
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert (entries()["a.yaml"]["status"], entries()["a.yaml"]["why"]) == ("certified", "never run")

@@ -48,7 +48,7 @@ def schema():
     return json.JSONDecoder().raw_decode(found[found.index('{\r\n  "$schema"') :])[0]
 
 
-FINE = entry_of(Task("fine.yaml"), "certified", 0, as_expected=True)
+FINE = entry_of(Task("fine.yaml"), "certified", 0, as_expected=True, verified=True)
 
 
 def made(tmp_path, *entries):

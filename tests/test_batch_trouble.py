@@ -283,9 +283,9 @@ def test_what_is_no_whole_batch_is_not_merged():
     put("same/summary.json", json.dumps(content))
     put("other/summary.json", json.dumps({**content, "options": {**content["options"], "simulate": True}}))
     assert "differs from same in simulate; shards are of one batch" in refusal("same", "other")
-    altered = {**content["specs"][0], "status": "infeasible"}
+    altered = {**content["specs"][0], "sha256": "0"}
     put("altered/summary.json", json.dumps({**content, "specs": [altered]}))
-    assert "altered: differs from same in status of specs/a.yaml" in refusal("same", "altered")
+    assert "altered: differs from same in sha256 of specs/a.yaml" in refusal("same", "altered")
     put("up/summary.json", json.dumps({**content, "specs": [{**altered, "path": "../../etc/x.yaml"}]}))
     assert "is no path of a spec" in refusal("up")
     put("change/summary.json", json.dumps({**content, "specs": [{**altered, "set": [".."]}]}))

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from obsdesign.batches.find import Task, parted
-from obsdesign.batches.form import Entry
+from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.record import ENDINGS, cleared, differing, digest_of_list, paths_of, read, spoiled
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.disk import write_all
@@ -74,11 +74,14 @@ def require_one_list(shards: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:
-    """Refuse an entry whose path would leave the folder of results, or of which another says something else."""
+    """Refuse an entry whose path would leave the folder of results, or that contradicts itself or another."""
     task = task_of(entry)
     if ".." in PurePath(task.path).parts or not PurePath(task.path).name or not all("=" in one for one in task.changes):
         said = f"{task.title} is no path of a spec: it has no name, or leaves its folder"
         raise UsageError(Problem(said, source, id="OBS912"))
+    if not agrees(entry):
+        said = f"what it says of {task.title} contradicts itself; run its shard again"
+        raise UsageError(Problem(said, source, id="OBS911"))
     other, known = found.get(task, ("", entry))
     if changed := differing({**known, **VOLATILE}, {**entry, **VOLATILE}):
         raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source, id="OBS911"))

@@ -16,7 +16,7 @@ from typing import Any
 
 from obsdesign import __version__
 from obsdesign.batches.find import MOST, Task, titled
-from obsdesign.batches.form import Entry, sound
+from obsdesign.batches.form import Entry, agrees, sound
 from obsdesign.disk import content_of, remove_strays, write_all
 from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
 
@@ -182,7 +182,7 @@ def read(out: Path, task: Task) -> dict[str, Any] | None:
         return None
     entry = sound(record.get("entry"))
     whole = all(isinstance(record.get(part), dict) for part in ("tool", "options", "hashes"))
-    if entry is None or not whole or entry["files"].keys() != record["hashes"].keys():
+    if entry is None or not agrees(entry) or not whole or entry["files"].keys() != record["hashes"].keys():
         return None
     return {**record, "entry": entry}
 

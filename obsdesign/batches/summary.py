@@ -74,7 +74,7 @@ class Tally:
 def own_code(entry: Mapping[str, Any]) -> int:
     """Exit code that a spec which is not as expected counts with: its own, 4 where its own would be right."""
     wanted = next((one["expected"] for one in entry["expected"] if one["key"] == "status"), "certified")
-    return 4 if entry["exit_code"] in (0, EXIT.get(wanted)) else int(entry["exit_code"])
+    return 4 if entry["exit_code"] in (0, EXIT.get(str(wanted))) else int(entry["exit_code"])
 
 
 def write(out: Path, tally: Tally, head: Mapping[str, Any], entries: Iterable[Entry], exit_code: int) -> Summary:
