@@ -251,7 +251,17 @@ def test_a_batch_gives_a_table_a_summary_and_one_folder_a_spec():
     assert files("results/specs/good") == ["good.gains.json", "good.record.json", "good.run.csv", "good.run.png"]
     assert files("results/specs/deep/hidden") == ["hidden.gains.json", "hidden.record.json"]
     content = summary()
-    assert list(content) == ["obsdesign", "tool", "options", "created", "time_s", "exit_code", "counts", "specs"]
+    assert list(content) == [
+        "obsdesign",
+        "tool",
+        "options",
+        "list_sha256",
+        "created",
+        "time_s",
+        "exit_code",
+        "counts",
+        "specs",
+    ]
     assert content["counts"] == {
         "total": 3,
         "as_expected": 3,

@@ -48,7 +48,7 @@ def schema():
     return json.JSONDecoder().raw_decode(found[found.index('{\r\n  "$schema"') :])[0]
 
 
-FINE = entry_of(Task("fine.yaml"), "certified", 0, as_expected=True)
+FINE = entry_of(Task("fine.yaml"), "certified", 0, as_expected=True, verified=True)
 
 
 def made(tmp_path, *entries):
@@ -56,7 +56,9 @@ def made(tmp_path, *entries):
     tally = Tally()
     for entry in entries:
         tally.add(Task(entry["path"], tuple(entry["set"])), entry)
-    return write(tmp_path, tally, {"tool": {}, "options": {}, "time_s": 1.5}, entries, tally.exit_code)
+    return write(
+        tmp_path, tally, {"tool": {}, "options": {}, "list_sha256": "", "time_s": 1.5}, entries, tally.exit_code
+    )
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from obsdesign.batches.find import titled
 from obsdesign.batches.form import STATUSES, Entry
-from obsdesign.errors import NOT_ONE_LINE
+from obsdesign.errors import LOGGED, NOT_ONE_LINE
 
 if TYPE_CHECKING:
     from obsdesign.batches.summary import Summary
@@ -21,7 +21,7 @@ LONGEST = 100  # characters of a path to which the others are aligned
 def shown(text: str) -> str:
     """Text for one line of a terminal or of a log: what would be obeyed there is written out."""
     plain = NOT_ONE_LINE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-    return plain.replace("##[", "#\\u0023[")
+    return LOGGED.sub(r"#\\u0023", plain)
 
 
 def line(entry: Entry, width: int = 0) -> str:
