@@ -10,6 +10,8 @@ from support.commands import run
 from obsdesign import work
 from obsdesign.plot.run import heading
 
+pytestmark = pytest.mark.usefixtures("here")
+
 DRONE = """obsdesign: 1
 name: Drone altitude
 parameters: {m: 1.2, g: 9.81, cd: 0.15}
