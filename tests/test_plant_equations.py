@@ -379,4 +379,5 @@ def test_the_equations_of_the_manual_solve_and_run(folder):
     outcome = run("solve", "vehicle.yaml", "--simulate", "--json")
     assert outcome.exit_code == 0, outcome.output
     assert json.loads(outcome.stdout)["observer"]["type"] == "l2"
-    assert (folder / "vehicle.run.csv").read_text().startswith("t,v,hat_v,slope,noise,hat_slope,speed,brake,noise_speed\n")
+    columns = "t,v,hat_v,slope,noise,hat_slope,speed,brake,noise_speed\n"
+    assert (folder / "vehicle.run.csv").read_text().startswith(columns)
