@@ -207,6 +207,7 @@ def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch
     assert run("batch", ".", "--format", "github", "-q").stdout.startswith("::error file=wrong.yaml,line=2")
 
 
+@pytest.mark.usefixtures("here", "at_once")
 def test_an_expectation_that_does_not_hold_is_labelled_so():
     Path("spec.yaml").write_text(
         "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], C: [1, 0]}\n"
