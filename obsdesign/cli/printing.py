@@ -1,4 +1,7 @@
-"""What a command prints. No line of it is one that a runner of CI obeys, whatever a spec, a file or a path says."""
+"""What a command prints, without the lines that the runners of GitHub, Azure and TeamCity obey.
+
+A file that a command writes, such as a JUnit report, does not pass here.
+"""
 
 import os
 import re
