@@ -14,9 +14,10 @@ def constants(spec: Spec) -> dict[str, Any]:
     """Lipschitz constant of every block of f that is given as a function.
 
     Returns `name`, and `blocks`, each with `name`, `type` and, where f is given, `region` (of the variables that f
-    depends on; null: no limit), `declared` and `proved` where its type has a constant, and either `lower` <= constant
-    <= `upper` (proved), `point` (where the Jacobian of f has at least the 2-norm `lower`), `gap` (relative) and
-    `boxes`, or `infinite` (true: so it is seen to be; false: no bound could be proved) and `reason`.
+    depends on; null: no limit), `declared` and `proved` (by itself, or with the type that it follows from) where its
+    type has a constant, and either `lower` <= constant <= `upper` (proved), `point` (where the Jacobian of f has at
+    least the 2-norm `lower`), `gap` (relative) and `boxes`, or `infinite` (true: so it is seen to be; false: no bound
+    could be proved) and `reason`.
 
     Raises `UsageError`: no block has an f.
     """
@@ -68,7 +69,7 @@ def entry(name: str, block: Nonlinearity) -> dict[str, Any]:
     report["region"] = {name: [None if x is None else float(x) for x in f.region[q]] for q, name in shown.items()}
     if block.lipschitz:
         declared = max(block.lipschitz)
-        report |= {"declared": float(declared), "proved": lipschitz_proved(f, declared)}
+        report |= {"declared": float(declared), "proved": not block.assumed or lipschitz_proved(f, declared)}
     return report | bounds(shown, lipschitz_constant(f))
 
 

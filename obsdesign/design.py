@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
+from importlib import metadata, util
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -49,8 +49,8 @@ class Solver:
 
     def written(self) -> dict[str, Any]:
         """Entry of a result file."""
-        vendor = "clarabel" if self.name == "clarabel" else "cvxpy"
-        return {"name": self.name, "version": version(vendor), "solves": self.solves, "time_s": round(self.time_s, 4)}
+        its = metadata.version(self.name if util.find_spec(self.name) else "cvxpy")
+        return {"name": self.name, "version": its, "solves": self.solves, "time_s": round(self.time_s, 4)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -158,7 +158,7 @@ class Design(Outcome):
             **entry(spec),
             **self.contents(),
             "solver": {**self.solver.written(), **self.solved},
-            "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": version("cvxpy")},
+            "tool": {"version": __version__, "python": platform.python_version(), "cvxpy": metadata.version("cvxpy")},
             "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
 

@@ -13,19 +13,22 @@ from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.scalars import described
 
 Change = dict[str, Any]
+ROUNDING = 1e-9  # relative: a change below it is none
 
 
 def diff(old: str | os.PathLike[str], new: str | os.PathLike[str]) -> dict[str, Any]:
     """What changed from one result file to another.
 
-    Returns `status`: of both; `spec`: values of keys, as texts, None where there is none; `gains`: spectral norms of
-    those of both, and `relative`, the norm of the difference over that of the old one; `guarantee`: its numbers, and
-    `relative`, the difference over the old one. What is the same is left out, `relative` is None where it has no
+    Returns `status`: of both; `solver`: name and version; `spec`: values of keys, as texts, None where there is none;
+    `gains`: spectral norms of those of both, and `relative`, the norm of the difference over that of the old one;
+    `guarantee`: its numbers, and `relative`, the difference over the old one. What is the same, numbers to within
+    rounding, is left out, `relative` is None where it has no
     meaning. Raises `UsageError`: a file is no result, or the spec in it was altered.
     """
     before, after = (ResultFile.open(os.fspath(path)) for path in (old, new))
     return {
         "status": [before.status, after.status],
+        "solver": [*changes(solver_of(before), solver_of(after), "name")],
         "spec": [*changes(keys_of(before), keys_of(after), "path")],
         "gains": [*map(of_gains, changes(gains_of(before), gains_of(after), "name"))],
         "guarantee": [*map(of_numbers, changes(numbers_of(before), numbers_of(after), "name"))],
@@ -36,8 +39,22 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterato
     """Entries that differ, in the order of the old ones, then of the new ones."""
     for name in dict.fromkeys([*old, *new]):
         pair = old.get(name), new.get(name)
-        if not np.array_equal(np.asarray(pair[0]), np.asarray(pair[1])):
+        if not same(*pair):
             yield {key: name, "old": pair[0], "new": pair[1]}
+
+
+def same(old: Any, new: Any) -> bool:
+    """Whether two values are the same, numbers but for what a solver leaves of rounding."""
+    before, after = np.asarray(old), np.asarray(new)
+    if before.dtype.kind not in "fi" or after.dtype.kind not in "fi" or before.shape != after.shape:
+        return bool(np.array_equal(before, after))
+    return bool(norm(after - before) <= ROUNDING * norm(before))
+
+
+def solver_of(file: ResultFile) -> dict[str, str]:
+    """Name and version of the solver of a file, as texts."""
+    told = file.content.get("solver")
+    return {key: shown(told[key]) for key in ("name", "version") if key in told} if isinstance(told, Mapping) else {}
 
 
 def keys_of(file: ResultFile) -> dict[str, str]:
@@ -93,7 +110,7 @@ def of_gains(change: Change) -> Change:
 
 def norm(gain: Array) -> float:
     """Spectral norm."""
-    return float(np.linalg.norm(gain, 2)) if gain.size else 0.0
+    return float(np.linalg.norm(np.atleast_2d(gain), 2)) if gain.size else 0.0
 
 
 def numbers_of(file: ResultFile) -> dict[str, float]:
@@ -121,15 +138,23 @@ def as_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Table of what changed."""
     old, new = found["status"]
     rows = [("status", old if old == new else f"{old} -> {new}")]
+    rows += [("solver", f"{one['name']}: {side(one['old'])} -> {side(one['new'])}") for one in found["solver"]]
     rows += [("spec", f"{one['path']}: {side(one['old'])} -> {side(one['new'])}") for one in found["spec"]]
     for part in ("gains", "guarantee"):
         for one in found[part]:
             label = f"|{one['name']}|" if part == "gains" else one["name"]
-            by = (
-                "" if one["relative"] is None else f"   ({100 * one['relative']:{'' if part == 'gains' else '+'}.3g} %)"
-            )
+            how = f"{100 * (one['relative'] or 0):+.3g} %" if part == "guarantee" else apart(one)
+            by = "" if one["relative"] is None else f"   ({how})"
             rows.append((part, f"{label} {side(one['old'])} -> {side(one['new'])}{by}"))
     return rows
+
+
+def apart(change: Change) -> str:
+    """Change of the norm of a gain, with its sign, and the norm of the difference, both over the old one."""
+    old, new = change["old"], change["new"]
+    return (
+        f"{100 * (new - old) / old:+.3g} %, the difference is {100 * change['relative']:.3g} %" if old and new else ""
+    )
 
 
 def side(value: str | float | None) -> str:

@@ -20,6 +20,7 @@ EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit
 
 # Characters that end a line, change what stands in it, or cannot be printed: in a text of a user they would forge lines
 NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+LOGGED = re.compile(r"##(?=\w*\[)")  # begins what a runner obeys anywhere in a log: ##[error], ##vso[, ##teamcity[
 
 
 class Excerpt(NamedTuple):

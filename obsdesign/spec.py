@@ -110,6 +110,7 @@ class Simulation:
     xi0: Mapping[str, fmpq] = field(default_factory=dict)  # coordinates of the observer at t = 0; others are 0
     constants: Mapping[str, fmpq] = field(default_factory=dict)  # theta of coordinates at t = 0; others are 0
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
+    silent: tuple[str, ...] = ()  # known inputs that are not given, and are zero
 
 
 class Request(Protocol):

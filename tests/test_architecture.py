@@ -67,7 +67,7 @@ WALLS = {  # vendor: the only files that may import it
     "distributed": {"batches/cluster.py"},
     "clarabel": {"lmi/solvers.py"},
     "cvxpy": {"lmi/solvers.py"},
-    "yaml": {"sections/document.py"},
+    "yaml": {"sections/document.py", "sections/slips.py"},
     "matplotlib": {"plot/canvas.py"},
     "typer": CLI,
     "rich": CLI,

@@ -153,3 +153,114 @@ def test_a_spec_whose_format_is_missing_is_not_left_out():
     put("a.yaml", GOOD.replace("obsdesign: 1", "obsdesing: 1"))
     assert run("batch", ".", "--jobs", 1).exit_code == 2
     assert entries()["a.yaml"]["status"] == "invalid"
+
+
+@pytest.mark.parametrize("filler", ["\n", "\r", " ", "\t", ",", "{ ", ", \n"])
+def test_a_large_file_of_blanks_is_looked_at_once(filler):
+    put("blank.yaml", filler * (2**22 // len(filler) - 100))  # would take hours, were each blank a beginning
+    put("late.yaml", "# a spec\r\n" + "\n" * 2**16 + '{\r\n\t "obsdesign" : 1}')
+    assert run("batch", ".", "--jobs", 1).exit_code == 2
+    assert list(entries()) == ["late.yaml"]
+
+
+def test_results_that_were_changed_or_lost_are_not_merged():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
+
+    def refusal():
+        outcome = run("batch", "--merge", "results", "--out", "all")
+        assert (outcome.exit_code, Path("all/summary.json").exists()) == (2, False)
+        return outcome.stderr
+
+    gains, run_csv, whole = Path("results/a/a.gains.json"), Path("results/a/a.run.csv"), RECORD.read_text()
+    good = gains.read_text()
+    gains.write_text(good + " ")
+    assert refusal() == "results: a/a.gains.json was changed; run its shard again [OBS911]\n"
+    gains.unlink()
+    assert refusal() == "results: a/a.gains.json is missing; run its shard again [OBS911]\n"
+    gains.write_text(good)
+    run_csv.rename("kept.csv")
+    assert "a/a.run.csv is missing" in refusal()
+    Path("kept.csv").rename(run_csv)
+    summary = Path("results/summary.json").read_text()
+    for path, place in ((RECORD, ("entry",)), (Path("results/summary.json"), ("specs", 0)), (RECORD, ("hashes",))):
+        content = json.loads(path.read_text())
+        part = content
+        for key in place:
+            part = part[key]
+        del (part if place == ("hashes",) else part["files"])["gains"]
+        path.write_text(json.dumps(content))
+    assert "the gains file of a.yaml is missing" in refusal()
+    RECORD.unlink()
+    assert "the record of a.yaml is missing" in refusal()
+    RECORD.write_text(whole)
+    Path("results/summary.json").write_text(summary)
+    assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0
+
+
+def test_a_merge_leaves_no_file_of_an_earlier_run():
+    put("a.yaml")
+    put("b.yaml")
+    long = "x" * 249
+    put(f"{long}.yaml")  # the names of its results would be too long: it has none
+    assert run("batch", "a.yaml", "b.yaml", "-q", "--simulate", "--jobs", 1, "--out", "all").exit_code == 0
+    put("b.yaml", GOOD + "expekt: 1\n")
+    assert run("batch", ".", "-q", "--jobs", 1).exit_code == 2
+    for sources, out in (("results", "all"), ("all", "all")):
+        assert run("batch", "--merge", sources, "--out", out, "-q").exit_code == 2
+        assert sorted(path.name for path in Path("all/a").iterdir()) == ["a.gains.json", "a.record.json"]
+        assert [path.name for path in Path("all/b").iterdir()] == ["b.record.json"]
+    assert [entry["status"] for entry in entries("all").values()] == ["certified", "invalid", "invalid"]
+
+
+@pytest.mark.parametrize("ending", ["gains.json", "record.json", "run.csv"])
+def test_a_pipe_in_place_of_a_result_is_replaced_and_not_waited_for(ending):
+    put("a.yaml")
+    pipe = Path(f"results/a/a.{ending}")
+    for out in ("results", "all"):
+        Path(out, "a").mkdir(parents=True)
+        os.mkfifo(f"{out}/a/a.{ending}")
+    assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
+    assert pipe.is_file()
+    assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0
+    assert Path(f"all/a/a.{ending}").read_bytes() == pipe.read_bytes()
+    pipe.unlink()
+    os.mkfifo(pipe)
+    said = "record of a.yaml" if ending == "record.json" else f"a/a.{ending}"
+    assert f"{said} is missing" in run("batch", "--merge", "results", "--out", "new").stderr
+    assert run("batch", "a.yaml", "-q", "--simulate", "--jobs", 1).exit_code == 0
+    assert entries()["a.yaml"]["up_to_date"] is False
+    assert pipe.is_file()
+
+
+CONTRADICTIONS = [
+    {"status": "invalid"},
+    {"status": "infeasible"},
+    {"status": "skipped"},
+    {"exit_code": 4},
+    {"exit_code": 3, "status": "infeasible"},  # without a word on it in `expected`
+    {"exit_code": None},
+    {"as_expected": None},
+    {"verified": False},
+    {"verified": None},
+    {"verified": False, "as_expected": False},
+    {"expected": [{"key": "alpha", "expected": 1, "found": 0.1, "holds": False}]},
+    {"expected": [{"key": "status", "expected": [], "found": "certified", "holds": True}]},
+]
+
+
+@pytest.mark.parametrize("parts", CONTRADICTIONS)
+def test_an_entry_that_contradicts_itself_is_not_believed(parts):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    for path in (RECORD, Path("results/summary.json")):
+        content = json.loads(path.read_text())
+        (content["entry"] if path == RECORD else content["specs"][0]).update(parts)
+        path.write_text(json.dumps(content))
+    outcome = run("batch", "--merge", "results", "--out", "all")
+    said = "results: what it says of a.yaml contradicts itself; run its shard again [OBS911]\n"
+    assert (outcome.exit_code, outcome.stderr) == (2, said)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1, "--changed-since", "results", "--out", "new").exit_code == 0
+    assert entries("new")["a.yaml"]["status"] == "certified"
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert (entries()["a.yaml"]["status"], entries()["a.yaml"]["why"]) == ("certified", "never run")

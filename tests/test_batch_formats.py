@@ -48,7 +48,7 @@ def schema():
     return json.JSONDecoder().raw_decode(found[found.index('{\r\n  "$schema"') :])[0]
 
 
-FINE = entry_of(Task("fine.yaml"), "certified", 0, as_expected=True)
+FINE = entry_of(Task("fine.yaml"), "certified", 0, as_expected=True, verified=True)
 
 
 def made(tmp_path, *entries):
@@ -56,7 +56,9 @@ def made(tmp_path, *entries):
     tally = Tally()
     for entry in entries:
         tally.add(Task(entry["path"], tuple(entry["set"])), entry)
-    return write(tmp_path, tally, {"tool": {}, "options": {}, "time_s": 1.5}, entries, tally.exit_code)
+    return write(
+        tmp_path, tally, {"tool": {}, "options": {}, "list_sha256": "", "time_s": 1.5}, entries, tally.exit_code
+    )
 
 
 @pytest.fixture
@@ -203,3 +205,17 @@ def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch
     assert "::error file=wrong.yaml,line=2,col=1,title=obsdesign invalid OBS201::" in outcome.stderr
     assert "::error" not in outcome.stdout
     assert run("batch", ".", "--format", "github", "-q").stdout.startswith("::error file=wrong.yaml,line=2")
+
+
+@pytest.mark.usefixtures("here", "at_once")
+def test_an_expectation_that_does_not_hold_is_labelled_so():
+    Path("spec.yaml").write_text(
+        "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], C: [1, 0]}\n"
+        "observer: {type: l2, alpha: 0.3, bounds: {L1: 9}}\nexpect: {observer.type: linf}\n"
+    )
+    outcome = run("batch", "spec.yaml")
+    assert "not as expected: spec.yaml:4:" in outcome.stderr
+    assert "certified:" not in outcome.stderr
+    assert "title=obsdesign not as expected OBS617" in run("batch", "spec.yaml", "--format", "github", "-q").stdout
+    (case,) = ET.fromstring(run("batch", "spec.yaml", "--format", "junit", "-q").stdout).iter("testcase")
+    assert case[0].get("type") == "not as expected"

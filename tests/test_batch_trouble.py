@@ -283,12 +283,33 @@ def test_what_is_no_whole_batch_is_not_merged():
     put("same/summary.json", json.dumps(content))
     put("other/summary.json", json.dumps({**content, "options": {**content["options"], "simulate": True}}))
     assert "differs from same in simulate; shards are of one batch" in refusal("same", "other")
-    altered = {**content["specs"][0], "status": "infeasible"}
+    altered = {**content["specs"][0], "sha256": "0"}
     put("altered/summary.json", json.dumps({**content, "specs": [altered]}))
-    assert "altered: differs from same in status of specs/a.yaml" in refusal("same", "altered")
+    assert "altered: differs from same in sha256 of specs/a.yaml" in refusal("same", "altered")
     put("up/summary.json", json.dumps({**content, "specs": [{**altered, "path": "../../etc/x.yaml"}]}))
     assert "is no path of a spec" in refusal("up")
     put("change/summary.json", json.dumps({**content, "specs": [{**altered, "set": [".."]}]}))
     assert "is no path of a spec" in refusal("change")
-    assert run("batch", "--merge", "same", "--out", "all", "-q").exit_code == 0
-    assert entries("all")["specs/a.yaml"]["files"] == {}  # a summary alone has none
+    assert "same: the record of specs/a.yaml is missing; give its folder too" in refusal("same")
+
+
+@pytest.mark.usefixtures("here", "at_once")
+def test_shards_of_different_specs_are_not_merged():
+    put("specs/a.yaml")
+    put("specs/b.yaml")
+    assert run("batch", "specs", "--out", "one", "--shard", "1/2", "-q").exit_code == 0
+    put("specs/0.yaml")  # now b.yaml would be in neither shard
+    assert run("batch", "specs", "--out", "two", "--shard", "2/2", "-q").exit_code == 0
+    outcome = run("batch", "--merge", "one", "two", "--out", "all")
+    assert (outcome.exit_code, Path("all/summary.json").exists()) == (2, False)
+    said = "two: is a shard of other specs than one; run both with the same paths, --set and --exclude [OBS911]\n"
+    assert outcome.stderr == said
+    old = summary("one")
+    del old["list_sha256"]  # by a version that did not write it
+    put("one/summary.json", json.dumps(old))
+    assert run("batch", "--merge", "one", "two", "--out", "all", "-q").exit_code == 0
+    assert run("batch", "specs", "--out", "one", "--shard", "1/2", "-q").exit_code == 0
+    assert run("batch", "specs", "--out", "two", "--shard", "2/2", "-q").exit_code == 0
+    assert run("batch", "--merge", "two", "one", "--out", "all", "-q").exit_code == 0
+    assert run("batch", "specs", "--out", "whole", "-q").exit_code == 0
+    assert lasting("all") == lasting("whole")

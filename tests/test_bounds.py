@@ -368,14 +368,14 @@ def test_the_least_storage_function_and_the_gain_of_a_predictor_are_held_against
     assert run("verify", "spec.gains.json", "-q").exit_code == 0
     code, _, large = solved(NOISY % (floor % 0.1), "large")
     assert code == 0
-    outcome = forged({**small, "spec": large["spec"]})
+    outcome = forged({**small, "spec": large["spec"], "name": large["name"]})
     assert outcome.exit_code == 4
     assert "FAILS  P >= t I" in outcome.stdout
     sampled = "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.6, injection: %s, relaxation: proposition-2}"
     _, _, predictor = solved(FREE % (sampled % "predictor"), "predictor")
     assert run("verify", "predictor.gains.json", "-q").exit_code == 0
     _, _, dynamic = solved(FREE % (sampled % "dynamic"), "dynamic")
-    outcome = forged({**dynamic, "spec": predictor["spec"]})
+    outcome = forged({**dynamic, "spec": predictor["spec"], "name": predictor["name"]})
     assert outcome.exit_code == 2
     assert "observer.H: not that of predictor" in outcome.stderr
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,8 @@ def difference():
 
 def test_the_same_is_no_difference():
     solved()
-    assert difference() == {"status": ["certified", "certified"], "spec": [], "gains": [], "guarantee": []}
+    nothing = {key: [] for key in ("solver", "spec", "gains", "guarantee")}
+    assert difference() == {"status": ["certified", "certified"], **nothing}
     assert run("diff", "old.json", "new.json").stdout.split() == ["status", "certified"]
 
 
@@ -83,3 +85,30 @@ def test_a_file_that_is_wrong_is_refused(change, word):
     assert (outcome.exit_code, outcome.stdout) == (2, "")
     assert word in outcome.stderr
     assert run("diff", "old.json", "cart.yaml").exit_code == 2
+
+
+def test_another_solver_is_told_with_its_own_version():
+    Path("small.yaml").write_text(
+        "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], C: [1, 0]}\nobserver: {type: l2, alpha: 0.3, bounds: {L1: 9}}\n"
+    )
+    for name, solver in (("old.json", "clarabel"), ("new.json", "scs")):
+        assert run("solve", "small.yaml", "-q", "-o", name, "--solver", solver).exit_code == 0
+    assert json.loads(Path("new.json").read_text())["solver"]["version"] == version("scs")
+    assert difference()["solver"] == [
+        {"name": "name", "old": "clarabel", "new": "scs"},
+        {"name": "version", "old": version("clarabel"), "new": version("scs")},
+    ]
+    assert "name: clarabel -> scs" in run("diff", "old.json", "new.json").stdout
+
+
+def test_a_change_has_its_sign_and_rounding_is_none():
+    solved("observer.bounds={L1: 20}")
+    gain = {one["name"]: one for one in difference()["gains"]}["L1"]
+    (line,) = (row for row in run("diff", "old.json", "new.json").stdout.splitlines() if "|L1|" in row)
+    assert gain["new"] < gain["old"]
+    assert f"({100 * (gain['new'] / gain['old'] - 1):+.3g} %, the difference is" in line
+    file = json.loads(Path("old.json").read_text())
+    file["observer"]["L1"] = [[x * (1 + 1e-12) for x in row] for row in file["observer"]["L1"]]
+    file["guarantee"]["gamma"] *= 1 - 1e-12
+    Path("new.json").write_text(json.dumps(file))
+    assert (difference()["gains"], difference()["guarantee"]) == ([], [])

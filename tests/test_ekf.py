@@ -107,7 +107,7 @@ def test_solve_refuses_it_in_one_line():
 
 
 def test_verify_refuses_a_file_that_holds_one():
-    made = {"obsdesign": 1, "name": "p", "spec": {"path": "p.yaml", "sha256": digest(CURVED), "text": CURVED}}
+    made = {"obsdesign": 1, "name": "pendulum", "spec": {"path": "p.yaml", "sha256": digest(CURVED), "text": CURVED}}
     Path("p.gains.json").write_text(json.dumps({**made, "status": "certified", "observer": {"type": "ekf"}}))
     for command in ("verify", "simulate"):
         outcome = run(command, "p.gains.json")

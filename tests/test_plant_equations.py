@@ -328,7 +328,7 @@ def test_a_run_ends_at_an_event_and_says_so(folder):
     assert summary["time"] == pytest.approx(time, abs=1e-6)
     assert summary["reason"] == f"at t = {summary['time']:.6g}: too far: abs(x) > 10"
     with (folder / "escape.run.csv").open() as file:
-        assert file.readline().split(",") == ["t", "x", "z", "hat_x", "hat_z", "torque", "hat_torque", "y", "yz\n"]
+        assert file.readline().split(",") == ["t", "x", "z", "hat_x", "hat_z", "torque", "hat_torque", "y", "yz", "u\n"]
         assert float(file.readline().split(",")[6]) == 0.25
     assert "the run ended early: stopped at t = " in run("simulate", "escape.yaml").stderr
 
@@ -379,4 +379,5 @@ def test_the_equations_of_the_manual_solve_and_run(folder):
     outcome = run("solve", "vehicle.yaml", "--simulate", "--json")
     assert outcome.exit_code == 0, outcome.output
     assert json.loads(outcome.stdout)["observer"]["type"] == "l2"
-    assert (folder / "vehicle.run.csv").read_text().startswith("t,v,hat_v,slope,noise,hat_slope,speed\n")
+    columns = "t,v,hat_v,slope,noise,hat_slope,speed,brake,noise_speed\n"
+    assert (folder / "vehicle.run.csv").read_text().startswith(columns)

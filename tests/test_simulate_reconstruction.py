@@ -11,6 +11,7 @@ from support.running import simulate
 from support.sweep import examples
 
 from obsdesign.families.incremental.guarantee import PeakGuarantee, Reconstruction
+from obsdesign.plot.panels import number
 from obsdesign.plot.run import run_sheet
 from obsdesign.reading import loads
 from obsdesign.spec import Spec
@@ -192,3 +193,11 @@ def test_what_is_proved_of_a_reconstruction_is_drawn_for_the_last_fifth_only():
     fed = simulate(reconstructing(SCALAR % "sin(t) + 0.01*x1"), given, guarantee)
     assert "nothing is proved" in fed.summary["reconstruction"]["note"]
     assert not [line for line in run_sheet(fed).axes[1].get_lines() if line.get_linestyle() == "--"]
+
+
+def test_the_note_of_what_an_axis_cuts_off_is_the_peak_at_the_steps(paper):
+    _spec, run = paper
+    signal, error = run_sheet(run).axes[:2]
+    top = max(run.steps.what[:, 0], key=abs)
+    assert f"an estimate reaches {number(top)}" in signal.get_title(loc="left")
+    assert f"peak {number(abs(run.steps.w_error[:, 0]).max())} at" in error.get_legend().get_texts()[0].get_text()

@@ -19,9 +19,9 @@ from typing import Any, Protocol
 from obsdesign.batches import cluster, workers
 from obsdesign.batches.clash import clashes
 from obsdesign.batches.find import Task, find, share, titled
-from obsdesign.batches.form import Entry
+from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.merge import merge
-from obsdesign.batches.record import Options, entry_of, printable, read, reason, sha256, tool
+from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, tool
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
 from obsdesign.disk import remove_strays
@@ -96,7 +96,8 @@ def batch(
         said = "no specs found: no *.yaml or *.yml with a key `obsdesign` or `observer` that is not excluded"
         raise UsageError(said, id="OBS903")
     tasks = share(found, shard)
-    head = {"tool": tool(), "options": {**asdict(options), "set": [*map(printable, asked)], "shard": shard}}
+    told = {**asdict(options), "set": [*map(printable, asked)], "shard": shard}
+    head = {"tool": tool(), "options": told, "list_sha256": digest_of_list(found)}
     with held(out) as folder:
         run = Run(tasks, options, folder, head, follower or Nobody(), clashes(found), force=force)
         if changed_since is not None:
@@ -170,7 +171,7 @@ class Run:
         wanted = {**self.options.of(""), "tool": tool()}
         if {**{key: other["options"].get(key) for key in self.options.of("")}, "tool": other["tool"]} != wanted:
             return
-        done = [one for one in other["specs"] if one.get("as_expected") is True]
+        done = [one for one in other["specs"] if one["as_expected"] is True and agrees(one)]
         known = {titled(one["path"], one.get("set", ())): one.get("sha256") for one in done}
         for task in self.tasks:
             digest = sha256(task)

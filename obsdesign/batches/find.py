@@ -15,7 +15,7 @@ from obsdesign import disk
 from obsdesign.errors import Problem, UsageError
 
 ENDINGS = (".yaml", ".yml")
-SPEC = re.compile(rb"""(?:^|[{,])\s*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)
+SPEC = re.compile(rb"""(?:^|[\r{,])[ \t]*["']?(?:obsdesign|observer)["']?\s*:""", re.MULTILINE)
 MOST = 4 * 2**20 + 1  # bytes that are looked at: a larger file is no spec
 SUMMARY = "summary.json"  # of a batch, beside the results
 NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)", re.ASCII)

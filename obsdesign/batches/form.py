@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from obsdesign.errors import NOT_ONE_LINE
+from obsdesign.errors import EXIT, NOT_ONE_LINE
 
 STATUSES = (
     "certified",
@@ -17,6 +17,7 @@ STATUSES = (
     "crashed",
     "skipped",
 )
+CLAIMS = ("certified", "refuted")  # statuses that hold only with a proof
 KINDS = ("gains", "csv", "png")  # files of a spec
 CODES = (0, 1, 2, 3, 4)  # exit codes of a spec
 Entry = dict[str, Any]  # of `specs` in a summary
@@ -95,3 +96,18 @@ def sound(value: Any) -> Entry | None:
     except (TypeError, OverflowError):  # a list for a status, an integer beyond doubles
         return None
     return {key: entry[key] for key in FORM} if whole else None
+
+
+def agrees(entry: Entry) -> bool:
+    """Whether its parts do not contradict each other: what is as expected is proved, and ended as its spec says."""
+    status, code, fine, proved = (entry[key] for key in ("status", "exit_code", "as_expected", "verified"))
+    if status == "skipped" or code is None or fine is None:
+        return status == "skipped" and code is None and fine is None
+    if status in CLAIMS and code == EXIT[status] and proved is not True:
+        return False
+    if not fine:
+        return True
+    wanted = next((one["expected"] for one in entry["expected"] if one["key"] == "status"), "certified")
+    codes = {EXIT[status], 0 if status == "uncertified" else EXIT[status]} if status in EXIT else set()
+    holds = all(one["holds"] is True for one in entry["expected"])
+    return holds and proved is not False and code in codes and code == EXIT.get(str(wanted))

@@ -16,7 +16,7 @@ from obsdesign import __version__
 from obsdesign.batches.form import Entry
 from obsdesign.batches.record import LIMITS
 from obsdesign.batches.summary import Summary
-from obsdesign.batches.table import changed, sentence, shown
+from obsdesign.batches.table import changed, label, sentence, shown
 
 NO_ANSWER = ("invalid", "crashed", *LIMITS)  # statuses that are errors, not failures, of a test
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -39,7 +39,8 @@ def junit(summary: Summary) -> Iterator[str]:
         if kind:
             said = "\n".join(in_xml(sentence(problem)) for problem in entry["problems"]) or in_xml(entry["why"] or "")
             first = said.partition("\n")[0]
-            SubElement(case, kind, {"type": entry["status"], "message": first}).text = said
+            kinds_of = [label(entry, problem) for problem in entry["problems"]] or [entry["status"]]
+            SubElement(case, kind, {"type": kinds_of[0], "message": first}).text = said
         yield tostring(case, encoding="unicode") + "\n"
     yield "</testsuite>\n</testsuites>\n"
 
@@ -65,7 +66,7 @@ def github(summary: Summary) -> Iterator[str]:
     """Workflow commands that GitHub shows at the file, line and column of each problem."""
     for entry, problem in unexpected(summary):
         place = {"file": problem.get("file", entry["path"]), "line": problem.get("line"), "col": problem.get("column")}
-        title = f"obsdesign {entry['status']} {problem['id']}"
+        title = f"obsdesign {label(entry, problem)} {problem['id']}"
         properties = {**place, "title": title}
         told = ",".join(f"{key}={in_property(str(value))}" for key, value in properties.items() if value)
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)

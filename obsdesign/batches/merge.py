@@ -1,16 +1,17 @@
 """Results of the shards of one batch, made one as if there had been no shards."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any
 
 from obsdesign.batches.find import Task, parted
-from obsdesign.batches.form import Entry
-from obsdesign.batches.record import ENDINGS, RECORD, differing, folder_of, read
+from obsdesign.batches.form import Entry, agrees
+from obsdesign.batches.record import ENDINGS, cleared, differing, digest_of_list, paths_of, read, spoiled
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.disk import write_all
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import EXIT, Problem, UsageError
 
 VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
 
@@ -18,8 +19,8 @@ VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may 
 def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     """Copy the results of shards, given by their folders or summaries, to one folder, and write its summary.
 
-    Raises `UsageError`: one is no summary, they are not of one batch, a shard is missing, or two say different things
-    of a spec.
+    Raises `UsageError`: one is no summary, they are not of one batch, a shard is missing, two say different things of a
+    spec, or the results of one that was solved are not whole.
     """
     paths = [os.fspath(source) for source in sources]
     contents = {path: opened(path) for path in paths}
@@ -33,7 +34,8 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     for task, (_, entry) in found.items():
         tally.add(task, entry)
     entries = (copied(*found[task], out) for task in sorted(found))
-    head = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
+    head: dict[str, Any] = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
+    head["list_sha256"] = digest_of_list(found)
     head["time_s"] = max(content["time_s"] for content in contents.values())
     code = 130 if any(content["exit_code"] == 130 for content in contents.values()) else tally.exit_code
     return write(out, tally, head, entries, code)
@@ -52,7 +54,9 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
         if changed := differing(before, now):
             said = f"differs from {path} in {changed}; shards are of one batch"
             raise UsageError(Problem(said, other, id="OBS911"))
-    shards = [parted(content["options"]["shard"]) for content in contents.values() if content["options"].get("shard")]
+    parts = {path: content for path, content in contents.items() if content["options"].get("shard")}
+    require_one_list(parts)
+    shards = [parted(content["options"]["shard"]) for content in parts.values()]
     for count in {count for _, count in shards}:
         missing = sorted(set(range(1, count + 1)) - {index for index, of in shards if of == count})
         if missing:
@@ -60,37 +64,58 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
             raise UsageError(f"--merge: of the shards, {shown} missing", id="OBS911")
 
 
+def require_one_list(shards: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse shards of different specs: one of them might be in none. A summary of old says nothing of its list."""
+    lists = [(path, content["list_sha256"]) for path, content in shards.items() if "list_sha256" in content]
+    for other, digest in lists[1:]:
+        if digest != lists[0][1]:
+            said = f"is a shard of other specs than {lists[0][0]}; run both with the same paths, --set and --exclude"
+            raise UsageError(Problem(said, other, id="OBS911"))
+
+
 def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:
-    """Refuse an entry whose path would leave the folder of results, or of which another says something else."""
+    """Refuse an entry whose path would leave the folder of results, or that contradicts itself or another."""
     task = task_of(entry)
     if ".." in PurePath(task.path).parts or not PurePath(task.path).name or not all("=" in one for one in task.changes):
         said = f"{task.title} is no path of a spec: it has no name, or leaves its folder"
         raise UsageError(Problem(said, source, id="OBS912"))
+    if not agrees(entry):
+        said = f"what it says of {task.title} contradicts itself; run its shard again"
+        raise UsageError(Problem(said, source, id="OBS911"))
     other, known = found.get(task, ("", entry))
     if changed := differing({**known, **VOLATILE}, {**entry, **VOLATILE}):
         raise UsageError(Problem(f"differs from {other} in {changed} of {task.title}", source, id="OBS911"))
 
 
 def copied(source: str, entry: Entry, out: Path) -> Entry:
-    """Entry whose files are copied, as far as they are there."""
+    """Entry whose files are copied; none of an earlier run is left beside them."""
+    task = task_of(entry)
+    files = results(source, entry)
+    paths = cleared(task, files, out) if files or os.path.isdir(out / task.place) else {}
+    write_all({str(paths[kind]): content for kind, content in files.items()})
+    names = {kind: str(Path(task.place, paths[kind].name)) for kind in ENDINGS if kind in files}
+    return {**entry, "set": list(task.changes), "files": names}
+
+
+def results(source: str, entry: Entry) -> dict[str, bytes]:
+    """Files of a spec and its record, by their kinds; none where it ended without a record.
+
+    Raises `UsageError`: it was solved, and one of them is missing or was changed.
+    """
     task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
-    names = {kind: f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
-    paths = {kind: folder / task.place / name for kind, name in names.items()}
-    there = {kind: names[kind] for kind, path in paths.items() if path.is_file() and not path.is_symlink()}
     record = read(folder, task)
-    if record and (changed := differing({**record["entry"], **VOLATILE}, {**entry, **VOLATILE})):
+    if record is None:
+        if entry["status"] in EXIT:
+            raise UsageError(
+                Problem(f"the record of {task.title} is missing; give its folder too", source, id="OBS911")
+            )
+        return {}
+    if changed := differing({**record["entry"], **VOLATILE}, {**entry, **VOLATILE}):
         said = f"differs from the record of {task.title} in {changed}"
         raise UsageError(Problem(said, source, id="OBS911"))
-    if there:
-        target = folder_of(out, task)
-        write_all({str(target / name): (folder / task.place / name).read_bytes() for name in there.values()})
-    return {
-        **entry,
-        "set": list(task.changes),
-        "files": {kind: str(Path(task.place, name)) for kind, name in files(there)},
-    }
-
-
-def files(there: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Results among the files that are there, in their order."""
-    return ((kind, there[kind]) for kind in ENDINGS if kind in there)
+    proved = entry["verified"] is not None  # of what is in the gains file
+    lost = [f"the gains file of {task.title} is missing"] if proved and "gains" not in entry["files"] else []
+    if wrong := next(chain(lost, spoiled(record, task, folder)), None):
+        raise UsageError(Problem(f"{wrong}; run its shard again", source, id="OBS911"))
+    paths = paths_of(task, folder / task.place)
+    return {kind: paths[kind].read_bytes() for kind in (*record["hashes"], "record")}

@@ -5,8 +5,9 @@ A record is one entry of the summary, with what it rests on: the tool, the optio
 
 import hashlib
 import json
+import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
@@ -15,7 +16,7 @@ from typing import Any
 
 from obsdesign import __version__
 from obsdesign.batches.find import MOST, Task, titled
-from obsdesign.batches.form import Entry, sound
+from obsdesign.batches.form import Entry, agrees, sound
 from obsdesign.disk import content_of, remove_strays, write_all
 from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
 
@@ -91,6 +92,12 @@ def digest_of(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def digest_of_list(tasks: Iterable[Task]) -> str:
+    """SHA-256 of the paths and changes of specs, whatever their order."""
+    names = sorted([printable(task.path), *map(printable, task.changes)] for task in tasks)
+    return digest_of(json.dumps(names).encode())
+
+
 def folder_of(out: Path, task: Task) -> Path:
     """Folder of the results of a spec, made where there is none, without what a killed run left half-written.
 
@@ -109,21 +116,33 @@ def folder_of(out: Path, task: Task) -> Path:
     return folder
 
 
+def cleared(task: Task, kinds: Collection[str], out: Path) -> dict[str, Path]:
+    """Paths of the results of a spec, in a folder that holds none of an earlier run but of these kinds, as files.
+
+    A link or a pipe is no result: what it leads to is not written. Raises `UsageError`: they cannot be written.
+    """
+    folder = folder_of(out, task)
+    paths = paths_of(task, folder)
+    try:
+        for kind, path in paths.items():
+            if os.path.lexists(path) and (kind not in kinds or path.is_symlink() or not path.is_file()):
+                path.unlink()
+    except OSError as error:
+        raise UsageError(Problem(f"its results cannot be written: {error.strerror}", task.path, id="OBS902")) from None
+    return paths
+
+
+def paths_of(task: Task, folder: Path) -> dict[str, Path]:
+    """Paths in a folder of all that may come of a spec, by their kinds; at last the record."""
+    return {kind: folder / f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
+
+
 def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
     """Write the files of a spec, then its record; each whole or not at all. Returns the entry.
 
     Raises `UsageError`: they cannot be written.
     """
-    folder = folder_of(out, task)
-    paths = {kind: folder / f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
-    try:
-        for kind, path in paths.items():
-            if kind not in result.files and kind != "record":  # of an earlier run
-                path.unlink(missing_ok=True)
-            elif path.is_symlink():  # a link is replaced: what it leads to is not a result
-                path.unlink()
-    except OSError as error:
-        raise UsageError(Problem(f"its results cannot be written: {error.strerror}", task.path, id="OBS902")) from None
+    paths = cleared(task, {*result.files, "record"}, out)
     names = {kind: f"{task.name}{ENDINGS[kind]}" for kind in result.files}
     write_all({str(paths[kind]): content for kind, content in result.files.items()})
     entry = {**result.entry, "files": {kind: str(Path(task.place, name)) for kind, name in names.items()}}
@@ -163,7 +182,7 @@ def read(out: Path, task: Task) -> dict[str, Any] | None:
         return None
     entry = sound(record.get("entry"))
     whole = all(isinstance(record.get(part), dict) for part in ("tool", "options", "hashes"))
-    if entry is None or not whole or entry["files"].keys() != record["hashes"].keys():
+    if entry is None or not agrees(entry) or not whole or entry["files"].keys() != record["hashes"].keys():
         return None
     return {**record, "entry": entry}
 
@@ -190,7 +209,12 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
         yield f"{changed} changed"
     if entry["status"] in EXIT and "gains" not in entry["files"]:
         yield "its gains file is missing"
-    for kind in entry["files"]:
+    yield from spoiled(record, task, out)
+
+
+def spoiled(record: Mapping[str, Any], task: Task, out: Path) -> Iterator[str]:
+    """Which files of a record are missing or were changed since."""
+    for kind in record["entry"]["files"]:
         path = Path(task.place, f"{task.name}{ENDINGS[kind]}")
         try:
             whole = (out / path).is_file() and not (out / path).is_symlink()

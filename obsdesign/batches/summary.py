@@ -74,14 +74,15 @@ class Tally:
 def own_code(entry: Mapping[str, Any]) -> int:
     """Exit code that a spec which is not as expected counts with: its own, 4 where its own would be right."""
     wanted = next((one["expected"] for one in entry["expected"] if one["key"] == "status"), "certified")
-    return 4 if entry["exit_code"] in (0, EXIT.get(wanted)) else int(entry["exit_code"])
+    return 4 if entry["exit_code"] in (0, EXIT.get(str(wanted))) else int(entry["exit_code"])
 
 
 def write(out: Path, tally: Tally, head: Mapping[str, Any], entries: Iterable[Entry], exit_code: int) -> Summary:
     """Write `summary.json` entry by entry, whole or not at all. Raises `UsageError`: it cannot be written."""
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     told = {"created": created, "time_s": head["time_s"], "exit_code": exit_code, "counts": tally.written()}
-    whole = {"obsdesign": FORMAT, "tool": head["tool"], "options": head["options"], **told}
+    asked = {key: head[key] for key in ("tool", "options", "list_sha256")}
+    whole = {"obsdesign": FORMAT, **asked, **told}
     path = out / SUMMARY
     with whole_or_not(path) as file:
         file.write("{\n")

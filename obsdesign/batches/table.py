@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from obsdesign.batches.find import titled
 from obsdesign.batches.form import STATUSES, Entry
-from obsdesign.errors import NOT_ONE_LINE
+from obsdesign.errors import LOGGED, NOT_ONE_LINE
 
 if TYPE_CHECKING:
     from obsdesign.batches.summary import Summary
@@ -14,13 +14,14 @@ if TYPE_CHECKING:
 MARKS = {True: "ok  ", False: "FAIL", None: "-   "}
 COLUMN = max(map(len, STATUSES))
 NUMBERS = 3  # of a guarantee, its first
+UNMET = "OBS617"  # id of an expectation that does not hold
 LONGEST = 100  # characters of a path to which the others are aligned
 
 
 def shown(text: str) -> str:
     """Text for one line of a terminal or of a log: what would be obeyed there is written out."""
     plain = NOT_ONE_LINE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-    return plain.replace("##[", "#\\u0023[")
+    return LOGGED.sub(r"#\\u0023", plain)
 
 
 def line(entry: Entry, width: int = 0) -> str:
@@ -40,7 +41,12 @@ def title(entry: Entry) -> str:
 def complaints(entry: Entry) -> Iterator[str]:
     """What is wrong with a spec that is not as expected, a line each."""
     for problem in entry["problems"] if entry["as_expected"] is False else ():
-        yield f"{entry['status']}: {shown(sentence(problem) + changed(entry))}"
+        yield f"{label(entry, problem)}: {shown(sentence(problem) + changed(entry))}"
+
+
+def label(entry: Entry, problem: Mapping[str, Any]) -> str:
+    """What a problem makes of a spec: its status, or that it is not as expected."""
+    return "not as expected" if problem["id"] == UNMET else str(entry["status"])
 
 
 def changed(entry: Entry) -> str:

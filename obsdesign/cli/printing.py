@@ -1,4 +1,7 @@
-"""What a command prints. No line of it is one that a runner of CI obeys, whatever a spec, a file or a path says."""
+"""What a command prints, without the lines that the runners of GitHub, Azure and TeamCity obey.
+
+A file that a command writes, such as a JUnit report, does not pass here.
+"""
 
 import os
 import re
@@ -7,16 +10,18 @@ from typing import IO
 
 import typer
 
+from obsdesign.errors import LOGGED
+
 COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
 
 
 def say(text: str, *, err: bool = False, nl: bool = True, color: bool | None = None, obeyed: bool = False) -> None:
     """Print on standard output, or on standard error, where one that cannot be written ends nothing.
 
-    Unless it shall be `obeyed`, `::` at the beginning of a line and `##[` anywhere are written with an escape, which in
-    JSON stands for the same text.
+    Unless it shall be `obeyed`, `::` at the beginning of a line and `##[` and `##word[` anywhere are written with an
+    escape, which in JSON stands for the same text.
     """
-    plain = text if obeyed else COMMAND.sub(r"\1\2\\u003a", text).replace("##[", r"#\u0023[")
+    plain = text if obeyed else LOGGED.sub(r"#\\u0023", COMMAND.sub(r"\1\2\\u003a", text))
     try:
         typer.echo(plain, err=err, nl=nl, color=color)
     except OSError:

@@ -106,7 +106,8 @@ def stray(character: str, before: str, after: str) -> str:
     if character == "." and operation:
         return f"'.{operation[0]}' is not allowed here: values are single numbers; write *, / or **"
     if character == "." and (module := MODULE.search(before)) and (function := re.match(r"\w+", after)):
-        return f"'{module[0]}.' is not allowed here: a function has no module before it; write {function[0]}(..)"
+        name = next(iter(get_close_matches(function[0].lower(), FUNCTIONS, n=1)), function[0])
+        return f"'{module[0]}.' is not allowed here: a function has no module before it; write {name}(..)"
     if character in "'[" and not re.search(r"[\w)]\s*$", before):
         return f"{character!r} is not allowed here: a text or a list stands without quotes, in {'[..]'}"
     if character in HINTS:

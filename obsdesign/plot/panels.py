@@ -253,7 +253,8 @@ def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
     low, high = min(float(s.min()) for s in seen), max(float(s.max()) for s in seen)
     room = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     low, high = low - room, high + room
-    reached = [float(end) for e in estimates for end in (e.min(), e.max())]
+    stepped = [known([c.stepped]) for c in curves if c.stepped is not None]
+    reached = [float(end) for e in stepped or estimates for end in (e.min(), e.max())]
     furthest = max(reached, key=lambda end: max(low - end, end - high), default=low)
     return low, high, "" if low <= furthest <= high else f"an estimate reaches {number(furthest)}"
 

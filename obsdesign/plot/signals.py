@@ -14,7 +14,7 @@ from obsdesign.spec import limited
 if TYPE_CHECKING:
     from obsdesign.simulate import Run
 
-VALUES = ("true", "estimate", "radius", "measured")  # of a curve
+VALUES = ("true", "estimate", "radius", "measured", "stepped")  # of a curve
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Curve:
     measured: Array | None = None  # (N,), or (K,) at the instants
     instants: Array | None = None  # (K,), s, of measurements
     region: tuple[float, float] | None = None
+    stepped: Array | None = None  # (M,), the estimate at the steps of the integrator, with its peaks between samples
 
     def __post_init__(self) -> None:
         for name in VALUES:
@@ -81,6 +82,7 @@ class Source:
     label: str
     true: Array
     estimate: Array
+    stepped: Array  # the estimate at the steps
     error: Array
     row: Array | None  # None: the error is no combination of e
     limit: float | None = None
@@ -118,7 +120,17 @@ def asked(run: "Run") -> list[Source]:
         elif len(used) and used[-1] < run.xi.shape[1]:
             size = run.xi.shape[1]
             h = row[:size].astype(float)
-            found.append(Source(name, plain(name), run.xi @ h, run.xihat[:, :size] @ h, run.steps.e @ h, row))
+            found.append(
+                Source(
+                    name,
+                    plain(name),
+                    run.xi @ h,
+                    run.xihat[:, :size] @ h,
+                    run.steps.xihat[:, :size] @ h,
+                    run.steps.e @ h,
+                    row,
+                )
+            )
     if not run.spec.observer.reconstruct:
         return found
     return inputs(run) if {source.name for source in found} == set(run.states) else [*found, *inputs(run)]
@@ -128,7 +140,15 @@ def states(run: "Run") -> list[Source]:
     """The states of the plant, and those of the disturbance model where they have a true value."""
     basis = rational(np.eye(len(run.spec.model_states) + run.plant_states))
     return [
-        Source(name, with_unit(run.spec, name), run.xi[:, i], run.xihat[:, i], run.steps.e[:, i], basis[i])
+        Source(
+            name,
+            with_unit(run.spec, name),
+            run.xi[:, i],
+            run.xihat[:, i],
+            run.steps.xihat[:, i],
+            run.steps.e[:, i],
+            basis[i],
+        )
         for i, name in enumerate(run.states[: run.xi.shape[1]])
     ]
 
@@ -142,7 +162,7 @@ def inputs(run: "Run") -> list[Source]:
         name = run.exogenous[i]
         direct = run.spec.observer.reconstruct or np.any(model.Dm[i] != 0) or np.any(model.Dwf[i] != 0)
         row = None if direct else rational(np.concatenate([zeros, model.Cm[i]]))
-        signals = run.w[:, i], run.what[:, k], run.steps.w_error[:, k]
+        signals = run.w[:, i], run.what[:, k], run.steps.what[:, k], run.steps.w_error[:, k]
         found.append(Source(name, with_unit(run.spec, name), *signals, row, limit))
     return found
 
@@ -173,7 +193,7 @@ def estimate(run: "Run", source: Source, reach: float | None) -> Estimate:
             return None
         return finite(np.where(t < run.until, reach * np.sqrt(V), np.nan))
 
-    curve = Curve(source.label, source.true, source.estimate, bound(run.t, run.V_bound))
+    curve = Curve(source.label, source.true, source.estimate, bound(run.t, run.V_bound), stepped=source.stepped)
     return Estimate(
         source.name,
         curve,

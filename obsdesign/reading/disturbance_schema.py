@@ -66,7 +66,7 @@ CHANNEL_HINTS = {
     **dict.fromkeys(("constant", "bias", "drift", "random-walk", "step"), "is called integrator here: w' = v"),
     "ramp": "is called double-integrator here: w'' = v",
     **dict.fromkeys(("sine", "sin", "harmonic", "periodic"), "is written {sinusoid: {omega: ..}}"),
-    **dict.fromkeys(("none", "noise", "white-noise", "bounded"), "has no model: write unknown, w = v"),
+    **dict.fromkeys(("none", "noise", "white", "white-noise", "bounded"), "has no model: write unknown, w = v"),
 }
 CHANNEL_NAME = OneOf(
     "disturbance",

@@ -19,7 +19,7 @@ from obsdesign.reading.plant_schema import Equations
 from obsdesign.reading.schema import File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
-from obsdesign.sections.document import Document, Loc
+from obsdesign.sections.document import Document, Loc, dotted
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import nearest, unknown
@@ -63,6 +63,8 @@ def resolve(document: Document) -> Spec:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, as_equations=split)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family)
     expect = read_expectations(reader, file.expect or {})
+    if not reader.problems:
+        judge_parameters(reader)
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
@@ -94,6 +96,17 @@ def resolve(document: Document) -> Spec:
         unused=tuple(reader.unused),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
     )
+
+
+def judge_parameters(reader: Reader) -> None:
+    """Note each parameter that nothing uses; one that only a change makes is refused, for its name is misspelt."""
+    idle = [name for name in reader.parameters if name not in reader.used]
+    for name in idle:
+        loc: Loc = ("parameters", name)
+        if reader.document.find(loc)[0].origin:
+            others = [one for one in reader.parameters if one not in idle]
+            reader.wrong(loc, unknown("parameter", name, others, {}), id="OBS201")
+        reader.unused.append(f"{dotted(loc)} has no effect: no number and no expression uses it")
 
 
 def require_spec(document: Document) -> None:
@@ -230,7 +243,8 @@ def read_performance(
     for i, name in enumerate(chosen):
         place = loc if isinstance(section, str) else (*loc, i)
         if name not in table:
-            reader.wrong(place, unknown("state", name, tuple(table), {}), id="OBS203")
+            estimated = tuple(known for known, row in table.items() if row is not None)
+            reader.wrong(place, unknown("state", name, estimated, {}), id="OBS203")
         elif table[name] is None:
             reader.wrong(place, f"{name} {direct_said}", id="OBS214")
     if not chosen:

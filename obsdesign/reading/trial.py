@@ -75,6 +75,9 @@ def read_simulation(
         xi0=read_values(reader, section.xi0 or {}, (*loc, "xi0")),
         constants=read_values(reader, constants, (*loc, "theta0")),
         events=read_events(reader, section.events, layout),
+        silent=tuple(
+            name for name in called if section.u is None or (isinstance(section.u, dict) and name not in section.u)
+        ),
     )
 
 

@@ -13,6 +13,7 @@ import yaml
 
 from obsdesign.errors import NOT_ONE_LINE, Excerpt, Problem, UsageError
 from obsdesign.sections.scalars import Number, described, scalar
+from obsdesign.sections.slips import slip
 
 MAX_BYTES = 4 * 2**20
 TOO_LARGE = "is larger than 4 MiB; a spec may not be"
@@ -29,6 +30,7 @@ MAX_ALIASED = 100_000  # nodes that all aliases together stand for
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 LINE_END = re.compile("[\n\r\x85\u2028\u2029]")
 OPERATOR = re.compile(r"[*/()+<>]")
+PARSER = "not valid YAML"  # what the parser says, where nothing better is known
 NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 
 Loc = tuple[str | int, ...]
@@ -126,9 +128,12 @@ def compose(text: str, path: str) -> Document:
 
 def invalid(error: yaml.MarkedYAMLError, path: str, text: str) -> Problem:
     """Syntax error, with the line in which it is found, or else that in which begins what does not end."""
+    said = explained(error, text)
+    if (found := slip(error, text)) and said.startswith(PARSER):
+        return about(Node(None, *found[:3]), found[3], path, text, id="OBS104")
     mark, began = transpose(error, text) or error.problem_mark or error.context_mark, error.context_mark
     place = placed(None, mark) if mark else Node(None, 1, 1, 0)
-    problem = about(place, explained(error, text), path, text, id="OBS104")
+    problem = about(place, said, path, text, id="OBS104")
     blank = not "".join(excerpt(place, text)[1:]).strip()
     return replace(problem, excerpt=excerpt(placed(None, began), text)) if began and blank else problem
 
@@ -155,7 +160,7 @@ def explained(error: yaml.MarkedYAMLError, text: str) -> str:
         return "a ' after a list is no transpose; write the rows of the transposed matrix out: [[0], [1]]"
     if mark and str(error.problem).endswith("expected ',' or ']'") and text.startswith(("[", ";"), mark.index):
         return "the entries of a list, rows as well, are separated by commas: [[0, 1], [2, 3]]"
-    message = f"not valid YAML: {error.problem}"
+    message = f"{PARSER}: {error.problem}"
     if error.context and error.context_mark:
         message += f" ({error.context} that begins in line {error.context_mark.line + 1})"
     return message

@@ -22,6 +22,7 @@ from typing import Any, ClassVar, Protocol, Self, dataclass_transform
 from obsdesign.errors import NOT_ONE_LINE
 from obsdesign.sections.document import Loc, compose
 from obsdesign.sections.scalars import Number, described
+from obsdesign.sections.slips import rewritten
 from obsdesign.sections.values import Reader
 from obsdesign.sections.words import nearest, unknown
 
@@ -127,7 +128,7 @@ class MapOf:
     def read(self, reader: Reader, value: Any, loc: Loc) -> Any:
         """Return the values by name."""
         if not isinstance(value, dict):
-            return refuse(reader, "a mapping", value, loc)
+            return refuse(reader, "a mapping" + rewritten(value), value, loc)
         if len(value) < self.least:
             return refuse(reader, f"at least {self.least} entry", value, loc)
         return {name: self.item.read(reader, item, (*loc, name)) for name, item in value.items()}
@@ -292,7 +293,7 @@ class Section:
     def read(cls, reader: Reader, value: Any, loc: Loc) -> Self | None:
         """Return the section; None, with what is wrong noted."""
         if not isinstance(value, dict):
-            refuse(reader, f"a mapping with the keys {', '.join(cls.forms())}", value, loc)
+            refuse(reader, f"a mapping with the keys {', '.join(cls.forms())}{rewritten(value)}", value, loc)
             return None
         before = len(reader.problems)
         found = cls.values(reader, value, loc)

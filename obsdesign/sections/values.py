@@ -29,6 +29,7 @@ UNKNOWN = re.compile("unknown name '([^']+)'(?!:)")  # of a message
 SIGNAL = {kind: re.compile(f"{letter}[0-9]*") for kind, letter in (("a state", "x"), ("an output", "y"))}
 SIGNAL |= {"a known input": re.compile("u[0-9]*"), "a disturbance": re.compile("[wv][0-9]*")}
 FACTORS = "matrices hold the factors of signals, a nonlinear term stands under nonlinearities or in system.dynamics"
+SEVERAL = "expected one number; several values of a key are for `obsdesign batch --set`, a decimal point is a point"
 LONGEST_SAID = 250  # characters of a message with a whole matrix
 MAX_SIZE = 400  # of a signal, such as the augmented state
 
@@ -160,6 +161,7 @@ class Reader:
         self.notes: list[str] = []
         self.unused: list[str] = []  # keys that have no effect, with the reason
         self.parameters: dict[str, fmpq] = {}
+        self.used: set[str] = set()  # parameters that stand in a number or an expression
         self.exact: dict[str, fmpq] = {}  # values of the texts read so far
 
     def wrong(self, loc: Loc, message: str, *, id: str, at_key: bool = False, column: int = 0) -> None:
@@ -195,7 +197,9 @@ class Reader:
         try:
             value = self.value(text, loc)
         except ExpressionError as error:
-            self.wrong(loc, error.message + self.undeclared(error.message), column=error.column, id=error.id)
+            several = SEVERAL if "," in text and "(" not in text and self.document.find(loc)[1].origin else ""
+            said = several or error.message + self.undeclared(error.message)
+            self.wrong(loc, said, column=error.column, id=error.id)
             return ONE
         if (sign == "> 0" and value <= 0) or (sign == ">= 0" and value < 0):
             self.wrong(loc, f"{described(text)} is not allowed; give a number {sign}", id="OBS208")
@@ -231,11 +235,16 @@ class Reader:
                     f"expected a number, found {described(text)}, which reads as a date or a time", id="OBS212"
                 )
             self.require_plain(text, self.parameters)
+            self.note_used(text)
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
                 double = float(self.exact[text])
                 self.notes.append(f"{dotted(loc)} = {described(text)} is read as the double {double!r}")
         return self.exact[text]
+
+    def note_used(self, text: str) -> None:
+        """Note which parameters stand in a text."""
+        self.used.update(NAME.findall(text))
 
     def require_plain(self, text: str, names: Collection[str]) -> None:
         """Refuse a number with a unit that is none of the names, or with a decimal comma, by an `ExpressionError`."""
@@ -332,6 +341,7 @@ class Reader:
                     f"files are not read here, such as {described(text)}; write an expression", id="OBS212"
                 )
             self.require_plain(text, {*names, *self.parameters})
+            self.note_used(text)
             return parse(text, names, self.parameters)
         except ExpressionError as error:
             said = f"; {about}" if about and error.message.startswith("unknown name") else ""

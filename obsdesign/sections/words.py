@@ -32,5 +32,8 @@ def unknown(kind: str, word: object, words: Sequence[str], hints: Mapping[str, s
     if hint := hints.get(word, hints.get(plain)):
         return f"{described(word)} {hint}"
     meant = nearest(word, (*words, *hints))
-    question = f"; did you mean {meant}?" if meant else ";"
+    told = (
+        f" It {hints[meant]};" if meant and meant in hints and meant not in words else ""
+    )  # else it led to the next error
+    question = f"; did you mean {meant}?{told}" if meant else ";"
     return f"unknown {kind} {described(word)}{question} allowed: {', '.join((*words, *beside))}"

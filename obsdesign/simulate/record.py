@@ -163,7 +163,7 @@ class Record:
         if self.acting.unmodeled:
             return self.acting.unmodeled
         if self.acting.noise.any():
-            return "the guarantee does not cover simulation.noise, which no v generates"
+            return "the guarantee does not cover simulation.noise"
         if self.impulse is not None:
             return f"w jumps at t = {self.impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"
         return ""

@@ -10,6 +10,7 @@ import numpy as np
 from obsdesign.errors import UsageError
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.lmi.formula import Array
+from obsdesign.model.equations import free
 from obsdesign.simulate.integrate import Status
 from obsdesign.simulate.sampling import Schedule
 from obsdesign.simulate.validity import Leaving
@@ -88,9 +89,10 @@ class Run(Samples):
     summary: Mapping[str, Any]
 
     def table(self) -> tuple[list[str], Array]:
-        """Header and rows: t, each state, hat_ each state, each w, hat_ each estimated w, each y.
+        """Header and rows: t, each state, hat_ each state, each w, hat_ each estimated w, each y, each u.
 
-        Where measurements arrive at instants, y is the one last received, and their number so far comes last.
+        The noise_ of each y comes last where simulation.noise is in it. Where measurements arrive at instants, y is the
+        one last received, and their number so far comes before u.
         """
         n = self.plant_states
         states, estimated = self.states[:n], [self.exogenous[i] for i in self.estimated]
@@ -98,6 +100,11 @@ class Run(Samples):
         columns = [self.t[:, None], self.xi[:, :n], self.xihat[:, :n], self.w, self.what, self.y]
         if self.schedule is not None:
             header, columns = [*header, "received"], [*columns, self.j[:, None]]
+        header, columns = [*header, *self.spec.inputs], [*columns, self.u]
+        if self.schedule is None and (self.y != self.y_true).any():
+            taken = set(header)
+            header = [*header, *(free(f"noise_{name}", taken) for name in self.outputs)]
+            columns = [*columns, self.y - self.y_true]
         return header, np.hstack(columns)
 
     @cached_property

@@ -18,6 +18,11 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
     """Summary of a run, as rows of a name and a text; whether anything is proved of it is said where nothing is."""
     said = spec.signals
     rows = [("signals", said)] if said else []
+    rows += (
+        [("input", f"simulation.u.{u} is not given; 0 is used") for u in spec.simulation.silent]
+        if spec.simulation
+        else []
+    )
     rows += [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
     for key, value in summary.items():
         if key == "bounds":

@@ -45,4 +45,4 @@ def demand(spec):
 
 
 SECTION = LuenbergerSection
-RESULTS = {"guarantee": ("gamma", "alpha"), "observer": ("L1",)}
+RESULTS = {"guarantee": ("gamma", "alpha", "mu1", "mu2", "limit"), "observer": ("L1",)}
