@@ -151,7 +151,7 @@ def test_the_genuine_files_are_proved_and_say_for_which_intervals(genuine, reset
     for text in (genuine, resets, looks_ahead):
         outcome = outcome_of(text)
         assert outcome.exit_code == 0
-        assert outcome.stdout.splitlines()[-1].endswith("intervals from 0.1 to 0.2 s")
+        assert outcome.stdout.splitlines()[-1].endswith("intervals 0.1 to 0.2 s")
         content = json.loads(text)
         assert content["guarantee"]["kind"] == "clock"
         assert "0.1 to 0.2 apart" in content["guarantee"]["statement"]

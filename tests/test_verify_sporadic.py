@@ -99,7 +99,7 @@ def test_the_genuine_file_is_proved(content, outcome_of):
     outcome = outcome_of(content)
     assert outcome.exit_code == 0
     assert outcome.stdout.splitlines()[-1].startswith("proved: gamma ")
-    assert "intervals from 0.1 to 0.2 s" in outcome.stdout
+    assert "intervals 0.1 to 0.2 s" in outcome.stdout
     assert content["certificate"]["multipliers"]
 
 

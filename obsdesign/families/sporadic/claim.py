@@ -13,6 +13,8 @@ from obsdesign.families.sporadic.certificate import (
     MEANING,
     SporadicCertificate,
     certify_sporadic,
+    jitter,
+    span,
 )
 from obsdesign.families.sporadic.clock import file as clocked
 from obsdesign.families.sporadic.clock.claim import ClockClaim
@@ -61,8 +63,8 @@ class Claim(Proved):
     def headline(self, spec: Spec) -> str:  # noqa: ARG002
         """Claim in one line."""
         proof = self.certificate
-        gamma, decay, T1, T2 = at_most(proof.gamma), at_least(proof.family.decay), at_most(proof.T1), at_least(proof.T2)
-        return f"gamma {gamma}, {MEANING}; decay rate {decay} 1/s, intervals from {T1} to {T2} s"
+        gamma, decay = at_most(proof.gamma), at_least(proof.family.decay)
+        return f"gamma {gamma}, {MEANING}; decay rate {decay} 1/s, intervals {span(proof.T1, proof.T2)}"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee in words, with the observer written out, and where it holds."""
@@ -82,7 +84,7 @@ class Claim(Proved):
             "gamma": above(proof.gamma),
             "decay": below(proof.family.decay),
             **{name: (below if name == "rate" else above)(value) for name, value in self.constants.items()},
-            "jitter": below(proof.jitter),
+            **jitter(proof.T1, proof.T2),
             "T1": above(proof.T1),
             "T2": below(proof.T2),
             **({"T2_max": below(longest.T2)} if longest else {}),
@@ -158,15 +160,11 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     if not isinstance(outcome.claim, Claim):
         return {}
     proof, gains = outcome.claim.certificate, outcome.gains
-    found = sampled(spec, gains, proof.guarantee)
-    intervals = {"T1": float(proof.T1), "T2": float(proof.T2)}
     return {
         "L": gains["L"].tolist(),
         "H": gains["H"].tolist(),
         "T1": approximate(proof.T1),
         "T2": approximate(proof.T2),
         "delta": approximate(proof.family.delta),
-        "multipliers": {name: found.multipliers(T) for name, T in intervals.items()},
-        "contraction": {name: found.contraction(T) for name, T in intervals.items()},
-        "noise_gain": found.noise_gain(),
+        **sampled(spec, gains, proof.guarantee).figures(),
     }

@@ -80,10 +80,10 @@ class Designer:
             raise UsageError(
                 Problem("measurements that arrive sporadically need D = 0 and Df = 0", key="system.D", id="OBS406")
             )
-        if not 0 < request.T1 <= self.T2.high:
+        if not 0 <= request.T1 <= self.T2.high:
             T1, T2 = float(request.T1), float(self.T2.high)
             raise UsageError(
-                Problem(f"{T1:g} is not between 0 and T2 = {T2:g}; needs 0 < T1 <= T2", key="observer.T1", id="OBS208")
+                Problem(f"{T1:g} is not between 0 and T2 = {T2:g}; needs 0 <= T1 <= T2", key="observer.T1", id="OBS208")
             )
         if self.decay.low < 0:
             raise UsageError(Problem(f"{float(self.decay.low):g} is negative", key="observer.decay", id="OBS208"))

@@ -10,6 +10,7 @@ these; other sequences of intervals may be worse, and only what is proved holds 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,14 @@ class Periodic(Errors):
     def intervals(self) -> dict[str, float]:
         """T1, where it is not zero, and T2."""
         return {name: T for name, T in (("T1", self.T1), ("T2", self.T2)) if T}
+
+    def figures(self) -> dict[str, Any]:
+        """What a result file holds of an observer: per interval its multipliers and contraction, and noise gains."""
+        return {
+            "multipliers": {name: self.multipliers(T) for name, T in self.intervals.items()},
+            "contraction": {name: self.contraction(T) for name, T in self.intervals.items()},
+            "noise_gain": self.noise_gain(),
+        }
 
     def step(self, A: Array, T: float) -> tuple[Array, Array]:
         """Matrices of e and of eta for a matrix of the flow."""

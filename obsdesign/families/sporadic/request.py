@@ -72,9 +72,9 @@ class SporadicRequest:
                 yield self.part(injections, relaxations)
 
     def older(self) -> "SporadicRequest | None":
-        """The same request of the tightest propositions, which need T1 > 0 and a gain L; None where there is none."""
+        """The same request of the tightest propositions, which need a gain L; None where there is none."""
         injections = tuple(name for name in self.injections if len(INJECTIONS[name]) > 1)
-        if not injections or not self.T1 or "K" in (self.gains or {}):
+        if not injections or "K" in (self.gains or {}):
             return None
         relaxations = tuple(dict.fromkeys(INJECTIONS[name][1] for name in injections))
         return self.part(injections, relaxations)

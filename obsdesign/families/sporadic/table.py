@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from obsdesign.families.sporadic.certificate import span
 from obsdesign.families.sporadic.clock.claim import MEANING
 from obsdesign.lmi.formula import printed
 from obsdesign.tables.text import UNBOUNDED, at_least, at_most, gamma_text, matrix_text, rate_text, spectral_norm
@@ -14,8 +15,8 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
     rows = [("gamma", gamma_text(claimed, MEANING.format(w=w)))]
     rows += [("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
     T1, T2 = (printed(claimed[name]) for name in ("T1", "T2"))
-    jitter = f", a jitter of {at_least(100 * (T2 - T1) / T1, 3)} %" if T1 else ", however short"
-    rows += [("intervals", f"{at_most(T1)} to {at_least(T2)} s{jitter}")]
+    jitter = f", a jitter of {at_least(100 * (T2 - T1) / T1, 3)} %" if T1 else ""
+    rows += [("intervals", f"{span(T1, T2)}{jitter}")]
     size = "|e|" if "|(e, d)|" not in claimed["statement"] else "|(e, d)|"
     rows += [("noise", f"{at_most(claimed['noise'], 4)} sup|eta| at most in {size}")] if "noise" in claimed else []
     rows += [("tolerated", f"T2 up to {at_least(claimed['T2_max'])} s")] if "T2_max" in claimed else []
@@ -27,8 +28,9 @@ def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:
     known = ", ".join(f"{k:.3g} over {name}" for name, k in made["contraction"].items() if k is not None)
     said = f"{known}   the slowest that was found of f = K q of the types" if known else UNBOUNDED
     rows = [*gains(made), *([("delta", f"{made['delta']:g} 1/s")] if "delta" in made else []), ("contraction", said)]
+    apart = " or ".join(made["multipliers"])
     noise = ", ".join(f"{name} {gain:.3g}" for name, gain in made["noise_gain"].items())
-    return rows + ([("noise gain", f"{noise}   at the measurements, T1 or T2 apart")] if noise else [])
+    return rows + ([("noise gain", f"{noise}   at the measurements, {apart} apart")] if noise else [])
 
 
 def gains(made: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.families.sporadic.certificate import jitter, sequences, span
 from obsdesign.families.sporadic.clock.guarantee import ClockGuarantee
 from obsdesign.families.sporadic.clock.outage import Outage
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem, equations
@@ -122,8 +123,8 @@ class ClockClaim(Proved):
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
         meaning = MEANING.format(w=spec.observer.drive)
-        gamma, decay, T1, T2 = at_most(self.gamma), at_least(self.decay), at_most(self.T1), at_least(self.T2)
-        return f"gamma {gamma}, {meaning}; decay rate {decay} 1/s, intervals from {T1} to {T2} s"
+        gamma, decay = at_most(self.gamma), at_least(self.decay)
+        return f"gamma {gamma}, {meaning}; decay rate {decay} 1/s, intervals {span(self.T1, self.T2)}"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee in words, with the observer written out, and where it holds."""
@@ -146,7 +147,7 @@ class ClockClaim(Proved):
         if self.outage:
             parts.append(self.overdue(self.outage, w))
         told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))
-        return "; ".join([f"{self.sequences}: {told}; for {equations(self.system)}", *spec.provisos])
+        return "; ".join([f"{sequences(self.T1, self.T2)}: {told}; for {equations(self.system)}", *spec.provisos])
 
     def overdue(self, outage: Outage, w: str) -> str:
         """What holds where measurements stay away, in words."""
@@ -154,21 +155,6 @@ class ClockClaim(Proved):
         share = at_least(100 * outage.share, 4)
         still = f"the error still vanishes if that is less than {share} % of the time"
         return f"{grows} for a time X where {w} = 0 and eta = 0; {still}"
-
-    @property
-    def sequences(self) -> str:
-        """For which measurements it holds, in words."""
-        T1, T2 = above(self.T1), below(self.T2)
-        if not self.T1:
-            return f"for every sequence of measurements that are at most {T2!r} apart, the first one included"
-        jitter = f" (a jitter of {at_least(100 * self.jitter, 4)} %)" if self.T1 < self.T2 else ""
-        apart = f"for every sequence of measurements that are {T1!r} to {T2!r} apart{jitter}"
-        return f"{apart}, and a first one no later than {T2!r}"
-
-    @property
-    def jitter(self) -> fmpq:
-        """(T2 - T1) / T1, for T1 > 0."""
-        return (self.T2 - self.T1) / self.T1
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, the limit it is near to, and the witnesses."""
@@ -181,7 +167,7 @@ class ClockClaim(Proved):
             "decay": below(self.decay),
             **({"rate": below(self.rate)} if self.rate else {}),
             **{name: above(value) for name, value in self.constants.items() if name != "gamma"},
-            **({"jitter": below(self.jitter)} if self.T1 else {}),
+            **jitter(self.T1, self.T2),
             "T1": above(self.T1),
             "T2": below(self.T2),
             **({"outage": overdue_numbers(self.outage)} if self.outage else {}),

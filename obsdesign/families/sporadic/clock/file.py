@@ -89,8 +89,6 @@ def require_outage(file: ResultFile, outage: Outage) -> None:
 def written(spec: Spec, claim: ClockClaim) -> dict[str, Any]:
     """Entry `observer`: gains, their intervals, and how the error contracts over one."""
     gains = {name: gain.astype(float) for name, gain in claim.gains.items()}
-    found = sampled(spec, gains, claim.guarantee(spec))
-    intervals = found.intervals
     told = {name: gain.tolist() for name, gain in gains.items()}
     if "K_of_gap" in told:
         told = {"K_of_gap": {"knots": told["knots"], "K": told["K_of_gap"]}}
@@ -98,7 +96,5 @@ def written(spec: Spec, claim: ClockClaim) -> dict[str, Any]:
         **told,
         "T1": approximate(claim.T1),
         "T2": approximate(claim.T2),
-        "multipliers": {name: found.multipliers(T) for name, T in intervals.items()},
-        "contraction": {name: found.contraction(T) for name, T in intervals.items()},
-        "noise_gain": found.noise_gain(),
+        **sampled(spec, gains, claim.guarantee(spec)).figures(),
     }
