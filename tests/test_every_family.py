@@ -135,6 +135,19 @@ SMALL = {
             hopeless={"observer": {"decay": 50, "delta": 150, "gains": None}},
             scalable=False,
         ),
+        Small(
+            {"type": "sporadic", "T1": 0.1, "T2": 0.2, "decay": 0.05},
+            NOISELESS,
+            raised=(({"T2": 3}, {"T2": 3}), ({"decay": 8}, {"decay": 8})),
+            read=("T1", "T2"),
+        ),
+        Small(
+            {"type": "sporadic", "T1": 0, "T2": 0.2, "injection": "reset", "bounds": {"K": 3}},
+            NOISELESS,
+            raised=(({"T2": 3}, {"T2": 3}), ({"decay": 8}, {"decay": 8})),
+            read=("T1", "T2"),
+            scalable=False,
+        ),
     ),
     "lipschitz": (
         Small(
