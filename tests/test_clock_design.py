@@ -54,7 +54,9 @@ def solved(form, name, kappa, shape):
     zero = np.zeros((plant.n, len(plant.C)))
     none = {"L": zero, "H": np.zeros((len(plant.C),) * 2)} if form is Predictor else {"K": zero}
     made = error_of(name, none, shape)
-    return form(made.theorem(T2, decay).doubles, plant.C, kappa).least(made)
+    return form(made.theorem(T2, decay).doubles, plant.C, np.ones(plant.n), np.full(len(plant.C), 1 / kappa)).least(
+        made
+    )
 
 
 def analysed(name, gains, shape=SHAPE):
@@ -178,7 +180,7 @@ def test_a_search_ends_no_worse_than_a_reference(name, injection, kappa, value):
     spec, (*_, T1, T2, decay) = spec_of(case.system), example(name)
     curve = Curve(Engine(), spec.augmented, spec.multiplier, spec.H, T1, SHAPE, injection, kappa)
     found = curve.best(T2, decay)
-    assert found.size <= (kappa or math.inf)
+    assert curve.size(found.gains) <= (kappa or math.inf)
     assert curve.analysis(found.gains, Shape(4, 4)).gamma(T2, decay) <= value * 1.01
 
 
@@ -189,7 +191,7 @@ def test_a_descent_from_given_gains_ends_no_worse_than_a_reference():
     curve = Curve(Engine(), spec.augmented, spec.multiplier, spec.H, T1, SHAPE, "dynamic", 5.74)
     first = curve.measured({key: np.array(gain, dtype=float) for key, gain in case.gains.items()}, T2, decay)
     found = curve.descended(first, 5.74, T2, decay, 80)
-    assert found.size < 5.74
+    assert curve.size(found.gains) < 5.74
     assert curve.analysis(found.gains, Shape(4, 4)).gamma(T2, decay) <= 0.504 * 1.01
 
 

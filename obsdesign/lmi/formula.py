@@ -23,6 +23,7 @@ Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
 Float = npt.NDArray[np.float64]  # of doubles: what a solver takes, and what judges structure
 Values = Mapping[str, Array]
 T = TypeVar("T")
+CANCELLED = 1e-13  # of the terms of a sum of doubles: what is left of them where they cancel
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,14 @@ class Problem:
 def he(X: Array) -> Array:
     """Return X + X'."""
     return X + X.mT
+
+
+def combined(*pairs: tuple[Array, Array]) -> Array:
+    """Sum of products; of doubles without what is left of terms that cancel, which has a size but no meaning."""
+    made = np.sum([X @ Y for X, Y in pairs], axis=0)
+    if made.dtype == object:
+        return np.asarray(made)
+    return np.where(np.abs(made) > CANCELLED * np.sum([np.abs(X) @ np.abs(Y) for X, Y in pairs], axis=0), made, 0.0)
 
 
 def symmetric(rows: Sequence[Sequence[Array | int]]) -> Array:

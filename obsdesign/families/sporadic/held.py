@@ -8,7 +8,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds, ends
 from obsdesign.dissipation.certificate import kept
-from obsdesign.families.sporadic.request import LARGEST_DEGREE, SporadicRequest
+from obsdesign.families.sporadic.request import LARGEST_DEGREE, SporadicRequest, request_of
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed
@@ -19,9 +19,11 @@ from obsdesign.spec import Spec
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
     """Exact gains of a file: L and H, or K."""
     n, ny = spec.augmented.n, len(spec.augmented.C)
-    if "K_of_gap" in file.table("observer"):
+    request, told = request_of(spec), file.table("observer").keys()
+    resets = request.injections == ("reset",) or {"K", "K_of_gap"} & told
+    if resets and (request.gap or "K_of_gap" in told) and "K" not in told:
         return read_adapted(file, (n, ny))
-    sizes = {"K": (n, ny)} if "K" in file.table("observer") else {"L": (n, ny), "H": (ny, ny)}
+    sizes = {"K": (n, ny)} if resets else {"L": (n, ny), "H": (ny, ny)}
     return {name: file.matrix(shape, "observer", name) for name, shape in sizes.items()}
 
 

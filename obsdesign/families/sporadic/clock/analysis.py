@@ -25,6 +25,7 @@ from obsdesign.lmi.proof import with_digits
 from obsdesign.lmi.reduce import Reduced, balance, balancing, reduce
 from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation, with_margin
 from obsdesign.lmi.solvers import Ending, call
+from obsdesign.lmi.spectrum import extremes, lower
 from obsdesign.model.multiplier import Multiplier
 
 ONE = np.ones((1, 1))
@@ -230,7 +231,10 @@ class Analysis:
             M = {name: with_digits(stack, digits) for name, stack in M.items()}
             if exact.tied:
                 P[0, 0] = exact.first(with_digits(units.V * v["P0"], digits))
-            witness = Witness(goal, exact, {**numbers, **({"r": largest(P)} if "r" in goal.also else {})}, P, M)
+            size = {"r": largest(P)} if "r" in goal.also else {}
+            witness = Witness(goal, replace(exact, tied=None), {**numbers, **size}, P, M)
+            if goal.normal and units.far:
+                witness = normalised(witness)
             if witness.holds:
                 break
         return witness
@@ -273,6 +277,17 @@ def number(least: float, backoff: float) -> fmpq:
     """Decimal a little above the least number that there is a solution for: mu of a gamma of few digits."""
     root = printed(round_up(math.sqrt(max(least, 0.0)) * (1 + backoff), 6))
     return root * root
+
+
+def normalised(witness: Witness) -> Witness:
+    """Witness with P >= I, of one with P > 0 of a claim that is homogeneous in P, the multipliers and the numbers."""
+    least = min(lower(extremes(P)[0]) for P in witness.P.reshape(-1, *witness.P.shape[-2:]))
+    if least <= 0:
+        return witness
+    factor = printed(round_up(1 / least, 6))
+    P, M = factor * witness.P, {name: factor * stack for name, stack in witness.multipliers.items()}
+    numbers = {name: factor * value for name, value in witness.numbers.items()}
+    return replace(witness, numbers={**numbers, **({"r": largest(P)} if "r" in numbers else {})}, P=P, multipliers=M)
 
 
 def largest(P: Array) -> fmpq:

@@ -10,7 +10,7 @@ and (J) holds whatever T1 is. Reset: V = e' P(s) e of the time s since the last 
 
 Y = P(0) K, which is P(s) >= (I - K C)' P(0) (I - K C). These are for the design only: what is shipped is proved by the
 storage functions of the time left. The least mu is not attained without a bound on the gain as a rule:
-t I <= P1 and [P1, J1; J1', kappa^2 t I] >= 0 bound |L|, and so they do |K| with P(0) and Y.
+t D^2 <= P1 and [P1, J1; J1', t E^-2] >= 0 with diagonal D and E bound |D L E| by 1, and so they do K with P(0) and Y.
 """
 
 import math
@@ -42,7 +42,8 @@ class Convex(ABC):
 
     theorem: ClockTheorem
     C: Float  # (ny, n)
-    kappa: float  # bound on the spectral norm of the gain
+    left: Float  # (n,)
+    right: Float  # (ny,); the spectral norm of diag(left) gain diag(right) is at most 1
 
     @property
     def n(self) -> int:
@@ -75,10 +76,9 @@ class Convex(ABC):
         return math.sqrt(max(found.objective, 0.0)), self.gain(found.values)
 
     def bound(self, P: Array, Y: Array, t: Array) -> Iterator[Inequality]:
-        """|P^-1 Y| <= kappa, for t I <= P."""
-        size = self.kappa**2 * t * np.eye(Y.shape[-1])
-        yield Inequality("t I <= P", t * np.eye(self.n) - P)
-        yield Inequality("|gain| <= kappa", -symmetric([[P, Y], [size]]))
+        """|diag(left) P^-1 Y diag(right)| <= 1, for t diag(left)^2 <= P."""
+        yield Inequality("t diag(left)^2 <= P", t * np.diag(self.left**2) - P)
+        yield Inequality("the gain is bounded", -symmetric([[P, Y], [t * np.diag(self.right**-2.0)]]))
 
     def flow(self, P: Array, PF: Array, slope: Array, v: Values) -> Iterator[Inequality]:
         """(F) and the cone of the multiplier, at all control values."""
@@ -144,7 +144,7 @@ class Reset(Convex):
         return np.asarray(v["Y"][..., None, None, :, :])
 
     def bounds(self, v: Values) -> Iterator[Inequality]:
-        """|K| <= kappa."""
+        """The bound."""
         yield from self.bound(v["P0"], v["Y"], v["t"])
 
     def gain(self, v: Values) -> Float:
@@ -171,7 +171,7 @@ class GapReset(Reset):
         return self.theorem.stacked([v[name] for name in self.names], len(self.names))
 
     def bounds(self, v: Values) -> Iterator[Inequality]:
-        """|K_j| <= kappa for every control value."""
+        """The bound for every control value."""
         for name in self.names:
             yield from self.bound(v["P0"], v[name], v["t"])
 

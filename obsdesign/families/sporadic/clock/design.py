@@ -35,6 +35,7 @@ from obsdesign.families.sporadic.reasons import hiding_interval
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import within_slack
 from obsdesign.families.sporadic.theorem import tied_gain
+from obsdesign.families.sporadic.units import units
 from obsdesign.lmi.formula import Array, Exact, above, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -69,7 +70,8 @@ class ClockDesigner:
         kappa = None if bound is None else float(bound)
         problem = self.engine, self.plant, self.multiplier, self.Cp
         shortest = self.T1 or (self.lowest[0] / SHORT if resets else self.T1)  # where T1 = 0 ties P(0) to K
-        return Curve(*problem, shortest, request.shape, name, kappa, request.gap and resets)
+        own = units(self.plant.doubles, in_floats(self.Cp), float(self.lowest[0]), bounded=kappa is not None)
+        return Curve(*problem, shortest, request.shape, name, kappa, request.gap and resets, own)
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
@@ -167,7 +169,7 @@ class ClockDesigner:
         curve, best = min(found, key=lambda pair: pair[1].gamma if pair[1] else math.inf)
         if best is None:
             return self.nothing(T2, decay)
-        gamma = curve.analysis(best.gains).gamma(T2, decay) if self.plant.B.shape[1] else 0.0
+        gamma = curve.gamma(curve.outside(best), T2, decay) if self.plant.B.shape[1] else 0.0
         return self.shipped(curve, best, T2, decay, {"gamma": gamma, "attained": False, **BEST_FOUND})
 
     def told(self, curves: list[Curve]) -> Iterator[Curve]:
@@ -178,7 +180,7 @@ class ClockDesigner:
 
     def shipped(self, curve: Curve, best: Found, T2: fmpq, decay: fmpq, limit: dict[str, Any]) -> Outcome:
         """Small gains within the slack of the best, with what is proved of them."""
-        least = curve.analysis(best.gains).gamma(T2, decay)
+        least = curve.gamma(curve.outside(best), T2, decay)
         wanted = 1 + float(self.request.slack)
         target = least * (wanted if self.request.objective in {"min-gamma", "pareto"} else max(wanted, MODERATE))
         if (cap := self.request.largest_gamma) is not None:
@@ -199,13 +201,14 @@ class ClockDesigner:
     def roundings(self, curve: Curve, found: Found, target: float, T2: fmpq, decay: fmpq) -> Iterator[dict[str, Array]]:
         """Gains in more and more digits, in rationals, whose gamma stays below a target."""
         for exact in self.rounded(curve, found):
-            if curve.analysis(in_floats_of(exact)).gamma(T2, decay) <= target:
+            if curve.gamma(in_floats_of(exact), T2, decay) <= target:
                 yield exact
 
     def rounded(self, curve: Curve, found: Found) -> Iterator[dict[str, Array]]:
         """Gains in more and more digits, in rationals, within the bound on them."""
         for digits in DIGITS:
-            rough = {n: gain if n == "knots" else significant(gain, digits) for n, gain in found.gains.items()}
+            gains = curve.outside(found).items()
+            rough = {name: gain if name == "knots" else significant(gain, digits) for name, gain in gains}
             exact = {name: printed(gain) for name, gain in rough.items()}
             if "L" in exact and (tied := tied_gain(curve.name, exact["L"], self.plant.C)) is not None:
                 exact["H"] = tied

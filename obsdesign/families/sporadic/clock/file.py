@@ -18,6 +18,8 @@ from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.spec import Spec
 
+WITNESSED = {"overshoot", "disturbance", "noise", "outage", "T2_max"}  # claims with a witness of the same name
+
 
 def read(spec: Spec, file: ResultFile) -> ClockClaim:
     """Claim of a file, checked: every witness of it.
@@ -32,6 +34,8 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     if wrong := named.keys() - {*GOALS, "outage", "T2_max"} or {"gamma"} - named.keys():
         known = ", ".join((*GOALS, "outage", "T2_max"))
         raise file.wrong(".".join((*root, min(wrong))), f"expected gamma, and of {known} those that apply", id="OBS702")
+    if missing := (WITNESSED & file.table("guarantee").keys()) - named.keys():
+        raise file.wrong(".".join((*root, min(missing))), "missing: the guarantee claims it", id="OBS702")
     error = error_system(plant, spec.H, gains)
     theorem = ClockTheorem(
         error, spec.multiplier, Clock((asked["T2"],), 1), asked["T1"], asked["decay"], request.shape.lookahead

@@ -18,6 +18,7 @@ from obsdesign.families.sporadic.clock.bernstein import Shape, adapted, of_gain
 from obsdesign.families.sporadic.clock.convex import Convex, GapReset, Predictor, Reset
 from obsdesign.families.sporadic.clock.descent import BARRIER, Gains, Injection, descend, walled
 from obsdesign.families.sporadic.clock.theorem import error_system
+from obsdesign.families.sporadic.units import SPEC, Units
 from obsdesign.lmi.formula import Array, Exact, Float, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -37,16 +38,11 @@ NEAR = 1e-3  # relative to the largest value: the last step
 
 @dataclass
 class Found:
-    """Gains and the least gamma that a search knows of them."""
+    """Gains, in the units of a search, and the least gamma that it knows of them, in that of the spec."""
 
     gains: Gains
     gamma: float
     B: Float | None = None  # of the descent to them
-
-    @property
-    def size(self) -> float:
-        """|L| or |K|."""
-        return norm(main(self.gains))
 
 
 def driven(plant: Plant[Float]) -> Plant[Float]:
@@ -74,7 +70,11 @@ def scaled(gains: Gains, factor: float) -> Gains:
 
 @dataclass
 class Curve:
-    """One injection, for any T2 and decay."""
+    """One injection, for any T2 and decay.
+
+    Gains are searched in units that fit the data: in others a first step, the smallest gain and a gain that is not
+    bounded would mean nothing. A bound on a gain is one on that of the spec, whatever the units.
+    """
 
     engine: Engine
     plant: Plant[Exact]
@@ -85,27 +85,58 @@ class Curve:
     name: str  # dynamic, predictor, hold or reset
     kappa: float | None  # bound on |L| or |K|
     gap: bool = False  # whether K of a reset depends on the interval that has just ended
+    units: Units = SPEC
 
     def __post_init__(self) -> None:
-        self.doubles, self.M = driven(self.plant.doubles), in_floats(self.multiplier)
+        self.doubles, self.M = driven(self.units.plant(self.plant.doubles)), in_floats(self.multiplier)
+        self.H = in_floats(self.Cp) * self.units.x / self.units.z
+        self.time = fmpq(*self.units.time.as_integer_ratio())  # s
+        self.shortest = self.T1 / self.time
+        resets = self.name == "reset" and self.kappa is not None
+        self.left = np.ones(self.doubles.n) * self.units.left
+        self.right = np.ones(len(self.doubles.C)) * self.units.right * (self.units.time if resets else 1.0)
         self.injection = Injection(self.name, self.doubles.C)
 
     def analysis(self, gains: Gains, shape: Shape | None = None) -> Analysis:
         """Error of gains, in doubles."""
-        error = error_system(self.doubles, in_floats(self.Cp), gains)
-        clock = of_gain(self.T1, printed(gains["knots"]), gains["K_of_gap"]) if "K_of_gap" in gains else None
-        return Analysis(self.engine, error, self.M, self.T1, shape or self.shape, clock)
+        error = error_system(self.doubles, self.H, gains)
+        clock = of_gain(self.shortest, printed(gains["knots"]), gains["K_of_gap"]) if "K_of_gap" in gains else None
+        return Analysis(self.engine, error, self.M, self.shortest, shape or self.shape, clock)
+
+    @property
+    def sizes(self) -> dict[str, Array | float]:
+        """Units of gains."""
+        x, y, time = self.units.x[:, None], self.units.y, self.units.time
+        return {"L": x / (y * time), "H": y[:, None] / (y * time), "K": x / y, "K_of_gap": x / y, "knots": time}
+
+    def outside(self, found: Found) -> Gains:
+        """Gains in the units of the spec."""
+        return {name: gain * self.sizes[name] for name, gain in found.gains.items()}
+
+    def size(self, gains: Gains) -> float:
+        """|L| or |K|: in the units of the spec where it is bounded."""
+        return norm(self.left[:, None] * main(gains) * self.right)
+
+    def gamma(self, gains: Gains, T2: fmpq, decay: fmpq) -> float:
+        """Least gain from w to z of gains in the units of the spec, in its units; infinite if none is found."""
+        inside = {name: gain / self.sizes[name] for name, gain in gains.items()}
+        return self.units.gamma * self.analysis(inside).gamma(T2 / self.time, decay * self.time)
 
     # One T2 and decay
 
     def best(self, T2: fmpq, decay: fmpq, near: Found | None = None) -> Found | None:
         """Gains of the least gamma that is found, within the bound on them; None if none has a gamma.
 
-        With gains for a T2 and decay nearby a few steps from these are made.
+        `T2`, `decay`: s and 1/s. With gains for a T2 and decay nearby a few steps from these are made.
         """
+        return self.found(T2 / self.time, decay * self.time, near)
+
+    def found(self, T2: fmpq, decay: fmpq, near: Found | None) -> Found | None:
+        """The same for a T2 and decay in the units of the search, as all below."""
         warm = None
-        if near is not None and (warm := self.measured(self.inside(near.gains), T2, decay)):
-            warm = self.descended(replace(warm, B=near.B), self.kappa or WIDER * warm.size, T2, decay, FEW)
+        if near is not None and (warm := self.measured(self.eased(near.gains), T2, decay)):
+            kappa = self.kappa or WIDER * self.size(warm.gains)
+            warm = self.descended(replace(warm, B=near.B), kappa, T2, decay, FEW)
             if warm.gamma < RISE * near.gamma:
                 return warm
         if self.kappa is not None:
@@ -121,9 +152,9 @@ class Curve:
             kappa *= WIDER
         return best
 
-    def inside(self, gains: Gains) -> Gains:
+    def eased(self, gains: Gains) -> Gains:
         """Gains, smaller where they are too near to the bound for a descent to begin."""
-        room = INSIDE * (self.kappa or math.inf) / (norm(main(gains)) or 1.0)
+        room = INSIDE * (self.kappa or math.inf) / (self.size(gains) or 1.0)
         return gains if room >= 1 else scaled(gains, room)
 
     @property
@@ -156,24 +187,29 @@ class Curve:
     def adapted(self, kappa: float, T2: fmpq, decay: fmpq) -> Iterator[Gains]:
         """Gain that depends on the interval."""
         none = self.analysis({"K": np.zeros((self.doubles.n, len(self.doubles.C)))})
-        clock = adapted(self.T1, T2, self.shape.degree, self.shape.segments)
-        form = GapReset(replace(none, clock=clock).theorem(T2, decay).doubles, self.doubles.C, kappa)
+        clock = adapted(self.shortest, T2, self.shape.degree, self.shape.segments)
+        form = GapReset(replace(none, clock=clock).theorem(T2, decay).doubles, self.doubles.C, *self.within_size(kappa))
         _, K = form.least(none)
         if K is not None and np.isfinite(K).all():
-            yield scaled({"K_of_gap": K, "knots": form.knots}, min(1.0, INSIDE * kappa / (norm(K) or 1.0)))
+            made = {"K_of_gap": K, "knots": form.knots}
+            yield scaled(made, min(1.0, INSIDE * kappa / (self.size(made) or 1.0)))
 
     def convex(self, form: type[Convex], kappa: float, T2: fmpq, decay: fmpq) -> Iterator[Float]:
         """Gain of a convex problem, if it has a solution, inside the bound."""
         n, ny = self.doubles.n, len(self.doubles.C)
         none = {"K": np.zeros((n, ny))} if form is Reset else {"L": np.zeros((n, ny)), "H": np.zeros((ny, ny))}
         analysis = self.analysis(none, replace(self.shape, segments=FINE, lookahead=1))
-        _, gain = form(analysis.theorem(T2, decay).doubles, self.doubles.C, kappa).least(analysis)
+        _, gain = form(analysis.theorem(T2, decay).doubles, self.doubles.C, *self.within_size(kappa)).least(analysis)
         if gain is not None and np.isfinite(gain).all():
-            yield gain * min(1.0, INSIDE * kappa / (float(np.linalg.norm(gain, 2)) or 1.0))
+            yield gain * min(1.0, INSIDE * kappa / (self.size({"K": gain}) or 1.0))
+
+    def within_size(self, kappa: float) -> tuple[Float, Float]:
+        """What a convex problem is told of a bound on the gain."""
+        return self.left, self.right / kappa
 
     def measured(self, gains: Gains, T2: fmpq, decay: fmpq) -> Found | None:
         """Gains with their least gamma by a coarse storage function; None if it has none."""
-        gamma = self.analysis(gains, self.coarse).gamma(T2, decay)
+        gamma = self.units.gamma * self.analysis(gains, self.coarse).gamma(T2, decay)
         return Found(gains, gamma) if math.isfinite(gamma) else None
 
     @property
@@ -192,24 +228,24 @@ class Curve:
     def value(self, kappa: float, T2: fmpq, decay: fmpq, x: Float) -> tuple[float, Float]:
         """Logarithm of mu with a barrier at the bound on the gain, and its gradient; infinite where there is no mu."""
         gains = self.injection.gains(x)
-        wall, rise = walled(main(gains), kappa)
+        wall, rise = walled(self.left[:, None] * main(gains) * self.right, kappa)
         slope = self.analysis(gains, self.coarse).slope(T2, decay) if math.isfinite(wall) else None
         if slope is None or not 0 < slope.mu < math.inf:
             return math.inf, 0 * x
         gradient = self.injection.gradient(slope) / slope.mu
-        gradient[: rise.size] += BARRIER * rise.ravel()
+        gradient[: rise.size] += BARRIER * (self.left[:, None] * rise * self.right).ravel()
         return math.log(slope.mu) + BARRIER * wall, gradient
 
     def smaller(self, found: Found, target: float, T2: fmpq, decay: fmpq) -> Found:
-        """Gains of smaller size whose gamma stays below a target."""
+        """Gains of smaller size whose gamma stays below a target; `T2`, `decay`: s and 1/s."""
         for part in SMALLER:
-            while made := self.reduced(found, part, target, T2, decay):
+            while made := self.reduced(found, part, target, T2 / self.time, decay * self.time):
                 found = made
         return found
 
     def reduced(self, found: Found, part: float, target: float, T2: fmpq, decay: fmpq) -> Found | None:
         """Gains within part of the size of others whose gamma is below a target; None if none are found."""
-        kappa = part * found.size
+        kappa = part * self.size(found.gains)
         if not kappa:
             return None
         first = self.measured(scaled(found.gains, INSIDE * part), T2, decay)
@@ -217,7 +253,7 @@ class Curve:
             starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
             first = min((f for f in starts if f), key=lambda f: f.gamma, default=None)
         made = first and self.descended(first, kappa, T2, decay, SOME)
-        return made if made and self.analysis(made.gains).gamma(T2, decay) <= target else None
+        return made if made and self.gamma(self.outside(made), T2 * self.time, decay / self.time) <= target else None
 
     # How far
 

@@ -57,6 +57,7 @@ from obsdesign.lmi.formula import (
     Unknown,
     Values,
     block_diagonal,
+    combined,
     he,
     identity,
     in_floats,
@@ -122,14 +123,15 @@ def held(p: Plant[Array], Cp: Array, L: Array, H: Array) -> ErrorSystem:
     """Error (e, d) of the observer (4): e = x - xhat, d = C e - theta, theta' = H theta, theta+ = C e + eta."""
     n, ny = L.shape
     like = [p.A, L]
-    beside, eye = zeros((len(p.Cq), ny), like), identity(n, L)
-    correction = p.C @ L + H
+    beside, eye, one = zeros((len(p.Cq), ny), like), identity(n, L), identity(ny, L)
+    correction = combined((p.C, L), (one, H))
+    flow = [[combined((eye, p.A), (-L, p.C)), L], [combined((p.C, p.A), (-correction, p.C)), correction]]
     return ErrorSystem(
-        F=np.block([[p.A - L @ p.C, L], [p.C @ p.A - correction @ p.C, correction]]),
-        Bx=np.vstack([p.B, p.C @ p.B]),
-        Bfx=np.vstack([p.Bf, p.C @ p.Bf]),
+        F=np.block(flow),
+        Bx=np.vstack([p.B, combined((p.C, p.B))]),
+        Bfx=np.vstack([p.Bf, combined((p.C, p.Bf))]),
         J=block_diagonal([eye, zeros((ny, ny), like)]),
-        Jn=np.vstack([zeros((n, ny), like), -identity(ny, L)]),
+        Jn=np.vstack([zeros((n, ny), like), -one]),
         Cp=np.hstack([Cp, zeros((len(Cp), ny), like)]),
         Cq=np.hstack([p.Cq, beside]),
         Dq=p.Dq,
@@ -141,7 +143,7 @@ def held(p: Plant[Array], Cp: Array, L: Array, H: Array) -> ErrorSystem:
 def reset(p: Plant[Array], Cp: Array, K: Array) -> ErrorSystem:
     """Error e of a copy of the plant that is corrected at the measurements, xhat+ = xhat + K (y - C xhat)."""
     eye = identity(p.n, K)
-    return ErrorSystem(p.A, p.B, p.Bf, eye - K @ p.C, -K, Cp, p.Cq, p.Dq, p.Dqf, 0)
+    return ErrorSystem(p.A, p.B, p.Bf, combined((eye, eye), (-K, p.C)), -K, Cp, p.Cq, p.Dq, p.Dqf, 0)
 
 
 def error_system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> ErrorSystem:

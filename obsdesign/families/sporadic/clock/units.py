@@ -19,6 +19,7 @@ from obsdesign.lmi.equilibrate import factors
 from obsdesign.lmi.formula import Array, Float
 
 TAME = 3.0  # powers of two up to which the units of the spec are kept
+FAR = 1e4  # between the units of two entries
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,14 @@ class ErrorUnits:
         return self.z**2 * self.time
 
     @property
+    def far(self) -> bool:
+        """Whether the units of the entries of x are so far apart that no solver knows |x| of the spec."""
+        return bool(self.x.max() > FAR * self.x.min())
+
+    @property
     def unity(self) -> Float:
-        """I of the spec, as a bound on P, in these units."""
-        return np.diag(self.x**2 / self.V)
+        """I of the spec as a bound on P, in these units; I in these units where those of the spec are far apart."""
+        return np.eye(len(self.x)) if self.far else np.diag(self.x**2 / self.V)
 
     def number(self, name: str) -> float:
         """Unit of mu, of kappa, or of r, which has none beside `unity`."""
