@@ -11,7 +11,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -106,10 +107,10 @@ def he(X: Array) -> Array:
 
 def combined(*pairs: tuple[Array, Array]) -> Array:
     """Sum of products; of doubles without what is left of terms that cancel, which has a size but no meaning."""
-    made = np.sum([X @ Y for X, Y in pairs], axis=0)
+    made = reduce(add, (X @ Y for X, Y in pairs))
     if made.dtype == object:
         return np.asarray(made)
-    return np.where(np.abs(made) > CANCELLED * np.sum([np.abs(X) @ np.abs(Y) for X, Y in pairs], axis=0), made, 0.0)
+    return np.where(np.abs(made) > CANCELLED * reduce(add, (np.abs(X) @ np.abs(Y) for X, Y in pairs)), made, 0.0)
 
 
 def symmetric(rows: Sequence[Sequence[Array | int]]) -> Array:
