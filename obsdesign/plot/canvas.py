@@ -108,16 +108,24 @@ def form_of(path: str | None) -> Form:
     return "svg" if path is not None and path.lower().endswith(".svg") else "png"
 
 
-def compose(title: str, sections: Sequence[Sequence[Panel]], height: float = 2.35) -> "Figure":
-    """Draw sections of panels below each other, each in rows of at most three panels of the same width and height."""
+def compose(
+    title: str, sections: Sequence[Sequence[Panel]], height: float = 2.35, foot: tuple[Panel, float] | None = None
+) -> "Figure":
+    """Draw sections of panels below each other, each in rows of at most three panels of the same width and height.
+
+    `foot`: a last panel over the whole width, and its height (inches).
+    """
     rows = [row for section in sections for row in shared(section, ROW)]
-    figure = new_figure(WIDTH, 1.0 + height * len(rows))
+    heights = [*[height] * len(rows), *([foot[1]] if foot else [])]
+    figure = new_figure(WIDTH, 1.0 + sum(heights))
     figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(len(rows), COLUMNS)
+    grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
     for i, row in enumerate(rows):
         width = COLUMNS // len(row)
         for j, panel in enumerate(row):
             panel(figure.add_subplot(grid[i, j * width : (j + 1) * width]))
+    if foot:
+        foot[0](figure.add_subplot(grid[-1, :]))
     return figure
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.families.guarantee import LAST
+from obsdesign.families.guarantee import HELD, LAST
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import ABOVE, finite, growing_axis, levels, span, thinned, time_axis
 from obsdesign.plot.canvas import BOUND, COLORS, DASHED, ESTIMATE, TRUE, legend_above, log_ticks, number
@@ -27,7 +27,6 @@ PEAK = 4  # widths of the truth: a transient that takes more of a panel is cut o
 GROWTH = 10  # of a signal that escapes, against its beginning
 APART = 20  # of two signals in one panel: a smaller one is multiplied by a power of ten
 SHARES = (("t5", 5, "D"), ("t1", 1, "s"))  # settling time, percent of the error at first, and how it is marked
-HELD = 0.95  # of a run: an error that is above its level later than that has not been seen to settle
 SIGNS = {"D": "◇", "s": "□"}
 BUSY = 20  # times its height that a signal goes up and down
 SEEN = 0.05  # of the samples, at which a band has to be narrower than its panel to be drawn
