@@ -25,7 +25,7 @@ Form = Literal["png", "svg"]
 METADATA: dict[Form, dict[str, None]] = {"png": {"Software": None}, "svg": {"Date": None}}  # nothing that changes
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 TRUE, ESTIMATE, BOUND = COLORS[0], COLORS[1], COLORS[6]
-DASHED = (0, (4, 2))
+DASHED, DOTTED, DOT_DASHED = (0, (4, 2)), (0, (1, 1.3)), (0, (5, 1.5, 1, 1.5))  # estimates, bounds, limits
 DPI = 150
 STYLE: dict[Any, Any] = {
     "figure.dpi": DPI,
@@ -57,10 +57,11 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 WIDTH = 10.5  # inches of a figure
 ROW = 3  # panels beside each other
+CROWDED = 1e5  # ratio of the ends of a logarithmic axis from which on ticks within a decade are a bar
 COLUMNS = 6  # of the grid, which rows of one, two and three panels divide
 LEAN: dict[str, Any] = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handletextpad": 0.5}
 MOST = 5  # columns of a legend of a figure
-ENTRY, LETTER = 0.42, 0.072  # inches of a legend: an entry without its text, and a letter
+ENTRY, LETTER = 0.42, 0.064  # inches of a legend: an entry without its text, and a letter
 Panel = Callable[["Axes"], None]  # draws curves, limits and labels
 
 
@@ -171,12 +172,15 @@ def levels(low: float, high: float, most: int) -> Array:
 
 def log_ticks(axes: "Axes", which: str = "y", multiples: Sequence[float] = (1,)) -> None:
     """Ticks of a logarithmic axis at these multiples of the powers of ten, written without mathematics."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     axis = getattr(axes, f"{which}axis")
     axis.set_major_locator(LogLocator(subs=multiples, numticks=9 if len(multiples) == 1 else 20))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power(value)))
     axis.set_minor_formatter(NullFormatter())
+    low, high = axis.get_view_interval()
+    if high > CROWDED * low > 0:
+        axis.set_minor_locator(NullLocator())
 
 
 def number(value: float) -> str:
@@ -186,6 +190,13 @@ def number(value: float) -> str:
         return digits
     ten = f"10{str(int(exponent)).translate(SUPERSCRIPTS)}"
     return ten if digits == "1" else f"{digits} × {ten}"
+
+
+def power(value: float) -> str:
+    """Tick of a logarithmic axis: powers of ten from 1000 on, and to 0.001, are written as such."""
+    k = round(np.log10(value)) if value > 0 else 0
+    plain = abs(k) < 3 or not np.isclose(value, 10.0**k, rtol=1e-9)
+    return number(value) if plain else f"10{str(k).translate(SUPERSCRIPTS)}"
 
 
 def halo(text: Any) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -109,9 +110,10 @@ def void(run: "Run") -> tuple[float, str]:
 
 
 def heading(run: "Run") -> str:
-    """Name of the spec, and below it how the run ended, what is proved, and whether the run keeps it; in two lines."""
+    """Name of the spec, and below it how the run ended, what is proved, and whether the run keeps it."""
     said = [ended(run), *promises(run)]
-    return f"{plain(run.spec.name, LINE)}\n{plain('; '.join(filter(None, said)), LINE)}"
+    told = wrap(plain("; ".join(filter(None, said)), 9 * LINE), LINE, max_lines=2, placeholder=" …")
+    return "\n".join([plain(run.spec.name, LINE), *told])
 
 
 def promises(run: "Run") -> Iterator[str]:

@@ -15,7 +15,6 @@ from obsdesign.expressions import Expression
 from obsdesign.expressions.tree import Number
 from obsdesign.lmi.formula import Array
 from obsdesign.nonlinearities.evidence.enclosure import (
-    DIGITS,
     Enclosure,
     enclosure,
     negative,
@@ -26,6 +25,7 @@ from obsdesign.nonlinearities.evidence.enclosure import (
 from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.polytope import MAX_TOGETHER, together
 from obsdesign.nonlinearities.evidence.restriction import Restriction, order_free
+from obsdesign.tables.text import at_least, at_most
 
 MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices
 TIGHT = 1e-4  # relative: a looser bound is worth a word
@@ -69,7 +69,7 @@ def slopes(f: Restriction) -> Choice:
             hint = "" if found.high[i, i] == inf else ", or write -f and -Bf, so that the slope is bounded below"
             raise UsageError(unbounded(f, i, i, "below") + hint, id="OBS403")
     low, high = np.diagonal(exact(f, found), axis1=1, axis2=2)
-    text = f"slope [{listed(low)}, {listed(high)}]"
+    text = f"slope [{listed(low, up=False)}, {listed(high, up=True)}]"
     reason = f"each f_i depends on q_i only{looseness(found.gap)}"
     return Choice("slope", list(zip(low, high, strict=True)), text, reason)
 
@@ -223,14 +223,14 @@ def value_at(expression: Expression, point: Mapping[str, fmpq]) -> fmpq | None:
     return root.value if isinstance(root, Number) else None
 
 
-def decimal(value: fmpq | None) -> str:
-    """Number as a spec has it."""
-    return ".inf" if value is None else f"{float(value):.{DIGITS}g}"
+def decimal(value: fmpq | None, *, up: bool = True) -> str:
+    """Number as a spec has it, in few digits: one that is not below it (up), or not above."""
+    return ".inf" if value is None else (at_most if up else at_least)(value)
 
 
-def listed(values: Sequence[fmpq | None]) -> str:
+def listed(values: Sequence[fmpq | None], *, up: bool) -> str:
     """One number if all are the same, else a list."""
-    texts = [decimal(value) for value in values]
+    texts = [decimal(value, up=up) for value in values]
     return texts[0] if len(set(texts)) == 1 else f"[{', '.join(texts)}]"
 
 
