@@ -248,7 +248,7 @@ def test_the_figure_has_every_signal_with_its_estimates_the_errors_and_what_is_p
     assert gammas[2] == "–"
     assert all(g <= float(text) <= 1.001 * g for g, text in zip(claimed, gammas, strict=False))
     assert cells[cells.index("proved") + 1 :][: len(sources)] == ["yes, local", "yes, local", "no guarantee"]
-    assert "γ, decay rate: proved" in cells[-1]
+    assert "The γ are of different kinds" in cells[-1]
 
 
 def test_the_figure_shows_no_input_that_is_zero_and_no_column_without_a_number():
@@ -257,7 +257,16 @@ def test_the_figure_shows_no_input_that_is_zero_and_no_column_without_a_number()
     panels, cells = figure_of(spec("kkl", KKL, bare, KKL_PLANT), spec("filter", EKF, still))
     assert "push" not in panels
     assert "γ" not in cells
+    assert "different kinds" not in cells[-1]
     assert cells[cells.index("proved") + 1] == "yes, no bound"
+
+
+def test_a_name_that_is_longer_than_a_panel_is_high_stands_above_it():
+    name = "angle_of_the_lower_part"
+    panels, _ = figure_of(spec("l2", L2, plant=PLANT.replace("angle", name)))
+    first, second = panels[""].figure.axes[:2]
+    assert (first.get_title("right"), first.get_ylabel()) == (f"{name} [rad]", "")
+    assert (second.get_title("right"), second.get_ylabel()) == ("", "rate [rad/s]")
 
 
 def test_an_oscillating_error_is_a_line_and_a_fall_stays_where_it_is():

@@ -9,7 +9,7 @@ from obsdesign.families.guarantee import HELD
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import DECADES, finite, plain, time_axis, with_unit
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_below, log_ticks
-from obsdesign.plot.panels import limit
+from obsdesign.plot.panels import BESIDE, limit
 from obsdesign.plot.signals import Curve
 from obsdesign.tables.text import at_least, at_most
 
@@ -34,9 +34,10 @@ ROW, SWATCH, GAP = 0.24, 6, 3  # of the table: height (inches), letters of a lin
 FONT, FITS, LABEL = 8.0, 150, 60  # of the table: size of its letters, how many of it fit in a line, most of a name
 TIMES = 4  # estimates of which the table has the settling time
 HEADER = ("observer", "type", "proved", "γ", "decay rate [1/s]", "order", "fastest [1/s]")
+OTHERS = "The γ are of different kinds (type, z or v of the spec): the smaller one need not be the better."
 FAINT = "#555555"
 NOTE = (
-    "γ, decay rate: proved, in the sense of each type. 5 %: when |e| without noise stays below 5 % of |e(0)|. "
+    "γ, decay rate: proved, in the sense of its type. 5 %: when |e| without noise stays below 5 % of |e(0)|. "
     "Errors are drawn without dips that are narrower than a twentieth of the panel."
 )
 
@@ -123,7 +124,7 @@ def signal_panel(comparison: "Comparison", signal: Signal) -> Panel:
         curves = [Curve(signal.name, signal.true, estimate) for _, estimate in signal.estimates.values()]
         axes.set_title(limit(axes, curves or [Curve(signal.name, signal.true)]), loc="left", fontsize=8)
         limit_time(axes, comparison)
-        axes.set_ylabel(signal.label)
+        name_axis(axes, signal.label)
 
     return draw
 
@@ -143,9 +144,17 @@ def error_panel(comparison: "Comparison", signal: Signal) -> Panel:
             axes.set_ylim(max(axes.get_ylim()[0], top * 10.0**-DECADES), 2 * top)
             log_ticks(axes)
         limit_time(axes, comparison)
-        axes.set_ylabel(f"|e| of {signal.label}")
+        name_axis(axes, f"|e| of {signal.label}")
 
     return draw
+
+
+def name_axis(axes: "Axes", label: str) -> None:
+    """Name what a panel shows beside it, or above it where the name is longer than the panel is high."""
+    if len(label) <= BESIDE:
+        axes.set_ylabel(label)
+    else:
+        axes.set_title(label, loc="right", fontsize=8)
 
 
 def peaks(t: Array, error: Array, early: bool) -> tuple[Array, Array]:
@@ -174,7 +183,7 @@ def table_panel(comparison: "Comparison", names: list[str]) -> Panel:
     """Panel of one line an observer: how it is drawn, what is proved, and when it has settled."""
     timed = names if len(names) <= TIMES else []
     columns = [column for column in zip(HEADER, *map(told, comparison.entrants), strict=True) if any(column[1:])]
-    columns += [(f"5 % of {plain(n, 14)} [s]", *(settled_text(one, n) for one in comparison.entrants)) for n in timed]
+    columns += [(f"5 % of {plain(n, 22)} [s]", *(settled_text(one, n) for one in comparison.entrants)) for n in timed]
     widths = [max(map(len, column)) + GAP for column in columns]
     total = SWATCH + sum(widths)
     at = (SWATCH + np.concatenate([[0], np.cumsum(widths)[:-1]])) / total
@@ -189,9 +198,17 @@ def table_panel(comparison: "Comparison", names: list[str]) -> Panel:
                 axes.text(x, count + 0.75 - i, cell or "–", va="center", fontsize=font)
         for i, look in enumerate(looks(comparison)):
             axes.plot([0, 0.8 * at[0]], [count + 0.75 - i] * 2, color=look.color, linestyle=look.line, linewidth=WIDEST)
-        axes.text(0, 0.4, NOTE, va="center", fontsize=7, color=FAINT)
+        axes.text(0, 0.4, f"{NOTE}\n{OTHERS}" if differ(comparison) else NOTE, va="center", fontsize=7, color=FAINT)
 
     return draw
+
+
+def differ(comparison: "Comparison") -> bool:
+    """Whether the gains that are proved are of different kinds: another type, another error z or another input v."""
+    specs = [one.design.spec for one in comparison.entrants if one.design.guarantee is not None]
+    return (
+        len({(s.observer.type, s.observer.drive, str(s.H.tolist()), str(s.generator.Am.tolist())) for s in specs}) > 1
+    )
 
 
 def told(one: "Entrant") -> list[str]:

@@ -12,10 +12,10 @@ import numpy as np
 from obsdesign.lmi.formula import Array
 
 WIDTH, HEIGHT = 460, 264
-LEFT, TOP, RIGHT, BOTTOM = 56, 12, 18, 42  # margins
+LEFT, TOP, RIGHT, BOTTOM = 76, 12, 18, 42  # margins
 TICKS = 5  # about
 DECADES = 7  # labels on a logarithmic axis, at most
-WIDE = 100  # ratio of what a logarithmic axis shows at least
+WIDE = 30  # ratio of what a logarithmic axis shows at least
 BUCKETS = 110  # of a curve: each keeps its extremes
 DEPTH = 1e-14  # of the largest: smaller errors are rounding
 FARTHEST, NEAREST = 1e100, 1e-100  # magnitudes that can be drawn; a smaller one is 0
