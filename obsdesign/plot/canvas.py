@@ -37,7 +37,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.limits": (-3, 5),
     "axes.formatter.useoffset": False,
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.6,
@@ -57,7 +57,7 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 WIDTH = 10.5  # inches of a figure
 ROW = 3  # panels beside each other
-CROWDED = 1e5  # ratio of the ends of a logarithmic axis from which on ticks within a decade are a bar
+CROWDED = 1e4  # ratio of the ends of a logarithmic axis from which on ticks within a decade are a bar
 COLUMNS = 6  # of the grid, which rows of one, two and three panels divide
 LEAN: dict[str, Any] = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handletextpad": 0.5}
 MOST = 5  # columns of a legend of a figure

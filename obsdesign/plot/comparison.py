@@ -206,9 +206,8 @@ def table_panel(comparison: "Comparison", names: list[str]) -> Panel:
 def differ(comparison: "Comparison") -> bool:
     """Whether the gains that are proved are of different kinds: another type, another error z or another input v."""
     specs = [one.design.spec for one in comparison.entrants if one.design.guarantee is not None]
-    return (
-        len({(s.observer.type, s.observer.drive, str(s.H.tolist()), str(s.generator.Am.tolist())) for s in specs}) > 1
-    )
+    kinds = {(s.observer.type, s.observer.drive, str(s.H.tolist()), str(s.generator.Am.tolist())) for s in specs}
+    return len(kinds) > 1
 
 
 def told(one: "Entrant") -> list[str]:
