@@ -404,10 +404,11 @@ def test_the_title_has_two_lines_however_long_the_name_is():
 
 
 def test_what_is_said_of_a_run_is_wrapped_and_not_cut_in_its_middle(mass):
-    left = "every bound: " + "the guarantee says nothing of such a run, " * 2 + "and that is the end"
+    left = "every bound from then on: " + "the guarantee says nothing of such a run, " * 2 + "and that is the end"
     title = run_sheet(replace(mass, summary={**mass.summary, "bounds": [], "bounds_omitted": left})).get_suptitle()
     first, *said = title.splitlines()
     assert first == "Cost $5"
+    assert "; no bound from then on: the guarantee says" in " ".join(said)
     assert [len(said), " ".join(said).endswith("that is the end")] == [2, True]
     assert max(map(len, said)) <= LINE
 

@@ -128,7 +128,8 @@ def promises(run: "Run") -> Iterator[str]:
         yield f"{broken} of {len(checks)} bounds VIOLATED"
     yield f"proved: {proved(run, run.guarantee)}"
     if not checks:
-        yield f"no bound: {omitted}" if omitted else "no bound applies"
+        said = f"no bound: {omitted}".replace(": every bound from then on", " from then on")
+        yield said if omitted else "no bound applies"
         return
     if not broken:
         until = f" until t = {void(run)[0]:.4g}" if void(run)[0] < run.time else ""
