@@ -17,7 +17,7 @@ from support.sweep import examples
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Interval, parse
 from obsdesign.nonlinearities import TEMPLATES
-from obsdesign.nonlinearities.evidence.automatic import choose, outward
+from obsdesign.nonlinearities.evidence.automatic import choose, cocoercive, lipschitz, outward, slopes
 from obsdesign.nonlinearities.evidence.claims import Hull
 from obsdesign.nonlinearities.evidence.continuity import continuous
 from obsdesign.nonlinearities.evidence.enclosure import enclosure, supremum
@@ -206,6 +206,18 @@ CHOICES = [
 @pytest.mark.parametrize(("f", "nq", "region", "text"), CHOICES)
 def test_auto_picks_the_tightest_type(f, nq, region, text):
     assert choose(within(*f, nq=nq, **region)).text == text
+
+
+@pytest.mark.parametrize(
+    ("f", "make"), [("q**3/7 - q/3", slopes), ("sin(q)*exp(q/3)", lipschitz), ("q + q**3/7", cocoercive)]
+)
+def test_what_a_table_has_of_a_type_has_few_digits_and_follows_from_it(f, make):
+    choice = make(within(f, nq=1, **square("q")))
+    brief, exact = (list(map(float, re.findall(r"[-+.e0-9]+\d", text))) for text in (choice.label, choice.text))
+    assert len(choice.label) < len(choice.text)
+    assert brief == pytest.approx(exact, rel=1e-5)
+    assert brief[-1] >= exact[-1]
+    assert brief[0] <= exact[0] or len(brief) == 1
 
 
 def test_many_entries_that_vary_give_a_lipschitz_constant():

@@ -9,6 +9,7 @@ import pytest
 from support.commands import PNG, run
 
 import obsdesign as od
+from obsdesign.plot.comparison import comparison_sheet, peaks
 
 PLANT = """obsdesign: 1
 name: {name}
@@ -205,3 +206,85 @@ def test_a_window_that_a_run_does_not_reach_has_no_floor():
     ended = SIMULATION.replace("  seed: 3\n", "  events: {high: t > 0.5}\n")
     (observer,) = compared(spec("l2", L2, ended), seeds=1)["observers"]
     assert (observer["states"]["angle"]["floor"], observer["transient"]) == (None, [])
+
+
+def test_a_level_that_only_the_end_of_the_run_keeps_is_not_held():
+    """The error without a disturbance falls below 5 % of the first one in the last twentieth of the run."""
+    still = SIMULATION.replace("0.1*cos(t)", "0").replace("noise:", "points: 100\n  noise:")
+    source = spec("l2", L2, still)
+    t5 = compared(source, seeds=1)["observers"][0]["states"]["angle"]["t5"]
+    for part, said in ((0.99, "not held"), (0.9, f"{t5:.4g}")):
+        source = spec("l2", L2, still.replace("horizon: 6", f"horizon: {t5 / part}"))
+        shown = run("compare", source, "--seeds", 1).stdout
+        assert re.search(rf"angle +{said} ", shown)
+        assert ("not held: it is above that level as late as in the last twentieth" in shown) == (said == "not held")
+        assert ("5 % not held before the end" in run("simulate", source).stdout) == (said == "not held")
+
+
+def figure_of(*sources, seeds=1):
+    """Figure of a comparison, its panels by their labels, and the cells of its table."""
+    figure = comparison_sheet(od.compare(list(sources), seeds=seeds))
+    cells = [text.get_text() for text in figure.axes[-1].texts]
+    return {axes.get_ylabel(): axes for axes in figure.axes}, cells
+
+
+INTEGRATED = "{type: l2, alpha: 0.3, bounds: {L1: 200}}\ndisturbance: integrator\nperformance: all"
+
+
+def test_the_figure_has_every_signal_with_its_estimates_the_errors_and_what_is_proved():
+    sources = [spec("drift", INTEGRATED), spec("l2", L2), spec("filter", EKF)]
+    panels, cells = figure_of(*sources)
+    signals = ["angle [rad]", "rate [rad/s]", "push"]
+    assert list(panels) == [*signals, *(f"|e| of {name}" for name in signals), ""]
+    true, drift, *others = panels["push"].get_lines()
+    assert not others  # of the three only the first estimates it
+    assert true.get_ydata() == pytest.approx(0.1 * np.cos(true.get_xdata()))
+    assert [true.get_label(), drift.get_linestyle()] == ["true", "--"]
+    assert len(panels["angle [rad]"].get_lines()) == 1 + len(sources)
+    assert cells[0] == "observer"
+    assert {"γ", "decay rate [1/s]", "5 % of angle [s]"} <= set(cells)
+    gammas = cells[cells.index("γ") + 1 :][: len(sources)]
+    claimed = [od.solve(od.load(source)).guarantee.gamma for source in sources[:2]]
+    assert gammas[2] == "–"
+    assert all(g <= float(text) <= 1.001 * g for g, text in zip(claimed, gammas, strict=False))
+    assert cells[cells.index("proved") + 1 :][: len(sources)] == ["yes, local", "yes, local", "no guarantee"]
+    assert "The γ are of different kinds" in cells[-1]
+
+
+def test_the_figure_shows_no_input_that_is_zero_and_no_column_without_a_number():
+    still = SIMULATION.replace("0.1*cos(t)", "0")
+    bare = still.replace('  w: ["0"]\n', "")
+    panels, cells = figure_of(spec("kkl", KKL, bare, KKL_PLANT), spec("filter", EKF, still))
+    assert "push" not in panels
+    assert "γ" not in cells
+    assert "different kinds" not in cells[-1]
+    assert cells[cells.index("proved") + 1] == "yes, no bound"
+
+
+def test_a_name_that_is_longer_than_a_panel_is_high_stands_above_it():
+    name = "angle_of_the_lower_part"
+    panels, _ = figure_of(spec("l2", L2, plant=PLANT.replace("angle", name)))
+    first, second = panels[""].figure.axes[:2]
+    assert (first.get_title("right"), first.get_ylabel()) == (f"{name} [rad]", "")
+    assert (second.get_title("right"), second.get_ylabel()) == ("", "rate [rad/s]")
+
+
+def test_an_oscillating_error_is_a_line_and_a_fall_stays_where_it_is():
+    t = np.linspace(0, 60, 5001)
+    at, size = peaks(t, np.cos(3 * t), early=False)
+    inner = (at > 1) & (at < 59)
+    assert size[inner] == pytest.approx(1, abs=1e-2)
+    at, size = peaks(t, np.exp(-t), early=False)
+    assert size == pytest.approx(np.exp(-at), rel=0.1)
+    at, size = peaks(t, np.where(t < 20, 1.0, 1e-3), early=False)
+    assert at[size < 0.5][0] == pytest.approx(20, abs=0.2)
+    assert peaks(np.zeros(0), np.zeros(0), early=True)[0].size == 0
+
+
+def test_of_many_signals_those_are_drawn_that_the_spec_asks_for():
+    rows = [[-1 if i == j else 0 for j in range(8)] for i in range(8)]
+    text = "obsdesign: 1\nname: many\n" + f"system: {{A: {rows}, B: {[[1]] * 8}, C: {rows[:1]}}}\n"
+    text += "performance: [x7, x2]\nobserver: {type: l2, alpha: 0.1, bounds: {L1: 9}}\n"
+    Path("many.yaml").write_text(f"{text}simulation: {{horizon: 1, x0: {[1] * 8}, w: [0]}}\n")
+    panels, _ = figure_of("many.yaml")
+    assert list(panels) == ["x2", "x7", "|e| of x2", "|e| of x7", ""]

@@ -18,8 +18,8 @@ from obsdesign.families.incremental.guarantee import PeakGuarantee
 from obsdesign.lmi.formula import approximate, rational
 from obsdesign.plot import run_figure, search_figure, tradeoff_figure
 from obsdesign.plot.axis import CELLS, CLOSEST, DECADES, finite, growing_axis, levels, plain, span, thinned
-from obsdesign.plot.canvas import ROW, compose, legend_above, number, style
-from obsdesign.plot.panels import BAND, limits, scales
+from obsdesign.plot.canvas import ROW, compose, legend_above, log_ticks, number, power, style
+from obsdesign.plot.panels import BAND, BESIDE, MOST, SETTLED, limits, scales
 from obsdesign.plot.run import LINE, run_sheet
 from obsdesign.plot.signals import Curve
 from obsdesign.plot.traded import names
@@ -131,7 +131,7 @@ def test_a_figure_has_the_estimates_their_errors_what_is_measured_and_the_inputs
     assert all((axes.get_xlabel(), axes.get_xscale()) == ("t [s]", "linear") for axes in figure.axes)
     assert told(figure.axes[0]) == ["p [m]", "s [m/s]"]
     below = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert below == ["true", "estimate", "proved bound on the error"]
+    assert below == ["true", "estimate", "proved bound on the error", SETTLED]
     gamma = at_most(mass.guarantee.gamma)
     assert figure.get_suptitle() == f"Cost $5\nproved: γ = {gamma} from zero error, α = 0.1 1/s; all 4 bounds hold"
 
@@ -173,7 +173,7 @@ def test_of_many_states_those_are_shown_that_settle_last():
 def test_known_inputs_stand_beside_w_and_what_is_always_zero_is_left_out():
     known = ("outputs: [y]", "outputs: [y]\n  inputs: [u]\n  gx: [0, u]")
     run = trial(known=known, u=("points", "u: [2], points"))
-    assert told(run_sheet(run).axes[3]) == ["u", "w1"]
+    assert told(run_sheet(run).axes[3]) == ["u, known", "w1"]
     still = trial(w=("1 - exp(-t)", "0"))
     assert [axes.get_ylabel() for axes in run_sheet(still).axes] == ["estimates", "|error|", "y [m]"]
 
@@ -323,6 +323,7 @@ def test_every_panel_is_drawn_on_demand(mass):
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == ["estimates", "|error|", "y [m]", "w1", "w1", "|error| of w1", "V(e)"]
     bound, V = curves(figure.axes[6])
+    assert (V.get_ydata() == mass.steps.V).all()
     assert (bound.get_ydata() == mass.steps.V_bound).all()
     assert (bound.get_ydata() * (1 + 1e-6) >= V.get_ydata()).all()
 
@@ -402,6 +403,63 @@ def test_the_title_has_two_lines_however_long_the_name_is():
     assert lines[0].endswith("…")
 
 
+def test_what_is_said_of_a_run_is_wrapped_and_not_cut_in_its_middle(mass):
+    left = "every bound from then on: " + "the guarantee says nothing of such a run, " * 2 + "and that is the end"
+    title = run_sheet(replace(mass, summary={**mass.summary, "bounds": [], "bounds_omitted": left})).get_suptitle()
+    first, *said = title.splitlines()
+    assert first == "Cost $5"
+    assert "; no bound from then on: the guarantee says" in " ".join(said)
+    assert [len(said), " ".join(said).endswith("that is the end")] == [2, True]
+    assert max(map(len, said)) <= LINE
+
+
+def test_a_long_name_stands_above_its_panel_and_is_cut_where_more_is_said_of_it():
+    name = "temperature_of_the_inner_jacket_wall"
+    run = trial(named=("states: [p, s]", f"states: [{name}, s]"), unit=("{p: m", f"{{{name}: m"))
+    figure = run_sheet(run)
+    assert told(figure.axes[0]) == [f"{name} [m]", "s [m/s]"]
+    line = told(figure.axes[1])[0]
+    assert line.startswith("temperature_of_")
+    assert "…: peak 1 at 0 s" in line
+    assert len(line) <= MOST + 2
+    alone = replace(run, spec=replace(run.spec, H=run.spec.H[:1], H_names=run.spec.H_names[:1]))
+    first, second = run_sheet(alone).axes[:2]
+    assert len(f"{name} [m]") > BESIDE
+    assert [first.get_ylabel(), second.get_ylabel()] == ["estimates", "|error|"]
+    assert told(first) == [f"{name} [m]"]
+
+
+def test_a_bound_looks_other_than_an_estimate(mass):
+    figure = run_sheet(mass)
+    looks = {text.get_text(): line._unscaled_dash_pattern for text, line in legend_entries(figure)}
+    assert looks["estimate"] != looks["proved bound on the error"]
+
+
+def legend_entries(figure):
+    """Texts and handles of the legend below the panels."""
+    (legend,) = figure.legends
+    return zip(legend.get_texts(), legend.legend_handles, strict=True)
+
+
+def test_a_band_that_is_no_wider_than_a_line_is_not_told_of(mass):
+    wide = replace(
+        mass, xi=1e6 * mass.xi, xihat=1e6 * mass.xihat, steps=replace(mass.steps, xihat=1e6 * mass.steps.xihat)
+    )
+    assert BAND not in [text.get_text() for text, _ in legend_entries(run_sheet(wide))]
+
+
+def test_ticks_of_a_logarithmic_axis_are_written_alike_and_are_no_bar():
+    from matplotlib.figure import Figure
+
+    assert [power(10.0**k) for k in range(-4, 5)] == ["10⁻⁴", "10⁻³", "0.01", "0.1", "1", "10", "100", "10³", "10⁴"]
+    assert [power(v) for v in (0.0, 0.003, 30.0)] == ["0", "0.003", "30"]
+    for low, few in ((1e-2, False), (1e-8, True)):
+        axes = Figure().add_subplot()
+        axes.set(yscale="log", ylim=(low, 1))
+        log_ticks(axes)
+        assert (len(axes.get_yticks(minor=True)) == 0) == few
+
+
 HOSTILE = ["$x$", "\\frac{1}{0}", "x_1^2", "_hidden", "%s {} <b>&amp;", "a" * 500, "tab\there", "\x1b[31mred", "日本"]
 
 
@@ -456,7 +514,7 @@ def test_signals_of_different_sizes_are_multiplied_by_powers_of_ten():
     assert scales([Curve("", np.zeros(3)), large])[1] == 1
     known = ("outputs: [y]", "outputs: [y]\n  inputs: [u]\n  gx: [0, u]")
     run = trial(known=known, u=("points", "u: [2], points"), w=("1 - exp(-t)", "0.004*sin(t)"))
-    assert told(run_sheet(run).axes[3]) == ["u", "w1 × 100"]
+    assert told(run_sheet(run).axes[3]) == ["u, known", "w1 × 100"]
 
 
 def damped(n):

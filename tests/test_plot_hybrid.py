@@ -49,7 +49,7 @@ def test_every_panel_says_what_it_shows():
     _, run, figure = sheet(Sampling(0.205, 0.41))
     labels = [axes.get_ylabel() for axes in run_sheet(run).axes]
     assert labels == ["estimates", "|error|", "y1", "w1"]
-    labels += ["V(e)", "correction θ", "|(e, d)|, d = C e - θ", "interval before it [s]"]
+    labels += ["V(e)", "correction θ", "|(e, d)|, d = C e - θ", "sampling interval [s]"]
     assert [axes.get_ylabel() for axes in figure.axes] == labels
     assert all(axes.get_xlabel() == "t [s]" for axes in figure.axes)
     below = {text.get_text() for text in figure.legends[0].get_texts()}

@@ -23,6 +23,7 @@ from obsdesign.reports import mathml
 from obsdesign.reports.chart import Axis, Chart, Curve, of_errors, over_time, thinned
 from obsdesign.reports.papers import PAPERS, paper_of
 from obsdesign.reports.problem import DesignProblem
+from obsdesign.reports.trajectories import Signals, charts
 
 ROOT = Path(__file__).parent.parent
 STYLE = (ROOT / "obsdesign" / "reports" / "templates" / "page.css").read_text()
@@ -560,6 +561,39 @@ def test_a_transient_that_leaves_the_truth_by_far_is_cut_and_told():
     assert chart.along.high < 3
     assert "cut: reaches 1e+03" in chart.note
     assert over_time("x", "x", t, [Curve("x", np.sin(t))]).note == ""
+
+
+def test_what_is_late_is_not_cut():
+    """An estimate that goes on to swing by more than the truth, after a high peak, is seen to do so."""
+    t = np.linspace(0, 60, 2000)
+    hat = 0.02 + 0.1 * np.sin(3 * t) + 5 * np.exp(-3 * t)
+    chart = over_time("slope", "slope", t, [Curve("slope", 0.02 - 0.02 * np.exp(-t)), Curve("hat", hat)])
+    assert -0.1 < chart.along.low < -0.08
+    assert 0.12 < chart.along.high < 0.14
+    assert chart.note == "cut: reaches 5.02"
+
+
+@pytest.mark.parametrize(("w", "u", "shown"), [("0", "sin(t)", ["force"]), ("1", "0", ["push"]), ("0", "0", [])])
+def test_every_input_has_a_chart_unless_it_is_always_zero(w, u, shown):
+    text = f"""obsdesign: 1
+name: inputs
+system:
+  states: [x]
+  inputs: [force]
+  disturbances: [push]
+  dynamics: {{x: -x + force + push}}
+  outputs: {{y: x}}
+  units: {{force: N, push: N}}
+observer: {{type: l2, alpha: 0.3, bounds: {{L1: 20}}}}
+simulation: {{horizon: 1, x0: [1], xhat0: [1], w: ["{w}"], u: "{u}"}}
+"""
+    spec = od.load(text)
+    made = list(charts(Signals.of(od.solve(spec).simulate()), spec))
+    inputs = [chart for chart in made if chart.title.endswith("input")]
+    assert [chart.title.split(",")[0] for chart in inputs] == shown
+    assert [chart.along.label for chart in inputs] == [f"{name} [N]" for name in shown]
+    (errors,) = [chart for chart in made if chart.title == "Absolute errors"]
+    assert errors.curves[0].name == ("error of x" if w == "1" else "error of x: none")
 
 
 def test_errors_over_decades_have_a_logarithmic_axis_and_others_a_linear_one():

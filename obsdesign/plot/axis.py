@@ -77,7 +77,7 @@ def signed_ticks(axes: "Axes", least: float, low: float, high: float) -> None:
             if sign and abs(tick) <= abs(end) and abs(float(np.subtract(*at(np.array([tick, last]))))) >= room:
                 ticks.append(tick)
                 last = tick
-    axes.set_yticks(sorted(ticks), [number(tick) for tick in sorted(ticks)])
+    axes.set_yticks(sorted(ticks), [number(tick).replace("-", "−") for tick in sorted(ticks)])
     said = f"logarithmic beyond ±{number(least)}"
     axes.annotate(said, (1.01, 0.5), xycoords="axes fraction", va="center", rotation=90, fontsize=7, color="#555555")
     axes.minorticks_off()

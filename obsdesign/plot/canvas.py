@@ -25,7 +25,7 @@ Form = Literal["png", "svg"]
 METADATA: dict[Form, dict[str, None]] = {"png": {"Software": None}, "svg": {"Date": None}}  # nothing that changes
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 TRUE, ESTIMATE, BOUND = COLORS[0], COLORS[1], COLORS[6]
-DASHED = (0, (4, 2))
+DASHED, DOTTED, DOT_DASHED = (0, (4, 2)), (0, (1, 1.3)), (0, (5, 1.5, 1, 1.5))  # estimates, bounds, limits
 DPI = 150
 STYLE: dict[Any, Any] = {
     "figure.dpi": DPI,
@@ -37,7 +37,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.limits": (-3, 5),
     "axes.formatter.useoffset": False,
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.6,
@@ -57,10 +57,11 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 WIDTH = 10.5  # inches of a figure
 ROW = 3  # panels beside each other
+CROWDED = 1e4  # ratio of the ends of a logarithmic axis from which on ticks within a decade are a bar
 COLUMNS = 6  # of the grid, which rows of one, two and three panels divide
 LEAN: dict[str, Any] = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handletextpad": 0.5}
 MOST = 5  # columns of a legend of a figure
-ENTRY, LETTER = 0.42, 0.072  # inches of a legend: an entry without its text, and a letter
+ENTRY, LETTER = 0.42, 0.064  # inches of a legend: an entry without its text, and a letter
 Panel = Callable[["Axes"], None]  # draws curves, limits and labels
 
 
@@ -108,16 +109,24 @@ def form_of(path: str | None) -> Form:
     return "svg" if path is not None and path.lower().endswith(".svg") else "png"
 
 
-def compose(title: str, sections: Sequence[Sequence[Panel]], height: float = 2.35) -> "Figure":
-    """Draw sections of panels below each other, each in rows of at most three panels of the same width and height."""
+def compose(
+    title: str, sections: Sequence[Sequence[Panel]], height: float = 2.35, foot: tuple[Panel, float] | None = None
+) -> "Figure":
+    """Draw sections of panels below each other, each in rows of at most three panels of the same width and height.
+
+    `foot`: a last panel over the whole width, and its height (inches).
+    """
     rows = [row for section in sections for row in shared(section, ROW)]
-    figure = new_figure(WIDTH, 1.0 + height * len(rows))
+    heights = [*[height] * len(rows), *([foot[1]] if foot else [])]
+    figure = new_figure(WIDTH, 1.0 + sum(heights))
     figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(len(rows), COLUMNS)
+    grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
     for i, row in enumerate(rows):
         width = COLUMNS // len(row)
         for j, panel in enumerate(row):
             panel(figure.add_subplot(grid[i, j * width : (j + 1) * width]))
+    if foot:
+        foot[0](figure.add_subplot(grid[-1, :]))
     return figure
 
 
@@ -163,12 +172,15 @@ def levels(low: float, high: float, most: int) -> Array:
 
 def log_ticks(axes: "Axes", which: str = "y", multiples: Sequence[float] = (1,)) -> None:
     """Ticks of a logarithmic axis at these multiples of the powers of ten, written without mathematics."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     axis = getattr(axes, f"{which}axis")
     axis.set_major_locator(LogLocator(subs=multiples, numticks=9 if len(multiples) == 1 else 20))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power(value)))
     axis.set_minor_formatter(NullFormatter())
+    low, high = axis.get_view_interval()
+    if high > CROWDED * low > 0:
+        axis.set_minor_locator(NullLocator())
 
 
 def number(value: float) -> str:
@@ -178,6 +190,13 @@ def number(value: float) -> str:
         return digits
     ten = f"10{str(int(exponent)).translate(SUPERSCRIPTS)}"
     return ten if digits == "1" else f"{digits} × {ten}"
+
+
+def power(value: float) -> str:
+    """Tick of a logarithmic axis: powers of ten from 1000 on, and to 0.001, are written as such."""
+    k = round(np.log10(value)) if value > 0 else 0
+    plain = abs(k) < 3 or not np.isclose(value, 10.0**k, rtol=1e-9)
+    return number(value) if plain else f"10{str(k).translate(SUPERSCRIPTS)}"
 
 
 def halo(text: Any) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import finite, plain, thinned, time_axis
-from obsdesign.plot.canvas import BOUND, COLORS, DASHED, TRUE, legend_above, log_ticks
+from obsdesign.plot.canvas import BOUND, COLORS, DOT_DASHED, DOTTED, TRUE, legend_above, log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,8 @@ def draw_distance(axes: "Axes", run: "Run") -> None:
     known = steps.t < run.until
     if steps.distance_bound is not None and known.any():
         limit = finite(np.maximum(steps.distance_bound[known], floor))
-        axes.plot(*thinned(steps.t[known], limit), color=BOUND, linestyle=DASHED, label=f"proved bound on {run.length}")
+        label = f"proved bound on {run.length}"
+        axes.plot(*thinned(steps.t[known], limit), color=BOUND, linestyle=DOTTED, label=label)
     axes.plot(*thinned(steps.t, distance), color=TRUE)
     after = np.flatnonzero(np.diff(steps.j, prepend=0))
     if len(after) <= DOTS:
@@ -52,12 +53,12 @@ def draw_intervals(axes: "Axes", schedule: "Schedule") -> None:
     size = 3 if len(schedule.received) <= DOTS else 1
     axes.plot(schedule.received, schedule.intervals, ".", color=TRUE, markersize=size)
     for limit, name in ((schedule.T1, "T1"), (schedule.T2, "T2")):
-        axes.axhline(limit, color=BOUND, linewidth=0.8, linestyle=DASHED)
+        axes.axhline(limit, color=BOUND, linewidth=0.8, linestyle=DOT_DASHED)
         axes.annotate(name, (1, limit), xycoords=("axes fraction", "data"), xytext=(3, -3), textcoords="offset points")
     mark_lost(axes, schedule)
     axes.set_ylim(0, 1.15 * max(float(schedule.intervals.max(initial=0.0)), schedule.T2))
     time_axis(axes, schedule.horizon)
-    axes.set_ylabel("interval before it [s]")
+    axes.set_ylabel("sampling interval [s]")
 
 
 def lowest(distance: Array) -> float:

@@ -6,10 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.families.guarantee import LAST
+from obsdesign.families.guarantee import HELD, LAST, RESOLVED
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import ABOVE, finite, growing_axis, levels, span, thinned, time_axis
-from obsdesign.plot.canvas import BOUND, COLORS, DASHED, ESTIMATE, TRUE, legend_above, log_ticks, number
+from obsdesign.plot.axis import ABOVE, finite, growing_axis, levels, plain, span, thinned, time_axis
+from obsdesign.plot.canvas import (
+    BOUND,
+    COLORS,
+    DASHED,
+    DOT_DASHED,
+    DOTTED,
+    ESTIMATE,
+    TRUE,
+    legend_above,
+    log_ticks,
+    number,
+)
 from obsdesign.plot.hybrid import DOTS, mark_lost
 from obsdesign.plot.signals import Curve, Estimate
 
@@ -18,7 +29,6 @@ if TYPE_CHECKING:
 
     from obsdesign.simulate import Run
 
-DOTTED = (0, (1, 1.5))
 REGION = COLORS[3]
 MEASURED: dict[str, Any] = {"color": "black", "alpha": 0.4, "linewidth": 0.7}
 BAND = "proved: the truth is in here"
@@ -27,10 +37,13 @@ PEAK = 4  # widths of the truth: a transient that takes more of a panel is cut o
 GROWTH = 10  # of a signal that escapes, against its beginning
 APART = 20  # of two signals in one panel: a smaller one is multiplied by a power of ten
 SHARES = (("t5", 5, "D"), ("t1", 1, "s"))  # settling time, percent of the error at first, and how it is marked
-HELD = 0.95  # of a run: an error that is above its level later than that has not been seen to settle
+SETTLED = "stays within 5 %, 1 % of |e(0)|"
+BESIDE = 26  # letters that fit beside a panel; a longer label stands above it
+MOST, LEAST = 84, 8  # letters that fit above a panel, and of a name that are left of it
 SIGNS = {"D": "◇", "s": "□"}
 BUSY = 20  # times its height that a signal goes up and down
 SEEN = 0.05  # of the samples, at which a band has to be narrower than its panel to be drawn
+LINE = 0.01  # of the height of a panel: about that of a line
 NARROWER, MOSTLY = 0.25, 0.5  # of the panel, at so many of the samples: of several bands
 
 
@@ -61,9 +74,10 @@ class Signals:
         if self.run.schedule is not None and any(curve.instants is not None for curve in curves):
             mark_lost(axes, self.run.schedule)
         time_axis(axes, self.run.time)
-        axes.set_ylabel(self.curves[0].label if alone else self.label)
+        beside = alone and len(self.curves[0].label) <= BESIDE
+        axes.set_ylabel(self.curves[0].label if beside else self.label)
         axes.set_title(cut, loc="left", fontsize=8)
-        if not alone:
+        if not beside:
             legend_above(axes, lines, [c.label + times(f) for c, f in zip(curves, factors, strict=True)])
 
     def draw_curve(self, axes: "Axes", curve: Curve, color: str, other: str) -> Any:
@@ -127,13 +141,15 @@ def limit(axes: "Axes", curves: Sequence[Curve]) -> str:
 def draw_band(axes: "Axes", t: Array, curve: Curve, color: str, alone: bool) -> None:
     """Shade where the truth is proved to be, around the estimate.
 
-    Not where this is more than the panel nearly always, or, beside others, more than a part of it most of the time.
+    Not where this is more than the panel nearly always, or, beside others, more than a part of it most of the time,
+    and not where it is never more than a line.
     """
     if curve.radius is None or curve.estimate is None:
         return
     low, high = axes.get_ylim()
     room, share = (high - low, SEEN) if alone else (NARROWER * (high - low), MOSTLY)
-    if np.mean(2 * np.nan_to_num(curve.radius, nan=np.inf) < room) < share:
+    width = 2 * np.nan_to_num(curve.radius, nan=np.inf)
+    if np.mean(width < room) < share or width.max() < LINE * (high - low):
         return
     ends = [thinned(t, curve.estimate + sign * curve.radius) for sign in (-1, 1)]
     (below, lower), (above, upper) = ends
@@ -170,13 +186,14 @@ def draw_errors(axes: "Axes", run: "Run", estimates: Sequence[Estimate]) -> None
         mark(axes, each, bool(spread), color)
     time_axis(axes, run.time)
     what = "|error|" if spread else "error"
+    alone = alone and len(estimates[0].label) <= BESIDE
     axes.set_ylabel(f"{what} of {estimates[0].label}" if alone else what)
     legend_above(axes, lines, [told(each, alone) for each in estimates])
 
 
 def draw_bound(axes: "Axes", estimate: Estimate, sign: int, color: str) -> None:
     """Draw what is proved of an error: a bound at each instant, or a limit for the last fifth of the run."""
-    look: dict[str, Any] = {"color": color, "linestyle": DASHED, "linewidth": 1.0}
+    look: dict[str, Any] = {"color": color, "linestyle": DOTTED, "linewidth": 1.3}
     t = estimate.t
     if estimate.bound is not None and np.isfinite(estimate.bound).any():
         axes.plot(*thinned(t, sign * estimate.bound), **look)
@@ -197,6 +214,8 @@ def mark(axes: "Axes", estimate: Estimate, sizes: bool, color: str) -> None:
         if value and low <= value <= high:
             look: dict[str, Any] = {"color": color, "markersize": 4.5, "clip_on": False, "zorder": 4}
             axes.plot(at, value, marker=marker, markerfacecolor="white", linestyle="none", **look)
+    if times:
+        axes.plot([], [], "D", color="black", markerfacecolor="white", markersize=4.5, label=SETTLED)
 
 
 def told(estimate: Estimate, alone: bool) -> str:
@@ -210,7 +229,8 @@ def told(estimate: Estimate, alone: bool) -> str:
             break
         if time:
             said.append(f"{share} % after {number(time)} s ({SIGNS[sign]})")
-    return ("" if alone else f"{estimate.label}: ") + ", ".join(said)
+    text = ", ".join(said)
+    return text if alone else f"{plain(estimate.label, max(MOST - len(text), LEAST))}: {text}"
 
 
 def ends_first(estimate: Estimate, time: float) -> bool:
@@ -223,13 +243,14 @@ def draw_storage(axes: "Axes", run: "Run") -> None:
     V, bound, t = run.steps.V, run.steps.V_bound, run.steps.t
     assert V is not None
     assert bound is not None
-    tiny = float(bound[np.isfinite(bound)].max()) * 1e-20 + 1e-300
     known = t < run.until
     if known.any():
-        shown = finite(np.maximum(bound, tiny)[known])
-        axes.plot(*thinned(t[known], shown), color=BOUND, linestyle=DASHED, label="proved bound on V")
-    axes.plot(*thinned(t, finite(np.maximum(V, tiny))), color=TRUE)
+        shown = finite(bound[known])
+        axes.plot(*thinned(t[known], shown), color=BOUND, linestyle=DOTTED, label="proved bound on V")
+    axes.plot(*thinned(t, finite(V)), color=TRUE)
     axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, float(finite(V)[np.isfinite(V)].max(initial=0.0)) * RESOLVED**2), high)
     log_ticks(axes)
     time_axis(axes, run.time)
     axes.set_ylabel("V(e)")
@@ -297,4 +318,4 @@ def mark_region(axes: "Axes", region: tuple[float, float] | None) -> None:
     bottom, top = axes.get_ylim()
     for end in region or ():
         if bottom < end < top:
-            axes.axhline(end, color=REGION, linestyle=DOTTED, linewidth=1.5, zorder=1, label="limit of the region")
+            axes.axhline(end, color=REGION, linestyle=DOT_DASHED, linewidth=1.3, zorder=1, label="limit of the region")

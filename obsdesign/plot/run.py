@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -110,9 +111,10 @@ def void(run: "Run") -> tuple[float, str]:
 
 
 def heading(run: "Run") -> str:
-    """Name of the spec, and below it how the run ended, what is proved, and whether the run keeps it; in two lines."""
+    """Name of the spec, and below it how the run ended, what is proved, and whether the run keeps it."""
     said = [ended(run), *promises(run)]
-    return f"{plain(run.spec.name, LINE)}\n{plain('; '.join(filter(None, said)), LINE)}"
+    told = wrap(plain("; ".join(filter(None, said)), 9 * LINE), LINE, max_lines=2, placeholder=" …")
+    return "\n".join([plain(run.spec.name, LINE), *told])
 
 
 def promises(run: "Run") -> Iterator[str]:
@@ -127,7 +129,8 @@ def promises(run: "Run") -> Iterator[str]:
         yield f"{broken} of {len(checks)} bounds VIOLATED"
     yield f"proved: {proved(run, run.guarantee)}"
     if not checks:
-        yield f"no bound: {omitted}" if omitted else "no bound applies"
+        said = f"no bound: {omitted}".replace(": every bound from then on", " from then on")
+        yield said if omitted else "no bound applies"
         return
     if not broken:
         until = f" until t = {void(run)[0]:.4g}" if void(run)[0] < run.time else ""

@@ -221,10 +221,12 @@ def outputs(run: "Run") -> list[Curve]:
 def driving(run: "Run", shown: Sequence[Estimate]) -> list[Curve]:
     """Known inputs, unknown ones that are not shown elsewhere, and v where all of these are; none that is always 0."""
     names = {estimate.name for estimate in shown}
-    known = zip(run.spec.inputs, run.u.T, strict=True)
+    known = list(zip(run.spec.inputs, run.u.T, strict=True))
     unknown = [(name, w) for name, w in zip(run.exogenous, run.w.T, strict=True) if name not in names]
     v = () if run.v is None or unknown or not run.spec.model_states else zip(run.spec.drives, run.v.T, strict=True)
-    return [Curve(with_unit(run.spec, name), values) for name, values in (*known, *unknown, *v) if values.any()]
+    others = [Curve(with_unit(run.spec, name), values) for name, values in (*unknown, *v) if values.any()]
+    mark = ", known" if others else ""
+    return [*(Curve(with_unit(run.spec, name) + mark, values) for name, values in known if values.any()), *others]
 
 
 def arguments(run: "Run") -> list[Curve]:

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
+from obsdesign.families.outcome import BETTER
 from obsdesign.plot.axis import mark_refused, mark_shipped, plain, spread_axis
-from obsdesign.plot.canvas import COLORS, TRUE, drawn, legend_below, new_figure, number
+from obsdesign.plot.canvas import COLORS, TRUE, drawn, legend_below, new_figure
 from obsdesign.plot.traded import NAMES, short
+from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,13 +78,18 @@ def tradeoff_sheet(
     axes.margins(y=0.1)
     mark_refused(axes, [p[x] for p in points], [str(p["status"]) if p.get(y) is None else None for p in points])
     if shipped is not None:
-        values = ", ".join(f"{short(key)} = {number(shipped[key])}" for key in (x, y))
+        values = ", ".join(f"{short(key)} = {proved(key, shipped[key])}" for key in (x, y))
         mark_shipped(axes, shipped[x], shipped[y], f"this design: {values}")
     spread_axis(axes, "x", [p[x] for p in points])
     spread_axis(axes, "y", [value for _, value in solved])
     axes.set(xlabel=names.get(x, plain(x)), ylabel=names[y])
     legend_below(figure)
     return figure
+
+
+def proved(key: str, value: float) -> str:
+    """Number that is proved, rounded to the safe side: up where less is better."""
+    return (at_least if BETTER.get(key, 1) > 0 else at_most)(value, 4)
 
 
 def sheet(title: str) -> "tuple[Figure, Axes]":

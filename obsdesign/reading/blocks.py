@@ -173,7 +173,7 @@ def derive(
         derivation = TEMPLATES[block.kind.name].derive if block.kind.name != AUTO else choose
         assert derivation is not None  # or the type would not be automatic
         choice = derivation(restricted(f, block.nq, region))
-        derived = Assumption.of(block, choice.name, f"{choice.text} (auto)", choice.data)
+        derived = Assumption.of(block, choice.name, f"{choice.label} (auto)", choice.data)
     except UsageError as error:
         reader.wrong(place, error.problems[0].message, id=error.problems[0].id)
         return None

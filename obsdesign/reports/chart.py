@@ -12,10 +12,10 @@ import numpy as np
 from obsdesign.lmi.formula import Array
 
 WIDTH, HEIGHT = 460, 264
-LEFT, TOP, RIGHT, BOTTOM = 56, 12, 12, 42  # margins
+LEFT, TOP, RIGHT, BOTTOM = 76, 12, 18, 42  # margins
 TICKS = 5  # about
 DECADES = 7  # labels on a logarithmic axis, at most
-WIDE = 100  # ratio of what a logarithmic axis shows at least
+WIDE = 30  # ratio of what a logarithmic axis shows at least
 BUCKETS = 110  # of a curve: each keeps its extremes
 DEPTH = 1e-14  # of the largest: smaller errors are rounding
 FARTHEST, NEAREST = 1e100, 1e-100  # magnitudes that can be drawn; a smaller one is 0
@@ -175,16 +175,21 @@ def thinned(x: Array, *columns: Array) -> Array:
 
 
 def over_time(title: str, label: str, t: Array, curves: Sequence[Curve], note: str = "") -> Chart:
-    """Curves over time; one that leaves the range of the first by far is cut, and the chart says so."""
+    """Curves over time; one that leaves the range of the first by far is cut, and the chart says so.
+
+    It is not cut where it is in the second half of the time.
+    """
     which = thinned(t, *(curve.y for curve in curves))
     kept = tuple(Curve(c.name, c.y[which], c.look, c.color) for c in curves)
     values, lead = np.concatenate([c.y for c in curves]), curves[0].y
     along, width = Axis.over(label, values), float(np.ptp(lead))
     if width > 0 and along.high - along.low > PEAK * width:
-        low, high = float(lead.min()) - width, float(lead.max()) + width
+        late = np.concatenate([[lead.min() - width, lead.max() + width], *(c.y[len(t) // 2 :] for c in curves)])
+        seen = Axis.over(label, late)
+        low, high = seen.low, seen.high
         far = values[np.isfinite(values)]
         ends = ", ".join(f"{end:.3g}" for end in (far.min(), far.max()) if not low <= end <= high)
-        along, note = Axis(label, low, high), f"cut: reaches {ends}" + (f"; {note}" if note else "")
+        along, note = seen, f"cut: reaches {ends}" + (f"; {note}" if note else "")
     return Chart(title, t[which], kept, Axis.over("t [s]", t, tight=True), along, note)
 
 

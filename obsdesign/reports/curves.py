@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.reports.chart import FARTHEST, HEIGHT, LEFT, NEAREST, TOP, WIDTH, Axis, Chart, Curve
+from obsdesign.reports.chart import BOTTOM, FARTHEST, HEIGHT, LEFT, NEAREST, RIGHT, TOP, WIDTH, Axis, Chart, Curve
 from obsdesign.tables.design import QUANTITIES
 
 LEVELS = 9
@@ -108,7 +108,7 @@ def axis(label: str, values: Any) -> Axis:
 
 def map_of(search: Mapping[str, Any], key: str, axes: Sequence[str]) -> Map:
     """Cells around the points, colored by level; those without a value stay empty."""
-    box = (LEFT, TOP, WIDTH - LEFT - 12, HEIGHT - TOP - 42)
+    box = (LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
     points = [p for p in search["points"] if all(number(p, name) is not None for name in axes)]
     grids = [np.unique([number(p, name) for p in points]) for name in axes]
     edges = [bounds(grid) for grid in grids]

@@ -12,13 +12,14 @@ from obsdesign.disk import content_of
 from obsdesign.errors import Problem, UsageError
 from obsdesign.files.result import LARGEST
 from obsdesign.lmi.formula import Array
-from obsdesign.reports.chart import FARTHEST, Chart, Curve, of_errors, over_time
+from obsdesign.reports.chart import FARTHEST, Chart, Curve, Look, of_errors, over_time
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from obsdesign.simulate import Run
 
 MOST = 6  # charts of one kind
+LOOKS: tuple[Look, ...] = ("line", "line", "dashed")  # of errors beside each other
 
 
 @dataclass(frozen=True)
@@ -66,16 +67,21 @@ class Signals:
 
 
 def charts(signals: Signals, spec: Spec) -> Iterator[Chart]:
-    """Charts in the order in which an engineer asks: what counts, its error, what is measured, what acts, the rest."""
+    """Charts in the order in which an engineer asks: what counts, its error, what is measured, what acts, the rest.
+
+    An input that is always zero has none.
+    """
     known = signals.columns
     signalled = [n for n in (*spec.plant.states, *spec.plant.exogenous) if n in known and f"hat_{n}" in known]
     wanted = [n for n in spec.H_names if n in signalled] or signalled
     yield from (estimates(signals, spec, name) for name in wanted[:MOST])
     yield errors(signals, spec, wanted[:MOST])
     yield from bound(signals)
-    for names, what in ((spec.plant.outputs, "measured"), (spec.plant.exogenous, "unknown input")):
+    acting = (spec.inputs, "known input"), (spec.plant.exogenous, "unknown input")
+    for names, what in ((spec.plant.outputs, "measured"), *acting):
         shown = [name for name in names if name in known and name not in wanted[:MOST]]
-        yield from (over_time(f"{name}, {what}", label(spec, name), signals.t, signals.curves(name)) for name in shown)
+        told = [name for name in shown if what == "measured" or any(curve.y.any() for curve in signals.curves(name))]
+        yield from (over_time(f"{name}, {what}", label(spec, name), signals.t, signals.curves(name)) for name in told)
     rest = [name for name in signalled if name in spec.plant.states and name not in wanted]
     yield from (estimates(signals, spec, name) for name in rest[:MOST])
 
@@ -87,7 +93,11 @@ def estimates(signals: Signals, spec: Spec, name: str) -> Chart:
 
 def errors(signals: Signals, spec: Spec, names: Sequence[str]) -> Chart:
     """Absolute errors of estimates."""
-    curves = [Curve(f"error of {name}", signals.error(name), color=i) for i, name in enumerate(names, start=1)]
+    every = [(name, signals.error(name), LOOKS[i % len(LOOKS)]) for i, name in enumerate(names)]
+    curves = [
+        Curve(f"error of {name}" + ("" if e.any() else ": none"), e, look, i)
+        for i, (name, e, look) in enumerate(every, start=1)
+    ]
     units = {spec.units.get(name, "") for name in names}
     unit = units.pop() if len(units) == 1 else ""
     return of_errors("Absolute errors", f"|error| [{unit}]" if unit else "|error|", signals.t, curves)

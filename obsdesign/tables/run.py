@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from obsdesign.families.guarantee import HELD
 from obsdesign.spec import Spec
 from obsdesign.tables.text import aligned, at_most, plain
 
@@ -38,7 +39,7 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
             span = "for all t >= 0" if key.endswith("infinite") else "over the run"
             rows += [] if value is None else [(f"{letter} norm2", f"{plain(value)}   {span}")]
         elif key == "settling":
-            rows += [("settling", f"{name}: {settling_text(times)}") for name, times in value.items()]
+            rows += [("settling", f"{name}: {settling_text(times, summary['time'])}") for name, times in value.items()]
         elif key == "bounds_omitted" and value is not None:
             rows.append(("left out", value))
         elif key == "guard":
@@ -103,12 +104,19 @@ def shown(key: str, value: Any) -> str:
     return at_most(value) if key in BOUNDS and value is not None else plain(value)
 
 
-def settling_text(times: Mapping[str, float | None]) -> str:
+def settling_text(times: Mapping[str, float | None], end: float) -> str:
     """When an estimate has come within 5 % and 1 % of its initial error for good, if it has and if there was one."""
     if times["t5"] == 0:
         return f"starts at 0, |error| at most {times['peak']:.4g}"
-    known = {share: "not reached" if (t := times[f"t{share}"]) is None else f"{t:.4g} s" for share in (5, 1)}
-    return ", ".join(f"{share} % {text}" for share, text in known.items()) + " (of the initial error)"
+    said = (f"{share} % {reached(times[f't{share}'], end)}" for share in (5, 1))
+    return ", ".join(said) + " (of the initial error)"
+
+
+def reached(time: float | None, end: float) -> str:
+    """When a level was reached for good; what only the last twentieth of a run keeps is not seen to be kept."""
+    if time is None:
+        return "not reached"
+    return f"{time:.4g} s" if time <= HELD * end else "not held before the end"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:

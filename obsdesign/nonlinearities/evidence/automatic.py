@@ -1,6 +1,6 @@
 """The tightest type of the catalogue that a given nonlinearity is proved to have on a region."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -26,6 +26,7 @@ from obsdesign.nonlinearities.evidence.enclosure import (
 from obsdesign.nonlinearities.evidence.norm import norm_bound
 from obsdesign.nonlinearities.evidence.polytope import MAX_TOGETHER, together
 from obsdesign.nonlinearities.evidence.restriction import Restriction, order_free
+from obsdesign.tables.text import at_least, at_most
 
 MAX_VARYING = 6  # entries of a Jacobian, and so at most 64 vertices
 TIGHT = 1e-4  # relative: a looser bound is worth a word
@@ -39,6 +40,12 @@ class Choice:
     data: Any  # as its template takes them
     text: str  # as a spec would have it
     reason: str
+    brief: str = ""  # what follows from it, in fewer digits; empty: there is none
+
+    @property
+    def label(self) -> str:
+        """Type as a table has it."""
+        return self.brief or self.text
 
 
 def choose(f: Restriction) -> Choice:
@@ -70,8 +77,9 @@ def slopes(f: Restriction) -> Choice:
             raise UsageError(unbounded(f, i, i, "below") + hint, id="OBS403")
     low, high = np.diagonal(exact(f, found), axis1=1, axis2=2)
     text = f"slope [{listed(low)}, {listed(high)}]"
+    brief = f"slope [{listed(low, at_least)}, {listed(high, at_most)}]"
     reason = f"each f_i depends on q_i only{looseness(found.gap)}"
-    return Choice("slope", list(zip(low, high, strict=True)), text, reason)
+    return Choice("slope", list(zip(low, high, strict=True)), text, reason, brief)
 
 
 def polytope(f: Restriction, found: Enclosure | None = None) -> Choice:
@@ -117,7 +125,8 @@ def lipschitz(f: Restriction) -> Choice:
                 f"the Jacobian of f cannot be bounded at {shown(f, norm.place)}; give a smaller region", id="OBS403"
             )
     k = outward(bound, up=True)
-    return Choice("lipschitz", k, f"lipschitz {decimal(k)}", f"it bounds the norm of the Jacobian{looseness(gap)}")
+    reason = f"it bounds the norm of the Jacobian{looseness(gap)}"
+    return Choice("lipschitz", k, f"lipschitz {decimal(k)}", reason, f"lipschitz {at_most(k)}")
 
 
 def cocoercive(f: Restriction) -> Choice:
@@ -132,9 +141,8 @@ def cocoercive(f: Restriction) -> Choice:
     if found.low.min() < 0:
         raise UsageError(f"cocoercive: f is not proved monotone; its slope may be {found.low.min():.6g}", id="OBS403")
     k = outward(max(float(found.high.max()), 1e-12), up=True)
-    return Choice(
-        "cocoercive", k, f"cocoercive {decimal(k)}", f"it bounds the slopes, none is negative{looseness(found.gap)}"
-    )
+    reason = f"it bounds the slopes, none is negative{looseness(found.gap)}"
+    return Choice("cocoercive", k, f"cocoercive {decimal(k)}", reason, f"cocoercive {at_most(k)}")
 
 
 def bounded(f: Restriction) -> Enclosure:
@@ -228,9 +236,9 @@ def decimal(value: fmpq | None) -> str:
     return ".inf" if value is None else f"{float(value):.{DIGITS}g}"
 
 
-def listed(values: Sequence[fmpq | None]) -> str:
+def listed(values: Sequence[fmpq | None], written: Callable[[fmpq], str] = decimal) -> str:
     """One number if all are the same, else a list."""
-    texts = [decimal(value) for value in values]
+    texts = [decimal(None) if value is None else written(value) for value in values]
     return texts[0] if len(set(texts)) == 1 else f"[{', '.join(texts)}]"
 
 
