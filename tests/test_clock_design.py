@@ -213,7 +213,7 @@ def test_a_descent_finds_the_minimum_of_a_function_with_walls():
             [2 * (x[0] - 1) + 0.2 * x[0] / (4 - x[0] ** 2), 20 * (x[1] + 3)]
         )
 
-    x, _ = descend(bowl, np.array([-1.9, 5.0]), 60)
+    x, *_ = descend(bowl, np.array([-1.9, 5.0]), 60)
     assert np.linalg.norm(bowl(x)[1]) < 0.1
 
 

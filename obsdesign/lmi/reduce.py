@@ -194,7 +194,11 @@ def null_space(matrix: Array) -> Array:
 
 def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
     """Scale rows of each block (by congruence) and coordinates z by powers of two; z = T scaled z."""
-    rows, factors = balancing(program, sweeps)
+    return balanced(program, *balancing(program, sweeps))
+
+
+def balanced(program: Program, rows: list[Array], factors: Array) -> tuple[Program, Array]:
+    """Program in given scales; z = T scaled z."""
     blocks = tuple(block.scaled(row) for block, row in zip(program.blocks, rows, strict=True))
     return scaled_coordinates(replace(program, blocks=blocks), factors), np.diag(factors)
 

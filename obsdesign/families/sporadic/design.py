@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
@@ -61,15 +62,21 @@ def exponential(problem: Problem, request: SporadicRequest, engine: Engine) -> O
 
 
 def best(made: Sequence[Outcome], request: SporadicRequest) -> Outcome:
-    """Outcome with the best certified value of what is sought, with the curves and notes of all."""
-    name = RANGED.get(request.objective, "gamma")
-
-    def value(outcome: Outcome) -> float:
-        known = {**outcome.limit, **outcome.limit_bounded}.get(name, math.inf if name == "gamma" else 0.0)
-        return float(BETTER[name] * known) if outcome.status is Verdict.CERTIFIED else -math.inf
-
-    first = max(made, key=value)
+    """Outcome with the best certified value of what is sought, with the curves of all."""
     searches = [outcome.search for outcome in made if outcome.search]
+    certified = [outcome for outcome in made if outcome.status is Verdict.CERTIFIED]
+    if not searches:
+        name = RANGED.get(request.objective, "gamma")
+        sense = BETTER[name]
+        return max(certified, key=lambda made: sense * within(made).get(name, -sense * math.inf), default=made[0])
     curves = tuple(curve for search in searches for curve in search.curves)
-    search = Search(searches[0].parameter, searches[0].points, curves=curves) if searches else None
-    return replace(first, search=search)
+    search = Search(searches[0].parameter, searches[0].points, curves=curves)
+    least = min((within(outcome)["gamma"] for outcome in certified), default=math.inf) * (1 + float(request.slack))
+    near = [outcome for outcome in certified if within(outcome)["gamma"] <= least]
+    farthest = max(near, key=lambda outcome: outcome.limit["at"][search.parameter], default=made[0])
+    return replace(farthest, search=search)
+
+
+def within(outcome: Outcome) -> dict[str, Any]:
+    """Limit within the bounds of the spec."""
+    return {**outcome.limit, **outcome.limit_bounded}

@@ -287,8 +287,8 @@ class Designer:
         assert m.certificate
         T2, decay = m.certificate.T2, m.certificate.family.decay
         self.notes.append(
-            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: the largest of all points whose "
-            "limit of gamma is within the slack of the least"
+            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: of the points of propositions the "
+            "farthest whose limit of gamma is within the slack of their least"
         )
         again = study.at(T2, decay, (m.delta, m.gamma))
         best = again if again.status == "certified" else m

@@ -46,6 +46,7 @@ class SporadicRequest:
     gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny), or K (n, ny): analysis of these
     shape: Shape = SHAPE  # of clock-dependent storage functions
     delta_given: bool = False  # whether the spec says where delta is searched
+    shape_given: bool = False  # .. and what the storage functions of the time left are
     drive: str = "w"  # v where a disturbance model generates w
     gap: bool = False  # whether K depends on the interval that has just ended
 
@@ -93,6 +94,8 @@ class SporadicRequest:
         """Relaxations that fit none of the injections, or else injections that have none of the relaxations."""
         if self.delta_given and self.pairs and self.clocked:
             yield ("delta",), "is the exponent of a proposition; relaxation clock has none: leave `delta` out"
+        if self.shape_given and self.pairs and not any(relaxation == CLOCK for _, relaxation in self.pairs):
+            yield ("clock",), "is the storage function of relaxation clock, which is not asked for: leave `clock` out"
         yield from self.idle()
         known = "; ".join(f"{name} takes {', '.join(relaxations)}" for name, relaxations in INJECTIONS.items())
         fitting = {relaxation for _, relaxation in self.pairs}
@@ -141,6 +144,7 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         shape=read_shape(reader, section.clock, T1),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
         delta_given=section.delta is not None,
+        shape_given=section.clock is not None,
         gap=section.clock is not None and section.clock.gain == "gap",
     )
     asked.refuse_conflicts(reader, request)

@@ -22,7 +22,7 @@ from obsdesign.lmi.equilibrate import Scales
 from obsdesign.lmi.formula import Array, Float, Inequality, Problem, Unknown, Values, printed
 from obsdesign.lmi.probe import Program, matrices, probe
 from obsdesign.lmi.proof import with_digits
-from obsdesign.lmi.reduce import Reduced, balance, balancing, reduce
+from obsdesign.lmi.reduce import Reduced, balance, balanced, balancing, reduce
 from obsdesign.lmi.solve import Search, Status, homogeneous, unscaled, violation, with_margin
 from obsdesign.lmi.solvers import Ending, call
 from obsdesign.lmi.spectrum import extremes, lower
@@ -117,9 +117,9 @@ class Analysis:
         reduced = reduce(problem, program, plain)
         if reduced.contradiction:
             return Found(), {}
-        rows, _ = balancing(reduced.program)
+        rows, factors = balancing(reduced.program)
         search = Search(call(self.engine.solver, quick=True))
-        found = self.solved(problem, reduced, search)
+        found = self.solved(problem, reduced, search, (rows, factors))
         if found.values is None:
             return found, {}
         duals = {b.name: np.zeros((b.order, b.order)) for b in program.blocks}
@@ -141,12 +141,18 @@ class Analysis:
         _, t = self.widest(reduce(problem))
         return t
 
-    def solved(self, problem: Problem, reduced: Reduced | None = None, search: Search | None = None) -> Found:
-        """One solve."""
+    def solved(
+        self,
+        problem: Problem,
+        reduced: Reduced | None = None,
+        search: Search | None = None,
+        scales: tuple[list[Array], Array] | None = None,
+    ) -> Found:
+        """One solve; what is known of it is not made again."""
         reduced = reduced or reduce(problem)
         if reduced.contradiction:
             return Found()
-        scaled, T = balance(reduced.program)
+        scaled, T = balanced(reduced.program, *(scales or balancing(reduced.program)))
         ending, y = self.careful(scaled, search or Search(call(self.engine.solver, quick=True)))
         z = unscaled(T, y)
         if (

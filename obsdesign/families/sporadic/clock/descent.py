@@ -72,13 +72,15 @@ def walled(L: Float, kappa: float) -> tuple[float, Float]:
 
 def descend(
     function: Callable[[Float], tuple[float, Float]], x: Float, steps: int, B: Float | None = None
-) -> tuple[Float, Float]:
+) -> tuple[Float, float, Float]:
     """Local minimum, or as near as so many steps come, by the method of Broyden, Fletcher, Goldfarb and Shanno.
 
     Values may be infinite: steps are halved until they bring part of what the slope promises. `B`: what stands for the
-    inverse of the second derivative, of a minimum nearby; it is returned with the point.
+    inverse of the second derivative, of a minimum nearby; it is returned with the point and its value.
     """
     value, g = function(x)
+    if not math.isfinite(value):
+        steps = 0
     if B is None:
         B = np.eye(len(x)) * (np.linalg.norm(x) or 1.0) / (10 * (np.linalg.norm(g) or 1.0))
     for _ in range(steps):
@@ -99,4 +101,4 @@ def descend(
         if (curvature := float(s @ y)) > CURVED * np.linalg.norm(s) * np.linalg.norm(y):
             E = np.eye(len(x)) - np.outer(s, y) / curvature
             B = E @ B @ E.T + np.outer(s, s) / curvature
-    return x, B
+    return x, value, B

@@ -260,12 +260,14 @@ class ClockDesigner:
         if not made:
             return replace(self.nothing(*self.lowest), search=search)
         least = min(point["gamma"] for point, _, _ in made) * (1 + float(self.request.slack))
-        point, curve, best = max((m for m in made if m[0]["gamma"] <= least), key=lambda item: item[0][name])
+        point, curve, best = max(
+            (m for m in made if m[0]["gamma"] <= least), key=lambda item: (item[0][name], -item[0]["gamma"])
+        )
         value = printed(point[name])
         T2, decay = (value, self.lowest[1]) if name == "T2" else (self.lowest[0], value)
         self.notes.append(
-            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: the largest of all points whose "
-            "gamma is within the slack of the least"
+            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: of the points of relaxation clock "
+            "the farthest whose gamma is within the slack of their least"
         )
         assert best
         limit = {"gamma": point["gamma"], "at": {name: point[name]}, "attained": False, **BEST_FOUND}

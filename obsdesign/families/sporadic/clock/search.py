@@ -134,10 +134,10 @@ class Curve:
     def found(self, T2: fmpq, decay: fmpq, near: Found | None) -> Found | None:
         """The same for a T2 and decay in the units of the search, as all below."""
         warm = None
-        if near is not None and (warm := self.measured(self.eased(near.gains), T2, decay)):
-            kappa = self.kappa or WIDER * self.size(warm.gains)
-            warm = self.descended(replace(warm, B=near.B), kappa, T2, decay, FEW)
-            if warm.gamma < RISE * near.gamma:
+        if near is not None:
+            begin = replace(near, gains=self.eased(near.gains))
+            warm = self.descended(begin, self.kappa or WIDER * self.size(begin.gains), T2, decay, FEW)
+            if warm and warm.gamma < RISE * near.gamma:
                 return warm
         if self.kappa is not None:
             cold = self.within(self.kappa, T2, decay)
@@ -167,7 +167,7 @@ class Curve:
         """Gains of the least gamma within a bound on them, by descent from the best start."""
         starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
         first = min((f for f in starts if f), key=lambda f: f.gamma, default=None)
-        return first and self.descended(first, kappa, T2, decay)
+        return first and (self.descended(first, kappa, T2, decay) or first)
 
     def starts(self, kappa: float, T2: fmpq, decay: fmpq) -> Iterator[Gains]:
         """Gains within a bound from convex problems: a predictor, or a reset and what acts like it between samples."""
@@ -217,13 +217,17 @@ class Curve:
         """Storage function of a descent."""
         return replace(self.shape, degree=min(COARSE, self.shape.degree), lookahead=1)
 
-    def descended(self, start: Found, kappa: float, T2: fmpq, decay: fmpq, steps: int = STEPS) -> Found:
-        """Local minimum of gamma within a bound on the gain, from gains within it on."""
+    def descended(self, start: Found, kappa: float, T2: fmpq, decay: fmpq, steps: int = STEPS) -> Found | None:
+        """Local minimum of gamma within a bound on the gain, from gains within it on; None where they have no gamma."""
         if not start.gamma or self.gap:
-            return start
-        x, B = descend(partial(self.value, kappa, T2, decay), self.injection.vector(start.gains), steps, start.B)
-        made = self.measured(self.injection.gains(x), T2, decay)
-        return replace(made, B=B) if made else start
+            return self.measured(start.gains, T2, decay)
+        begin = self.injection.vector(start.gains)
+        x, value, B = descend(partial(self.value, kappa, T2, decay), begin, steps, start.B)
+        if not math.isfinite(value):
+            return None
+        gains = self.injection.gains(x)
+        wall, _ = walled(self.left[:, None] * main(gains) * self.right, kappa)
+        return Found(gains, self.units.gamma * math.exp((value - BARRIER * wall) / 2), B)
 
     def value(self, kappa: float, T2: fmpq, decay: fmpq, x: Float) -> tuple[float, Float]:
         """Logarithm of mu with a barrier at the bound on the gain, and its gradient; infinite where there is no mu."""

@@ -14,11 +14,12 @@ from obsdesign.lmi.formula import approximate, printed
 PARTS = (0.15, 0.3, 0.5, 0.7)  # of the fastest rate, at which the constants of w and eta are proved
 NOISY = 1.1  # gamma, relative to the least, of the bound that takes the noise of measurements in
 QUIET = 0.5  # of the fastest rate, at which |x| is proved to decay where no rate is asked for
+ROUGH = 1e-2  # accuracy of the fastest rate, relative, of which these are parts
 FASTER = 2.0  # between rates that are tried, until one has no solution
 MOST = 40  # .. of these
 
 
-def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None) -> float | None:
+def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None, accuracy: float = EDGE) -> float | None:
     """Largest rate for which there is a solution, or None if there is none at the lowest; numerical."""
 
     def missing(decay: float) -> float:
@@ -33,7 +34,7 @@ def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None) 
             if missing(high) >= 0:
                 break
             begin, high = high, FASTER * high
-    return scan.zero(missing, begin, high, EDGE * high)
+    return scan.zero(missing, begin, high, accuracy * high)
 
 
 def longest(analysis: Analysis, decay: fmpq, low: float, high: float) -> float | None:
@@ -71,7 +72,7 @@ def witnesses(analysis: Analysis, T2: fmpq, decay: fmpq) -> dict[str, Witness]:
     if gamma and gamma.holds:
         level = {"mu": printed(round_up(float(gamma.numbers["mu"]) * NOISY**2, 6))}
         found["energy"] = analysis.prove(GOALS["energy"], T2, decay, given=level)
-    limit = fastest(analysis, T2, decay)
+    limit = fastest(analysis, T2, decay, accuracy=ROUGH)
     if limit is not None:
         rate = decay or printed(round_down(QUIET * limit, 3))
         found["overshoot"] = analysis.prove(GOALS["overshoot"], T2, rate) if rate else None
