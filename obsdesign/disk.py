@@ -24,6 +24,8 @@ def content_of(path: str, most: int) -> bytes:
             return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
         with Path(path).open("rb") as file:
             return file.read(most + 1)
+    except IsADirectoryError:
+        raise UsageError(Problem("is a folder; give a file", path, id="OBS101")) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
@@ -32,23 +34,25 @@ def content_of(path: str, most: int) -> bytes:
 def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
     """Files below a folder whose names end so, however deep they are and whoever made the folder.
 
-    Hidden folders, those that cannot be read and links to folders are left out, and what might never end, such as
-    pipes. A link that leads nowhere is a file.
+    A folder that cannot be read stands for what is in it: who opens it as a file is told why. Hidden folders and links
+    to folders are left out, and what might never end, such as pipes. A link that leads nowhere is a file.
     """
     waiting = [folder]
     while waiting:
-        for entry in entries(waiting.pop()):
+        if (found := entries(one := waiting.pop())) is None:
+            yield one
+        for entry in found or ():
             if entry.is_dir(follow_symlinks=False):
                 waiting += [] if entry.name.startswith(".") else [entry.path]
             elif entry.name.endswith(endings) and is_file(entry.path):
                 yield entry.path
 
 
-def entries(folder: str) -> "list[os.DirEntry[str]]":
-    """What is in a folder; nothing where it cannot be read."""
+def entries(folder: str) -> "list[os.DirEntry[str]] | None":
+    """What is in a folder; None where it cannot be read."""
     with suppress(OSError), os.scandir(folder) as found:
         return list(found)
-    return []
+    return None
 
 
 def is_file(path: str) -> bool:
@@ -117,7 +121,7 @@ def require_writable(*paths: str, read: Collection[str] = ()) -> None:
         except OSError as error:
             raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
         shown = Path(path).parent
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
         if not os.access(folder, os.W_OK):
             raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))

@@ -190,7 +190,7 @@ class Run:
         for task in asked:
             if task in self.refused:
                 entry = entry_of(task, "invalid", 2, self.refused[task], sha256=sha256(task))
-                self.ended(task, entry, "its results would stand in the place of others")
+                self.ended(task, entry, "it cannot be run")
                 continue
             record = read(self.out, task)
             why = "--force" if self.force else reason(record, task, self.options, self.out)

@@ -102,7 +102,7 @@ def results(source: str, entry: Entry) -> dict[str, bytes]:
 
     Raises `UsageError`: it was solved, and one of them is missing or was changed.
     """
-    task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
+    task, folder = task_of(entry), Path(source) if os.path.isdir(source) else Path(source).parent
     record = read(folder, task)
     if record is None:
         if entry["status"] in EXIT:

@@ -125,7 +125,7 @@ def cleared(task: Task, kinds: Collection[str], out: Path) -> dict[str, Path]:
     paths = paths_of(task, folder)
     try:
         for kind, path in paths.items():
-            if os.path.lexists(path) and (kind not in kinds or path.is_symlink() or not path.is_file()):
+            if os.path.lexists(path) and (kind not in kinds or os.path.islink(path) or not os.path.isfile(path)):
                 path.unlink()
     except OSError as error:
         raise UsageError(Problem(f"its results cannot be written: {error.strerror}", task.path, id="OBS902")) from None
@@ -175,7 +175,7 @@ def read(out: Path, task: Task) -> dict[str, Any] | None:
     """Record of a spec; None where there is none that can be read."""
     path = out / task.place / f"{task.name}{RECORD}"
     try:
-        record = json.loads(content_of(str(path), LARGEST)) if path.is_file() else None
+        record = json.loads(content_of(str(path), LARGEST)) if os.path.isfile(path) else None
     except (OSError, ValueError, RecursionError, UsageError):
         return None
     if not isinstance(record, dict) or record.get("obsdesign") != FORMAT:
@@ -217,9 +217,9 @@ def spoiled(record: Mapping[str, Any], task: Task, out: Path) -> Iterator[str]:
     for kind in record["entry"]["files"]:
         path = Path(task.place, f"{task.name}{ENDINGS[kind]}")
         try:
-            whole = (out / path).is_file() and not (out / path).is_symlink()
+            whole = os.path.isfile(out / path) and not os.path.islink(out / path)
             content = content_of(str(out / path), LARGEST) if whole else None
-        except (OSError, UsageError):
+        except UsageError:
             content = None
         if content is None:
             yield f"{path} is missing"

@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -124,8 +125,8 @@ def opened(source: str) -> dict[str, Any]:
 
     Raises `UsageError`: there is none, or it is no summary of this format.
     """
-    path = str(Path(source, SUMMARY)) if Path(source).is_dir() else source
-    if Path(path).exists() and not Path(path).is_file():  # a pipe, of which nothing might ever come
+    path = str(Path(source, SUMMARY)) if os.path.isdir(source) else source
+    if os.path.exists(path) and not os.path.isfile(path):  # a pipe, of which nothing might ever come
         raise UsageError(Problem("is no file; give the summary of a batch, or its folder", path, id="OBS911"))
     try:
         content: dict[str, Any] = json.loads(content_of(path, LARGEST))

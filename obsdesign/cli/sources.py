@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import typer
@@ -69,7 +68,7 @@ def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]
     """
     made: list[str] = []
     for source in sources:
-        if not Path(source).is_dir():
+        if not os.path.isdir(source):
             made.append(source)
             continue
         files = [path for path in below(source, endings) if not os.path.basename(path).startswith(".")]

@@ -132,7 +132,7 @@ def report(
     """
     if isinstance(source, Design):
         made = Report("this design", (Entry.of(ResultFile("this design", source.text()), "r1", False),), single=True)
-    elif Path(source).is_dir():
+    elif os.path.isdir(source):
         made = of_folder(Path(source), progress)
     else:
         made = Report(os.fspath(source), (Entry.of(ResultFile.open(os.fspath(source)), "r1", False),), single=True)
