@@ -97,6 +97,12 @@ def write_all(files: Mapping[str, bytes]) -> None:
             temporary.unlink(missing_ok=True)
 
 
+def remove_earlier(path: str) -> None:
+    """Remove the regular file at a path, if there is one: what will be written there may never be."""
+    if os.path.isfile(path):
+        os.unlink(os.path.realpath(path))
+
+
 def remove_strays(folder: Path) -> None:
     """Remove what a process that is no more left half-written in a folder. Raises `OSError`."""
     for path in folder.iterdir():

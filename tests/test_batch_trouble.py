@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.commands import run
+from support.commands import begin, run
 from test_batch import GOOD, HIDDEN, WRONG, entries, lasting, put, summary
 
 import obsdesign as od
@@ -39,7 +39,7 @@ def endless(n=20):
 def started(*arguments, **options):
     """A batch in a process of its own."""
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True} | options
-    return subprocess.Popen([*COMMAND, *map(str, arguments)], env=os.environ | SAFE, **streams)
+    return begin([*COMMAND, *map(str, arguments)], env=os.environ | SAFE, **streams)
 
 
 def records(out="results"):

@@ -8,6 +8,7 @@ summary.py    all entries, counts, exit code; table.py: in lines; formats.py: fo
 """
 
 import fcntl
+import json
 import os
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
@@ -18,10 +19,10 @@ from typing import Any, Protocol
 
 from obsdesign.batches import cluster, workers
 from obsdesign.batches.clash import clashes
-from obsdesign.batches.find import Task, find, share, titled
+from obsdesign.batches.find import SUMMARY, Task, find, share, titled
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.merge import merge
-from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, tool
+from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, to_bytes, tool
 from obsdesign.batches.summary import Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
 from obsdesign.disk import remove_strays
@@ -103,6 +104,7 @@ def batch(
         if changed_since is not None:
             run.leave_out(os.fspath(changed_since))
         try:
+            (folder / SUMMARY).unlink(missing_ok=True)  # of an earlier batch, which whatever ends this one would leave
             run.through(jobs or len(os.sched_getaffinity(0)), scheduler, fail_fast=fail_fast)
             return run.summarise("--fail-fast")
         except KeyboardInterrupt:
@@ -161,7 +163,7 @@ class Run:
         self.refused, self.force = refused, force
         self.due = dict[Task, str]()  # what is to be run, and why
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
-        self.loose = dict[Task, Entry]()  # entries that have no record
+        self.told = dict[Task, bytes]()  # entries of these and of what is skipped, as JSON, which takes little memory
         self.tally = Tally()
         self.started = time.perf_counter()
 
@@ -180,12 +182,13 @@ class Run:
 
     def skip(self, task: Task, why: str, digest: str | None = None) -> None:
         """Leave a task out."""
-        self.loose[task] = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
-        self.tally.add(task, self.loose[task])
+        entry = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
+        self.told[task] = to_bytes(entry)
+        self.tally.add(task, entry)
 
     def through(self, jobs: int, scheduler: str | None, *, fail_fast: bool) -> None:
         """Run what is not up to date."""
-        asked = [task for task in self.tasks if task not in self.loose]
+        asked = [task for task in self.tasks if task not in self.told]
         self.follower.found(len(asked))
         for task in asked:
             if task in self.refused:
@@ -217,9 +220,8 @@ class Run:
         return workers.run(due, self.options, self.out, jobs, begun)
 
     def ended(self, task: Task, entry: Entry, why: str | None) -> None:
-        """Count what ended; its entry stays in memory only where it has no record."""
-        if (read(self.out, task) or {}).get("entry") != entry:
-            self.loose[task] = entry
+        """Count what ended; its entry is kept, for someone may remove its record."""
+        self.told[task] = to_bytes(entry)
         self.tally.add(task, entry)
         self.why[task] = why  # at last, so that after an interrupt nothing in it lacks anything
         self.follower.ended({**entry, "up_to_date": why is None, "why": why})
@@ -230,8 +232,8 @@ class Run:
             if task in self.why:
                 continue
             record = None if self.force else read(self.out, task)
-            if task in self.loose:
-                self.tally.add(task, self.loose[task])
+            if task in self.told:
+                self.tally.add(task, json.loads(self.told[task]))
             elif record and reason(record, task, self.options, self.out) is None:
                 self.ended(task, record["entry"], self.due.get(task))
             else:
@@ -243,6 +245,6 @@ class Run:
     def entries(self) -> Iterator[Entry]:
         """Entry of every task."""
         for task in self.tasks:
-            entry = self.loose.get(task) or (read(self.out, task) or {})["entry"]
+            entry = json.loads(self.told[task])
             why = self.why.get(task, entry["why"])
             yield {**entry, "up_to_date": task in self.why and why is None, "why": why}

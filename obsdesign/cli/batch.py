@@ -53,7 +53,7 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
-    from obsdesign.disk import require_writable
+    from obsdesign.disk import remove_earlier, require_writable
 
     if output_file and not form:
         raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
@@ -62,10 +62,11 @@ def batch(
     with missed(form, output_file):
         if merge:
             with batches.held(out) as folder:
+                remove_earlier(output_file)
                 summary = batches.merge(paths, folder)
         else:
             tell_unmatched(paths, [] if quiet else exclude)
-            with followed(quiet, verbose) as follower:
+            with followed(quiet, verbose, output_file) as follower:
                 summary = batches.batch(
                     paths,
                     changes=changes,

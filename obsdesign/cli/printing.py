@@ -3,9 +3,12 @@
 A file that a command writes, such as a JUnit report, does not pass here.
 """
 
+import codecs
+import json
 import os
 import re
 import sys
+from io import TextIOWrapper
 from typing import IO
 
 import typer
@@ -13,6 +16,10 @@ import typer
 from obsdesign.errors import LOGGED
 
 COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
+
+
+class UnwrittenError(OSError):
+    """Standard output cannot be written; without a number, for typer would say nothing of a broken pipe."""
 
 
 def say(text: str, *, err: bool = False, nl: bool = True, color: bool | None = None, obeyed: bool = False) -> None:
@@ -24,10 +31,25 @@ def say(text: str, *, err: bool = False, nl: bool = True, color: bool | None = N
     plain = text if obeyed else LOGGED.sub(r"#\\u0023", COMMAND.sub(r"\1\2\\u003a", text))
     try:
         typer.echo(plain, err=err, nl=nl, color=color)
-    except OSError:
+    except OSError as error:
         if not err:
-            raise
+            raise UnwrittenError(error.strerror) from None
         silence(sys.stderr)  # the exit code stays that of the work
+
+
+def spell_out(*streams: IO[str] | None) -> None:
+    """Let streams print what their encoding has no character for, as JSON would escape it."""
+    codecs.register_error("spelled", spelled)
+    for stream in streams:
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="spelled")
+
+
+def spelled(error: UnicodeError) -> tuple[str, int]:
+    r"""Characters that cannot be encoded as \u and four digits, and where to go on."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return json.dumps(error.object[error.start : error.end])[1:-1], error.end
 
 
 def silence(stream: IO[str] | None) -> None:
