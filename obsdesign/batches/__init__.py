@@ -23,14 +23,12 @@ from obsdesign.batches.find import SUMMARY, Task, find, share, titled
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.merge import merge
 from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, to_bytes, tool
-from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.batches.summary import INTERRUPTED, Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
 from obsdesign.disk import remove_strays
 from obsdesign.errors import Problem, UsageError
 
 __all__ = ["Follower", "Summary", "batch", "held", "merge"]
-
-INTERRUPTED = 130
 
 
 class Follower(Protocol):

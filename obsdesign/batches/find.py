@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from hashlib import sha256
 from itertools import product
 from pathlib import Path, PurePath
+from typing import Any
 from urllib.parse import quote
 
 from obsdesign import disk
@@ -160,7 +161,13 @@ def share(tasks: list[Task], shard: str | None) -> list[Task]:
 
 def parted(shard: str) -> tuple[int, int]:
     """I and N of "I/N". Raises `UsageError`."""
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard, re.ASCII)
-    if not found or not 1 <= int(found[1]) <= int(found[2]):
+    if not is_shard(shard):
         raise UsageError(f"--shard {shard}: expected I/N with 1 <= I <= N, such as 3/40", id="OBS901")
-    return int(found[1]), int(found[2])
+    index, count = map(int, shard.split("/"))
+    return index, count
+
+
+def is_shard(text: Any) -> bool:
+    """Whether it is "I/N" with I from 1 to N."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text, re.ASCII) if isinstance(text, str) else None
+    return found is not None and 1 <= int(found[1]) <= int(found[2])

@@ -9,10 +9,11 @@ from typing import Any
 from obsdesign.batches.find import SUMMARY, Task, parted
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.record import ENDINGS, cleared, differing, digest_of_list, paths_of, read, spoiled
-from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.batches.summary import INTERRUPTED, Summary, Tally, opened, write
 from obsdesign.disk import write_all
 from obsdesign.errors import EXIT, Problem, UsageError
 
+SHOWN = 10  # shards that are missing, in a message
 VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
 
 
@@ -39,7 +40,7 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     head["time_s"] = max(content["time_s"] for content in contents.values())
     if os.path.realpath(out) not in {os.path.realpath(folder(path)) for path in paths}:
         (out / SUMMARY).unlink(missing_ok=True)  # of an earlier batch, which whatever ends this one would leave
-    code = 130 if any(content["exit_code"] == 130 for content in contents.values()) else tally.exit_code
+    code = INTERRUPTED if any(content["exit_code"] == INTERRUPTED for content in contents.values()) else tally.exit_code
     return write(out, tally, head, entries, code)
 
 
@@ -67,7 +68,8 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
     for count in {count for _, count in shards}:
         missing = sorted(set(range(1, count + 1)) - {index for index, of in shards if of == count})
         if missing:
-            shown = ", ".join(f"{index}/{count}" for index in missing)
+            more = [f"and {len(missing) - SHOWN} more"] if len(missing) > SHOWN else []
+            shown = ", ".join([*(f"{index}/{count}" for index in missing[:SHOWN]), *more])
             raise UsageError(f"--merge: of the shards, {shown} missing", id="OBS911")
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from obsdesign import __version__
 from obsdesign.batches.find import MOST, Task, titled
-from obsdesign.batches.form import Entry, agrees, sound
+from obsdesign.batches.form import Entry, agrees, parsed, sound
 from obsdesign.disk import content_of, remove_strays, write_all
 from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
 
@@ -175,8 +175,8 @@ def read(out: Path, task: Task) -> dict[str, Any] | None:
     """Record of a spec; None where there is none that can be read."""
     path = out / task.place / f"{task.name}{RECORD}"
     try:
-        record = json.loads(content_of(str(path), LARGEST)) if os.path.isfile(path) else None
-    except (OSError, ValueError, RecursionError, UsageError):
+        record = parsed(content_of(str(path), LARGEST)) if os.path.isfile(path) else None
+    except (ValueError, UsageError):
         return None
     if not isinstance(record, dict) or record.get("obsdesign") != FORMAT:
         return None

@@ -13,9 +13,9 @@ from typing import IO
 
 import typer
 
-from obsdesign.errors import LOGGED
+from obsdesign.errors import NOT_ONE_LINE, unheeded
 
-COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
+CONTROL = re.compile(f"(?!\n){NOT_ONE_LINE.pattern}")
 
 
 class UnwrittenError(OSError):
@@ -25,12 +25,11 @@ class UnwrittenError(OSError):
 def say(text: str, *, err: bool = False, nl: bool = True, color: bool | None = None, obeyed: bool = False) -> None:
     """Print on standard output, or on standard error, where one that cannot be written ends nothing.
 
-    Unless it shall be `obeyed`, `::` at the beginning of a line and `##[` and `##word[` anywhere are written with an
-    escape, which in JSON stands for the same text.
+    Unless it shall be `obeyed`: see `unheeded`. What a terminal would obey is spelled out, but for its own `color`.
     """
-    plain = text if obeyed else LOGGED.sub(r"#\\u0023", COMMAND.sub(r"\1\2\\u003a", text))
+    plain = text if color is not None else CONTROL.sub(lambda found: json.dumps(found[0])[1:-1], text)
     try:
-        typer.echo(plain, err=err, nl=nl, color=color)
+        typer.echo(plain if obeyed else unheeded(plain), err=err, nl=nl, color=color)
     except OSError as error:
         if not err:
             raise UnwrittenError(error.strerror) from None

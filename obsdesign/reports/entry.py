@@ -322,4 +322,9 @@ def opened(path: str, anchor: str, samples: bool) -> Entry | Missing:
     try:
         return Entry.of(ResultFile.open(path), anchor, samples)
     except UsageError as error:
-        return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)
+        return unread(path, error)
+
+
+def unread(path: str, error: UsageError) -> Missing:
+    """File that cannot be read."""
+    return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)
