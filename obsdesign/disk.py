@@ -14,6 +14,7 @@ from pathlib import Path
 from obsdesign.errors import Problem, UsageError
 
 STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
+KINDS = frozenset({".yaml", ".yml", ".json", ".csv", ".png", ".svg", ".html"})  # endings that the tool reads or writes
 STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
 
 
@@ -110,27 +111,31 @@ def remove_strays(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def require_writable(*paths: str, read: Collection[str] = ()) -> None:
-    """Refuse paths that could not be written, or are those of files that are `read`, before anything is computed.
+def require_writable(path: str, *endings: str, read: Collection[str] = ()) -> None:
+    """Refuse a path that could not be written, or where a file of another kind would be lost, before all work.
 
-    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
+    `endings`: of what would be written; a file that is there may have another one, unless it is one of `KINDS`.
+    Raises `UsageError` if the file is one of those that are `read`, or of another kind, if its folder does not exist or
+    may not be written, or if it is a folder.
     """
-    for path in paths:
-        if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
-            raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
-        try:
-            if not is_regular(path):
-                if not os.access(path, os.W_OK):
-                    raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
-                continue
-            folder = Path(path).resolve().parent
-        except OSError as error:
-            raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
-        shown = Path(path).parent
-        if not os.path.isdir(folder):
-            raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
-        if not os.access(folder, os.W_OK):
-            raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
+    if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
+        raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
+    try:
+        if not is_regular(path):
+            if not os.access(path, os.W_OK):
+                raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
+            return
+        file = Path(path).resolve()
+    except OSError as error:
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
+    shown = Path(path).parent
+    if not os.path.isdir(file.parent):
+        raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
+    if not os.access(file.parent, os.W_OK):
+        raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
+    if file.suffix in KINDS.difference(endings) and file.exists():
+        said = f"is there already, and is no {' or '.join(endings)} that could be replaced; name another"
+        raise UsageError(Problem(said, path, id="OBS914"))
 
 
 def is_regular(path: str) -> bool:

@@ -323,3 +323,60 @@ def test_an_entry_that_contradicts_itself_is_not_believed(parts):
     assert entries("new")["a.yaml"]["status"] == "certified"
     assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
     assert (entries()["a.yaml"]["status"], entries()["a.yaml"]["why"]) == ("certified", "never run")
+
+
+IDLE = ["--jobs=3", "--force", "--simulate", "--exclude=x", "--fail-fast", "--shard=1/2", "--changed-since=results"]
+
+
+@pytest.mark.parametrize("option", [*IDLE, "--set=observer.alpha=1", "--memory=5", "--timeout=9", "-v", "--jobs=0"])
+def test_an_option_that_a_merge_would_ignore_is_refused(option):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    outcome = run("batch", "--merge", "results", "--out", "all", option)
+    name = {"-v": "--verbose"}.get(option, option.partition("=")[0])
+    said = f"{name}: --merge runs no spec, and would ignore this; leave it out [OBS904]\n"
+    assert (outcome.exit_code, outcome.stdout, outcome.stderr) == (2, "", said)
+    told = ("--format", "sarif", "--output-file", "told", "-q", "--json")
+    outcome = run("batch", "--merge", "results", "--out", "all", *told)
+    assert (outcome.exit_code, json.loads(outcome.stdout)["counts"]["certified"]) == (0, 1)
+    assert json.loads(Path("told").read_text())["version"] == "2.1.0"
+
+
+def test_two_forms_are_not_printed_at_once():
+    put("a.yaml")
+    outcome = run("batch", "a.yaml", "--json", "--format", "junit")
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "--json and --format are both printed; write one with --output-file [OBS904]" in outcome.stderr
+
+
+@pytest.mark.parametrize("form", ["junit", "github", "sarif", "json"])
+@pytest.mark.parametrize(
+    "lost",
+    [
+        *("specs/a.yaml", "link.yaml", "spec.txt", "results/summary.json", "base/summary.json", "kept.run.csv"),
+        *("results/specs/a/a.gains.json", "results/specs/a/a.record.json", "./results/specs/../summary.json"),
+    ],
+)
+def test_no_file_for_other_programs_stands_in_the_place_of_a_spec_or_a_result(form, lost):
+    put("specs/a.yaml")
+    put("spec.txt")
+    put("kept.run.csv", "t,x1\n")
+    Path("link.yaml").symlink_to("specs/a.yaml")
+    for out in ("results", "base"):
+        assert run("batch", "specs", "-q", "--jobs", 1, "--out", out).exit_code == 0
+    before = Path(lost).read_bytes()
+    sources = ("spec.*", "specs", "--changed-since", "base", "--jobs", 1)
+    outcome = run("batch", *sources, "--format", form, "--output-file", lost)
+    assert (outcome.exit_code, outcome.stderr.count("\n"), Path(lost).read_bytes()) == (2, 1, before)
+    assert outcome.stderr.startswith(f"{lost}: ")
+    assert "; name another [OBS9" in outcome.stderr
+    for _ in range(2):
+        assert run("batch", "specs", "-q", "--format", form, "--output-file", "results/told").exit_code == 0
+
+
+def test_the_summaries_that_are_merged_are_not_replaced():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    for source in ("results", "results/summary.json"):
+        told = ("--format", "sarif", "--output-file", "results/summary.json")
+        assert run("batch", "--merge", source, "--out", "all", *told).exit_code == 2

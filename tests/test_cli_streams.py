@@ -386,3 +386,30 @@ def test_no_output_replaces_what_is_read():
         assert outcome.exit_code == 2, command
         assert "is read here, and would be overwritten; name another [OBS904]" in outcome.stderr
     assert before == {path: path.read_bytes() for path in Path().iterdir()}
+
+
+@pytest.mark.usefixtures("sketched")
+def test_no_output_replaces_a_file_of_another_kind(spec, gains):
+    """A spec, a result, samples, a figure or a page that is there gives way only to one of its kind."""
+    kinds = {"a.yaml": "", "a.yml": "", "b.gains.json": "{}", "b.csv": "", "b.png": "", "b.html": ""}
+    for name, text in kinds.items():
+        Path(name).write_text(text)
+    Path("link.txt").symlink_to("a.yaml")
+    commands = {
+        ("solve", spec, "-o"): {".json"},
+        ("simulate", gains, "-o"): {".csv"},
+        ("simulate", gains, "--plot"): {".png"},
+        ("report", gains, "-o"): {".html"},
+        ("compare", gains, "--seeds", "1", "-o"): {".png"},
+        ("batch", spec, "--jobs", "1", "--format", "junit", "--output-file"): set(),
+    }
+    for command, own in commands.items():
+        for name in (*kinds, "link.txt"):
+            if Path(name).suffix not in own:
+                outcome = run(*command, name)
+                assert outcome.exit_code == 2, (command, name)
+                assert "; name another [OBS9" in outcome.stderr
+    assert {name: Path(name).read_text() for name in kinds} == kinds
+    for command, own in commands.items():
+        for name in ("new", "new", *(name for name in kinds if Path(name).suffix in own)):
+            assert run(*command, name, "-q").exit_code == 0, (command, name)

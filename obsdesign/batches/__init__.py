@@ -12,7 +12,7 @@ import json
 import os
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
@@ -117,25 +117,38 @@ def held(out: str | os.PathLike[str]) -> Iterator[Path]:
     It is free again when the process ends, however that is. Raises `UsageError`: it cannot be made, or another has it.
     """
     folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise unwritable(folder, error) from None
-    try:
-        with suppress(OSError):  # a file system without locks
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                said = "another batch is writing its results here; wait for its end, or give another --out"
-                raise UsageError(Problem(said, str(folder), id="OBS912")) from None
+    with ExitStack() as locks:
         try:
+            folder.mkdir(parents=True, exist_ok=True)
+            whole = folder.resolve()
+            for part in (whole, *whole.parents):
+                lock(part, locks, shared=part != whole)
             remove_strays(folder)
+        except BlockingIOError:
+            said = "another batch is writing its results here; wait for its end, or give another --out"
+            raise UsageError(Problem(said, str(folder), id="OBS912")) from None
         except OSError as error:
             raise unwritable(folder, error) from None
         yield folder
-    finally:
-        os.close(lock)
+
+
+def lock(folder: Path, locks: ExitStack, *, shared: bool) -> None:
+    """Keep a folder from other batches, or, where it is above that of a batch, let them share it.
+
+    Raises `BlockingIOError`: another batch has it; `OSError`: it cannot be read, unless it is shared.
+    """
+    try:
+        number = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        if shared:
+            return
+        raise
+    locks.callback(os.close, number)
+    try:
+        fcntl.flock(number, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except OSError as error:
+        if isinstance(error, BlockingIOError):  # else a file system without locks
+            raise
 
 
 def unwritable(folder: Path, error: OSError) -> UsageError:
@@ -168,8 +181,8 @@ class Run:
     def leave_out(self, source: str) -> None:
         """Skip what is the same in another summary, and was as expected there."""
         other = opened(source)
-        wanted = {**self.options.of(""), "tool": tool()}
-        if {**{key: other["options"].get(key) for key in self.options.of("")}, "tool": other["tool"]} != wanted:
+        wanted = {**self.options.lasting, "tool": tool()}
+        if {**{key: other["options"].get(key) for key in self.options.lasting}, "tool": other["tool"]} != wanted:
             return
         done = [one for one in other["specs"] if one["as_expected"] is True and agrees(one)]
         known = {titled(one["path"], one.get("set", ())): one.get("sha256") for one in done}

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign import __version__
-from obsdesign.batches.find import MOST, Task, titled
+from obsdesign.batches.find import MOST, SUMMARY, Task, titled
 from obsdesign.batches.form import Entry, agrees, parsed, sound
 from obsdesign.disk import content_of, remove_strays, write_all
 from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
@@ -25,21 +25,23 @@ ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of t
 RECORD = ".record.json"
 installed = cache(version)  # of a package, whose files are read for it
 LARGEST = 2**30  # bytes of a file that is read back
-LIMITS = {"timeout": "timeout", "memory": "memory"}  # option that ends a spec, by the status that it ends with
+LIMITS = ("timeout", "memory")  # options that end a spec, and the statuses that it ends with
+BROKEN = {"crashed": "it crashed", "timeout": "it was late", "memory": "it lacked memory"}  # what another try may give
 
 
 @dataclass(frozen=True)
 class Options:
-    """What a result depends on besides its spec and the tool; of the limits only a spec that they end."""
+    """What a result depends on besides its spec and the tool; not on the limits, for what they end has no result."""
 
     solver: str = "clarabel"
     simulate: bool = False
     timeout: float = 600  # s a spec
     memory: float | None = None  # MiB a spec
 
-    def of(self, status: str) -> dict[str, Any]:
-        """Options that matter to a spec that ended so."""
-        return {k: v for k, v in asdict(self).items() if k not in LIMITS.values() or k == LIMITS.get(status)}
+    @property
+    def lasting(self) -> dict[str, Any]:
+        """Options that matter to a result."""
+        return {k: v for k, v in asdict(self).items() if k not in LIMITS}
 
 
 @dataclass
@@ -137,6 +139,13 @@ def paths_of(task: Task, folder: Path) -> dict[str, Path]:
     return {kind: folder / f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
 
 
+def is_result(path: str, folders: Iterable[str]) -> bool:
+    """Whether a path has the name of a result of a spec, or is that of a summary below one of some folders."""
+    file = Path(os.path.realpath(path))
+    inside = any(file.is_relative_to(os.path.realpath(folder)) for folder in folders)
+    return file.name.endswith((RECORD, *ENDINGS.values())) or (inside and file.name == SUMMARY)
+
+
 def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
     """Write the files of a spec, then its record; each whole or not at all. Returns the entry.
 
@@ -149,7 +158,7 @@ def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
     record = {
         "obsdesign": FORMAT,
         "tool": tool(),
-        "options": options.of(entry["status"]),
+        "options": options.lasting,
         "hashes": {kind: digest_of(content) for kind, content in result.files.items()},
         "entry": entry,
     }
@@ -199,15 +208,16 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
         yield f"these are the results of {title}"
     if entry["sha256"] != sha256(task):
         yield "the spec changed"
-    if entry["status"] == "crashed":
-        yield "it crashed"
+    if entry["status"] in BROKEN:
+        yield BROKEN[entry["status"]]
     if changed := differing(record["tool"], tool()):
         yield f"{changed} of the tool changed"
-    asked = options.of(entry["status"])
+    asked = options.lasting
     asked |= {"simulate": True} if record["options"].get("simulate") is True else {}  # a run is more than is asked
     if changed := differing(record["options"], asked):
         yield f"{changed} changed"
-    if entry["status"] in EXIT and "gains" not in entry["files"]:
+    proving = entry["status"] in EXIT and entry["exit_code"] != 0
+    if (proving or entry["verified"] is not None) and "gains" not in entry["files"]:
         yield "its gains file is missing"
     yield from spoiled(record, task, out)
 

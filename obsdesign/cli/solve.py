@@ -37,7 +37,7 @@ def solve(
         target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
         if not printed:
-            require_writable(target, read=[spec])
+            require_writable(target, ".json", read=[spec])
         paths, curve = beside(target, spec)
         design = solved(problem, solver, quiet)
         if design.status == "uncertified":
