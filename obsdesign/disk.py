@@ -114,10 +114,14 @@ def remove_strays(folder: Path) -> None:
 def require_writable(path: str, *endings: str, read: Collection[str] = ()) -> None:
     """Refuse a path that could not be written, or where a file of another kind would be lost, before all work.
 
-    `endings`: of what would be written; a file that is there may have another one, unless it is one of `KINDS`.
+    `endings`: of what would be written; a file that is there may have another one, unless it is one of `KINDS`. `-` is
+    standard output.
+
     Raises `UsageError` if the file is one of those that are `read`, or of another kind, if its folder does not exist or
     may not be written, or if it is a folder.
     """
+    if path == "-":
+        return
     if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
         raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
     try:

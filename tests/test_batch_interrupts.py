@@ -9,7 +9,7 @@ from pathlib import Path
 from shutil import copytree, rmtree
 
 import pytest
-from support.commands import begin, run
+from support.commands import begin, interrupted, run
 from test_batch import GOOD, HIDDEN, WRONG, entries, put, summary
 from test_batch_trouble import SAFE, endless, records, started, until
 
@@ -166,6 +166,14 @@ def test_a_batch_that_is_stopped_leaves_no_output_of_an_earlier_one(number, form
     assert (process.returncode, said.splitlines()[-1]) == (130, "interrupted")
     assert summary()["exit_code"] == 130
     assert entries()["c.yaml"]["why"] == "interrupted"
+
+
+@pytest.mark.usefixtures("here")
+def test_an_interrupt_before_a_batch_begins_leaves_no_output_of_an_earlier_one(monkeypatch):
+    put("told", "of yesterday")
+    monkeypatch.setattr(batches, "find", interrupted)
+    assert run("batch", ".", "--format", "junit", "--output-file", "told").exit_code == 130
+    assert not Path("told").exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)

@@ -409,6 +409,12 @@ def test_no_output_replaces_a_file_of_another_kind(spec, gains):
                 outcome = run(*command, name)
                 assert outcome.exit_code == 2, (command, name)
                 assert "; name another [OBS9" in outcome.stderr
+    for name, option in (("cart.run.png", "--simulate"), ("cart.run.csv", "--simulate"), ("cart.curve.png", "--plot")):
+        Path(name).symlink_to("a.yaml")
+        outcome = run("solve", spec, option)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert outcome.stderr.startswith(f"{name}: is there already, and is no {Path(name).suffix} ")
+        Path(name).unlink()
     assert {name: Path(name).read_text() for name in kinds} == kinds
     for command, own in commands.items():
         for name in ("new", "new", *(name for name in kinds if Path(name).suffix in own)):

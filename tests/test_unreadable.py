@@ -9,6 +9,8 @@ import pytest
 from support.commands import run
 from test_batch import GOOD, entries, put
 
+import obsdesign as od
+
 LONG = f"{'x' * 300}.yaml"
 DENIED = "cannot be read: Permission denied [OBS101]\n"
 
@@ -138,3 +140,20 @@ def test_a_path_that_is_too_long_is_one_line(command):
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
     assert outcome.stderr.startswith(f"{LONG}: cannot be ")
     assert "File name too long" in outcome.stderr
+
+
+@pytest.mark.usefixtures("user")
+def test_results_may_be_below_a_folder_that_may_be_searched_but_not_listed():
+    Path("specs/private.yaml").unlink()
+    Path("specs/private").chmod(0o777)
+    kept_from("specs/private", 0o333)
+    assert run("batch", "specs/a.yaml", "-q", "--jobs", 1, "--out", "specs/private/out").exit_code == 0
+    outcome = run("batch", "specs/a.yaml", "-q", "--jobs", 1, "--out", "specs/private")
+    said = "specs/private: cannot be made or written: Permission denied [OBS902]\n"
+    assert (outcome.exit_code, outcome.stderr) == (2, said)
+
+
+@pytest.mark.usefixtures("here")
+def test_a_path_that_no_system_has_is_one_line():
+    with pytest.raises(od.UsageError, match=r"cannot be read: .*null"):
+        od.batch(["a\0b"])

@@ -130,9 +130,17 @@ def tell_unmatched(paths: list[str], exclude: list[str]) -> None:
 
 @contextmanager
 def missed(form: str | None, output_file: str) -> Iterator[None]:
-    """Say, where a batch is refused as a whole, that what another program waits for is not written."""
+    """Say, where a batch is refused as a whole, that what another program waits for is not written.
+
+    Where it is interrupted, however early, nothing of an earlier one is left to that program.
+    """
+    from obsdesign.disk import remove_earlier
+
     try:
         yield
+    except KeyboardInterrupt:
+        remove_earlier(output_file)
+        raise
     except UsageError as error:
         if form is None:
             raise

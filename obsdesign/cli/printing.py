@@ -46,8 +46,7 @@ def spell_out(*streams: IO[str] | None) -> None:
 
 def spelled(error: UnicodeError) -> tuple[str, int]:
     r"""Characters that cannot be encoded as \u and four digits, and where to go on."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
+    assert isinstance(error, UnicodeEncodeError)
     return json.dumps(error.object[error.start : error.end])[1:-1], error.end
 
 

@@ -42,8 +42,7 @@ def simulate(
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
             for path, *endings in ((paths[0], ".csv"), (paths[1], ".png", ".svg")):
-                if path != "-":
-                    require_writable(path, *endings, read=[source, *[gains] * bool(gains)])
+                require_writable(path, *endings, read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)
             from obsdesign.simulate.validity import require_kept
             from obsdesign.work import trial
