@@ -112,6 +112,20 @@ def test_specs_of_a_folder_that_may_be_listed_but_not_searched_are_told():
     assert (outcome.exit_code, outcome.stderr) == (2, f"invalid: specs/private/b.yaml: {DENIED}")
 
 
+@pytest.mark.usefixtures("here", "at_once")
+def test_a_link_to_nowhere_is_no_spec_of_a_folder_and_told_where_it_is_given():
+    put("specs/a.yaml")
+    Path("specs/lock.yaml").symlink_to("nobody")
+    assert run("batch", "specs", "-q", "--jobs", 1).exit_code == 0
+    assert list(entries()) == ["specs/a.yaml"]
+    outcome = run("batch", "specs/lock.yaml", "-q", "--jobs", 1)
+    said = "invalid: specs/lock.yaml: cannot be read: No such file or directory [OBS101]\n"
+    assert (outcome.exit_code, outcome.stderr) == (2, said)
+    os.mkfifo("pipe")
+    outcome = run("batch", "pipe")
+    assert (outcome.exit_code, "pipe: is no file and no folder" in outcome.stderr) == (2, True)
+
+
 @pytest.mark.parametrize(
     "command",
     [

@@ -107,10 +107,7 @@ def sound(value: Any) -> Entry | None:
     if not isinstance(value, dict):
         return None
     entry = {"set": [], **value}  # which a summary without changes need not have
-    try:
-        whole = entry.keys() >= FORM.keys() and all(holds(entry[key]) for key, holds in FORM.items())
-    except TypeError:  # a list for a status
-        return None
+    whole = entry.keys() >= FORM.keys() and all(holds(entry[key]) for key, holds in FORM.items())
     return {key: entry[key] for key in FORM} if whole else None
 
 
