@@ -215,7 +215,7 @@ class Design(Outcome):
 
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""
-        known = {} if self.status is Verdict.NO_GUARANTEE else self.result
+        known = {"status": str(Verdict.UNCERTIFIED)} if self.status is Verdict.NO_GUARANTEE else self.result
         run = {} if summary is None else {"simulation": summary}
         content = {**known, **run}
         told = {key: value for key, value in self.spec.expect.items() if run or not key.startswith("simulation.")}

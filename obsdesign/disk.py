@@ -14,6 +14,7 @@ from pathlib import Path
 from obsdesign.errors import Problem, UsageError
 
 STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
+KINDS = frozenset({".yaml", ".yml", ".json", ".csv", ".png", ".svg", ".html"})  # endings that the tool reads or writes
 STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
 
 
@@ -24,6 +25,8 @@ def content_of(path: str, most: int) -> bytes:
             return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
         with Path(path).open("rb") as file:
             return file.read(most + 1)
+    except IsADirectoryError:
+        raise UsageError(Problem("is a folder; give a file", path, id="OBS101")) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
@@ -32,23 +35,25 @@ def content_of(path: str, most: int) -> bytes:
 def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
     """Files below a folder whose names end so, however deep they are and whoever made the folder.
 
-    Hidden folders, those that cannot be read and links to folders are left out, and what might never end, such as
-    pipes. A link that leads nowhere is a file.
+    A folder that cannot be read stands for what is in it: who opens it as a file is told why. Hidden folders and links
+    to folders are left out, and what might never end, such as pipes. A link that leads nowhere is a file.
     """
     waiting = [folder]
     while waiting:
-        for entry in entries(waiting.pop()):
+        if (found := entries(one := waiting.pop())) is None:
+            yield one
+        for entry in found or ():
             if entry.is_dir(follow_symlinks=False):
                 waiting += [] if entry.name.startswith(".") else [entry.path]
             elif entry.name.endswith(endings) and is_file(entry.path):
                 yield entry.path
 
 
-def entries(folder: str) -> "list[os.DirEntry[str]]":
-    """What is in a folder; nothing where it cannot be read."""
+def entries(folder: str) -> "list[os.DirEntry[str]] | None":
+    """What is in a folder; None where it cannot be read."""
     with suppress(OSError), os.scandir(folder) as found:
         return list(found)
-    return []
+    return None
 
 
 def is_file(path: str) -> bool:
@@ -93,6 +98,12 @@ def write_all(files: Mapping[str, bytes]) -> None:
             temporary.unlink(missing_ok=True)
 
 
+def remove_earlier(path: str) -> None:
+    """Remove the regular file at a path, if there is one: what will be written there may never be."""
+    if os.path.isfile(path):
+        os.unlink(os.path.realpath(path))
+
+
 def remove_strays(folder: Path) -> None:
     """Remove what a process that is no more left half-written in a folder. Raises `OSError`."""
     for path in folder.iterdir():
@@ -100,27 +111,35 @@ def remove_strays(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def require_writable(*paths: str, read: Collection[str] = ()) -> None:
-    """Refuse paths that could not be written, or are those of files that are `read`, before anything is computed.
+def require_writable(path: str, *endings: str, read: Collection[str] = ()) -> None:
+    """Refuse a path that could not be written, or where a file of another kind would be lost, before all work.
 
-    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
+    `endings`: of what would be written; a file that is there may have another one, unless it is one of `KINDS`. `-` is
+    standard output.
+
+    Raises `UsageError` if the file is one of those that are `read`, or of another kind, if its folder does not exist or
+    may not be written, or if it is a folder.
     """
-    for path in paths:
-        if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
-            raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
-        try:
-            if not is_regular(path):
-                if not os.access(path, os.W_OK):
-                    raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
-                continue
-            folder = Path(path).resolve().parent
-        except OSError as error:
-            raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
-        shown = Path(path).parent
-        if not folder.is_dir():
-            raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
-        if not os.access(folder, os.W_OK):
-            raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
+    if path == "-":
+        return
+    if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
+        raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
+    try:
+        if not is_regular(path):
+            if not os.access(path, os.W_OK):
+                raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
+            return
+        file = Path(path).resolve()
+    except OSError as error:
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
+    shown = Path(path).parent
+    if not os.path.isdir(file.parent):
+        raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
+    if not os.access(file.parent, os.W_OK):
+        raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
+    if file.suffix in KINDS.difference(endings) and file.exists():
+        said = f"is there already, and is no {' or '.join(endings)} that could be replaced; name another"
+        raise UsageError(Problem(said, path, id="OBS914"))
 
 
 def is_regular(path: str) -> bool:

@@ -20,6 +20,7 @@ EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit
 
 # Characters that end a line, change what stands in it, or cannot be printed: in a text of a user they would forge lines
 NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
 LOGGED = re.compile(r"##(?=\w*\[)")  # begins what a runner obeys anywhere in a log: ##[error], ##vso[, ##teamcity[
 
 
@@ -73,6 +74,14 @@ def listed(problems: Iterable[Problem]) -> str:
 def one_line(text: str) -> str:
     """Text with escapes in place of what would end the line, or change what stands in it."""
     return NOT_ONE_LINE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def unheeded(text: str) -> str:
+    """Text whose lines the runners of GitHub, Azure and TeamCity do not obey.
+
+    `::` at the beginning of a line and `##[` and `##word[` anywhere get an escape, which in JSON stands for the same.
+    """
+    return LOGGED.sub(r"#\\u0023", COMMAND.sub(r"\1\2\\u003a", text))
 
 
 class ObsdesignError(Exception):

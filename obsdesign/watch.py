@@ -10,8 +10,8 @@ import signal
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
@@ -20,7 +20,7 @@ from obsdesign.errors import TimeLimitError, listed
 LATE = 1.0  # s until which a command ends by itself
 ORDERLY = 60.0  # s until which one does that was interrupted and writes what is done; a second interrupt ends it
 UNDECIDED, INTERRUPTED, KILLED = 4, 130, 128  # exit codes, the last with the number of a signal
-HEARD = (signal.SIGCHLD, signal.SIGINT, signal.SIGTERM)
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)  # of a user, and of who cancels a job
 DIES_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 
 LIMIT = struct.Struct("dd")  # s that are allowed, and the end of them on the monotonic clock; zero: no limit
@@ -65,12 +65,16 @@ def watched(command: Callable[[], None]) -> int:
     if not hasattr(signal, "sigtimedwait"):  # elsewhere than on Linux
         command()
         return 0
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, HEARD)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # or, were it ignored, nobody would know how a child ended
+    ignored = (signal.SIG_IGN, None)  # as a shell has it for what runs in the background
+    interrupts = [number for number in INTERRUPTS if signal.getsignal(number) not in ignored]
+    heard = (signal.SIGCHLD, *interrupts)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, heard)
     if child := os.fork():
-        return awaited(child)
+        return awaited(child, heard)
     try:
-        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as a shell has it for what runs in the background
-            signal.signal(signal.SIGINT, interrupt)
+        for number in interrupts:
+            signal.signal(number, interrupt)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         sys.unraisablehook = lost
         with_parent()
@@ -80,15 +84,21 @@ def watched(command: Callable[[], None]) -> int:
             raise
         return INTERRUPTED  # whatever the interrupt became on its way, such as an ImportError
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
+        deaf()  # all is done
     return 0
 
 
 def interrupt(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
     """Raise for the first interrupt; a second one would break what cleans up."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    deaf()
     interrupted.append(signum)
     raise KeyboardInterrupt
+
+
+def deaf() -> None:
+    """Hear no interrupt from now on."""
+    for number in INTERRUPTS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def lost(raised: Any) -> None:
@@ -105,18 +115,18 @@ def with_parent() -> None:
         ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
 
 
-def awaited(child: int) -> int:
-    """Exit code of the child."""
+def awaited(child: int, signals: Collection[signal.Signals]) -> int:
+    """Exit code of the child, to which these signals are told."""
     since = again = 0.0
     while True:
-        heard = signal.sigtimedwait(HEARD, LATE / 4)
+        heard = signal.sigtimedwait(signals, LATE / 4)
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
             code = os.waitstatus_to_exitcode(status)
             return INTERRUPTED if since else code if code >= 0 else KILLED - code
         if heard and heard.si_signo != signal.SIGCHLD:
             os.kill(child, heard.si_signo)
-            again = time.monotonic() if heard.si_signo == signal.SIGINT else again
+            again = time.monotonic()
             since = since or again
         seconds, end = LIMIT.unpack_from(shared)
         grace = max(LATE, *GRACE.unpack_from(shared, LIMIT.size))
@@ -124,7 +134,7 @@ def awaited(child: int) -> int:
             return killed(child, "interrupted", INTERRUPTED)
         if end and time.monotonic() > end + LATE:
             if "--json" in sys.argv:
-                os.write(1, f"{listed(late(seconds).problems)}\n".encode())
+                tell(1, listed(late(seconds).problems))
             return killed(child, str(late(seconds)), UNDECIDED)
 
 
@@ -132,5 +142,11 @@ def killed(child: int, why: str, code: int) -> int:
     """End a child that does not hear, and say why."""
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    os.write(2, f"{why}\n".encode())
+    tell(2, why)
     return code
+
+
+def tell(stream: int, text: str) -> None:
+    """Print a line on a stream, if that can be written."""
+    with suppress(OSError):
+        os.write(stream, f"{text}\n".encode())

@@ -217,7 +217,7 @@ def test_an_unmet_expectation_has_its_place():
     }
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("here", "at_once")
 def test_a_filter_of_which_nothing_is_proved_is_run_and_held_against_what_it_expects():
     text = GOOD.replace("{type: l2, alpha: 0.1, bounds: {L1: 5}}", "{type: ekf, Q: [[1]], R: [[1]], P0: [[1]]}")
     put("a.yaml", text.replace("B: [[1]]", "B: [[1]], D: [[0]]") + "expect: {simulation.status: done}\n")
@@ -231,6 +231,13 @@ def test_a_filter_of_which_nothing_is_proved_is_run_and_held_against_what_it_exp
         None,
     )
     assert list(result.files) == ["csv", "png"]
+    for wanted, code in (("uncertified", 0), ("certified", 4), ("infeasible", 4)):
+        put("a.yaml", text.replace("B: [[1]]", "B: [[1]], D: [[0]]") + f"expect: {{status: {wanted}}}\n")
+        assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == code
+        assert entries()["a.yaml"]["expected"][0]["found"] == "uncertified"
+        assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == code  # and its record is believed
+        assert entries()["a.yaml"]["up_to_date"] is True
+        assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == code
 
 
 # The whole

@@ -120,6 +120,10 @@ def test_what_a_cluster_does_not_do_is_told(monkeypatch):
     assert (result.entry["status"], result.entry["exit_code"]) == ("crashed", 1)
     assert result.entry["problems"][0]["message"] == "the cluster did not do it: RuntimeError('the worker died')"
     assert cluster.result_of(Finished(), Task("a.yaml"), "tcp://x").entry["status"] == "certified"
+    with monkeypatch.context() as full:
+        full.setattr(cluster, "performed", lambda *_: {})  # as where a disk there is full
+        result = cluster.result_of(Finished(), Task("a.yaml"), "tcp://x")
+        assert (result.entry["status"], result.entry["exit_code"]) == ("crashed", 1)
     monkeypatch.setattr(cluster, "tool", lambda: {**tool(), "version": "9"})
     with pytest.raises(cluster.UsageError, match=r"^--scheduler tcp://x: version of the tool differs there"):
         cluster.result_of(Finished(), Task("a.yaml"), "tcp://x")

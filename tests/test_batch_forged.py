@@ -66,7 +66,12 @@ def test_a_record_that_cannot_be_read_is_none(content):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("options", []), ("options.shard", 5), ("time_s", "x"), ("tool", 1), ("specs", [5]), ("specs", {}), ("counts", 1)],
+    [
+        *(("options", []), ("options.shard", 5), ("options.shard", "1/9" * 10**6), ("options.shard", "0/5")),
+        *(("time_s", "x"), ("time_s", 10**400), ("time_s", float("inf")), ("tool", 1)),
+        *(("specs", [5]), ("specs", {}), ("counts", 1), ("exit_code", None), ("exit_code", "0"), ("exit_code", 7)),
+    ],
+    ids=lambda value: str(value)[:20],
 )
 def test_a_summary_of_another_form_is_refused(key, value):
     put("a.yaml")
@@ -76,6 +81,60 @@ def test_a_summary_of_another_form_is_refused(key, value):
         outcome = run("batch", *command)
         assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
         assert "[OBS911]" in outcome.stderr
+
+
+SPEC = {"path": "a.yaml", "status": "invalid", "exit_code": 2, "as_expected": False, "verified": None, "files": {}}
+PROBLEM = {"id": "OBS104", "message": "wrong", "file": "a.yaml", "line": 3}
+FORGED_ENTRIES = [
+    {"expected": [{"key": "gamma", "expected": 1, "found": float("nan"), "holds": False}]},
+    {"expected": [{"key": "gamma", "expected": 1, "found": float("inf"), "holds": False}]},
+    {"expected": [{"key": "gamma", "expected": 10**400, "found": 1, "holds": False}]},
+    {"problems": [{**PROBLEM, "column": 0}]},
+    {"problems": [{**PROBLEM, "line": True}]},
+    {"problems": [{**PROBLEM, "line": -1}]},
+    {"status": "invalid\n::error::forged"},
+    {"status": "\ud800"},
+    {"path": "\ud800.yaml"},
+]
+
+
+@pytest.mark.parametrize("parts", FORGED_ENTRIES, ids=str)
+def test_an_entry_of_another_form_is_refused_by_whoever_reads_a_summary(parts):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    path = Path("results/summary.json")
+    content = json.loads(path.read_text())
+    content["specs"][0] |= SPEC | {"guarantee": {}} | parts
+    path.write_text(json.dumps(content))
+    RECORD.unlink()
+    said = "results/summary.json: "
+    outcome = run("batch", "--merge", "results", "--out", "all")
+    assert (outcome.exit_code, outcome.stdout, outcome.stderr.startswith(said)) == (2, "", True)
+    outcome = run("report", "results")  # which shows what else there is
+    assert (outcome.exit_code, outcome.stderr.startswith(said), outcome.stderr.count("\n")) == (2, True, 1)
+    assert outcome.stdout == "1 certified, 1 invalid\nreport  report.html\n"
+
+
+def test_a_problem_without_a_column_is_placed_by_its_line():
+    put("a.yaml", "obsdesign: [")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 2
+    for path in (RECORD, Path("results/summary.json")):
+        content = json.loads(path.read_text())
+        (content["entry"] if path == RECORD else content["specs"][0])["problems"] = [PROBLEM]
+        path.write_text(json.dumps(content))
+    outcome = run("batch", "--merge", "results", "--out", "all", "--format", "sarif")
+    (result,) = json.loads(outcome.stdout)["runs"][0]["results"]
+    assert result["locations"][0]["physicalLocation"]["region"] == {"startLine": 3}
+
+
+def test_shards_that_are_missing_are_told_in_a_short_line():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    changed(Path("results/summary.json"), "options.shard", "1/999999")
+    outcome = run("batch", "--merge", "results", "--out", "all")
+    assert outcome.exit_code == 2
+    assert "2/999999, 3/999999" in outcome.stderr
+    assert outcome.stderr.endswith("and 999988 more missing [OBS911]\n")
 
 
 def test_a_pipe_in_place_of_a_summary_is_refused_and_not_waited_for():
@@ -264,3 +323,60 @@ def test_an_entry_that_contradicts_itself_is_not_believed(parts):
     assert entries("new")["a.yaml"]["status"] == "certified"
     assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
     assert (entries()["a.yaml"]["status"], entries()["a.yaml"]["why"]) == ("certified", "never run")
+
+
+IDLE = ["--jobs=3", "--force", "--simulate", "--exclude=x", "--fail-fast", "--shard=1/2", "--changed-since=results"]
+
+
+@pytest.mark.parametrize("option", [*IDLE, "--set=observer.alpha=1", "--memory=5", "--timeout=9", "-v", "--jobs=0"])
+def test_an_option_that_a_merge_would_ignore_is_refused(option):
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    outcome = run("batch", "--merge", "results", "--out", "all", option)
+    name = {"-v": "--verbose"}.get(option, option.partition("=")[0])
+    said = f"{name}: --merge runs no spec, and would ignore this; leave it out [OBS904]\n"
+    assert (outcome.exit_code, outcome.stdout, outcome.stderr) == (2, "", said)
+    told = ("--format", "sarif", "--output-file", "told", "-q", "--json")
+    outcome = run("batch", "--merge", "results", "--out", "all", *told)
+    assert (outcome.exit_code, json.loads(outcome.stdout)["counts"]["certified"]) == (0, 1)
+    assert json.loads(Path("told").read_text())["version"] == "2.1.0"
+
+
+def test_two_forms_are_not_printed_at_once():
+    put("a.yaml")
+    outcome = run("batch", "a.yaml", "--json", "--format", "junit")
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert "--json and --format are both printed; write one with --output-file [OBS904]" in outcome.stderr
+
+
+@pytest.mark.parametrize("form", ["junit", "github", "sarif", "json"])
+@pytest.mark.parametrize(
+    "lost",
+    [
+        *("specs/a.yaml", "link.yaml", "spec.txt", "results/summary.json", "base/summary.json", "kept.run.csv"),
+        *("results/specs/a/a.gains.json", "results/specs/a/a.record.json", "./results/specs/../summary.json"),
+    ],
+)
+def test_no_file_for_other_programs_stands_in_the_place_of_a_spec_or_a_result(form, lost):
+    put("specs/a.yaml")
+    put("spec.txt")
+    put("kept.run.csv", "t,x1\n")
+    Path("link.yaml").symlink_to("specs/a.yaml")
+    for out in ("results", "base"):
+        assert run("batch", "specs", "-q", "--jobs", 1, "--out", out).exit_code == 0
+    before = Path(lost).read_bytes()
+    sources = ("spec.*", "specs", "--changed-since", "base", "--jobs", 1)
+    outcome = run("batch", *sources, "--format", form, "--output-file", lost)
+    assert (outcome.exit_code, outcome.stderr.count("\n"), Path(lost).read_bytes()) == (2, 1, before)
+    assert outcome.stderr.startswith(f"{lost}: ")
+    assert "; name another [OBS9" in outcome.stderr
+    for _ in range(2):
+        assert run("batch", "specs", "-q", "--format", form, "--output-file", "results/told").exit_code == 0
+
+
+def test_the_summaries_that_are_merged_are_not_replaced():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    for source in ("results", "results/summary.json"):
+        told = ("--format", "sarif", "--output-file", "results/summary.json")
+        assert run("batch", "--merge", source, "--out", "all", *told).exit_code == 2

@@ -90,6 +90,21 @@ def test_junit_counts_and_names_every_spec(hostile):
     assert cases[2][0].text.endswith("\n=1+1 [OBS104]")
 
 
+@pytest.mark.usefixtures("here", "at_once")
+def test_no_line_of_a_text_in_junit_is_one_that_a_runner_obeys():
+    wrong = 'obsdesign: 1\n"##vso[task.complete]": 1\n"##teamcity[x]": 1\n"::error::y": 1\nsystem: {A: [[-1]]}\n'
+    for name in ("::error::a.yaml", "##vso[task.complete]b.yaml", "##teamcity[c].yaml", " ::warning::d.yaml"):
+        Path(name).write_text(wrong)
+    arguments = ("--jobs", 1, "-q", "--format", "junit", "--output-file", "junit.xml")
+    assert run("batch", ".", *arguments).exit_code == 2
+    root = ET.parse("junit.xml").getroot()
+    texts = [case.get(key) for case in root.iter("testcase") for key in ("name", "file")]
+    texts += [text for error in root.iter("error") for text in (error.get("message"), *error.text.splitlines())]
+    assert len(texts) > 20
+    assert not [text for text in texts if re.match(r"\s*::", text) or re.search(r"##\w*\[", text)]
+    assert any("vso[task.complete]" in text for text in texts)
+
+
 def test_annotations_of_github_have_a_place_and_stay_one_line_each(hostile):
     lines = text("github", hostile).splitlines()
     assert len(lines) == 2 * len(NAMES)

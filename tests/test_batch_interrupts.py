@@ -6,11 +6,12 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
-from shutil import copytree
+from shutil import copytree, rmtree
 
 import pytest
+from support.commands import begin, interrupted, run
 from test_batch import GOOD, HIDDEN, WRONG, entries, put, summary
-from test_batch_trouble import SAFE, endless, records, until
+from test_batch_trouble import SAFE, endless, records, started, until
 
 from obsdesign import batches
 from obsdesign.batches import workers
@@ -131,7 +132,7 @@ def test_a_batch_may_write_its_summary_on_a_busy_machine_unless_it_is_interrupte
     put("a.yaml")
     put("b.yaml", endless())
     command, pipe = [sys.executable, "-c", SLOW.format(seconds)], subprocess.PIPE
-    process = subprocess.Popen(command, env=os.environ | SAFE, stdout=pipe, stderr=pipe, text=True)
+    process = begin(command, env=os.environ | SAFE, stdout=pipe, stderr=pipe, text=True)
     until(records)
     process.send_signal(signal.SIGINT)
     assert process.stdout.readline() == "begun\n"
@@ -142,3 +143,73 @@ def test_a_batch_may_write_its_summary_on_a_busy_machine_unless_it_is_interrupte
     _, said = process.communicate(timeout=20)
     assert (process.returncode, said) == (130, "interrupted\n")
     assert Path("results/summary.json").exists() == (interrupts == 1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda number: number.name)
+@pytest.mark.parametrize("form", ["junit", "sarif"])
+@pytest.mark.usefixtures("here")
+def test_a_batch_that_is_stopped_leaves_no_output_of_an_earlier_one(number, form):
+    put("a.yaml")
+    arguments = (".", "--jobs", 1, "--format", form, "--output-file", "told")
+    assert run("batch", *arguments).exit_code == 0
+    assert Path("told").exists()
+    put("b.yaml", endless())
+    put("c.yaml")
+    process = started(*arguments, "--force")
+    until(lambda: not Path("told").exists())
+    process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    assert not Path("told").exists()
+    if number == signal.SIGKILL:
+        assert not Path("results/summary.json").exists()
+        return
+    assert (process.returncode, said.splitlines()[-1]) == (130, "interrupted")
+    assert summary()["exit_code"] == 130
+    assert entries()["c.yaml"]["why"] == "interrupted"
+
+
+@pytest.mark.usefixtures("here")
+def test_an_interrupt_before_a_batch_begins_leaves_no_output_of_an_earlier_one(monkeypatch):
+    put("told", "of yesterday")
+    monkeypatch.setattr(batches, "find", interrupted)
+    assert run("batch", ".", "--format", "junit", "--output-file", "told").exit_code == 130
+    assert not Path("told").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+@pytest.mark.usefixtures("here")
+def test_an_interrupt_that_the_parent_ignores_is_none(number):
+    """As a shell has it for what runs in the background, and nohup."""
+    put("a.yaml")
+    process = started(".", "--jobs", 1, preexec_fn=lambda: signal.signal(number, signal.SIG_IGN))
+    until(lambda: Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text())
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert (process.returncode, summary()["exit_code"]) == (0, 0), said
+
+
+@pytest.mark.usefixtures("here")
+def test_a_batch_whose_children_nobody_waits_for_ends_with_its_own_code():
+    put("a.yaml")
+    process = started(".", "--jobs", 1, preexec_fn=lambda: signal.signal(signal.SIGCHLD, signal.SIG_IGN))
+    assert process.wait(60) == 0
+    process.stderr.close()
+
+
+@pytest.mark.parametrize("lost", ["record", "results"])
+@pytest.mark.usefixtures("here", "at_once")
+def test_results_that_are_removed_while_a_batch_runs_are_in_its_summary(monkeypatch, lost):
+    real = workers.run
+
+    def run_then_remove(*given):
+        yield from real(*given)
+        for path in records():
+            path.unlink() if lost == "record" else rmtree(path.parent)
+
+    monkeypatch.setattr(workers, "run", run_then_remove)
+    put("a.yaml")
+    put("b.yaml", WRONG)
+    outcome = run("batch", ".", "-q", "--jobs", 1, "--format", "junit")
+    assert outcome.exit_code == 2
+    assert [entry["status"] for entry in entries().values()] == ["certified", "invalid"]
+    assert 'tests="2"' in outcome.stdout

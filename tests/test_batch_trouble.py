@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.commands import run
+from support.commands import begin, run
 from test_batch import GOOD, HIDDEN, WRONG, entries, lasting, put, summary
 
 import obsdesign as od
@@ -39,7 +39,7 @@ def endless(n=20):
 def started(*arguments, **options):
     """A batch in a process of its own."""
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True} | options
-    return subprocess.Popen([*COMMAND, *map(str, arguments)], env=os.environ | SAFE, **streams)
+    return begin([*COMMAND, *map(str, arguments)], env=os.environ | SAFE, **streams)
 
 
 def records(out="results"):
@@ -80,10 +80,8 @@ def test_a_spec_that_hangs_eats_memory_or_breaks_its_process_takes_no_other_down
         {"id": "OBS905", "message": "not finished after 6 s; --timeout allows more", "file": "a-hangs.yaml"}
     ]
     assert "needs more than 50 MiB; --memory allows more" in outcome.stderr
-    assert run("batch", ".", "-q", *limits).exit_code == 4
-    assert all(entry["up_to_date"] for entry in entries().values())
-    run("batch", "a-hangs.yaml", "b-eats.yaml", "--timeout", 0.5)
-    assert [entry["why"] for entry in entries().values()] == ["timeout changed", "memory changed"]
+    assert run("batch", ".", "-q", "--jobs", 2, "--timeout", 0.5, "--memory", 50).exit_code == 4
+    assert [entry["why"] for entry in entries().values()] == ["it was late", "it lacked memory", None, None, None]
 
 
 @pytest.mark.usefixtures("here")
@@ -169,6 +167,19 @@ def test_two_batches_do_not_write_into_one_folder():
     process.communicate()
     assert run("batch", "a.yaml", "-q").exit_code == 0
     assert sorted(path.name for path in Path("results").iterdir()) == ["a", "summary.json"]
+
+
+@pytest.mark.usefixtures("here")
+def test_two_batches_do_not_write_into_folders_one_of_which_holds_the_other():
+    put("a.yaml")
+    put("long.yaml", endless())
+    process = started(".", "--jobs", 2, "--out", "all/one")
+    until(lambda: records("all"))
+    for out, code in (("all", 2), (".", 2), ("all/one/a", 2), ("all/two", 0)):
+        assert run("batch", "a.yaml", "-q", "--out", out, "--jobs", 1).exit_code == code, out
+    process.kill()
+    process.communicate()
+    assert run("batch", "a.yaml", "-q", "--out", "all", "--jobs", 1).exit_code == 0
 
 
 @pytest.mark.usefixtures("here")

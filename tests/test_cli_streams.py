@@ -1,5 +1,6 @@
 """Streams, signals and odd outputs: what a shell, a pipe and an impatient user do to a command."""
 
+import errno
 import json
 import os
 import random
@@ -12,7 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
-from support.commands import files, interrupted, run
+from support.commands import begin, files, hearing, interrupted, run
 
 import obsdesign.__main__ as entry
 
@@ -22,8 +23,8 @@ SAFE = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(entry.__file__).parent.pa
 
 def started(*arguments, **options):
     """A command in a process of its own, which is under way."""
-    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
-    return subprocess.Popen([*COMMAND, *map(str, arguments)], env=os.environ | SAFE, **streams)
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return begin([*COMMAND, *map(str, arguments)], **{"env": os.environ | SAFE} | streams | options)
 
 
 def ended(*arguments, **options):
@@ -97,7 +98,7 @@ def test_a_link_to_itself_cannot_be_written(spec):
 # Standard streams
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["verify", "cart.gains.json"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"], ["schema"], ["verify", "cart.gains.json"]])
 @pytest.mark.usefixtures("gains")
 def test_output_that_cannot_be_written_is_one_line_and_a_failure(arguments):
     with Path("/dev/full").open("w") as full:
@@ -206,19 +207,61 @@ def test_a_limit_of_time_is_kept_while_compiled_code_computes(gains):
     assert time.monotonic() - began < 0.5 + 2 + 2  # and the time to start a process on a busy machine
 
 
-def test_a_child_that_hears_nothing_is_ended():
+def unheard():
+    """Hear interrupts where nobody can be told of them."""
+    hearing()
+    os.close(2)
+
+
+@pytest.mark.parametrize(("heard", "said"), [(hearing, "interrupted\n"), (unheard, "")])
+def test_a_child_that_hears_nothing_is_ended(heard, said):
     deaf = (
         "import signal,time; from obsdesign import watch\n"
         "def command():\n signal.signal(signal.SIGINT, signal.SIG_IGN); print('on', flush=True); time.sleep(60)\n"
         "raise SystemExit(watch.watched(command))"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", deaf], env=os.environ | SAFE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    process = begin(
+        [sys.executable, "-c", deaf],
+        env=os.environ | SAFE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heard,
     )
     assert process.stdout.readline() == "on\n"
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
-    assert (process.returncode, err) == (130, "interrupted\n")
+    assert (process.returncode, err) == (130, said)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
+def test_what_an_encoding_has_no_character_for_is_spelled_out(spec, encoding):
+    text, name = Path(spec).read_text(), "Wózek ≤ \U0001f600"
+    Path(spec).write_text(text.replace("name: Cart", f"name: {name}"))
+    streams = {"env": os.environ | SAFE | {"PYTHONIOENCODING": encoding}, "encoding": encoding}
+    code, out, _ = ended("solve", spec, "--json", **streams)
+    assert (code, json.loads(out)["name"]) == (0, name)
+    code, out, _ = ended("solve", spec, "-o", os.fsdecode(b"caf\xe9.json"), **streams)
+    assert (code, name.encode(encoding, "ignore").decode(encoding)[:2] in out, "caf\\udce9.json" in out) == (
+        0,
+        True,
+        True,
+    )
+    assert ended("explain", "algebraic", **streams)[0] == 0
+    assert ended("solve", "--help", **streams)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("named", "said"), [([], ""), (["gone.txt"], "gone.txt: "), ([b"gone"], "gone: "), ([3], "")], ids=str
+)
+def test_what_the_system_refuses_is_not_blamed_on_an_output(gains, monkeypatch, named, said):
+    def refuse(*_, **__):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), *named)
+
+    monkeypatch.setattr("obsdesign.files.ResultFile.open", refuse)
+    outcome = run("verify", gains, "--json")
+    assert (outcome.exit_code, outcome.stderr) == (2, f"{said}the system refuses: Too many open files [OBS915]\n")
+    assert json.loads(outcome.stdout)["problems"][0]["id"] == "OBS915"
 
 
 # Exit codes and what stays behind
@@ -343,3 +386,36 @@ def test_no_output_replaces_what_is_read():
         assert outcome.exit_code == 2, command
         assert "is read here, and would be overwritten; name another [OBS904]" in outcome.stderr
     assert before == {path: path.read_bytes() for path in Path().iterdir()}
+
+
+@pytest.mark.usefixtures("sketched")
+def test_no_output_replaces_a_file_of_another_kind(spec, gains):
+    """A spec, a result, samples, a figure or a page that is there gives way only to one of its kind."""
+    kinds = {"a.yaml": "", "a.yml": "", "b.gains.json": "{}", "b.csv": "", "b.png": "", "b.html": ""}
+    for name, text in kinds.items():
+        Path(name).write_text(text)
+    Path("link.txt").symlink_to("a.yaml")
+    commands = {
+        ("solve", spec, "-o"): {".json"},
+        ("simulate", gains, "-o"): {".csv"},
+        ("simulate", gains, "--plot"): {".png"},
+        ("report", gains, "-o"): {".html"},
+        ("compare", gains, "--seeds", "1", "-o"): {".png"},
+        ("batch", spec, "--jobs", "1", "--format", "junit", "--output-file"): set(),
+    }
+    for command, own in commands.items():
+        for name in (*kinds, "link.txt"):
+            if Path(name).suffix not in own:
+                outcome = run(*command, name)
+                assert outcome.exit_code == 2, (command, name)
+                assert "; name another [OBS9" in outcome.stderr
+    for name, option in (("cart.run.png", "--simulate"), ("cart.run.csv", "--simulate"), ("cart.curve.png", "--plot")):
+        Path(name).symlink_to("a.yaml")
+        outcome = run("solve", spec, option)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert outcome.stderr.startswith(f"{name}: is there already, and is no {Path(name).suffix} ")
+        Path(name).unlink()
+    assert {name: Path(name).read_text() for name in kinds} == kinds
+    for command, own in commands.items():
+        for name in ("new", "new", *(name for name in kinds if Path(name).suffix in own)):
+            assert run(*command, name, "-q").exit_code == 0, (command, name)

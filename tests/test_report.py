@@ -18,6 +18,10 @@ from support.commands import run
 from support.page import contrast, palettes, read
 
 import obsdesign as od
+from obsdesign.batches.find import Task
+from obsdesign.batches.record import entry_of
+from obsdesign.batches.summary import Tally, write
+from obsdesign.errors import Problem
 from obsdesign.expressions import parse
 from obsdesign.reports import mathml
 from obsdesign.reports.chart import Axis, Chart, Curve, of_errors, over_time, thinned
@@ -82,6 +86,12 @@ def reported(source, folder, code=0):
     return (folder / "report.html").read_text(), outcome
 
 
+def summarised(folder, *entries):
+    """Write the summary of a batch with these entries."""
+    head = {"tool": {}, "options": {}, "list_sha256": "", "time_s": 1.0}
+    write(folder, Tally(), head, entries, 0)
+
+
 def texts(root, *tags):
     """Texts of elements, with their white space as a reader sees it."""
     return [" ".join(e.text.split()) for e in root.all(*tags)]
@@ -110,16 +120,8 @@ def folder(tmp_path_factory):
     solved(made, HIDDEN, "hidden")
     search = {"type": "l2", "alpha": {"min": 0.1, "max": 0.8, "points": 3}, "objective": "pareto", "bounds": {"L1": 50}}
     solved(made, changed(name="Front", observer=search, expect=None, simulation=None), "front")
-    (made / "summary.json").write_text(
-        json.dumps(
-            {
-                "specs": [
-                    {"path": "late.yaml", "status": "timeout", "files": {}, "problems": [{"message": "after 600 s"}]},
-                    {"path": "small.yaml", "status": "certified", "files": {"gains": "small.gains.json"}},
-                ]
-            }
-        )
-    )
+    late = entry_of(Task("late.yaml"), "timeout", 4, Problem("after 600 s", "late.yaml", id="OBS905"))
+    summarised(made, late, entry_of(Task("small.yaml"), "certified", 0, files={"gains": "small.gains.json"}))
     return made
 
 
@@ -252,10 +254,13 @@ def test_a_run_beside_its_result_that_is_none_of_this_plant_is_not_shown(folder,
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "5", '{"specs": 5}', '{"specs": [{"path": 5}]}'])
-def test_a_summary_that_is_none_is_left_out(folder, tmp_path, text):
+def test_a_summary_that_is_none_is_told(folder, tmp_path, text):
     (tmp_path / "small.gains.json").write_bytes((folder / "small.gains.json").read_bytes())
     (tmp_path / "summary.json").write_text(text)
-    assert "no result" not in reported(tmp_path, tmp_path)[0]
+    page, outcome = reported(tmp_path, tmp_path, 2)
+    assert "no result" not in page
+    assert outcome.stdout.startswith("1 certified, 1 invalid\n")
+    assert outcome.stderr.startswith(f"{tmp_path / 'summary.json'}: ")
 
 
 def test_a_search_has_its_points_as_a_chart_and_as_a_table(folder, tmp_path):
@@ -392,8 +397,7 @@ def test_a_text_of_a_spec_is_data(text, tmp_path):
 def test_what_cannot_be_printed_is_replaced(tmp_path):
     turned = "a turned \u202eline\u202c\nbelow"
     gains = solved(tmp_path, changed(description=turned))
-    late = {"path": "\x1b[31mred\x07", "status": "crashed", "problems": [{"message": "a\x9bb"}]}
-    (tmp_path / "summary.json").write_text(json.dumps({"specs": [late]}))
+    summarised(tmp_path, entry_of(Task("\x1b[31mred\x07"), "crashed", 1, Problem("a\x9bb", id="OBS909")))
     for source in (gains, tmp_path):
         page = reported(source, tmp_path)[0]
         assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e]", page)
@@ -401,7 +405,6 @@ def test_what_cannot_be_printed_is_replaced(tmp_path):
 
 
 def test_a_folder_without_results_and_a_file_that_is_none_are_refused(tmp_path):
-    (tmp_path / "summary.json").write_text("[1]")
     (tmp_path / ".hidden").mkdir()
     (tmp_path / ".hidden" / "a.gains.json").write_text("{}")
     for source, said in ((tmp_path, "holds no result"), (tmp_path / "none.json", "cannot be read")):

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.commands import endless, files, run
+from support.commands import begin, endless, files, run
 
 import obsdesign as od
 from obsdesign.sections.changes import opened
@@ -129,7 +129,7 @@ def test_what_makes_no_sense_of_several_is_refused(arguments, word):
 
 def test_a_spec_is_checked_again_when_it_is_saved():
     command = [sys.executable, "-m", "obsdesign", "check", "--watch", "-q", "specs/cart.yaml"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    with begin(command, stderr=subprocess.PIPE, text=True) as process:
         assert "checked at" in process.stderr.readline()
         Path("saved.yaml").write_text("obsdesign: [1")
         Path("saved.yaml").replace("specs/cart.yaml")
@@ -141,7 +141,7 @@ def test_a_spec_is_checked_again_when_it_is_saved():
 
 def test_a_folder_that_vanishes_is_told_and_watched_on():
     command = [sys.executable, "-m", "obsdesign", "check", "--watch", "-q", "specs/deep"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    with begin(command, stderr=subprocess.PIPE, text=True) as process:
         assert "checked at" in process.stderr.readline()
         shutil.rmtree("specs/deep")
         assert process.stderr.readline().startswith("specs/deep: cannot be read: No such file or directory")

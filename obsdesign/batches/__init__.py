@@ -8,28 +8,27 @@ summary.py    all entries, counts, exit code; table.py: in lines; formats.py: fo
 """
 
 import fcntl
+import json
 import os
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
 from obsdesign.batches import cluster, workers
 from obsdesign.batches.clash import clashes
-from obsdesign.batches.find import Task, find, share, titled
+from obsdesign.batches.find import SUMMARY, Task, find, share, titled
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.merge import merge
-from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, tool
-from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, to_bytes, tool
+from obsdesign.batches.summary import INTERRUPTED, Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
 from obsdesign.disk import remove_strays
 from obsdesign.errors import Problem, UsageError
 
 __all__ = ["Follower", "Summary", "batch", "held", "merge"]
-
-INTERRUPTED = 130
 
 
 class Follower(Protocol):
@@ -103,6 +102,7 @@ def batch(
         if changed_since is not None:
             run.leave_out(os.fspath(changed_since))
         try:
+            (folder / SUMMARY).unlink(missing_ok=True)  # of an earlier batch, which whatever ends this one would leave
             run.through(jobs or len(os.sched_getaffinity(0)), scheduler, fail_fast=fail_fast)
             return run.summarise("--fail-fast")
         except KeyboardInterrupt:
@@ -117,25 +117,38 @@ def held(out: str | os.PathLike[str]) -> Iterator[Path]:
     It is free again when the process ends, however that is. Raises `UsageError`: it cannot be made, or another has it.
     """
     folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise unwritable(folder, error) from None
-    try:
-        with suppress(OSError):  # a file system without locks
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                said = "another batch is writing its results here; wait for its end, or give another --out"
-                raise UsageError(Problem(said, str(folder), id="OBS912")) from None
+    with ExitStack() as locks:
         try:
+            folder.mkdir(parents=True, exist_ok=True)
+            whole = folder.resolve()
+            for part in (whole, *whole.parents):
+                lock(part, locks, shared=part != whole)
             remove_strays(folder)
+        except BlockingIOError:
+            said = "another batch is writing its results here; wait for its end, or give another --out"
+            raise UsageError(Problem(said, str(folder), id="OBS912")) from None
         except OSError as error:
             raise unwritable(folder, error) from None
         yield folder
-    finally:
-        os.close(lock)
+
+
+def lock(folder: Path, locks: ExitStack, *, shared: bool) -> None:
+    """Keep a folder from other batches, or, where it is above that of a batch, let them share it.
+
+    Raises `BlockingIOError`: another batch has it; `OSError`: it cannot be read, unless it is shared.
+    """
+    try:
+        number = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        if shared:
+            return
+        raise
+    locks.callback(os.close, number)
+    try:
+        fcntl.flock(number, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except OSError as error:
+        if isinstance(error, BlockingIOError):  # else a file system without locks
+            raise
 
 
 def unwritable(folder: Path, error: OSError) -> UsageError:
@@ -161,15 +174,15 @@ class Run:
         self.refused, self.force = refused, force
         self.due = dict[Task, str]()  # what is to be run, and why
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
-        self.loose = dict[Task, Entry]()  # entries that have no record
+        self.told = dict[Task, bytes]()  # entries of these and of what is skipped, as JSON, which takes little memory
         self.tally = Tally()
         self.started = time.perf_counter()
 
     def leave_out(self, source: str) -> None:
         """Skip what is the same in another summary, and was as expected there."""
         other = opened(source)
-        wanted = {**self.options.of(""), "tool": tool()}
-        if {**{key: other["options"].get(key) for key in self.options.of("")}, "tool": other["tool"]} != wanted:
+        wanted = {**self.options.lasting, "tool": tool()}
+        if {**{key: other["options"].get(key) for key in self.options.lasting}, "tool": other["tool"]} != wanted:
             return
         done = [one for one in other["specs"] if one["as_expected"] is True and agrees(one)]
         known = {titled(one["path"], one.get("set", ())): one.get("sha256") for one in done}
@@ -180,17 +193,18 @@ class Run:
 
     def skip(self, task: Task, why: str, digest: str | None = None) -> None:
         """Leave a task out."""
-        self.loose[task] = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
-        self.tally.add(task, self.loose[task])
+        entry = entry_of(task, "skipped", None, why=printable(why), sha256=digest)
+        self.told[task] = to_bytes(entry)
+        self.tally.add(task, entry)
 
     def through(self, jobs: int, scheduler: str | None, *, fail_fast: bool) -> None:
         """Run what is not up to date."""
-        asked = [task for task in self.tasks if task not in self.loose]
+        asked = [task for task in self.tasks if task not in self.told]
         self.follower.found(len(asked))
         for task in asked:
             if task in self.refused:
                 entry = entry_of(task, "invalid", 2, self.refused[task], sha256=sha256(task))
-                self.ended(task, entry, "its results would stand in the place of others")
+                self.ended(task, entry, "it cannot be run")
                 continue
             record = read(self.out, task)
             why = "--force" if self.force else reason(record, task, self.options, self.out)
@@ -217,9 +231,8 @@ class Run:
         return workers.run(due, self.options, self.out, jobs, begun)
 
     def ended(self, task: Task, entry: Entry, why: str | None) -> None:
-        """Count what ended; its entry stays in memory only where it has no record."""
-        if (read(self.out, task) or {}).get("entry") != entry:
-            self.loose[task] = entry
+        """Count what ended; its entry is kept, for someone may remove its record."""
+        self.told[task] = to_bytes(entry)
         self.tally.add(task, entry)
         self.why[task] = why  # at last, so that after an interrupt nothing in it lacks anything
         self.follower.ended({**entry, "up_to_date": why is None, "why": why})
@@ -230,8 +243,8 @@ class Run:
             if task in self.why:
                 continue
             record = None if self.force else read(self.out, task)
-            if task in self.loose:
-                self.tally.add(task, self.loose[task])
+            if task in self.told:
+                self.tally.add(task, json.loads(self.told[task]))
             elif record and reason(record, task, self.options, self.out) is None:
                 self.ended(task, record["entry"], self.due.get(task))
             else:
@@ -243,6 +256,6 @@ class Run:
     def entries(self) -> Iterator[Entry]:
         """Entry of every task."""
         for task in self.tasks:
-            entry = self.loose.get(task) or (read(self.out, task) or {})["entry"]
+            entry = json.loads(self.told[task])
             why = self.why.get(task, entry["why"])
             yield {**entry, "up_to_date": task in self.why and why is None, "why": why}

@@ -1,5 +1,6 @@
-"""Specs whose results would stand in the place of others, so that none of them can be run."""
+"""Specs whose results would stand in the place of others, so that none of them can be run; folders without results."""
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
@@ -9,10 +10,16 @@ from obsdesign.errors import Problem
 
 
 def clashes(tasks: Iterable[Task]) -> dict[Task, Problem]:
-    """What is wrong with each spec whose results would leave their folder, or stand where those of another do."""
+    """What is wrong with each spec whose results would leave their folder, or stand where those of another do.
+
+    Also with each folder that cannot be read, which stands for the specs in it.
+    """
     found, kept = dict[Task, Problem](), list[Task]()
     for task in tasks:
-        if ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
+        if os.path.isdir(task.path):
+            said = "this folder, or what is in it, cannot be read; let it be read, or leave it out by --exclude"
+            found[task] = Problem(said, task.path, id="OBS101")
+        elif ".." in (parts := PurePath(task.place).parts) or parts[0] == SUMMARY:
             said = f"a spec cannot have this name: its results would leave their folder, or stand in that of {SUMMARY}"
             found[task] = Problem(said, task.path, id="OBS912")
         else:

@@ -101,6 +101,9 @@ def result_of(future: Any, task: Task, address: str) -> Result:
         said = f"the cluster did not do it: {future.exception()!r}"
         return Result(entry_of(task, "crashed", 1, Problem(said, task.path, id="OBS909"), sha256=sha256(task)))
     files = future.result()
+    if "record" not in files:
+        said = "the cluster did not do it: no results could be written there"
+        return Result(entry_of(task, "crashed", 1, Problem(said, task.path, id="OBS909"), sha256=sha256(task)))
     record = json.loads(files.pop("record"))
     if changed := differing(record["tool"], tool()):
         said = f"{changed} of the tool differs there; the workers need what is installed here"

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from hashlib import sha256
 from itertools import product
 from pathlib import Path, PurePath
+from typing import Any
 from urllib.parse import quote
 
 from obsdesign import disk
@@ -93,31 +94,50 @@ def unmatched(paths: Iterable[str | os.PathLike[str]], exclude: Iterable[str]) -
 
 def below(path: str) -> Iterator[str]:
     """Paths of the specs at one path, as a task has them."""
-    matches = [path] if os.path.lexists(path) else sorted(glob.glob(path, recursive=True))
-    if not matches:
-        said = "there is no such file or folder; give spec files, folders of them, or globs"
-        raise UsageError(Problem(said, path, id="OBS101"))
-    for match in matches:
-        if Path(match).is_file():
+    for match in matches(path):
+        if os.path.isdir(match):
+            yield from (shortened(found) for found in disk.below(match, ENDINGS) if is_spec(found))
+        elif os.path.isfile(match) or not os.path.exists(match):  # what cannot be opened says so as a spec
             yield shortened(match)
-        elif not Path(match).is_dir():
+        else:
             said = "is no file and no folder; a batch takes spec files and folders of them"
             raise UsageError(Problem(said, match, id="OBS101"))
-        files = map(Path, disk.below(match, ENDINGS))
-        yield from (shortened(file) for file in files if file.is_file() and is_spec(file))
 
 
-def shortened(path: str | Path) -> str:
-    """Path without `..`: relative to the current folder where it is below it, else absolute."""
-    whole = Path(os.path.abspath(path))
+def matches(path: str) -> list[str]:
+    """What is at a path, or what a glob means, with the folders on its way that cannot be read."""
+    try:
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
+    else:
+        return [path]
+    parts = {found for parent in PurePath(path).parents for found in glob.glob(f"{parent}/", recursive=True)}
+    found = {*glob.glob(path, recursive=True), *(part.rstrip("/") for part in parts if disk.entries(part) is None)}
+    if not found:
+        said = "there is no such file or folder; give spec files, folders of them, or globs"
+        raise UsageError(Problem(said, path, id="OBS101"))
+    return sorted(found)
+
+
+def shortened(path: str) -> str:
+    """Path without `..`, for which links are followed: relative to the current folder where it is below it."""
+    parts = Path(path).absolute().parts
+    ups = len(parts) - parts[::-1].index("..") if ".." in parts else 0
+    whole = Path(os.path.realpath(Path(*parts[:ups])), *parts[ups:]) if ups else Path(*parts)
     return str(whole.relative_to(Path.cwd()) if whole.is_relative_to(Path.cwd()) else whole)
 
 
-def is_spec(path: Path) -> bool:
-    """Whether a YAML file means to be a spec, valid or not; one that cannot be read may be."""
+def is_spec(path: str) -> bool:
+    """Whether a YAML file means to be a spec, valid or not; what cannot be read may, a link to nowhere not."""
     try:
-        with path.open("rb") as file:
+        with open(path, "rb") as file:
             return bool(SPEC.search(file.read(MOST)))
+    except FileNotFoundError:
+        return False
     except OSError:
         return True
 
@@ -141,7 +161,13 @@ def share(tasks: list[Task], shard: str | None) -> list[Task]:
 
 def parted(shard: str) -> tuple[int, int]:
     """I and N of "I/N". Raises `UsageError`."""
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", shard, re.ASCII)
-    if not found or not 1 <= int(found[1]) <= int(found[2]):
+    if not is_shard(shard):
         raise UsageError(f"--shard {shard}: expected I/N with 1 <= I <= N, such as 3/40", id="OBS901")
-    return int(found[1]), int(found[2])
+    index, count = map(int, shard.split("/"))
+    return index, count
+
+
+def is_shard(text: Any) -> bool:
+    """Whether it is "I/N" with I from 1 to N."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text, re.ASCII) if isinstance(text, str) else None
+    return found is not None and 1 <= int(found[1]) <= int(found[2])

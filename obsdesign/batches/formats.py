@@ -17,6 +17,7 @@ from obsdesign.batches.form import Entry
 from obsdesign.batches.record import LIMITS
 from obsdesign.batches.summary import Summary
 from obsdesign.batches.table import changed, label, sentence, shown
+from obsdesign.errors import unheeded
 
 NO_ANSWER = ("invalid", "crashed", *LIMITS)  # statuses that are errors, not failures, of a test
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -58,8 +59,8 @@ def outcome(entry: Entry) -> str:
 
 
 def in_xml(text: str) -> str:
-    """Text without characters that no XML may hold, however they are escaped."""
-    return NOT_XML.sub("\ufffd", shown(text))
+    """Line without characters that no XML may hold, and that no runner obeys in whose log its reader prints it."""
+    return NOT_XML.sub("\ufffd", unheeded(shown(text)))
 
 
 def github(summary: Summary) -> Iterator[str]:
@@ -97,7 +98,8 @@ def sarif(summary: Summary) -> Iterator[str]:
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)
         where: dict[str, Any] = {"artifactLocation": {"uri": uri(str(problem.get("file", entry["path"])))}}
         if "line" in problem:
-            where["region"] = {"startLine": problem["line"], "startColumn": problem["column"]}
+            names = {"line": "startLine", "column": "startColumn"}
+            where["region"] = {name: problem[key] for key, name in names.items() if key in problem}
         rule, place = problem["id"], {"physicalLocation": where}
         results.append(
             {"ruleId": rule, "level": "error", "message": {"text": shown(said + changed(entry))}, "locations": [place]}

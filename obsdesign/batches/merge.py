@@ -6,13 +6,14 @@ from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any
 
-from obsdesign.batches.find import Task, parted
+from obsdesign.batches.find import SUMMARY, Task, parted
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.record import ENDINGS, cleared, differing, digest_of_list, paths_of, read, spoiled
-from obsdesign.batches.summary import Summary, Tally, opened, write
+from obsdesign.batches.summary import INTERRUPTED, Summary, Tally, opened, write
 from obsdesign.disk import write_all
 from obsdesign.errors import EXIT, Problem, UsageError
 
+SHOWN = 10  # shards that are missing, in a message
 VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
 
 
@@ -37,8 +38,15 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     head: dict[str, Any] = {"tool": first["tool"], "options": {**first["options"], "shard": None}}
     head["list_sha256"] = digest_of_list(found)
     head["time_s"] = max(content["time_s"] for content in contents.values())
-    code = 130 if any(content["exit_code"] == 130 for content in contents.values()) else tally.exit_code
+    if os.path.realpath(out) not in {os.path.realpath(folder(path)) for path in paths}:
+        (out / SUMMARY).unlink(missing_ok=True)  # of an earlier batch, which whatever ends this one would leave
+    code = INTERRUPTED if any(content["exit_code"] == INTERRUPTED for content in contents.values()) else tally.exit_code
     return write(out, tally, head, entries, code)
+
+
+def folder(source: str) -> Path:
+    """Folder of a summary, given by its path or its folder."""
+    return Path(source) if os.path.isdir(source) else Path(source).parent
 
 
 def task_of(entry: Entry) -> Task:
@@ -60,7 +68,8 @@ def require_one_batch(contents: Mapping[str, Mapping[str, Any]]) -> None:
     for count in {count for _, count in shards}:
         missing = sorted(set(range(1, count + 1)) - {index for index, of in shards if of == count})
         if missing:
-            shown = ", ".join(f"{index}/{count}" for index in missing)
+            more = [f"and {len(missing) - SHOWN} more"] if len(missing) > SHOWN else []
+            shown = ", ".join([*(f"{index}/{count}" for index in missing[:SHOWN]), *more])
             raise UsageError(f"--merge: of the shards, {shown} missing", id="OBS911")
 
 
@@ -102,8 +111,8 @@ def results(source: str, entry: Entry) -> dict[str, bytes]:
 
     Raises `UsageError`: it was solved, and one of them is missing or was changed.
     """
-    task, folder = task_of(entry), Path(source) if Path(source).is_dir() else Path(source).parent
-    record = read(folder, task)
+    task, place = task_of(entry), folder(source)
+    record = read(place, task)
     if record is None:
         if entry["status"] in EXIT:
             raise UsageError(
@@ -115,7 +124,7 @@ def results(source: str, entry: Entry) -> dict[str, bytes]:
         raise UsageError(Problem(said, source, id="OBS911"))
     proved = entry["verified"] is not None  # of what is in the gains file
     lost = [f"the gains file of {task.title} is missing"] if proved and "gains" not in entry["files"] else []
-    if wrong := next(chain(lost, spoiled(record, task, folder)), None):
+    if wrong := next(chain(lost, spoiled(record, task, place)), None):
         raise UsageError(Problem(f"{wrong}; run its shard again", source, id="OBS911"))
-    paths = paths_of(task, folder / task.place)
+    paths = paths_of(task, place / task.place)
     return {kind: paths[kind].read_bytes() for kind in (*record["hashes"], "record")}

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from obsdesign.batches.find import Task
+from obsdesign.batches.form import ended_as
 from obsdesign.batches.record import Options, Result, entry_of, failure, printable, sha256, written
 from obsdesign.design import Design
 from obsdesign.errors import EXIT, NOT_ONE_LINE, ObsdesignError, Problem, UsageError
@@ -109,8 +110,8 @@ def tried(design: Design, options: Options, result: Result) -> None:
 
 def as_expected(entry: Mapping[str, Any], expect: Mapping[str, Any], expected: list[dict[str, Any]]) -> bool:
     """Whether a spec ended as it says, or certified where it says nothing, and what it expects holds."""
-    usual = EXIT.get(str(expect.get("status", "certified")))
-    return entry["exit_code"] == usual and all(one["holds"] for one in expected)
+    ended = ended_as(expect.get("status", "certified"), entry["status"], entry["exit_code"])
+    return ended and all(one["holds"] for one in expected)
 
 
 def unmet(spec: Spec, expected: list[dict[str, Any]]) -> Iterator[Problem]:

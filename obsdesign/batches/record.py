@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from obsdesign import __version__
-from obsdesign.batches.find import MOST, Task, titled
-from obsdesign.batches.form import Entry, agrees, sound
+from obsdesign.batches.find import MOST, SUMMARY, Task, titled
+from obsdesign.batches.form import Entry, agrees, parsed, sound
 from obsdesign.disk import content_of, remove_strays, write_all
 from obsdesign.errors import EXIT, ObsdesignError, Problem, UsageError
 
@@ -25,21 +25,23 @@ ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of t
 RECORD = ".record.json"
 installed = cache(version)  # of a package, whose files are read for it
 LARGEST = 2**30  # bytes of a file that is read back
-LIMITS = {"timeout": "timeout", "memory": "memory"}  # option that ends a spec, by the status that it ends with
+LIMITS = ("timeout", "memory")  # options that end a spec, and the statuses that it ends with
+BROKEN = {"crashed": "it crashed", "timeout": "it was late", "memory": "it lacked memory"}  # what another try may give
 
 
 @dataclass(frozen=True)
 class Options:
-    """What a result depends on besides its spec and the tool; of the limits only a spec that they end."""
+    """What a result depends on besides its spec and the tool; not on the limits, for what they end has no result."""
 
     solver: str = "clarabel"
     simulate: bool = False
     timeout: float = 600  # s a spec
     memory: float | None = None  # MiB a spec
 
-    def of(self, status: str) -> dict[str, Any]:
-        """Options that matter to a spec that ended so."""
-        return {k: v for k, v in asdict(self).items() if k not in LIMITS.values() or k == LIMITS.get(status)}
+    @property
+    def lasting(self) -> dict[str, Any]:
+        """Options that matter to a result."""
+        return {k: v for k, v in asdict(self).items() if k not in LIMITS}
 
 
 @dataclass
@@ -125,7 +127,7 @@ def cleared(task: Task, kinds: Collection[str], out: Path) -> dict[str, Path]:
     paths = paths_of(task, folder)
     try:
         for kind, path in paths.items():
-            if os.path.lexists(path) and (kind not in kinds or path.is_symlink() or not path.is_file()):
+            if os.path.lexists(path) and (kind not in kinds or os.path.islink(path) or not os.path.isfile(path)):
                 path.unlink()
     except OSError as error:
         raise UsageError(Problem(f"its results cannot be written: {error.strerror}", task.path, id="OBS902")) from None
@@ -135,6 +137,13 @@ def cleared(task: Task, kinds: Collection[str], out: Path) -> dict[str, Path]:
 def paths_of(task: Task, folder: Path) -> dict[str, Path]:
     """Paths in a folder of all that may come of a spec, by their kinds; at last the record."""
     return {kind: folder / f"{task.name}{ending}" for kind, ending in {**ENDINGS, "record": RECORD}.items()}
+
+
+def is_result(path: str, folders: Iterable[str]) -> bool:
+    """Whether a path has the name of a result of a spec, or is that of a summary below one of some folders."""
+    file = Path(os.path.realpath(path))
+    inside = any(file.is_relative_to(os.path.realpath(folder)) for folder in folders)
+    return file.name.endswith((RECORD, *ENDINGS.values())) or (inside and file.name == SUMMARY)
 
 
 def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
@@ -149,7 +158,7 @@ def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
     record = {
         "obsdesign": FORMAT,
         "tool": tool(),
-        "options": options.of(entry["status"]),
+        "options": options.lasting,
         "hashes": {kind: digest_of(content) for kind, content in result.files.items()},
         "entry": entry,
     }
@@ -175,8 +184,8 @@ def read(out: Path, task: Task) -> dict[str, Any] | None:
     """Record of a spec; None where there is none that can be read."""
     path = out / task.place / f"{task.name}{RECORD}"
     try:
-        record = json.loads(content_of(str(path), LARGEST)) if path.is_file() else None
-    except (OSError, ValueError, RecursionError, UsageError):
+        record = parsed(content_of(str(path), LARGEST)) if os.path.isfile(path) else None
+    except (ValueError, UsageError):
         return None
     if not isinstance(record, dict) or record.get("obsdesign") != FORMAT:
         return None
@@ -199,15 +208,16 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
         yield f"these are the results of {title}"
     if entry["sha256"] != sha256(task):
         yield "the spec changed"
-    if entry["status"] == "crashed":
-        yield "it crashed"
+    if entry["status"] in BROKEN:
+        yield BROKEN[entry["status"]]
     if changed := differing(record["tool"], tool()):
         yield f"{changed} of the tool changed"
-    asked = options.of(entry["status"])
+    asked = options.lasting
     asked |= {"simulate": True} if record["options"].get("simulate") is True else {}  # a run is more than is asked
     if changed := differing(record["options"], asked):
         yield f"{changed} changed"
-    if entry["status"] in EXIT and "gains" not in entry["files"]:
+    proving = entry["status"] in EXIT and entry["exit_code"] != 0
+    if (proving or entry["verified"] is not None) and "gains" not in entry["files"]:
         yield "its gains file is missing"
     yield from spoiled(record, task, out)
 
@@ -217,9 +227,9 @@ def spoiled(record: Mapping[str, Any], task: Task, out: Path) -> Iterator[str]:
     for kind in record["entry"]["files"]:
         path = Path(task.place, f"{task.name}{ENDINGS[kind]}")
         try:
-            whole = (out / path).is_file() and not (out / path).is_symlink()
+            whole = os.path.isfile(out / path) and not os.path.islink(out / path)
             content = content_of(str(out / path), LARGEST) if whole else None
-        except (OSError, UsageError):
+        except UsageError:
             content = None
         if content is None:
             yield f"{path} is missing"

@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,14 +11,15 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import IO, Any
 
-from obsdesign.batches.find import SUMMARY, Task
-from obsdesign.batches.form import STATUSES, Entry, is_number, sound
+from obsdesign.batches.find import SUMMARY, Task, is_shard
+from obsdesign.batches.form import CODES, STATUSES, Entry, is_number, parsed, sound
 from obsdesign.batches.record import FORMAT
 from obsdesign.disk import STAGED, content_of, umask
 from obsdesign.errors import EXIT, Problem, UsageError
 
 WORST = (1, 2, 4, 3)  # exit codes, the worst first
 LARGEST = 2**30  # bytes that are read
+INTERRUPTED = 130  # exit code
 
 
 @dataclass(frozen=True)
@@ -124,18 +126,19 @@ def opened(source: str) -> dict[str, Any]:
 
     Raises `UsageError`: there is none, or it is no summary of this format.
     """
-    path = str(Path(source, SUMMARY)) if Path(source).is_dir() else source
-    if Path(path).exists() and not Path(path).is_file():  # a pipe, of which nothing might ever come
+    path = str(Path(source, SUMMARY)) if os.path.isdir(source) else source
+    if os.path.exists(path) and not os.path.isfile(path):  # a pipe, of which nothing might ever come
         raise UsageError(Problem("is no file; give the summary of a batch, or its folder", path, id="OBS911"))
     try:
-        content: dict[str, Any] = json.loads(content_of(path, LARGEST))
-    except (ValueError, RecursionError) as error:
+        content: dict[str, Any] = parsed(content_of(path, LARGEST))
+    except ValueError as error:
         raise UsageError(Problem(f"not JSON: {error}", path, id="OBS911")) from None
     content = content if isinstance(content, dict) else {}
     entries = [sound(entry) for entry in specs] if isinstance(specs := content.get("specs"), list) else [None]
     whole = all(isinstance(content.get(part), dict) for part in ("tool", "options", "counts"))
     shard = content["options"].get("shard") if whole else None
-    whole = whole and is_number(content.get("time_s")) and (shard is None or isinstance(shard, str))
+    whole = whole and is_number(content.get("time_s")) and (shard is None or is_shard(shard))
+    whole = whole and content.get("exit_code") in (*CODES, INTERRUPTED)
     if not whole or None in entries or content.get("obsdesign") != FORMAT:
         said = "is no summary of a batch; `obsdesign batch` writes one, summary.json"
         raise UsageError(Problem(said, path, id="OBS911"))

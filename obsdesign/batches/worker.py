@@ -7,7 +7,6 @@ pipe, and with the process that began it.
 import json
 import os
 import resource
-import signal
 import warnings
 from functools import cache
 from multiprocessing.connection import Connection
@@ -18,7 +17,7 @@ from obsdesign.batches.find import Task
 from obsdesign.batches.form import Entry
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import Options, kept, to_bytes
-from obsdesign.watch import with_parent
+from obsdesign.watch import deaf, with_parent
 
 MIB = 2**20
 READY = b"{}"  # first answer
@@ -26,7 +25,7 @@ READY = b"{}"  # first answer
 
 def main(pipe: int, parent: int) -> None:
     """Answer tasks until there are no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it
+    deaf()  # the parent hears it
     with_parent()
     if os.getppid() != parent:
         return

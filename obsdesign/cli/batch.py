@@ -1,5 +1,6 @@
 """`obsdesign batch`: folders of specs."""
 
+import glob
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,7 +27,12 @@ class Format(StrEnum):
     JSON = "json"
 
 
+WRITTEN = {Format.JUNIT: [".xml"], Format.GITHUB: [".txt"], Format.SARIF: [".sarif", ".json"], Format.JSON: [".json"]}
+MERGING = {"merge", "out", "form", "output_file", "as_json", "quiet"}  # options that a merge heeds
+
+
 def batch(
+    ctx: typer.Context,
     paths: Annotated[list[str], typer.Argument(metavar="PATH..", help="Specs, folders of specs, globs.")],
     changes: Annotated[
         list[str],
@@ -53,19 +59,19 @@ def batch(
 ) -> None:
     """Solve and verify every spec of folders, in parallel, and only where it is due; hold each to its `expect:`."""
     from obsdesign import batches
-    from obsdesign.disk import require_writable
+    from obsdesign.disk import remove_earlier
 
-    if output_file and not form:
-        raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
-    if output_file:
-        require_writable(output_file, read=paths)
+    require_together(ctx)
+    if output_file and form:
+        require_replaceable(output_file, form, paths, [out, changed_since, *(paths if merge else ())])
     with missed(form, output_file):
         if merge:
             with batches.held(out) as folder:
+                remove_earlier(output_file)
                 summary = batches.merge(paths, folder)
         else:
             tell_unmatched(paths, [] if quiet else exclude)
-            with followed(quiet, verbose) as follower:
+            with followed(quiet, verbose, output_file) as follower:
                 summary = batches.batch(
                     paths,
                     changes=changes,
@@ -83,8 +89,34 @@ def batch(
                     scheduler=scheduler or None,
                     follower=follower,
                 )
-    told(summary, "json" if as_json and not form else form, output_file, quiet)
+    told(summary, "json" if as_json and not form else form, output_file, as_json, quiet)
     raise typer.Exit(summary.exit_code)
+
+
+def require_together(ctx: typer.Context) -> None:
+    """Refuse options that do not go together; raises `UsageError`."""
+    options = {one.name: max(one.opts, key=len) for one in ctx.command.params if one.opts[0].startswith("-")}
+    given = [name for name in options if getattr(ctx.get_parameter_source(name), "name", "") == "COMMANDLINE"]
+    if "output_file" in given and "form" not in given:
+        raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")
+    if {"as_json", "form"} <= {*given} and "output_file" not in given:
+        raise UsageError("--json and --format are both printed; write one with --output-file", id="OBS904")
+    if "merge" in given and (idle := [options[name] for name in given if name not in MERGING]):
+        said = f"{', '.join(idle)}: --merge runs no spec, and would ignore this; leave it out"
+        raise UsageError(said, id="OBS904")
+
+
+def require_replaceable(output_file: str, form: Format, paths: list[str], folders: list[str]) -> None:
+    """Refuse a path at which a spec, a result or a summary in one of the folders would be lost; raises `UsageError`."""
+    from obsdesign.batches.find import matches
+    from obsdesign.batches.record import is_result
+    from obsdesign.disk import require_writable
+
+    if is_result(output_file, filter(None, folders)):
+        said = "has the name of a result, and would stand in its place; name another"
+        raise UsageError(Problem(said, output_file, id="OBS904"))
+    read = [one for path in paths for one in (matches(path) if glob.has_magic(path) else [path])]
+    require_writable(output_file, *WRITTEN[form], read=read)
 
 
 def tell_unmatched(paths: list[str], exclude: list[str]) -> None:
@@ -98,9 +130,17 @@ def tell_unmatched(paths: list[str], exclude: list[str]) -> None:
 
 @contextmanager
 def missed(form: str | None, output_file: str) -> Iterator[None]:
-    """Say, where a batch is refused as a whole, that what another program waits for is not written."""
+    """Say, where a batch is refused as a whole, that what another program waits for is not written.
+
+    Where it is interrupted, however early, nothing of an earlier one is left to that program.
+    """
+    from obsdesign.disk import remove_earlier
+
     try:
         yield
+    except KeyboardInterrupt:
+        remove_earlier(output_file)
+        raise
     except UsageError as error:
         if form is None:
             raise
@@ -109,7 +149,7 @@ def missed(form: str | None, output_file: str) -> Iterator[None]:
         raise UsageError(*error.problems, Problem(said, output_file, id=error.problems[0].id)) from None
 
 
-def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) -> None:
+def told(summary: "Summary", form: str | None, output_file: str, as_json: bool, quiet: bool) -> None:
     """Print a summary, or write it, in the form that is asked for; where GitHub runs this, also as its annotations."""
     from obsdesign.batches.formats import FORMATS, github
     from obsdesign.batches.table import rows
@@ -120,9 +160,10 @@ def told(summary: "Summary", form: str | None, output_file: str, quiet: bool) ->
             say(line, nl=False, err=True, obeyed=True)
     if form and output_file:
         write_whole(output_file, "".join(FORMATS[form](summary)).encode())
-    elif form:
+        form = "json" if as_json else None
+    if form:
         for line in FORMATS[form](summary):
             say(line, nl=False, obeyed=form == "github")
-    if (output_file or not form) and not quiet:
+    elif not quiet:
         for row in rows(summary):
             say(row)

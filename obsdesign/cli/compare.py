@@ -23,7 +23,7 @@ def compare(
     from obsdesign.disk import require_writable
 
     with limited(timeout):
-        require_writable(output, read=sources)
+        require_writable(output, ".png", ".svg", read=sources)
         problems = [taken(source) for source in sources]
         from obsdesign import work
 

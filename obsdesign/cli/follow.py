@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.cli.printing import say
+from obsdesign.disk import remove_earlier
 from obsdesign.watch import orderly
 
 if TYPE_CHECKING:
@@ -22,13 +23,14 @@ RATE = 4.0  # redrawings a second
 class Lines:
     """A line for each spec as it ends; what is up to date is told with -v only."""
 
-    def __init__(self, quiet: bool, verbose: bool) -> None:
-        self.quiet, self.verbose = quiet, verbose
+    def __init__(self, quiet: bool, verbose: bool, earlier: str) -> None:
+        self.quiet, self.verbose, self.earlier = quiet, verbose, earlier
         self.total = self.done = 0
 
     def found(self, total: int) -> None:
-        """So many specs are to be run or are up to date."""
+        """So many specs are to be run or are up to date; what an earlier batch left for other programs is removed."""
         self.total = total
+        remove_earlier(self.earlier)
 
     def begun(self, title: str) -> None:
         """Nothing is said of a beginning."""
@@ -52,11 +54,11 @@ class Lines:
 class Live(Lines):
     """What is under way and what ended last, above a bar; what is not as expected stays above it."""
 
-    def __init__(self, quiet: bool, verbose: bool) -> None:
+    def __init__(self, quiet: bool, verbose: bool, earlier: str) -> None:
         from rich.console import Console
         from rich.live import Live
 
-        super().__init__(quiet, verbose)
+        super().__init__(quiet, verbose, earlier)
         self.running, self.recent = dict[str, float](), deque[str](maxlen=RECENT)
         self.counts: Counter[str] = Counter()
         console = Console(stderr=True, highlight=False, markup=False, emoji=False)
@@ -105,12 +107,12 @@ class Live(Lines):
 
 
 @contextmanager
-def followed(quiet: bool, verbose: bool) -> Iterator["Follower"]:
-    """Who tells how a batch goes on, which ends in order where it is interrupted."""
+def followed(quiet: bool, verbose: bool, earlier: str) -> Iterator["Follower"]:
+    """Who tells how a batch goes on, which ends in order where it is interrupted; `earlier`: see `Lines.found`."""
     orderly()
     if quiet or not sys.stderr.isatty():
-        yield Lines(quiet, verbose)
+        yield Lines(quiet, verbose, earlier)
         return
-    follower = Live(quiet, verbose)
+    follower = Live(quiet, verbose, earlier)
     with follower.live:
         yield follower

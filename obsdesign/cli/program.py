@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from obsdesign import __version__
-from obsdesign.cli.printing import say, silence
+from obsdesign.cli.printing import UnwrittenError, say, silence, spell_out
 from obsdesign.cli.problems import answer
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
@@ -43,8 +43,18 @@ class Commands(TyperGroup):
         except KeyboardInterrupt:
             say("interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
-        except BrokenPipeError as error:
-            raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number
+        except OSError as error:
+            if isinstance(error, UnwrittenError):
+                raise  # for `main`
+            if "--help" in sys.argv:  # which typer prints
+                raise UnwrittenError(error.strerror) from None
+            said = f"the system refuses: {error.strerror or error}"
+            answer(UsageError(Problem(said, shown(error.filename), id="OBS915")), as_json=ctx.obj)
+
+
+def shown(name: Any) -> str:
+    """Name of a file as an error of the system has it: a text, bytes, a number, or none."""
+    return os.fsdecode(name) if isinstance(name, str | bytes) else ""
 
 
 def misused(error: Any) -> UsageError:
@@ -105,6 +115,7 @@ Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after w
 def main() -> None:
     """Entry point. Matrices are small: one thread makes runs repeatable, and halves the start-up time."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    spell_out(sys.stdout, sys.stderr)
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # what a library would say of its own
     try:
@@ -114,8 +125,6 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     except OSError as error:
-        if error.filename is not None:  # not of a stream
-            raise
         silence(sys.stdout)
         said = f"standard output cannot be written: {error.strerror or error}"
         say(str(Problem(said, id="OBS906")), err=True)

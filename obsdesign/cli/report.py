@@ -23,7 +23,7 @@ def report(
     from obsdesign.simulate.validity import require_kept
 
     with limited(timeout):
-        require_writable(output, read=[source])
+        require_writable(output, ".html", read=[source])
         with progress(quiet) as told:
             page = made(source, output, told)
     counts = ", ".join(f"{count} {status}" for status, count in page.counts.items())

@@ -8,6 +8,7 @@ from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
 from obsdesign.cli.steps import as_text, drawn, failing, progress, ran, run_text, stem, taken
+from obsdesign.errors import one_line
 from obsdesign.watch import limited
 
 
@@ -32,7 +33,7 @@ def simulate(
         if not sources:
             sources = [newest()]
             if not quiet:
-                say(f"simulating {sources[0]}", err=True)
+                say(f"simulating {one_line(sources[0])}", err=True)
         files = found(sources, (*SPECS, *RESULTS))
         require_one(files, output, plot, gains)
         require_apart(files, [stem(file) for file in files])
@@ -40,7 +41,8 @@ def simulate(
         def answer(source: str) -> Answer:
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
-            require_writable(*(path for path in paths if path != "-"), read=[source, *[gains] * bool(gains)])
+            for path, *endings in ((paths[0], ".csv"), (paths[1], ".png", ".svg")):
+                require_writable(path, *endings, read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)
             from obsdesign.simulate.validity import require_kept
             from obsdesign.work import trial

@@ -36,9 +36,10 @@ def solve(
 
         target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
-        if not printed:
-            require_writable(target, read=[spec])
+        require_writable(target, ".json", read=[spec])
         paths, curve = beside(target, spec)
+        for path in (*paths * simulate, *[curve] * plot):
+            require_writable(path, Path(path).suffix, read=[spec])
         design = solved(problem, solver, quiet)
         if design.status == "uncertified":
             tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import typer
@@ -11,7 +10,7 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.disk import below
-from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
+from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError, one_line
 
 SPECS, RESULTS = (".yaml", ".yml"), (".gains.json",)  # endings of files
 WORST = (1, 2, 4, 3, 0)  # exit codes, the worst first
@@ -45,7 +44,7 @@ def each(sources: Sequence[str], answer: Callable[[str], Answer], *, as_json: bo
         elif as_json and found.failure:
             say(json.dumps(report_of(found), indent=2))
         elif found.text:
-            say(f"== {source}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
+            say(f"== {one_line(source)}\n{found.text}\n" if several else found.text, nl=not found.text.endswith("\n"))
         if found.failure:
             tell(found.failure.problems)
         codes.append(found.failure.exit_code if found.failure else found.code)
@@ -69,7 +68,7 @@ def found(sources: Sequence[str], endings: tuple[str, ...] = SPECS) -> list[str]
     """
     made: list[str] = []
     for source in sources:
-        if not Path(source).is_dir():
+        if not os.path.isdir(source):
             made.append(source)
             continue
         files = [path for path in below(source, endings) if not os.path.basename(path).startswith(".")]

@@ -11,7 +11,7 @@ import typer
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
-from obsdesign.errors import ObsdesignError, TimeLimitError
+from obsdesign.errors import ObsdesignError, TimeLimitError, one_line
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
@@ -40,7 +40,7 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
     with typer.progressbar(length=1000, file=sys.stderr, show_eta=False) as bar:
 
         def report(fraction: float, what: str) -> None:
-            bar.label = what
+            bar.label = one_line(what)
             bar.update(max(0, int(1000 * fraction) - bar.pos))
 
         yield report

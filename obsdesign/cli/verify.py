@@ -1,5 +1,6 @@
 """`obsdesign verify`: the claim of a result file, proved anew."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -44,10 +45,14 @@ def named(gains: str) -> str:
     from obsdesign.files import ResultFile
 
     path = ResultFile.open(gains).at("spec", "path")
-    if not isinstance(path, str) or not Path(path).resolve().is_relative_to(Path.cwd()) or not Path(path).is_file():
+    if (
+        not isinstance(path, str)
+        or not Path(os.path.realpath(path)).is_relative_to(Path.cwd())
+        or not os.path.isfile(path)
+    ):
         said = "is no spec below the current folder; solve it from here, or leave --specs out"
         raise UsageError(Problem(f"{described(path)} {said}", gains, key="spec.path", id="OBS710"))
-    return path
+    return str(path)
 
 
 def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:

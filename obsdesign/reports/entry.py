@@ -1,6 +1,7 @@
 """A result file as the page shows it: what it says, what of that was proved anew, and how a run goes."""
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -294,7 +295,7 @@ def trial_of(design: Design, path: str, samples: bool) -> Trial:
     if design.spec.simulation is None or not design.built:
         return Trial()
     try:
-        if samples and beside.is_file():
+        if samples and os.path.isfile(beside):
             signals, origin = Signals.read(str(beside), design.spec), f"read from {beside.name}, not run anew"
             return Trial(tuple(charts(signals, design.spec)), origin=origin)
         run = design.simulate()
@@ -321,4 +322,9 @@ def opened(path: str, anchor: str, samples: bool) -> Entry | Missing:
     try:
         return Entry.of(ResultFile.open(path), anchor, samples)
     except UsageError as error:
-        return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)
+        return unread(path, error)
+
+
+def unread(path: str, error: UsageError) -> Missing:
+    """File that cannot be read."""
+    return Missing(path, "invalid", "; ".join(map(str, error.problems)), error.problems)

@@ -3,7 +3,6 @@
 import base64
 import datetime
 import hashlib
-import json
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,17 +15,17 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from obsdesign import __version__
+from obsdesign.batches.find import SUMMARY
+from obsdesign.batches.summary import opened as summary
 from obsdesign.design import Design
-from obsdesign.disk import below, content_of, write_whole
+from obsdesign.disk import below, write_whole
 from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile
-from obsdesign.files.result import LARGEST
-from obsdesign.reports.entry import Entry, Missing, opened, told_of
+from obsdesign.reports.entry import Entry, Missing, opened, told_of, unread
 from obsdesign.reports.papers import DRAWING, PAPERS, Paper, paper_of
 from obsdesign.tables.text import at_least, at_most
 
 GAINS = ".gains.json"  # ends the names of result files
-SUMMARY = "summary.json"  # of a batch
 UNREADABLE = "�"  # stands for what cannot be printed
 
 
@@ -132,7 +131,7 @@ def report(
     """
     if isinstance(source, Design):
         made = Report("this design", (Entry.of(ResultFile("this design", source.text()), "r1", False),), single=True)
-    elif Path(source).is_dir():
+    elif os.path.isdir(source):
         made = of_folder(Path(source), progress)
     else:
         made = Report(os.fspath(source), (Entry.of(ResultFile.open(os.fspath(source)), "r1", False),), single=True)
@@ -157,15 +156,16 @@ def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
 
 
 def without_result(path: Path) -> Iterator[Missing]:
-    """Specs of a batch that gave no result file, from its summary, as far as that is one."""
+    """Specs of a batch that gave no result file, from its summary; or that this is none, where there is a file."""
     try:
-        specs = json.loads(content_of(str(path), LARGEST))["specs"] if path.is_file() else []
-        found = [spec for spec in specs if not spec.get("files", {}).get("gains")]
-        for spec in found:
-            problems = [str(problem.get("message", problem)) for problem in spec.get("problems", [])]
-            yield Missing(str(spec["path"]), f"no result: {spec['status']}", "; ".join(problems))
-    except (UsageError, RecursionError, ValueError, KeyError, TypeError, AttributeError):
+        specs = summary(str(path))["specs"] if os.path.isfile(path) else []
+    except UsageError as error:
+        yield unread(str(path), error)
         return
+    for spec in specs:
+        if "gains" not in spec["files"]:
+            said = "; ".join(problem["message"] for problem in spec["problems"])
+            yield Missing(spec["path"], f"no result: {spec['status']}", said)
 
 
 @cache

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 from obsdesign.disk import content_of
 from obsdesign.errors import Problem, UsageError
@@ -32,8 +31,6 @@ def text_of(path: str) -> str:
 
     Raises `UsageError`: it cannot be read, is larger than 4 MiB, or is not UTF-8 text.
     """
-    if Path(path).is_dir():
-        raise UsageError(Problem("is a folder; give a spec file", path, id="OBS101"))
     data = content_of(path, MAX_BYTES)
     if len(data) > MAX_BYTES:
         raise UsageError(Problem(TOO_LARGE, path, id="OBS103"))

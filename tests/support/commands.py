@@ -1,5 +1,7 @@
 """The command line, run within the process."""
 
+import signal
+import subprocess
 import time
 from functools import cache
 from pathlib import Path
@@ -16,6 +18,17 @@ PNG = b"\x89PNG\r\n\x1a\n"
 def run(*arguments):
     """A command through the entry point of the application."""
     return testing.CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def hearing():
+    """Hear interrupts in a process that begins, whatever began the tests: what runs in the background ignores them."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def begin(command, **options):
+    """A process that hears interrupts."""
+    return subprocess.Popen(command, **{"preexec_fn": hearing} | options)
 
 
 def files(folder="."):
