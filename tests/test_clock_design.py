@@ -143,7 +143,7 @@ STARTS = {
 def start(name, injection):
     """Injection and its free gains as a vector."""
     plant = example(name)[0]
-    made = Injection(injection, plant.C)
+    made = Injection(injection, plant.C, np.full(plant.n, 2.0), np.full(len(plant.C), 0.5), np.full((1, 1), 3.0))
     return made, made.vector({key: np.array(gain, dtype=float) for key, gain in STARTS[name, injection].items()})
 
 

@@ -23,10 +23,16 @@ CURVED = 1e-12  # least curvature along a step, relative, of which the next one 
 
 @dataclass(frozen=True)
 class Injection:
-    """Which gains are free, as a vector, and how mu depends on them."""
+    """Which gains are free, as a vector, and how mu depends on them.
+
+    The vector holds diag(left) L diag(right), whose norm is bounded, and H in some units.
+    """
 
     name: str  # dynamic, predictor, hold or reset
     C: Float
+    left: Float  # (n,)
+    right: Float  # (ny,)
+    turn: Float  # (ny, ny), or broadcast to it
 
     @property
     def ny(self) -> int:
@@ -35,30 +41,36 @@ class Injection:
 
     def vector(self, gains: Gains) -> Float:
         """Free entries."""
-        parts = (
-            [gains["K"]] if self.name == "reset" else [gains["L"]] + ([gains["H"]] if self.name == "dynamic" else [])
-        )
-        return np.concatenate([part.ravel() for part in parts])
+        first = self.weighed(gains["K" if self.name == "reset" else "L"])
+        return np.concatenate([first.ravel(), *([(gains["H"] * self.turn).ravel()] if self.name == "dynamic" else [])])
+
+    def weighed(self, gain: Float) -> Float:
+        """diag(left) gain diag(right)."""
+        return self.left[:, None] * gain * self.right
+
+    def bounded(self, x: Float) -> Float:
+        """What is bounded of a vector."""
+        return x[: self.C.size].reshape(-1, self.ny)
 
     def gains(self, x: Float) -> dict[str, Float]:
         """Gains of a vector."""
-        n = self.C.shape[1]
-        first = x[: n * self.ny].reshape(n, self.ny)
+        first = self.bounded(x) / (self.left[:, None] * self.right)
         if self.name == "reset":
             return {"K": first}
-        free = x[n * self.ny :].reshape(-1, self.ny)
+        free = x[self.C.size :].reshape(-1, self.ny) / self.turn
         return {"L": first, "H": {"dynamic": free, "predictor": -self.C @ first}.get(self.name, 0 * np.eye(self.ny))}
 
     def gradient(self, slope: Slope) -> Float:
         """Gradient of mu with respect to the vector."""
-        C, n = self.C, self.C.shape[1]
+        C, n, unit = self.C, self.C.shape[1], self.left[:, None] * self.right
         if self.name == "reset":
-            return np.asarray(-(slope.jump @ C.T).ravel())
+            return np.asarray((-(slope.jump @ C.T) / unit).ravel())
         across = slope.flow @ np.hstack([-C, np.eye(self.ny)]).T
         by_L, by_H = across[:n] + C.T @ across[n:], across[n:]
         if self.name == "predictor":
             by_L = by_L - C.T @ by_H
-        return np.concatenate([by_L.ravel(), *([by_H.ravel()] if self.name == "dynamic" else [])])
+        turned = [(by_H / self.turn).ravel()] if self.name == "dynamic" else []
+        return np.concatenate([(by_L / unit).ravel(), *turned])
 
 
 def walled(L: Float, kappa: float) -> tuple[float, Float]:

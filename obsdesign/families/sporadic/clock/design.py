@@ -5,8 +5,9 @@ smallest that were found within the slack of it, rounded to few digits, and ever
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from flint import fmpq
@@ -274,21 +275,28 @@ class ClockDesigner:
         return replace(self.shipped(curve, best, T2, decay, limit), search=search)
 
     def points(self, curve: Curve, name: str) -> Iterator[Point]:
-        """Points of a curve over T2 or the decay, each search begun from the last."""
+        """Points of a curve over T2 or the decay, each search begun from the last, and again from the next one.
+
+        What holds for a longer T2, or a faster decay, holds for a shorter or a slower one: gamma never falls.
+        """
         ranged = self.request.decay if name == "decay" else self.request.T2
         assert isinstance(ranged, Range)
+        values, done = [printed(value) for value in ranged.grid()], self.curves.index(curve)
+        pairs = [(x, self.lowest[1]) if name == "T2" else (self.lowest[0], x) for x in values]
+        found: list[Found | None] = []
         last = None
-        grid, done = [printed(value) for value in ranged.grid()], self.curves.index(curve)
-        for i, value in enumerate(grid):
-            part = (done + i / len(grid)) / len(self.curves)
+        for i, (value, at) in enumerate(zip(values, pairs, strict=True)):
+            part = (done + i / len(values)) / len(self.curves)
             self.engine.report(0.8 * part, f"injection {curve.name}, {name} = {float(value):g}")
-            T2, decay = (value, self.lowest[1]) if name == "T2" else (self.lowest[0], value)
-            found = curve.best(T2, decay, near=last) or curve.best(T2, decay)
-            if found is None:
+            found.append(curve.best(*at, near=last) or curve.best(*at))
+            last = found[-1] or last
+        for i in reversed(range(len(found) - 1)):
+            found[i] = better(found[i], found[i + 1], partial(curve.best, *pairs[i]))
+        for value, at, made in zip(values, pairs, found, strict=True):
+            if made is None:
                 yield {name: float(value), "status": "undecided"}, curve, None
-                continue
-            last = found
-            yield self.point(curve, found, name, T2, decay), curve, found
+            else:
+                yield self.point(curve, made, name, *at), curve, made
 
     def point(self, curve: Curve, found: Found, name: str, T2: fmpq, decay: fmpq) -> dict[str, Any]:
         """Gamma that is found, and what is proved of the rounded gains."""
@@ -306,6 +314,14 @@ class ClockDesigner:
                 certified = {"gamma": proved, "T2": float(T2), "decay": float(decay), key: size}
                 return {**known, "gamma": min(gamma, proved), "status": "certified", "certified": certified}
         return known
+
+
+def better(found: Found | None, harder: Found | None, near: Callable[[Found], Found | None]) -> Found | None:
+    """Gains for a point, or where those of a harder one are better, what a search near these finds."""
+    if harder is None or (found and found.gamma <= harder.gamma):
+        return found
+    made = near(harder)
+    return made if made and (found is None or made.gamma < found.gamma) else found
 
 
 def in_floats_of(gains: Mapping[str, Array]) -> dict[str, Array]:

@@ -29,6 +29,7 @@ WIDER = 4.0  # between bounds on the gain, until gamma settles
 SETTLED = 0.03  # relative change of gamma below which it has
 MOST = 8  # bounds that are tried
 SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sought
+SMALLEST = 1e-3  # part of a gain below which none is sought: a plant that is stable needs no gain at all
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
 RISE = 1.1  # of gamma from one point of a curve to the next, beyond which a search begins anew
 STEPS, SOME, FEW = 80, 12, 3  # of a descent, and of one that begins nearby
@@ -95,7 +96,8 @@ class Curve:
         resets = self.name == "reset" and self.kappa is not None
         self.left = np.ones(self.doubles.n) * self.units.left
         self.right = np.ones(len(self.doubles.C)) * self.units.right * (self.units.time if resets else 1.0)
-        self.injection = Injection(self.name, self.doubles.C)
+        turn = self.sizes["H"] if self.kappa is not None else np.ones(1)
+        self.injection = Injection(self.name, self.doubles.C, self.left, self.right, np.asarray(turn))
 
     def analysis(self, gains: Gains, shape: Shape | None = None) -> Analysis:
         """Error of gains, in doubles."""
@@ -115,7 +117,7 @@ class Curve:
 
     def size(self, gains: Gains) -> float:
         """|L| or |K|: in the units of the spec where it is bounded."""
-        return norm(self.left[:, None] * main(gains) * self.right)
+        return norm(self.injection.weighed(main(gains)))
 
     def gamma(self, gains: Gains, T2: fmpq, decay: fmpq) -> float:
         """Least gain from w to z of gains in the units of the spec, in its units; infinite if none is found."""
@@ -226,24 +228,27 @@ class Curve:
         if not math.isfinite(value):
             return None
         gains = self.injection.gains(x)
-        wall, _ = walled(self.left[:, None] * main(gains) * self.right, kappa)
+        wall, _ = walled(self.injection.bounded(x), kappa)
         return Found(gains, self.units.gamma * math.exp((value - BARRIER * wall) / 2), B)
 
     def value(self, kappa: float, T2: fmpq, decay: fmpq, x: Float) -> tuple[float, Float]:
         """Logarithm of mu with a barrier at the bound on the gain, and its gradient; infinite where there is no mu."""
         gains = self.injection.gains(x)
-        wall, rise = walled(self.left[:, None] * main(gains) * self.right, kappa)
+        wall, rise = walled(self.injection.bounded(x), kappa)
         slope = self.analysis(gains, self.coarse).slope(T2, decay) if math.isfinite(wall) else None
         if slope is None or not 0 < slope.mu < math.inf:
             return math.inf, 0 * x
         gradient = self.injection.gradient(slope) / slope.mu
-        gradient[: rise.size] += BARRIER * (self.left[:, None] * rise * self.right).ravel()
+        gradient[: rise.size] += BARRIER * rise.ravel()
         return math.log(slope.mu) + BARRIER * wall, gradient
 
     def smaller(self, found: Found, target: float, T2: fmpq, decay: fmpq) -> Found:
         """Gains of smaller size whose gamma stays below a target; `T2`, `decay`: s and 1/s."""
+        least = SMALLEST * self.size(found.gains)
         for part in SMALLER:
-            while made := self.reduced(found, part, target, T2 / self.time, decay * self.time):
+            while self.size(found.gains) > least and (
+                made := self.reduced(found, part, target, T2 / self.time, decay * self.time)
+            ):
                 found = made
         return found
 
