@@ -7,7 +7,7 @@ smallest that were found within the slack of it, rounded to few digits, and ever
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 from flint import fmpq
@@ -28,7 +28,7 @@ from obsdesign.families.sporadic.clock.reasons import nothing_found, undecided, 
 from obsdesign.families.sporadic.clock.search import Curve, Found, main, norm
 from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, witnesses
 from obsdesign.families.sporadic.clock.theorem import error_system
-from obsdesign.families.sporadic.clock.truth import truth
+from obsdesign.families.sporadic.clock.truth import periodic_gamma, truth
 from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.gains import LONGER, SHORTER
 from obsdesign.families.sporadic.held import held
@@ -121,7 +121,7 @@ class ClockDesigner:
             limit = {"gamma": least}
         return Outcome(
             Verdict.CERTIFIED if claim and claim.holds else Verdict.UNCERTIFIED,
-            doubles(gains),
+            in_floats_of(gains),
             claim,
             limit={**limit, "attained": False, **BEST_FOUND} if limit else {},
         )
@@ -131,12 +131,11 @@ class ClockDesigner:
 
         Raises `UndecidedError`: none are found.
         """
-        members = Errors.of(self.plant, self.multiplier, self.Cp).through
         error = error_system(self.plant.doubles, in_floats(self.Cp), in_floats_of(gains))
-        found = {} if error.elapsed else truth(error, members, float(self.T1), float(T2), float(decay))
+        found = {} if error.elapsed else truth(error, self.members, float(self.T1), float(T2), float(decay))
         if (found.get("pattern_limit") or {}).get("T2", math.inf) > float(T2):
             raise UndecidedError(undecided(self.T1, T2, decay, most), id="OBS507")
-        return Outcome(Verdict.INFEASIBLE, doubles(gains), diagnosis=unstable(found, T2, decay, most))
+        return Outcome(Verdict.INFEASIBLE, in_floats_of(gains), diagnosis=unstable(found, T2, decay, most))
 
     def tolerated(self, analysis: Analysis, T2: fmpq, decay: fmpq) -> float | None:
         """Largest T2 for which there is a solution, of T1 or a small part of what is asked for, to ten times that."""
@@ -193,7 +192,7 @@ class ClockDesigner:
         for gains in self.roundings(curve, small, target, T2, decay):
             claim = self.claim(gains, T2, decay)
             if claim and claim.holds:
-                return Outcome(Verdict.CERTIFIED, doubles(gains), claim, limit=limit)
+                return Outcome(Verdict.CERTIFIED, in_floats_of(gains), claim, limit=limit)
         raise UndecidedError(
             f"gains were found, and no proof for them; gamma seems to be about {least:g}; try `clock: {{segments: 4}}`",
             id="OBS507",
@@ -312,8 +311,25 @@ class ClockDesigner:
                 proved, key = above(witness.constants()["gamma"]), "L" if "L" in gains else "K"
                 size = norm(main(in_floats_of(gains)))
                 certified = {"gamma": proved, "T2": float(T2), "decay": float(decay), key: size}
-                return {**known, "gamma": min(gamma, proved), "status": "certified", "certified": certified}
+                return {
+                    **known,
+                    "gamma": min(gamma, proved),
+                    "status": "certified",
+                    "certified": certified,
+                    **self.beside(gains, T2, decay, gamma),
+                }
         return known
+
+    def beside(self, gains: Mapping[str, Array], T2: fmpq, decay: fmpq, near: float) -> dict[str, Any]:
+        """Entry `truth` of a point: the gamma that its gains do have for the period T2; empty if it is not known."""
+        error = error_system(self.plant.doubles, in_floats(self.Cp), in_floats_of(gains))
+        found = None if error.elapsed else periodic_gamma(error, self.members, float(T2), float(decay), near)
+        return {} if found is None else {"truth": {"gamma": found}}
+
+    @cached_property
+    def members(self) -> list[Array]:
+        """Frozen members f = K q of the class."""
+        return Errors.of(self.plant, self.multiplier, self.Cp).through
 
 
 def better(found: Found | None, harder: Found | None, near: Callable[[Found], Found | None]) -> Found | None:
@@ -325,10 +341,5 @@ def better(found: Found | None, harder: Found | None, near: Callable[[Found], Fo
 
 
 def in_floats_of(gains: Mapping[str, Array]) -> dict[str, Array]:
-    """Gains in doubles."""
+    """Gains in doubles, which print as the decimals that are proved."""
     return {name: in_floats(gain) for name, gain in gains.items()}
-
-
-def doubles(gains: Mapping[str, Array]) -> dict[str, Array]:
-    """Gains as doubles, which print as the decimals that were proved."""
-    return in_floats_of(gains)

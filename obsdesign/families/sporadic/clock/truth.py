@@ -37,8 +37,7 @@ def truth(system: ErrorSystem, members: Sequence[Array], T1: float, T2: float, d
     in 1/s, is the largest; `gamma`, for periods T1 and T2 and for the worst of some sequences, weighted by the rate as
     in the theorem. What is longer than ten times T2 is not looked for: None. Empty where doubles tell nothing.
     """
-    trusted = (error for error in (frozen(system, K, decay) for K in members) if error.longest >= T2)
-    errors = sorted(trusted, key=lambda error: -error.growth([T2]))[:FEW]
+    errors = slowest(system, members, T2, decay)
     if not errors:
         return {}
     low, high = T1 or SHORTER * T2, LONGER * T2
@@ -51,6 +50,23 @@ def truth(system: ErrorSystem, members: Sequence[Array], T1: float, T2: float, d
     }
     disturbed = [error for error in errors if error.strength]
     return found | ({"gamma": gains(disturbed, T1, T2)} if disturbed else {})
+
+
+@np.errstate(all="ignore")
+def periodic_gamma(system: ErrorSystem, members: Sequence[Array], T2: float, decay: float, near: float) -> float | None:
+    """Largest gain from w to z at the period T2, in doubles: no gamma is less; None where none is known.
+
+    `near`: a gain that it is near to.
+    """
+    disturbed = [error for error in slowest(system, members, T2, decay) if error.strength]
+    found = largest(disturbed, [T2], near)
+    return found if 0 < found < np.inf else None
+
+
+def slowest(system: ErrorSystem, members: Sequence[Array], T2: float, decay: float) -> list[LinearError]:
+    """Errors of the members that seem the slowest, as far as doubles tell something of them."""
+    trusted = (error for error in (frozen(system, K, decay) for K in members) if error.longest >= T2)
+    return sorted(trusted, key=lambda error: -error.growth([T2]))[:FEW]
 
 
 def frozen(system: ErrorSystem, K: Array, decay: float) -> LinearError:
