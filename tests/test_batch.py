@@ -26,6 +26,11 @@ obsdesign: 1
 system: {A: [[1, 0], [0, -1]], B: [[0], [1]], C: [[0, 1]]}
 observer: {type: l2, L2: 0, alpha: 0.1}
 """
+UNDECIDED = """
+obsdesign: 1
+system: {A: [[-1]], B: [[1]], C: [[1]]}
+observer: {type: l2, alpha: 0.1, objective: {gamma: 1.0e-300}}
+"""
 EXPECTED = "expect: {status: infeasible}\n"
 WRONG = "obsdesign: 1\nsystem: {A: [[-1]], C: [[1]]}\nobserver: {type: l2, alpa: 0.1}\n"
 VOLATILE = {"created", "time_s", "up_to_date", "why"}
@@ -335,6 +340,21 @@ def test_what_is_up_to_date_is_not_redone_and_v_says_why_another_is(monkeypatch)
     assert whys("--solver", "clarabel", "--simulate") == ["simulate changed"] * 3
     monkeypatch.setattr("obsdesign.batches.record.__version__", "9")
     assert whys() == ["version of the tool changed"] * 3
+
+
+@pytest.mark.usefixtures("here", "at_once")
+def test_what_was_undecided_is_up_to_date_without_a_result_file():
+    put("a.yaml", UNDECIDED)
+    for why in ("never run", None, None):
+        outcome = run("batch", "a.yaml", "--set", "observer.alpha=0.1,0.2")
+        assert outcome.exit_code == 4
+        found = summary()["specs"]
+        assert [(entry["status"], entry["files"], entry["why"]) for entry in found] == [("uncertified", {}, why)] * 2
+        assert outcome.stderr.count("[OBS508]") == 2
+    record = next(Path("results").rglob("a.record.json"))
+    record.write_text(record.read_text().replace("uncertified", "infeasible"))
+    run("batch", "a.yaml", "--set", "observer.alpha=0.1,0.2")
+    assert [entry["why"] for entry in summary()["specs"]] == ["its gains file is missing", None]
 
 
 @pytest.mark.usefixtures("folder", "at_once")

@@ -40,8 +40,8 @@ class Commands(TyperGroup):
             answer(misused(error), as_json=ctx.obj)
         except ObsdesignError as error:
             answer(error, as_json=ctx.obj)
-        except KeyboardInterrupt:
-            say("interrupted", err=True)
+        except KeyboardInterrupt as stopped:
+            say("; ".join(["interrupted", *getattr(stopped, "__notes__", ())]), err=True)
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError as error:
             raise OSError(error.strerror) from None  # for `main`; typer would say nothing of the one with a number

@@ -7,7 +7,7 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import as_text, drawn, failing, progress, ran, run_text, stem, taken
+from obsdesign.cli.steps import as_text, drawn, failing, interruptible, progress, ran, run_text, stem, taken
 from obsdesign.watch import limited
 
 
@@ -47,7 +47,8 @@ def simulate(
 
             with progress(quiet) as report:
                 design = trial(problem, gains, solver, report, changes)
-            run = ran(design, quiet)
+            with interruptible(lambda: "no samples and no figure are written"):
+                run = ran(design, quiet)
             samples, figure = drawn(run, paths[1], plot_all)
             write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
             if paths[0] == "-":

@@ -1,7 +1,7 @@
 """`obsdesign solve`: the observer of a spec."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,9 +9,14 @@ from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import drawn, failing, loaded, ran, run_text, solved, stem
+from obsdesign.cli.steps import drawn, failing, interruptible, loaded, ran, run_text, solved, stem
 from obsdesign.errors import EXIT, Problem, UsageError
 from obsdesign.watch import limited
+
+if TYPE_CHECKING:
+    from obsdesign.spec import Spec
+
+FEW = 5  # points of a range that show its course
 
 
 def solve(
@@ -39,7 +44,8 @@ def solve(
         if not printed:
             require_writable(target, read=[spec])
         paths, curve = beside(target, spec)
-        design = solved(problem, solver, quiet)
+        with interruptible(lambda: lost(problem, spec)):
+            design = solved(problem, solver, quiet)
         if design.status == "uncertified":
             tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])
         tell(design.unmet())
@@ -47,8 +53,9 @@ def solve(
         files = {} if printed else {target: text}
         try:
             if simulate and design.built:
-                run = ran(design, quiet)
-                files |= dict(zip(paths, drawn(run, paths[1], plot_all), strict=True))
+                with interruptible(lambda: "" if printed else f"{target} is kept; `obsdesign simulate` runs it"):
+                    run = ran(design, quiet)
+                    files |= dict(zip(paths, drawn(run, paths[1], plot_all), strict=True))
         except UsageError:
             files.clear()
             raise
@@ -73,6 +80,16 @@ def solve(
         require_one(sources, output)
         require_apart(sources, [stem(source) for source in sources])
         each(sources, answer, as_json=as_json)
+
+
+def lost(problem: "Spec", path: str) -> str:
+    """What an interrupted design leaves, and how to go on."""
+    from obsdesign.dissipation.bounds import Range
+
+    ranges = {key: value.points for key, value in vars(problem.observer).items() if isinstance(value, Range)}
+    fewer = " ".join(f"--set observer.{key}.points={FEW}" for key, points in ranges.items() if points > FEW)
+    said = f"nothing of {path} is written, and the same command begins it anew"
+    return f"{said}; with {fewer} it ends sooner" if fewer else said
 
 
 def beside(target: str, spec: str) -> tuple[tuple[str, str], str]:
