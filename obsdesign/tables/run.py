@@ -7,6 +7,13 @@ from obsdesign.spec import Spec
 from obsdesign.tables.text import aligned, at_most, plain
 
 BOUNDS = ("gamma", "bound")
+MEANT = {  # unit or definition of a number of a run, after it
+    "time": "s",
+    "initial_error": "  |e(0)|, of all states",
+    "final_error": "  |e| at the end",
+    "settling_time": "s   after that |e| stays below 1 % of its largest",
+}
+UNSETTLED = "not in this run: |e| is above 1 % of its largest at the end"
 
 
 def run_table(summary: Mapping[str, Any], spec: Spec, guaranteed: bool, files: tuple[str, str]) -> str:
@@ -49,7 +56,7 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
             rows.append(several(key, value))
-        elif value is not None and key != "ratio_of":
+        elif key == "settling_time" or (value is not None and key != "ratio_of"):
             rows.append((key.replace("_", " "), shown(key, value)))
     return rows
 
@@ -99,16 +106,20 @@ def entries(values: Mapping[str, Any]) -> str:
 
 
 def shown(key: str, value: Any) -> str:
-    """Value in a table; of what bounds a run an upper bound."""
-    return at_most(value) if key in BOUNDS and value is not None else plain(value)
+    """Value in a table, with what it means; of what bounds a run an upper bound."""
+    if key == "settling_time" and value is None:
+        return UNSETTLED
+    text = at_most(value) if key in BOUNDS and value is not None else plain(value)
+    return f"{text} {MEANT[key]}" if key in MEANT else text
 
 
 def settling_text(times: Mapping[str, float | None]) -> str:
     """When an estimate has come within 5 % and 1 % of its initial error for good, if it has and if there was one."""
     if times["t5"] == 0:
         return f"starts at 0, |error| at most {times['peak']:.4g}"
-    known = {share: "not reached" if (t := times[f"t{share}"]) is None else f"{t:.4g} s" for share in (5, 1)}
-    return ", ".join(f"{share} % {text}" for share, text in known.items()) + " (of the initial error)"
+    known = ((share, times[f"t{share}"]) for share in (5, 1))
+    told = (f"below {share} % {'never' if t is None else f'after {t:.4g} s'}" for share, t in known)
+    return f"|error| stays {', '.join(told)}   of |error(0)|"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:
