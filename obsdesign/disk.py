@@ -14,6 +14,18 @@ from pathlib import Path
 from obsdesign.errors import Problem, UsageError
 
 STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
+HEAD = 2**16  # bytes of a file that tell who wrote it
+OWN = re.compile(  # how the files begin that a command writes; of one that is empty nothing is lost
+    rb"""\Z
+    | \{\s*"obsdesign":\ 1,\s*(?:"tool"|"name":\ "(?:\\.|[^"\\])*",\s*"spec")   # a result, a summary
+    | \{.*"name":\ "obsdesign"                                                   # SARIF
+    | <.*(?:name="obsdesign"|content="obsdesign\ |<dc:title>obsdesign<)          # JUnit, HTML, SVG
+    | \x89PNG.*Software\x00obsdesign
+    | ::.*title=obsdesign\                                                        # annotations of GitHub
+    | t,(?:[^\n]*,)?hat_                                                         # CSV
+    """,
+    re.VERBOSE | re.DOTALL,
+)
 STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
 
 
@@ -100,10 +112,12 @@ def remove_strays(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def require_writable(*paths: str, read: Collection[str] = ()) -> None:
-    """Refuse paths that could not be written, or are those of files that are `read`, before anything is computed.
+def require_writable(*paths: str, read: Collection[str] = ()) -> dict[str, str]:
+    """Refuse paths that could not be written, or hold what no command has written, before anything is computed.
 
-    Raises `UsageError` if a folder does not exist or may not be written, or a path is a folder.
+    A file that an earlier command wrote is replaced, unless it is one of those that are `read`. Returns what is to be
+    said of each path: whether it is replaced. Raises `UsageError` if a folder does not exist or may not be written, or
+    a path is a folder or that of a file of the user.
     """
     for path in paths:
         if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
@@ -121,6 +135,19 @@ def require_writable(*paths: str, read: Collection[str] = ()) -> None:
             raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
         if not os.access(folder, os.W_OK):
             raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
+        if os.path.lexists(path) and not is_own(path):
+            said = "is there already, and is no output of obsdesign; name another file, or remove this one"
+            raise UsageError(Problem(said, path, id="OBS914"))
+    return {path: f"{path}   replaced" if Path(path).is_file() else path for path in paths}
+
+
+def is_own(path: str) -> bool:
+    """Whether a regular file is what a command wrote, is empty, or is not there, as where a link leads nowhere."""
+    try:
+        with Path(path).open("rb") as file:
+            return bool(OWN.match(file.read(HEAD)))
+    except OSError as error:
+        return isinstance(error, FileNotFoundError)
 
 
 def is_regular(path: str) -> bool:

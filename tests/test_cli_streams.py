@@ -52,7 +52,7 @@ def gains(here, made):
 
 
 def test_a_link_is_followed(spec):
-    Path("real.json").write_text("before")
+    Path("real.json").write_text("")
     Path("link.json").symlink_to("real.json")
     Path("new.json").symlink_to("absent.json")
     for name in ("link.json", "new.json"):

@@ -23,7 +23,7 @@ def compare(
     from obsdesign.disk import require_writable
 
     with limited(timeout):
-        require_writable(output, read=sources)
+        kept = require_writable(output, read=sources)
         problems = [taken(source) for source in sources]
         from obsdesign import work
 
@@ -33,4 +33,4 @@ def compare(
     if as_json:
         say(as_text(found.report))
     elif not quiet:
-        say(f"{found}\n\nfigure  {output}")
+        say(f"{found}\n\nfigure  {kept[output]}")

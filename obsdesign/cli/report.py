@@ -23,14 +23,14 @@ def report(
     from obsdesign.simulate.validity import require_kept
 
     with limited(timeout):
-        require_writable(output, read=[source])
+        kept = require_writable(output, read=[source])
         with progress(quiet) as told:
             page = made(source, output, told)
     counts = ", ".join(f"{count} {status}" for status, count in page.counts.items())
     if as_json:
         say(as_text({"file": output, "counts": page.counts, "without": page.without}))
     elif not quiet:
-        say(f"{counts}\nreport  {output}")
+        say(f"{counts}\nreport  {kept[output]}")
     for entry in page.entries:
         if entry.trial.summary:
             require_kept(entry.trial.summary, entry.file.path)

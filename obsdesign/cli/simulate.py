@@ -33,14 +33,15 @@ def simulate(
             sources = [newest()]
             if not quiet:
                 say(f"simulating {sources[0]}", err=True)
-        files = found(sources, (*SPECS, *RESULTS))
-        require_one(files, output, plot, gains)
-        require_apart(files, [stem(file) for file in files])
+        given = found(sources, (*SPECS, *RESULTS))
+        require_one(given, output, plot, gains)
+        require_apart(given, [stem(file) for file in given])
 
         def answer(source: str) -> Answer:
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
-            require_writable(*(path for path in paths if path != "-"), read=[source, *[gains] * bool(gains)])
+            kept = {"-": "-"}
+            kept |= require_writable(*(path for path in paths if path != "-"), read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)
             from obsdesign.simulate.validity import require_kept
             from obsdesign.work import trial
@@ -53,7 +54,8 @@ def simulate(
             write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
             if paths[0] == "-":
                 return Answer(samples.decode())
-            text = as_text(run.summary) if as_json else "" if quiet else run_text(design, run.summary, paths)
+            files = kept[paths[0]], kept[paths[1]]
+            text = as_text(run.summary) if as_json else "" if quiet else run_text(design, run.summary, files)
             return Answer(text, failure=failing(lambda: require_kept(run.summary, paths[0])))
 
-        each(files, answer, as_json=as_json)
+        each(given, answer, as_json=as_json)

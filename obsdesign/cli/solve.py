@@ -1,5 +1,6 @@
 """`obsdesign solve`: the observer of a spec."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,8 @@ from obsdesign.errors import EXIT, Problem, UsageError
 from obsdesign.watch import limited
 
 if TYPE_CHECKING:
+    from obsdesign.design import Design
+    from obsdesign.simulate import Run
     from obsdesign.spec import Spec
 
 FEW = 5  # points of a range that show its course
@@ -36,14 +39,13 @@ def solve(
 
     def answer(spec: str) -> Answer:
         problem = loaded(spec, changes)
-        from obsdesign.simulate.validity import require_kept
         from obsdesign.tables.text import aligned
 
         target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
-        if not printed:
-            require_writable(target, read=[spec])
+        kept = {} if printed else require_writable(target, read=[spec])
         paths, curve = beside(target, spec)
+        kept |= require_writable(*(paths if simulate else ()), *([curve] if plot else ()), read=[spec])
         with interruptible(lambda: lost(problem, spec)):
             design = solved(problem, solver, quiet)
         if design.status == "uncertified":
@@ -64,22 +66,27 @@ def solve(
         if printed or as_json:
             told = text.decode()
         else:
-            told = "" if quiet else aligned([*design.table(), ("file", target)])
-            told += f"\n\n{run_text(design, run.summary, paths)}" if run and not quiet else ""
-
-        def afterwards() -> None:
-            if plot and not design.plot_search(curve) and not quiet:
-                say("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
-            if run:
-                require_kept(run.summary, paths[0])
-
-        return Answer(told, EXIT[design.status], failing(afterwards))
+            told = "" if quiet else aligned([*design.table(), ("file", kept[target])])
+            if run and not quiet:
+                told += f"\n\n{run_text(design, run.summary, (kept[paths[0]], kept[paths[1]]))}"
+        last = partial(finish, design, run, paths[0], curve if plot else "", quiet=quiet)
+        return Answer(told, EXIT[design.status], failing(last))
 
     with limited(timeout):
         sources = found(specs)
         require_one(sources, output)
         require_apart(sources, [stem(source) for source in sources])
         each(sources, answer, as_json=as_json)
+
+
+def finish(design: "Design", run: "Run | None", samples: str, curve: str, *, quiet: bool) -> None:
+    """Draw the curve of a search, where it is asked for, and hold a run in `samples` against what is proved of it."""
+    from obsdesign.simulate.validity import require_kept
+
+    if curve and not design.plot_search(curve) and not quiet:
+        say("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
+    if run:
+        require_kept(run.summary, samples)
 
 
 def lost(problem: "Spec", path: str) -> str:
