@@ -132,7 +132,9 @@ def require_writable(*paths: str, read: Collection[str] = ()) -> dict[str, str]:
             raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
         shown = Path(path).parent
         if not folder.is_dir():
-            raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
+            raise UsageError(
+                Problem(f"cannot be written: there is no folder {shown}; make it first", path, id="OBS902")
+            )
         if not os.access(folder, os.W_OK):
             raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
         if os.path.lexists(path) and not is_own(path):
