@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
+from difflib import get_close_matches
 from pathlib import Path
 
 from obsdesign.errors import Problem, UsageError
@@ -38,7 +39,16 @@ def content_of(path: str, most: int) -> bytes:
             return file.read(most + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
+        near = alike(path) if isinstance(error, FileNotFoundError) else None
+        said = f"cannot be read: {reason}{f'; did you mean {near}?' if near else ''}"
+        raise UsageError(Problem(said, path, id="OBS101")) from None
+
+
+def alike(path: str) -> str | None:
+    """File in the same folder whose name is closest to that of a path, if any is."""
+    folder, name = os.path.split(path)
+    close = get_close_matches(name, [entry.name for entry in entries(folder or ".")], n=1)
+    return os.path.join(folder, close[0]) if close else None
 
 
 def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:

@@ -329,14 +329,17 @@ def test_no_output_replaces_what_is_read():
     trial = "simulation: {horizon: 1, x0: [1], w: [0]}"
     Path("cart.yaml").write_text(f"obsdesign: 1\n{system}\n{observer}\n{trial}\n")
     assert run("solve", "cart.yaml", "-q").exit_code == 0
+    for kind in ("csv", "png", "html"):
+        Path(f"link.{kind}").symlink_to("cart.gains.json")
+    Path("link.json").symlink_to("cart.yaml")
     before = {path: path.read_bytes() for path in Path().iterdir()}
     for command in (
-        ("solve", "cart.yaml", "-o", "cart.yaml"),
-        ("simulate", "cart.gains.json", "-o", "cart.gains.json"),
-        ("simulate", "cart.gains.json", "--plot", "./cart.gains.json"),
-        ("simulate", "cart.yaml", "--gains", "cart.gains.json", "-o", "cart.gains.json"),
-        ("report", "cart.gains.json", "-o", "cart.gains.json"),
-        ("compare", "cart.gains.json", "-o", "cart.gains.json"),
+        ("solve", "cart.yaml", "-o", "link.json"),
+        ("simulate", "cart.gains.json", "-o", "link.csv"),
+        ("simulate", "cart.gains.json", "--plot", "./link.png"),
+        ("simulate", "cart.yaml", "--gains", "cart.gains.json", "-o", "link.csv"),
+        ("report", "cart.gains.json", "-o", "link.html"),
+        ("compare", "cart.gains.json", "-o", "link.png"),
         ("batch", "cart.yaml", "--format", "json", "--output-file", "cart.yaml"),
     ):
         outcome = run(*command)

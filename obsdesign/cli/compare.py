@@ -6,7 +6,7 @@ import typer
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
-from obsdesign.cli.steps import as_text, progress, taken
+from obsdesign.cli.steps import as_text, progress, require_ending, taken
 from obsdesign.watch import limited
 
 
@@ -22,6 +22,7 @@ def compare(
     """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
     from obsdesign.disk import require_writable
 
+    require_ending(output, "figures")
     with limited(timeout):
         kept = require_writable(output, read=sources)
         problems = [taken(source) for source in sources]

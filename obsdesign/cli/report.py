@@ -6,7 +6,7 @@ import typer
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Timeout
-from obsdesign.cli.steps import as_text, progress
+from obsdesign.cli.steps import as_text, progress, require_ending
 from obsdesign.watch import limited
 
 
@@ -22,6 +22,7 @@ def report(
     from obsdesign.reports.page import report as made
     from obsdesign.simulate.validity import require_kept
 
+    require_ending(output, "pages")
     with limited(timeout):
         kept = require_writable(output, read=[source])
         with progress(quiet) as told:

@@ -7,7 +7,18 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import as_text, drawn, failing, interruptible, progress, ran, run_text, stem, taken
+from obsdesign.cli.steps import (
+    as_text,
+    drawn,
+    failing,
+    interruptible,
+    progress,
+    ran,
+    require_ending,
+    run_text,
+    stem,
+    taken,
+)
 from obsdesign.watch import limited
 
 
@@ -28,6 +39,8 @@ def simulate(
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.disk import newest, require_writable, write_all
 
+    require_ending(output, "samples")
+    require_ending(plot, "figures")
     with limited(timeout):
         if not sources:
             sources = [newest()]

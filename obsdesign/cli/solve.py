@@ -10,7 +10,7 @@ from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import drawn, failing, interruptible, loaded, ran, run_text, solved, stem
+from obsdesign.cli.steps import drawn, failing, interruptible, loaded, ran, require_ending, run_text, solved, stem
 from obsdesign.errors import EXIT, Problem, UsageError
 from obsdesign.watch import limited
 
@@ -72,6 +72,7 @@ def solve(
         last = partial(finish, design, run, paths[0], curve if plot else "", quiet=quiet)
         return Answer(told, EXIT[design.status], failing(last))
 
+    require_ending(output, "results")
     with limited(timeout):
         sources = found(specs)
         require_one(sources, output)

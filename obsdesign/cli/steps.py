@@ -11,12 +11,28 @@ import typer
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
-from obsdesign.errors import ObsdesignError, TimeLimitError
+from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
     from obsdesign.simulate import Run
     from obsdesign.spec import Spec
+
+
+KINDS = {  # endings of what commands write
+    "results": (".json",),
+    "samples": (".csv",),
+    "figures": (".png", ".svg"),
+    "pages": (".html", ".htm"),
+}
+ENDINGS = {*sum(KINDS.values(), ()), ".yaml", ".yml", ".pdf", ".jpg", ".jpeg", ".eps"}
+
+
+def require_ending(path: str, kind: str) -> None:
+    """Refuse a path for files of one kind that ends as those of another; raises `UsageError`."""
+    if Path(path).suffix.lower() in ENDINGS.difference(KINDS[kind]):
+        said = f"{kind} are written here, whose names end with {' or '.join(KINDS[kind])}"
+        raise UsageError(Problem(said, path, id="OBS904"))
 
 
 def as_text(report: Mapping[str, Any]) -> str:
