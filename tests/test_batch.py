@@ -152,11 +152,12 @@ def test_a_batch_that_is_refused_says_that_nothing_is_written(form):
     first, second = outcome.stderr.splitlines()
     assert first.startswith("absent: there is no such file or folder")
     assert second == f"--format {form}: nothing is written [OBS101]"
-    put("old", "of yesterday")
+    yesterday = '{"obsdesign": 1, "tool": "of yesterday"}'
+    put("old", yesterday)
     outcome = run("batch", "absent", "--format", form, "--output-file", "old")
     said = f"old: --format {form}: nothing is written; the file is of an earlier batch [OBS101]"
     assert outcome.stderr.splitlines()[1] == said
-    assert Path("old").read_text() == "of yesterday"
+    assert Path("old").read_text() == yesterday
 
 
 def test_shards_share_the_specs_out():
