@@ -9,12 +9,40 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
+from difflib import get_close_matches
 from pathlib import Path
+from typing import NamedTuple
 
 from obsdesign.errors import Problem, UsageError
 
 STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
-KINDS = frozenset({".yaml", ".yml", ".json", ".csv", ".png", ".svg", ".html"})  # endings that the tool reads or writes
+HEAD = 2**16  # bytes of a file that tell who wrote it
+
+
+class Kind(NamedTuple):
+    """What commands write: how the names of such files end, and how their contents begin."""
+
+    endings: tuple[str, ...]
+    mark: re.Pattern[bytes]
+
+
+def marked(pattern: bytes) -> re.Pattern[bytes]:
+    """Beginning of a file."""
+    return re.compile(pattern, re.VERBOSE | re.DOTALL)
+
+
+KINDS = {
+    "specs": Kind((".yaml", ".yml"), marked(rb"(?!)")),  # which people write, and no command replaces
+    "results": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"name":\ "(?:\\.|[^"\\])*",\s*"spec"')),
+    "samples": Kind((".csv",), marked(rb"t,(?:[^\n]*,)?hat_")),
+    "figures": Kind((".png", ".svg"), marked(rb"\x89PNG.*Software\x00obsdesign | <.*<dc:title>obsdesign<")),
+    "pages": Kind((".html", ".htm"), marked(rb'\s*<!DOCTYPE\ html>.*<meta\ name="generator"\ content="obsdesign\ ')),
+    "summaries": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"tool":.*"list_sha256":')),
+    "JUnit XML": Kind((), marked(rb'<\?xml[^>]*>\s*<testsuites\ name="obsdesign"')),
+    "SARIF": Kind((".json",), marked(rb'\{.*"driver":\s*\{\s*"name":\ "obsdesign"')),
+    "annotations": Kind((), marked(rb"::error\ [^\n]*title=obsdesign\ ")),
+}
+ENDINGS = {*(end for kind in KINDS.values() for end in kind.endings), ".pdf", ".jpg", ".jpeg", ".eps"}
 STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
 
 
@@ -29,7 +57,16 @@ def content_of(path: str, most: int) -> bytes:
         raise UsageError(Problem("is a folder; give a file", path, id="OBS101")) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise UsageError(Problem(f"cannot be read: {reason}", path, id="OBS101")) from None
+        near = alike(path) if isinstance(error, FileNotFoundError) and not os.path.islink(path) else None
+        said = f"cannot be read: {reason}{f'; did you mean {near}?' if near else ''}"
+        raise UsageError(Problem(said, path, id="OBS101")) from None
+
+
+def alike(path: str) -> str | None:
+    """File in the same folder whose name is closest to that of a path, if any is."""
+    folder, name = os.path.split(path)
+    close = get_close_matches(name, [entry.name for entry in entries(folder or ".") or ()], n=1)
+    return os.path.join(folder, close[0]) if close else None
 
 
 def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
@@ -111,35 +148,60 @@ def remove_strays(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def require_writable(path: str, *endings: str, read: Collection[str] = ()) -> None:
-    """Refuse a path that could not be written, or where a file of another kind would be lost, before all work.
+def require_ending(path: str, kind: str) -> None:
+    """Refuse a path for files of one kind that ends as those of another; raises `UsageError`."""
+    if not ends_as(path, kind):
+        said = f"{kind} are written here, whose names end with {' or '.join(KINDS[kind].endings)}"
+        raise UsageError(Problem(said, path, id="OBS904"))
 
-    `endings`: of what would be written; a file that is there may have another one, unless it is one of `KINDS`. `-` is
-    standard output.
 
-    Raises `UsageError` if the file is one of those that are `read`, or of another kind, if its folder does not exist or
-    may not be written, or if it is a folder.
+def require_writable(paths: Mapping[str, str], read: Collection[str] = ()) -> dict[str, str]:
+    """Refuse paths that could not be written, or where something would be lost, before anything is computed.
+
+    `paths`: each with the kind of what would be written there, of `KINDS`; `-` is standard output. A file of this kind
+    that an earlier command wrote is replaced, unless it is one of those that are `read`; links are followed.
+
+    Returns what is to be said of each path: whether it is replaced. Raises `UsageError` if a folder does not exist or
+    may not be written, or a path is a folder or that of any other file.
     """
-    if path == "-":
-        return
-    if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
-        raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
+    paths = {path: kind for path, kind in paths.items() if path != "-"}
+    for path, kind in paths.items():
+        if any(os.path.exists(path) and os.path.exists(one) and os.path.samefile(path, one) for one in read):
+            raise UsageError(Problem("is read here, and would be overwritten; name another", path, id="OBS904"))
+        try:
+            if not is_regular(path):
+                if not os.access(path, os.W_OK):
+                    raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
+                continue
+            folder = Path(path).resolve().parent
+        except OSError as error:
+            raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
+        shown = Path(path).parent
+        if not os.path.isdir(folder):
+            raise UsageError(
+                Problem(f"cannot be written: there is no folder {shown}; make it first", path, id="OBS902")
+            )
+        if not os.access(folder, os.W_OK):
+            raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
+        if os.path.exists(path) and not is_own(path, kind):
+            said = f"is there already, and holds no {kind} of obsdesign; name another file, or remove this one"
+            raise UsageError(Problem(said, path, id="OBS914"))
+    return {"-": "-"} | {path: f"{path}   replaced" if os.path.isfile(path) else path for path in paths}
+
+
+def is_own(path: str, kind: str) -> bool:
+    """Whether a command wrote a file, and of this kind; one that is empty is, unless it is named as another kind is."""
     try:
-        if not is_regular(path):
-            if not os.access(path, os.W_OK):
-                raise UsageError(Problem(f"cannot be written: {os.strerror(errno.EACCES)}", path, id="OBS902"))
-            return
-        file = Path(path).resolve()
-    except OSError as error:
-        raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
-    shown = Path(path).parent
-    if not os.path.isdir(file.parent):
-        raise UsageError(Problem(f"cannot be written: there is no folder {shown}", path, id="OBS902"))
-    if not os.access(file.parent, os.W_OK):
-        raise UsageError(Problem(f"cannot be written: the folder {shown} may not be written", path, id="OBS902"))
-    if file.suffix in KINDS.difference(endings) and file.exists():
-        said = f"is there already, and is no {' or '.join(endings)} that could be replaced; name another"
-        raise UsageError(Problem(said, path, id="OBS914"))
+        with Path(path).open("rb") as file:
+            content = file.read(HEAD)
+    except OSError:
+        return False
+    return bool(KINDS[kind].mark.match(content)) if content else ends_as(os.path.realpath(path), kind)
+
+
+def ends_as(path: str, kind: str) -> bool:
+    """Whether a file of this kind may have such a name: it does not end as those of the others."""
+    return Path(path).suffix.lower() not in ENDINGS.difference(KINDS[kind].endings)
 
 
 def is_regular(path: str) -> bool:

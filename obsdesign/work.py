@@ -66,7 +66,7 @@ def check(spec: Spec) -> list[Finding]:
     if wrong := tuple(strays(spec)):
         raise UsageError(*wrong)
     with spec.placed():
-        idle = [finding("acts", False, said, id="OBS615") for said in spec.idle]
+        idle = [finding("acts", False, said, advice="use it or leave it out", id="OBS615") for said in spec.idle]
         return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]
 
 

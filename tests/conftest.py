@@ -97,7 +97,7 @@ def here(tmp_path, monkeypatch):
 @pytest.fixture
 def sketched(monkeypatch):
     """Figures that take no time to draw."""
-    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG)
+    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG + b"....tEXtSoftware\0obsdesign")
 
 
 @pytest.fixture

@@ -26,6 +26,11 @@ obsdesign: 1
 system: {A: [[1, 0], [0, -1]], B: [[0], [1]], C: [[0, 1]]}
 observer: {type: l2, L2: 0, alpha: 0.1}
 """
+UNDECIDED = """
+obsdesign: 1
+system: {A: [[-1]], B: [[1]], C: [[1]]}
+observer: {type: l2, alpha: 0.1, objective: {gamma: 1.0e-300}}
+"""
 EXPECTED = "expect: {status: infeasible}\n"
 WRONG = "obsdesign: 1\nsystem: {A: [[-1]], C: [[1]]}\nobserver: {type: l2, alpa: 0.1}\n"
 VOLATILE = {"created", "time_s", "up_to_date", "why"}
@@ -147,11 +152,13 @@ def test_a_batch_that_is_refused_says_that_nothing_is_written(form):
     first, second = outcome.stderr.splitlines()
     assert first.startswith("absent: there is no such file or folder")
     assert second == f"--format {form}: nothing is written [OBS101]"
-    put("old", "of yesterday")
+    put("wrong.yaml", WRONG)
+    assert run("batch", "wrong.yaml", "--format", form, "--output-file", "old", "-q", "--jobs", 1).exit_code == 2
+    yesterday = Path("old").read_text()
     outcome = run("batch", "absent", "--format", form, "--output-file", "old")
     said = f"old: --format {form}: nothing is written; the file is of an earlier batch [OBS101]"
     assert outcome.stderr.splitlines()[1] == said
-    assert Path("old").read_text() == "of yesterday"
+    assert Path("old").read_text() == yesterday
 
 
 def test_shards_share_the_specs_out():
@@ -342,6 +349,21 @@ def test_what_is_up_to_date_is_not_redone_and_v_says_why_another_is(monkeypatch)
     assert whys("--solver", "clarabel", "--simulate") == ["simulate changed"] * 3
     monkeypatch.setattr("obsdesign.batches.record.__version__", "9")
     assert whys() == ["version of the tool changed"] * 3
+
+
+@pytest.mark.usefixtures("here", "at_once")
+def test_what_was_undecided_is_up_to_date_without_a_result_file():
+    put("a.yaml", UNDECIDED)
+    for why in ("never run", None, None):
+        outcome = run("batch", "a.yaml", "--set", "observer.alpha=0.1,0.2")
+        assert outcome.exit_code == 4
+        found = summary()["specs"]
+        assert [(entry["status"], entry["files"], entry["why"]) for entry in found] == [("uncertified", {}, why)] * 2
+        assert outcome.stderr.count("[OBS508]") == 2
+    record = next(Path("results").rglob("a.record.json"))
+    record.write_text(record.read_text().replace("uncertified", "infeasible"))
+    run("batch", "a.yaml", "--set", "observer.alpha=0.1,0.2")
+    assert [entry["why"] for entry in summary()["specs"]] == ["its gains file is missing", None]
 
 
 @pytest.mark.usefixtures("folder", "at_once")

@@ -556,6 +556,44 @@ def test_an_interrupt_exits_with_130_and_leaves_nothing(monkeypatch, where):
     assert files() == []
 
 
+def stopped_at(fraction, doing):
+    """A design that the user stops when it is so far."""
+
+    def outcome(spec, solver, report):  # noqa: ARG001
+        report(fraction, doing)
+        raise KeyboardInterrupt
+
+    return outcome
+
+
+def stopped(_, report):
+    """A run that the user stops half-way."""
+    report(0.5)
+    raise KeyboardInterrupt
+
+
+def test_an_interrupt_says_how_far_it_came_what_is_kept_and_how_to_go_on(monkeypatch):
+    def told(*arguments):
+        outcome = run(*arguments)
+        assert (outcome.exit_code, outcome.stdout) == (130, ""), outcome.output
+        return outcome.stderr
+
+    begun = f"interrupted; 40% done (alpha = 2); nothing of {CART} is written, and the same command begins it anew"
+    scanned = "observer.alpha={min: 0.1, max: 1}"
+    with monkeypatch.context() as patched:
+        patched.setattr("obsdesign.work.solve", stopped_at(0.4, "alpha = 2"))
+        assert told("solve", CART) == f"{begun}\n"
+        assert told("solve", CART, "--set", scanned) == f"{begun}; with --set observer.alpha.points=5 it ends sooner\n"
+        assert told("solve", CART, "other.yaml") == f"{begun}; 0 of 2 are done, and what they wrote is kept\n"
+    monkeypatch.setattr("obsdesign.design.Design.simulate", stopped)
+    kept = "cart.gains.json is kept; `obsdesign simulate` runs it"
+    assert told("solve", CART, "--simulate") == f"interrupted; 50% done (simulation); {kept}\n"
+    assert files() == ["cart.gains.json"]
+    left = "no samples and no figure are written"
+    assert told("simulate", "cart.gains.json") == f"interrupted; 50% done (simulation); {left}\n"
+    assert files() == ["cart.gains.json"]
+
+
 @pytest.mark.usefixtures("solved")
 def test_an_interrupted_figure_leaves_the_samples_whole(monkeypatch):
     monkeypatch.setattr("obsdesign.plot.run_figure", interrupted)

@@ -53,7 +53,7 @@ def gains(here, made):
 
 
 def test_a_link_is_followed(spec):
-    Path("real.json").write_text("before")
+    Path("real.json").write_text("")
     Path("link.json").symlink_to("real.json")
     Path("new.json").symlink_to("absent.json")
     for name in ("link.json", "new.json"):
@@ -372,14 +372,17 @@ def test_no_output_replaces_what_is_read():
     trial = "simulation: {horizon: 1, x0: [1], w: [0]}"
     Path("cart.yaml").write_text(f"obsdesign: 1\n{system}\n{observer}\n{trial}\n")
     assert run("solve", "cart.yaml", "-q").exit_code == 0
+    for kind in ("csv", "png", "html"):
+        Path(f"link.{kind}").symlink_to("cart.gains.json")
+    Path("link.json").symlink_to("cart.yaml")
     before = {path: path.read_bytes() for path in Path().iterdir()}
     for command in (
-        ("solve", "cart.yaml", "-o", "cart.yaml"),
-        ("simulate", "cart.gains.json", "-o", "cart.gains.json"),
-        ("simulate", "cart.gains.json", "--plot", "./cart.gains.json"),
-        ("simulate", "cart.yaml", "--gains", "cart.gains.json", "-o", "cart.gains.json"),
-        ("report", "cart.gains.json", "-o", "cart.gains.json"),
-        ("compare", "cart.gains.json", "-o", "cart.gains.json"),
+        ("solve", "cart.yaml", "-o", "link.json"),
+        ("simulate", "cart.gains.json", "-o", "link.csv"),
+        ("simulate", "cart.gains.json", "--plot", "./link.png"),
+        ("simulate", "cart.yaml", "--gains", "cart.gains.json", "-o", "link.csv"),
+        ("report", "cart.gains.json", "-o", "link.html"),
+        ("compare", "cart.gains.json", "-o", "link.png"),
         ("batch", "cart.yaml", "--format", "json", "--output-file", "cart.yaml"),
     ):
         outcome = run(*command)
@@ -390,10 +393,14 @@ def test_no_output_replaces_what_is_read():
 
 @pytest.mark.usefixtures("sketched")
 def test_no_output_replaces_a_file_of_another_kind(spec, gains):
-    """A spec, a result, samples, a figure or a page that is there gives way only to one of its kind."""
-    kinds = {"a.yaml": "", "a.yml": "", "b.gains.json": "{}", "b.csv": "", "b.png": "", "b.html": ""}
-    for name, text in kinds.items():
-        Path(name).write_text(text)
+    """A spec, a result, samples, a figure or a page that is there gives way only to one of its kind, empty or not."""
+    assert run("simulate", gains, "-o", "b.csv", "--plot", "b.png", "-q").exit_code == 0
+    assert run("report", gains, "-o", "b.html", "-q").exit_code == 0
+    Path("b.gains.json").write_bytes(Path(gains).read_bytes())
+    for name in ("a.yaml", "a.yml", "c.json", "c.csv", "c.png", "c.html"):
+        Path(name).write_text("")
+    names = [name for name in files() if name[:2] in ("a.", "b.", "c.")]
+    kinds = {name: Path(name).read_bytes() for name in names}
     Path("link.txt").symlink_to("a.yaml")
     commands = {
         ("solve", spec, "-o"): {".json"},
@@ -408,14 +415,15 @@ def test_no_output_replaces_a_file_of_another_kind(spec, gains):
             if Path(name).suffix not in own:
                 outcome = run(*command, name)
                 assert outcome.exit_code == 2, (command, name)
-                assert "; name another [OBS9" in outcome.stderr
+                assert outcome.stderr.startswith(f"{name}: ")
     for name, option in (("cart.run.png", "--simulate"), ("cart.run.csv", "--simulate"), ("cart.curve.png", "--plot")):
         Path(name).symlink_to("a.yaml")
         outcome = run("solve", spec, option)
         assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
-        assert outcome.stderr.startswith(f"{name}: is there already, and is no {Path(name).suffix} ")
+        assert outcome.stderr.startswith(f"{name}: is there already, and holds no ")
         Path(name).unlink()
-    assert {name: Path(name).read_text() for name in kinds} == kinds
+    assert {name: Path(name).read_bytes() for name in kinds} == kinds
     for command, own in commands.items():
-        for name in ("new", "new", *(name for name in kinds if Path(name).suffix in own)):
+        new = f"new-{command[0]}{command[-1]}"
+        for name in (new, new, *(name for name in kinds if Path(name).suffix in own)):
             assert run(*command, name, "-q").exit_code == 0, (command, name)

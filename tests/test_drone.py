@@ -69,7 +69,10 @@ def test_a_change_that_makes_a_parameter_of_no_use_is_refused_with_the_nearest_n
 def test_a_parameter_that_nothing_uses_is_told():
     outcome = run("check", drone("cd: 0.15}", "cd: 0.15, rho: 1.2}"))
     assert outcome.exit_code == 0
-    assert "parameters.rho has no effect: no number and no expression uses it [OBS615]" in outcome.stdout
+    assert (
+        "parameters.rho has no effect: no number and no expression uses it; use it or leave it out [OBS615]"
+        in outcome.stdout
+    )
     assert "OBS615" not in run("check", drone()).stdout
 
 

@@ -7,7 +7,7 @@ import pytest
 from support.commands import run
 from support.consoles import BLOCK, assert_shown, perform
 
-from obsdesign.guide import MESSAGES, page, topics
+from obsdesign.guide import GLOSSARY, MESSAGES, page, topics
 
 PAGES = [topic for topic in topics() if topic != MESSAGES]  # those of the ids have a test of their own
 LONGEST = 120
@@ -35,7 +35,7 @@ def test_a_page_is_short_and_fits_a_terminal(topic):
     assert re.fullmatch(r"# \S.*[^.]", lines[0])
     written = re.sub(r"(?ms)^```console$.*?^```$", "", page(topic)).splitlines()  # what is printed is as long as it is
     assert [line for line in written if len(line) > LONGEST and "|" not in line] == []
-    assert len(lines) < 260
+    assert len(lines) < 260 or topic == GLOSSARY  # which has a test of its own
     assert all(kind in {"yaml", "console", "python", "sh", "text"} for kind, _ in BLOCK.findall(page(topic)))
 
 

@@ -28,7 +28,10 @@ def here(tmp_path, monkeypatch):
 def test_what_init_writes_solves_verifies_and_simulates(plant, family):
     written = run("init", "mine", "--plant", plant, "--family", family)
     assert (written.exit_code, written.stderr, files()) == (0, "", ["mine.yaml"])
-    assert written.stdout == "file  mine.yaml\nnext  obsdesign solve mine.yaml --simulate\n"
+    rows = dict(row.split(maxsplit=1) for row in written.stdout.splitlines())
+    assert (rows["file"], rows["next"]) == ("mine.yaml", "obsdesign solve mine.yaml --simulate")
+    assert rows["plant"].split()[0] == plant
+    assert [*rows] == ["file", "plant", *["family"] * ("family" in rows), "next"]
     solved = run("solve", "mine.yaml", "--simulate")
     assert solved.exit_code == 0, solved.output
     assert "VIOLATED" not in solved.stdout
@@ -59,6 +62,9 @@ def test_a_run_of_a_spec_with_a_guarantee_from_the_initial_error_holds_its_bound
         (("--family", "kkl"), ("converter", "kkl"), "converter.yaml"),
         (("--plant", "tank"), ("tank", "l2"), "tank.yaml"),
         (("mine.yml",), ("pendulum", "l2"), "mine.yml"),
+        (("motor",), ("motor", "l2"), "motor.yaml"),
+        (("tank.yml", "--family", "linf"), ("tank", "linf"), "tank.yml"),
+        (("tank", "--plant", "fan"), ("fan", "l2"), "tank.yaml"),
     ],
 )
 def test_without_a_terminal_what_is_not_given_is_the_first_that_fits(options, pair, file):
@@ -71,7 +77,7 @@ def test_without_a_terminal_what_is_not_given_is_the_first_that_fits(options, pa
     ("options", "said"),
     [
         (("--plant", "tank", "--family", "lipschitz"), "the families of tank: l2, linf, sporadic [OBS913]"),
-        (("--plant", "tnak"), "unknown plant tnak; allowed: pendulum, motor"),
+        (("--plant", "tnak"), "unknown plant tnak; did you mean tank? allowed: pendulum, motor"),
         (("--family", "ekf"), "no spec to begin with is of the family ekf; allowed: l2, linf, sporadic"),
     ],
 )
@@ -80,6 +86,22 @@ def test_what_there_is_no_spec_of_is_refused_in_one_line(options, said):
     assert (outcome.exit_code, outcome.stdout, files()) == (2, "", [])
     assert said in outcome.stderr
     assert outcome.stderr.count("\n") == 1
+
+
+def test_it_says_what_it_wrote_and_which_plants_and_families_there_are():
+    assert run("init").stdout == (
+        "file    pendulum.yaml\n"
+        f"plant   pendulum   --plant has also {', '.join(PLANTS[1:])}\n"
+        "family  l2   --family has also linf, sporadic, lipschitz, high-gain\n"
+        "next    obsdesign solve pendulum.yaml --simulate\n"
+    )
+
+
+@pytest.mark.parametrize("name", ["below/", "below/."])
+def test_in_a_folder_the_file_has_the_name_of_the_plant(name):
+    Path("below").mkdir()
+    assert run("init", name, "--plant", "fan").stdout.startswith("file    below/")
+    assert files("below") == ["fan.yaml"]
 
 
 def test_a_file_that_is_there_stays_as_it_is():
@@ -100,7 +122,8 @@ def test_a_file_that_is_there_stays_as_it_is():
         ("n" * 251, "..: the name has more than 240 bytes; give a shorter NAME [OBS902]"),
         ("\u00fc" * 130, "..: the name has more than 240 bytes"),
         ("n/" * 3000, "cannot be written: "),
-        ("absent/a", "cannot be written: "),
+        ("absent/a", "absent/a.yaml: cannot be written: there is no folder absent; make it first [OBS902]"),
+        ("absent/", "absent/pendulum.yaml: cannot be written: there is no folder absent; make it first [OBS902]"),
     ],
 )
 def test_a_name_that_no_file_should_have_is_refused_in_one_line(name, said):
@@ -111,7 +134,7 @@ def test_a_name_that_no_file_should_have_is_refused_in_one_line(name, said):
 
 
 def test_a_name_that_a_shell_would_read_otherwise_is_quoted():
-    assert run("init", "a; b").stdout.splitlines()[1] == "next  obsdesign solve 'a; b.yaml' --simulate"
+    assert run("init", "a; b").stdout.splitlines()[-1] == "next    obsdesign solve 'a; b.yaml' --simulate"
     outcome = run("init", "--", "-x")
     assert (outcome.exit_code, files()) == (2, ["a; b.yaml"])
     assert outcome.stderr == "-x.yaml: a command would take it for an option; give another NAME [OBS902]\n"
@@ -146,7 +169,7 @@ def test_on_a_terminal_it_asks_until_the_answer_is_one_of_the_choices():
 def test_on_a_terminal_it_asks_only_for_what_is_not_given():
     code, shown = answered("mine", "--family", "kkl", answers="")
     assert (code, files()) == (0, ["mine.yaml"])
-    assert "plant" not in shown
+    assert "plant (" not in shown
     code, shown = answered("other", "--plant", "tank", answers="\n")
     assert (code, files()) == (0, ["mine.yaml", "other.yaml"])
     assert "family (l2, linf, sporadic) [l2]" in shown

@@ -113,7 +113,7 @@ def test_a_failure_is_one_document_of_problems(command):
         (["check", "--nonesuch", "--json"], "obsdesign check: no such option: --nonesuch"),
         (["check", "--json"], "missing argument 'SPEC..'"),
         (["check", "spec.yaml", "--timeout", "soon", "--json"], "invalid value for '--timeout'"),
-        (["chekc", "--json"], "no such command 'chekc'. Did you mean 'check'?"),
+        (["chekc", "--json"], "obsdesign: there is no command chekc; did you mean obsdesign check? allowed: init, "),
         (["--nonesuch", "--json"], "no such option: --nonesuch"),
     ],
 )

@@ -421,7 +421,7 @@ def test_the_answer_of_the_command_is_short_or_json(small, tmp_path):
     assert run("report", small, "-o", out, "-q").stdout == ""
     told = json.loads(run("report", small, "-o", out, "--json").stdout)
     assert told == {"file": str(out), "counts": {"certified": 1}, "without": []}
-    assert run("report", small, "-o", out).stdout == f"1 certified\nreport  {out}\n"
+    assert run("report", small, "-o", out).stdout == f"1 certified\nreport  {out}   replaced\n"
 
 
 def test_python_makes_the_page_of_a_design(tmp_path):

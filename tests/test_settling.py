@@ -1,7 +1,11 @@
 """When an estimate has come within 5 % and 1 % of its initial error, against closed forms."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
+from support.commands import run
 from support.running import simulate
 
 from obsdesign.reading import loads
@@ -39,6 +43,22 @@ def test_the_last_time_counts_where_an_error_comes_back():
     t = np.linspace(0, 3, 3001)
     e = np.exp(-t) * np.cos(8 * t)
     assert last_above(t, e, 0.2) == pytest.approx(t[np.abs(e) > 0.2][-1], abs=1e-3)
+
+
+def test_a_table_says_what_a_settling_time_is_and_in_which_unit(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = SPEC.format(horizon=4, x0=1, points=5).replace("alpha: 0.1", "alpha: 0.1, gains: {L1: [[-1, 0], [0, -1]]}")
+    Path("still.yaml").write_text(text)
+    run("solve", "still.yaml", "-q")
+    rows = dict(re.split("  +", row, maxsplit=1) for row in run("simulate", "still.yaml").stdout.splitlines())
+    assert rows["time"] == "4 s"
+    assert rows["settling time"] == "not in this run: |e| is above 1 % of its largest at the end"
+    assert rows["final error"] == f"{np.exp(-4):.6g}   |e| at the end"
+    assert rows["settling"] == "still: starts at 0, |error| at most 0"
+    assert "x: |error| stays below 5 % after 2.996 s, below 1 % never   of |error(0)|\n" in run("simulate").stdout
+    told = run("simulate", "still.yaml", "--set", "simulation.horizon=5").stdout
+    assert "settling time  4.60517 s   after that |e| stays below 1 % of its largest\n" in told
+    assert "5 %, 1 %: time in s after which |error| without noise stays below" in run("compare", "still.yaml").stdout
 
 
 def test_an_error_that_changes_its_sign_between_two_steps_is_a_straight_line():

@@ -237,8 +237,10 @@ def test_a_nonlinearity_that_acts_on_nothing_is_pointed_out(family):
     text = PLANT.replace("Bf: [0, 0.5]", "Bf: [0, 0]") + f"observer: {FAMILIES[family][0]}\n"
     said = "nonlinearities[0] acts on nothing: its columns of Bf, Df and Dqf are zero"
     assert said in beside(printed("solve", text), "note")
-    assert f"{said} [OBS615]" in beside(printed("check", text), "note")
-    assert f"{said} [OBS615]" not in beside(printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note")
+    assert f"{said}; use it or leave it out [OBS615]" in beside(printed("check", text), "note")
+    assert f"{said}; use it or leave it out [OBS615]" not in beside(
+        printed("check", f"{PLANT}observer: {FAMILIES[family][0]}\n"), "note"
+    )
 
 
 IDLE = """\
@@ -257,7 +259,7 @@ def test_a_disturbance_that_acts_on_nothing_is_pointed_out(family):
     said = "the disturbance d acts on nothing: it enters neither the dynamics nor an output"
     for command in ("check", "solve"):
         notes = beside(printed(command, IDLE % ("[d, n]", " + 0.1*n", family)), "note")
-        assert said in [note.removesuffix(" [OBS615]") for note in notes]
+        assert said in [note.removesuffix("; use it or leave it out [OBS615]") for note in notes]
         assert said not in beside(printed(command, IDLE % ("[d]", " + 0.1*d", family)), "note")
 
 

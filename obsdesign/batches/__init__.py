@@ -105,8 +105,11 @@ def batch(
             (folder / SUMMARY).unlink(missing_ok=True)  # of an earlier batch, which whatever ends this one would leave
             run.through(jobs or len(os.sched_getaffinity(0)), scheduler, fail_fast=fail_fast)
             return run.summarise("--fail-fast")
-        except KeyboardInterrupt:
-            run.summarise("interrupted", INTERRUPTED)
+        except KeyboardInterrupt as stopped:
+            summary = run.summarise("interrupted", INTERRUPTED)
+            done = summary.counts["total"] - summary.counts["skipped"]
+            said = f"{done} of {summary.counts['total']} specs are done and kept, as {summary.path} says"
+            stopped.add_note(f"{said}; the same command{' without --force' * force} goes on with the others")
             raise
 
 

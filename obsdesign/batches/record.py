@@ -25,6 +25,7 @@ ENDINGS = {"gains": ".gains.json", "csv": ".run.csv", "png": ".run.png"}  # of t
 RECORD = ".record.json"
 installed = cache(version)  # of a package, whose files are read for it
 LARGEST = 2**30  # bytes of a file that is read back
+WITH_GAINS = EXIT.keys() - {"uncertified"}  # statuses that hold only with a result file: an undecided spec has none
 LIMITS = ("timeout", "memory")  # options that end a spec, and the statuses that it ends with
 BROKEN = {"crashed": "it crashed", "timeout": "it was late", "memory": "it lacked memory"}  # what another try may give
 
@@ -216,8 +217,7 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
     asked |= {"simulate": True} if record["options"].get("simulate") is True else {}  # a run is more than is asked
     if changed := differing(record["options"], asked):
         yield f"{changed} changed"
-    proving = entry["status"] in EXIT and entry["exit_code"] != 0
-    if (proving or entry["verified"] is not None) and "gains" not in entry["files"]:
+    if (entry["status"] in WITH_GAINS or entry["verified"] is not None) and "gains" not in entry["files"]:
         yield "its gains file is missing"
     yield from spoiled(record, task, out)
 

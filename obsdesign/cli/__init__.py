@@ -7,7 +7,7 @@ from obsdesign.cli.diff import diff
 from obsdesign.cli.explain import explain
 from obsdesign.cli.init import init
 from obsdesign.cli.lipschitz import lipschitz
-from obsdesign.cli.program import app, main
+from obsdesign.cli.program import Command, app, main
 from obsdesign.cli.report import report
 from obsdesign.cli.schema import schema
 from obsdesign.cli.simulate import simulate
@@ -17,4 +17,4 @@ from obsdesign.cli.verify import verify
 __all__ = ["app", "main"]
 
 for command in (init, solve, simulate, batch, compare, check, lipschitz, verify, diff, report, schema, explain):
-    app.command()(command)
+    app.command(cls=Command)(command)

@@ -27,7 +27,7 @@ class Format(StrEnum):
     JSON = "json"
 
 
-WRITTEN = {Format.JUNIT: [".xml"], Format.GITHUB: [".txt"], Format.SARIF: [".sarif", ".json"], Format.JSON: [".json"]}
+KINDS = {Format.JUNIT: "JUnit XML", Format.GITHUB: "annotations", Format.SARIF: "SARIF", Format.JSON: "summaries"}
 MERGING = {"merge", "out", "form", "output_file", "as_json", "quiet"}  # options that a merge heeds
 
 
@@ -62,8 +62,7 @@ def batch(
     from obsdesign.disk import remove_earlier
 
     require_together(ctx)
-    if output_file and form:
-        require_replaceable(output_file, form, paths, [out, changed_since, *(paths if merge else ())])
+    kept = require_replaceable(output_file, form, paths, [out, changed_since, *(paths if merge else ())])
     with missed(form, output_file):
         if merge:
             with batches.held(out) as folder:
@@ -89,7 +88,7 @@ def batch(
                     scheduler=scheduler or None,
                     follower=follower,
                 )
-    told(summary, "json" if as_json and not form else form, output_file, as_json, quiet)
+    told(summary, "json" if as_json and not form else form, output_file, kept, as_json=as_json, quiet=quiet)
     raise typer.Exit(summary.exit_code)
 
 
@@ -106,8 +105,13 @@ def require_together(ctx: typer.Context) -> None:
         raise UsageError(said, id="OBS904")
 
 
-def require_replaceable(output_file: str, form: Format, paths: list[str], folders: list[str]) -> None:
-    """Refuse a path at which a spec, a result or a summary in one of the folders would be lost; raises `UsageError`."""
+def require_replaceable(output_file: str, form: Format | None, paths: list[str], folders: list[str]) -> str:
+    """Refuse a path at which a spec, a result or a summary in one of the folders would be lost; raises `UsageError`.
+
+    Returns what is to be said of the path, if there is one.
+    """
+    if form is None or not output_file:
+        return ""
     from obsdesign.batches.find import matches
     from obsdesign.batches.record import is_result
     from obsdesign.disk import require_writable
@@ -116,7 +120,7 @@ def require_replaceable(output_file: str, form: Format, paths: list[str], folder
         said = "has the name of a result, and would stand in its place; name another"
         raise UsageError(Problem(said, output_file, id="OBS904"))
     read = [one for path in paths for one in (matches(path) if glob.has_magic(path) else [path])]
-    require_writable(output_file, *WRITTEN[form], read=read)
+    return require_writable({output_file: KINDS[form]}, read=read)[output_file]
 
 
 def tell_unmatched(paths: list[str], exclude: list[str]) -> None:
@@ -149,8 +153,11 @@ def missed(form: str | None, output_file: str) -> Iterator[None]:
         raise UsageError(*error.problems, Problem(said, output_file, id=error.problems[0].id)) from None
 
 
-def told(summary: "Summary", form: str | None, output_file: str, as_json: bool, quiet: bool) -> None:
-    """Print a summary, or write it, in the form that is asked for; where GitHub runs this, also as its annotations."""
+def told(summary: "Summary", form: str | None, output_file: str, kept: str, *, as_json: bool, quiet: bool) -> None:
+    """Print a summary, or write it, in the form that is asked for; where GitHub runs this, also as its annotations.
+
+    `kept`: what is said of the file.
+    """
     from obsdesign.batches.formats import FORMATS, github
     from obsdesign.batches.table import rows
     from obsdesign.disk import write_whole
@@ -167,3 +174,5 @@ def told(summary: "Summary", form: str | None, output_file: str, as_json: bool, 
     elif not quiet:
         for row in rows(summary):
             say(row)
+        if kept:
+            say(f"file  {kept}")

@@ -61,10 +61,16 @@ def checked(spec: str, changes: Sequence[str], as_json: bool, quiet: bool) -> An
 
 
 def line(finding: "Finding") -> str:
-    """Line of a finding; what does not hold with the id that explains it."""
+    """Line of a finding; what does not hold with what to do and the id that explains it.
+
+    Nothing where it rules nothing out and nothing is to be done: `--json` has it.
+    """
     if finding.holds:
         return f"ok    {finding.sentence}\n"
-    return f"{'FAIL' if finding.decides else 'note'}  {finding.sentence} [{finding.id}]\n"
+    if not (finding.decides or finding.advice):
+        return ""
+    said = "; ".join(filter(None, (finding.sentence, finding.advice)))
+    return f"{'FAIL' if finding.decides else 'note'}  {said} [{finding.id}]\n"
 
 
 def saved(sources: Sequence[str]) -> list[tuple[str, int]]:

@@ -7,6 +7,7 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Solver, Timeout
 from obsdesign.cli.steps import as_text, progress, taken
+from obsdesign.disk import require_ending
 from obsdesign.watch import limited
 
 
@@ -22,8 +23,9 @@ def compare(
     """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
     from obsdesign.disk import require_writable
 
+    require_ending(output, "figures")
     with limited(timeout):
-        require_writable(output, ".png", ".svg", read=sources)
+        kept = require_writable({output: "figures"}, read=sources)
         problems = [taken(source) for source in sources]
         from obsdesign import work
 
@@ -33,4 +35,4 @@ def compare(
     if as_json:
         say(as_text(found.report))
     elif not quiet:
-        say(f"{found}\n\nfigure  {output}")
+        say(f"{found}\n\nfigure  {kept[output]}")

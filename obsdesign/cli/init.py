@@ -12,35 +12,47 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 
+FOLDERS = {"", ".", ".."}  # how the path of a folder ends, in which the file has the name of its plant
 LONGEST = 240  # bytes of the name of a file: results add an ending
 
 
 def init(
-    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Writes NAME.yaml; default: that of the plant.")] = "",
+    name: Annotated[
+        str, typer.Argument(metavar="[NAME]", help="Writes NAME.yaml; default: that of the plant, and the other way.")
+    ] = "",
     family: Annotated[str, typer.Option(help="Family of the observer; default: the first that the plant has.")] = "",
     plant: Annotated[
-        str, typer.Option(metavar="pendulum|motor|cell|vehicle|converter|tank|matrices", help="Default: pendulum.")
+        str,
+        typer.Option(
+            metavar="pendulum|motor|fan|cell|vehicle|single-track|converter|tank|matrices", help="Default: pendulum."
+        ),
     ] = "",
 ) -> None:
     """Write a commented spec to begin with, which solves and simulates; on a terminal, ask for what is not given."""
-    from obsdesign.disk import write_whole
-    from obsdesign.starters import matching, text
+    from obsdesign.disk import require_writable, write_whole
+    from obsdesign.starters import PLANTS, matching, text
     from obsdesign.tables.text import aligned
 
+    plant = plant or (Path(name).stem if Path(name).stem in PLANTS else "")
     found = matching(plant, family)
     if sys.stdin.isatty() and sys.stderr.isatty():
         plant = asked("plant", plant, [plant for plant, _ in found])
         family = asked("family", family, [family for _, family in matching(plant, family)])
         name = name or typer.prompt("name", plant, err=True)
     plant, family = matching(plant, family)[0]
-    target = name or plant
+    target = os.path.join(name, plant) if os.path.basename(name) in FOLDERS else name
     if not target.endswith((".yaml", ".yml")):
         target = f"{target}.yaml"
     require_name(target)
     if os.path.lexists(target):
         raise UsageError(Problem("is there already, and stays as it is; give another NAME", target, id="OBS914"))
+    require_writable({target: "specs"})
     write_whole(target, text(plant, family).encode())
-    say(aligned([("file", target), ("next", f"obsdesign solve {shlex.quote(target)} --simulate")]))
+    others = [one for one in PLANTS if one != plant]
+    families = [one for _, one in matching(plant, "") if one != family]
+    rows = [("file", target), ("plant", f"{plant}   --plant has also {', '.join(others)}")]
+    rows += [("family", f"{family}   --family has also {', '.join(families)}")] if families else []
+    say(aligned([*rows, ("next", f"obsdesign solve {shlex.quote(target)} --simulate")]))
 
 
 def require_name(target: str) -> None:

@@ -3,10 +3,11 @@
 import os
 import sys
 import warnings
+from copy import copy
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from obsdesign import __version__
 from obsdesign.cli.printing import UnwrittenError, say, silence, spell_out
@@ -15,6 +16,37 @@ from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
 
 MISTAKE: Any = typer.BadParameter.__mro__[1]  # what typer raises of a command line
+
+
+MEANT = {  # command that does what another word asks for
+    "run": "simulate",
+    "sim": "simulate",
+    "plot": "simulate",
+    "design": "solve",
+    "synthesize": "solve",
+    "validate": "check",
+    "lint": "check",
+    "prove": "verify",
+    "new": "init",
+    "create": "init",
+    "sweep": "batch",
+    "test": "batch",
+    "doc": "explain",
+    "docs": "explain",
+    "help": "explain",
+    "man": "explain",
+}
+
+
+class Command(TyperCommand):
+    """A command that tells the version too."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Parameters, with --version before --help."""
+        version = copy(next(one for one in ctx.find_root().command.params if one.name == "version"))
+        version.expose_value = False
+        *params, helping = super().get_params(ctx)
+        return [*params, version, helping]
 
 
 class Commands(TyperGroup):
@@ -32,6 +64,12 @@ class Commands(TyperGroup):
         ctx.obj = as_json
         return ctx
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command of a name; raises `UsageError` with the one that was meant."""
+        if ctx.resilient_parsing or args[0] in self.commands or args[0].startswith("-"):
+            return super().resolve_command(ctx, args)
+        raise UsageError(no_command(args[0], list(self.commands)), id="OBS901")
+
     def invoke(self, ctx: Any) -> Any:
         """Run a command."""
         try:
@@ -40,8 +78,8 @@ class Commands(TyperGroup):
             answer(misused(error), as_json=ctx.obj)
         except ObsdesignError as error:
             answer(error, as_json=ctx.obj)
-        except KeyboardInterrupt:
-            say("interrupted", err=True)
+        except KeyboardInterrupt as stopped:
+            say("; ".join(["interrupted", *getattr(stopped, "__notes__", ())]), err=True)
             raise typer.Exit(INTERRUPTED) from None
         except OSError as error:
             if isinstance(error, UnwrittenError):
@@ -57,16 +95,40 @@ def shown(name: Any) -> str:
     return os.fsdecode(name) if isinstance(name, str | bytes) else ""
 
 
+def no_command(word: str, known: list[str]) -> str:
+    """What is said of a word that is no command, with what was probably meant."""
+    from obsdesign.sections.words import nearest
+
+    if os.path.exists(word):
+        takers = ", ".join(name for name in ("solve", "simulate", "verify") if name in known)
+        return f"obsdesign: {word} is a file; write a command before it, such as {takers}; see obsdesign --help"
+    meant = MEANT.get(word.lower()) or nearest(word, known)
+    question = f"; did you mean obsdesign {meant}?" if meant else ";"
+    return f"obsdesign: there is no command {word}{question} allowed: {', '.join(known)}; see obsdesign --help"
+
+
 def misused(error: Any) -> UsageError:
-    """What typer says of a command line, in one line."""
-    path, said = error.ctx.command_path, error.format_message().rstrip(".").replace("Value error, ", "")
+    """What typer says of a command line, in one line; an option that is a key of a spec is set otherwise."""
+    path = error.ctx.command_path if error.ctx else "obsdesign"
+    said = error.format_message().rstrip(".").replace("Value error, ", "")
+    sets = error.ctx and any("--set" in one.opts for one in error.ctx.command.params)
+    keys = keys_named(error.option_name) if sets and said.startswith("No such option") else []
+    said = f"{said.partition(' (')[0]}; of a spec it is set by --set {keys[0]}=VALUE" if keys else said
     return UsageError(f"{path}: {said[:1].lower()}{said[1:]}; see {path} --help", id="OBS901")
+
+
+def keys_named(option: str) -> list[str]:
+    """Keys of a spec of the name of an option, such as observer.alpha of --alpha."""
+    from obsdesign.reading import reference
+
+    return [key for key in reference.entries() if option.startswith("--") and key.rpartition(".")[2] == option[2:]]
 
 
 app = typer.Typer(
     cls=Commands,
     help="Design, prove and simulate state observers for nonlinear systems with unknown inputs.",
     no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -79,7 +141,9 @@ def tell_version(asked: bool) -> None:
         raise typer.Exit
 
 
-Version = Annotated[bool, typer.Option("--version", help="Show the version.", is_eager=True, callback=tell_version)]
+Version = Annotated[
+    bool, typer.Option("-V", "--version", help="Show the version.", is_eager=True, callback=tell_version)
+]
 
 
 @app.callback()

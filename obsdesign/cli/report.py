@@ -7,6 +7,7 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.steps import as_text, progress
+from obsdesign.disk import require_ending
 from obsdesign.watch import limited
 
 
@@ -22,15 +23,16 @@ def report(
     from obsdesign.reports.page import report as made
     from obsdesign.simulate.validity import require_kept
 
+    require_ending(output, "pages")
     with limited(timeout):
-        require_writable(output, ".html", read=[source])
+        kept = require_writable({output: "pages"}, read=[source])
         with progress(quiet) as told:
             page = made(source, output, told)
     counts = ", ".join(f"{count} {status}" for status, count in page.counts.items())
     if as_json:
         say(as_text({"file": output, "counts": page.counts, "without": page.without}))
     elif not quiet:
-        say(f"{counts}\nreport  {output}")
+        say(f"{counts}\nreport  {kept[output]}")
     for entry in page.entries:
         if entry.trial.summary:
             require_kept(entry.trial.summary, entry.file.path)

@@ -7,7 +7,8 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeout
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import as_text, drawn, failing, progress, ran, run_text, stem, taken
+from obsdesign.cli.steps import as_text, drawn, failing, interruptible, progress, ran, run_text, stem, taken
+from obsdesign.disk import require_ending
 from obsdesign.errors import one_line
 from obsdesign.watch import limited
 
@@ -29,32 +30,36 @@ def simulate(
     """Simulate plant and observer; write the samples and a figure."""
     from obsdesign.disk import newest, require_writable, write_all
 
+    require_ending(output, "samples")
+    require_ending(plot, "figures")
     with limited(timeout):
         if not sources:
             sources = [newest()]
             if not quiet:
                 say(f"simulating {one_line(sources[0])}", err=True)
-        files = found(sources, (*SPECS, *RESULTS))
-        require_one(files, output, plot, gains)
-        require_apart(files, [stem(file) for file in files])
+        given = found(sources, (*SPECS, *RESULTS))
+        require_one(given, output, plot, gains)
+        require_apart(given, [stem(file) for file in given])
 
         def answer(source: str) -> Answer:
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
-            for path, *endings in ((paths[0], ".csv"), (paths[1], ".png", ".svg")):
-                require_writable(path, *endings, read=[source, *[gains] * bool(gains)])
+            kinds = dict(zip(paths, ("samples", "figures"), strict=True))
+            kept = require_writable(kinds, read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)
             from obsdesign.simulate.validity import require_kept
             from obsdesign.work import trial
 
             with progress(quiet) as report:
                 design = trial(problem, gains, solver, report, changes)
-            run = ran(design, quiet)
+            with interruptible(lambda: "no samples and no figure are written"):
+                run = ran(design, quiet)
             samples, figure = drawn(run, paths[1], plot_all)
             write_all({path: made for path, made in zip(paths, (samples, figure), strict=True) if path != "-"})
             if paths[0] == "-":
                 return Answer(samples.decode())
-            text = as_text(run.summary) if as_json else "" if quiet else run_text(design, run.summary, paths)
+            files = kept[paths[0]], kept[paths[1]]
+            text = as_text(run.summary) if as_json else "" if quiet else run_text(design, run.summary, files)
             return Answer(text, failure=failing(lambda: require_kept(run.summary, paths[0])))
 
-        each(files, answer, as_json=as_json)
+        each(given, answer, as_json=as_json)

@@ -1,7 +1,8 @@
 """`obsdesign solve`: the observer of a spec."""
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,9 +10,17 @@ from obsdesign.cli.printing import say
 from obsdesign.cli.problems import tell
 from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, SpecPaths, Timeout
 from obsdesign.cli.sources import Answer, each, found, require_apart, require_one
-from obsdesign.cli.steps import drawn, failing, loaded, ran, run_text, solved, stem
+from obsdesign.cli.steps import drawn, failing, interruptible, loaded, ran, run_text, solved, stem
+from obsdesign.disk import require_ending
 from obsdesign.errors import EXIT, Problem, UsageError
 from obsdesign.watch import limited
+
+if TYPE_CHECKING:
+    from obsdesign.design import Design
+    from obsdesign.simulate import Run
+    from obsdesign.spec import Spec
+
+FEW = 5  # points of a range that show its course
 
 
 def solve(
@@ -31,16 +40,16 @@ def solve(
 
     def answer(spec: str) -> Answer:
         problem = loaded(spec, changes)
-        from obsdesign.simulate.validity import require_kept
         from obsdesign.tables.text import aligned
 
         target = output or f"{stem(spec)}.gains.json"
         printed = target == "-"
-        require_writable(target, ".json", read=[spec])
+        kept = require_writable({target: "results"}, read=[spec])
         paths, curve = beside(target, spec)
-        for path in (*paths * simulate, *[curve] * plot):
-            require_writable(path, Path(path).suffix, read=[spec])
-        design = solved(problem, solver, quiet)
+        more = {paths[0]: "samples", paths[1]: "figures"} if simulate else {}
+        kept |= require_writable(more | ({curve: "figures"} if plot else {}), read=[spec])
+        with interruptible(lambda: lost(problem, spec)):
+            design = solved(problem, solver, quiet)
         if design.status == "uncertified":
             tell([Problem("these gains are not certified: no proof of them was found", spec, id="OBS616")])
         tell(design.unmet())
@@ -48,8 +57,9 @@ def solve(
         files = {} if printed else {target: text}
         try:
             if simulate and design.built:
-                run = ran(design, quiet)
-                files |= dict(zip(paths, drawn(run, paths[1], plot_all), strict=True))
+                with interruptible(lambda: "" if printed else f"{target} is kept; `obsdesign simulate` runs it"):
+                    run = ran(design, quiet)
+                    files |= dict(zip(paths, drawn(run, paths[1], plot_all), strict=True))
         except UsageError:
             files.clear()
             raise
@@ -58,22 +68,44 @@ def solve(
         if printed or as_json:
             told = text.decode()
         else:
-            told = "" if quiet else aligned([*design.table(), ("file", target)])
-            told += f"\n\n{run_text(design, run.summary, paths)}" if run and not quiet else ""
+            told = "" if quiet else aligned([*design.table(), ("file", kept[target])])
+            if run and not quiet:
+                told += f"\n\n{run_text(design, run.summary, (kept[paths[0]], kept[paths[1]]))}"
+        last = partial(finish, design, run, paths[0], (curve, kept[curve]) if plot else None, quiet=quiet)
+        return Answer(told, EXIT[design.status], failing(last))
 
-        def afterwards() -> None:
-            if plot and not design.plot_search(curve) and not quiet:
-                say("no curve to plot: give a range, with objective min-gamma or pareto", err=True)
-            if run:
-                require_kept(run.summary, paths[0])
-
-        return Answer(told, EXIT[design.status], failing(afterwards))
-
+    require_ending(output, "results")
     with limited(timeout):
         sources = found(specs)
         require_one(sources, output)
         require_apart(sources, [stem(source) for source in sources])
         each(sources, answer, as_json=as_json)
+
+
+def finish(design: "Design", run: "Run | None", samples: str, curve: tuple[str, str] | None, *, quiet: bool) -> None:
+    """Draw the curve of a search, where it is asked for, and hold a run in `samples` against what is proved of it.
+
+    `curve`: its path, and what is said of it.
+    """
+    from obsdesign.simulate.validity import require_kept
+
+    if curve:
+        drawn = design.plot_search(curve[0])
+        said = f"curve  {curve[1]}" if drawn else "no curve to plot: give a range, with objective min-gamma or pareto"
+        if not quiet:
+            say(said, err=True)
+    if run:
+        require_kept(run.summary, samples)
+
+
+def lost(problem: "Spec", path: str) -> str:
+    """What an interrupted design leaves, and how to go on."""
+    from obsdesign.dissipation.bounds import Range
+
+    ranges = {key: value.points for key, value in vars(problem.observer).items() if isinstance(value, Range)}
+    fewer = " ".join(f"--set observer.{key}.points={FEW}" for key, points in ranges.items() if points > FEW)
+    said = f"nothing of {path} is written, and the same command begins it anew"
+    return f"{said}; with {fewer} it ends sooner" if fewer else said
 
 
 def beside(target: str, spec: str) -> tuple[tuple[str, str], str]:

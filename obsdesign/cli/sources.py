@@ -31,10 +31,15 @@ def each(sources: Sequence[str], answer: Callable[[str], Answer], *, as_json: bo
     `problems`. Raises what is raised of a source that is the only one; of several, the others go on, but none after the
     limit of time.
     """
-    several, codes, reports = len(sources) > 1, [], []
+    several, reports = len(sources) > 1, []
+    codes = list[int]()
     for source in sources:
         try:
             found = answer(source)
+        except KeyboardInterrupt as stopped:
+            if several:
+                stopped.add_note(f"{len(codes)} of {len(sources)} are done, and what they wrote is kept")
+            raise
         except ObsdesignError as error:
             if not several:
                 raise

@@ -33,6 +33,20 @@ def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
+    """Hear how far a step is: a bar shows it on a terminal, and an interrupt tells it."""
+    reached = ""
+
+    def heard(fraction: float, what: str) -> None:
+        nonlocal reached
+        reached = f"{fraction:.0%} done ({what})"
+        show(fraction, what)
+
+    with interruptible(lambda: reached), bar(quiet) as show:
+        yield heard
+
+
+@contextmanager
+def bar(quiet: bool) -> Iterator[Callable[[float, str], None]]:
     """Bar on standard error, on a terminal only."""
     if quiet or not sys.stderr.isatty():
         yield lambda *_: None
@@ -44,6 +58,17 @@ def progress(quiet: bool) -> Iterator[Callable[[float, str], None]]:
             bar.update(max(0, int(1000 * fraction) - bar.pos))
 
         yield report
+
+
+@contextmanager
+def interruptible(said: Callable[[], str]) -> Iterator[None]:
+    """Let an interrupt tell how far a command came, what is kept, and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt as stopped:
+        if text := said():
+            stopped.add_note(text)
+        raise
 
 
 def loaded(path: str, changes: Sequence[str] = ()) -> "Spec":

@@ -24,6 +24,7 @@ class Finding:
     decides: bool  # whether a failure rules every gain out
     sentence: str
     numbers: Mapping[str, Any]
+    advice: str = ""  # what to do where it does not hold; without one a user can do nothing
 
     @property
     def stands(self) -> bool:
@@ -33,12 +34,19 @@ class Finding:
     def written(self) -> dict[str, Any]:
         """Entry of a report."""
         said = {"name": self.name, "holds": self.holds, "decides": self.decides, "sentence": self.sentence}
-        return {"id": self.id, **said, **self.numbers}
+        return {
+            "id": self.id,
+            **said,
+            **({} if self.holds or not self.advice else {"advice": self.advice}),
+            **self.numbers,
+        }
 
 
-def finding(name: str, holds: bool, sentence: str, *, id: str, decides: bool = False, **numbers: Any) -> Finding:
+def finding(
+    name: str, holds: bool, sentence: str, *, id: str, decides: bool = False, advice: str = "", **numbers: Any
+) -> Finding:
     """One finding."""
-    return Finding(id, name, bool(holds), bool(decides), sentence, numbers)
+    return Finding(id, name, bool(holds), bool(decides), sentence, numbers, advice)
 
 
 def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list[Finding]:

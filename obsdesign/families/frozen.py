@@ -151,7 +151,7 @@ def findings(spec: Spec, demand: Demand) -> list[Finding]:
     found = hidden(spec.augmented, demand.multiplier, demand.rate)
     if not found:
         return []
-    numbers = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
+    numbers: dict[str, Any] = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
     return [finding("members", False, sentence(spec, found, demand), decides=True, **numbers, id="OBS601")]
 
 

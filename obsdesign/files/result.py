@@ -58,7 +58,8 @@ class ResultFile:
             if re.search(rb"^obsdesign\s*:", raw, re.MULTILINE):
                 said = "is a spec; `obsdesign solve` makes of it the result file that is expected here"
                 raise self.wrong("", said, id="OBS701") from None
-            raise self.wrong("", f"not JSON: {error}", id="OBS701") from None
+            said = f"no result of `obsdesign solve`, which writes NAME.gains.json: not JSON: {error}"
+            raise self.wrong("", said, id="OBS701") from None
         if not isinstance(content, dict):
             raise self.wrong("", "not a result file: an object is expected", id="OBS701")
         self.require_lines(content)

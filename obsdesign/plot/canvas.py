@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Form = Literal["png", "svg"]
-METADATA: dict[Form, dict[str, None]] = {"png": {"Software": None}, "svg": {"Date": None}}  # nothing that changes
+METADATA: dict[Form, dict[str, str | None]] = {  # who made it, and nothing that changes
+    "png": {"Software": "obsdesign"},
+    "svg": {"Creator": "obsdesign", "Date": None},
+}
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 TRUE, ESTIMATE, BOUND = COLORS[0], COLORS[1], COLORS[6]
 DASHED, DOTTED, DOT_DASHED = (0, (4, 2)), (0, (1, 1.3)), (0, (5, 1.5, 1, 1.5))  # estimates, bounds, limits

@@ -6,6 +6,7 @@ and the data of each type of nonlinearity in its file.
 """
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families import FAMILIES
@@ -63,6 +64,14 @@ class Observer:
 
 class File(Section):
     """A spec of obsdesign, format 1: one estimation problem."""
+
+    @classmethod
+    def hinted(cls) -> Mapping[str, str]:
+        """Keys of the sections below, which a newcomer writes beside them."""
+        within: dict[str, list[type[Section]]] = {"system": [InMatrices, Equations], "simulation": [Simulation]}
+        within["observer"] = [family.Section for family in FAMILIES.values()]
+        keys = {key: name for name, sections in within.items() for section in sections for key in section.forms()}
+        return {key: f"is a key of {name}: write it there, as {name}.{key}" for key, name in keys.items()}
 
     obsdesign: str | None = required(ENTRY, "version of the format: 1", example="1")
     name: str | None = key(LINE, "title, of tables and figures", otherwise="the name of the file", example="Pendulum")

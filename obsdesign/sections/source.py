@@ -23,7 +23,10 @@ def read(source: str | os.PathLike[str], changes: Sequence[str] = ()) -> Documen
     except UnicodeEncodeError:
         shown = path.encode(errors="backslashreplace").decode()
         raise UsageError(Problem("the name of the file is not valid UTF-8; rename it", shown, id="OBS101")) from None
-    return opened(text_of(path), path, changes)
+    text = text_of(path)
+    if path.lower().endswith(".csv"):
+        raise UsageError(Problem("is a table of samples; a spec is expected, a YAML file", path, id="OBS109"))
+    return opened(text, path, changes)
 
 
 def text_of(path: str) -> str:

@@ -1,12 +1,13 @@
 """Specs to begin with, `PLANT.FAMILY.yaml` beside this module: each is complete, and solves and simulates as it is."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 
 from obsdesign.errors import UsageError
 from obsdesign.families import FAMILIES
+from obsdesign.sections.words import nearest
 
-PLANTS = ("pendulum", "motor", "cell", "vehicle", "converter", "tank", "matrices")
+PLANTS = ("pendulum", "motor", "fan", "cell", "vehicle", "single-track", "converter", "tank", "matrices")
 
 
 def pairs() -> Iterator[tuple[str, str]]:
@@ -28,9 +29,15 @@ def matching(plant: str, family: str) -> list[tuple[str, str]]:
         said = f"no spec to begin with has the plant {plant} and the family {family}"
         raise UsageError(f"{said}; the families of {plant}: {', '.join(families[plant])}", id="OBS913")
     if plant:
-        raise UsageError(f"unknown plant {plant}; allowed: {', '.join(PLANTS)}", id="OBS913")
-    known = dict.fromkeys(f for _, f in pairs())
-    raise UsageError(f"no spec to begin with is of the family {family}; allowed: {', '.join(known)}", id="OBS913")
+        raise UsageError(f"unknown plant {plant}{among(plant, PLANTS)}", id="OBS913")
+    known = list(dict.fromkeys(f for _, f in pairs()))
+    raise UsageError(f"no spec to begin with is of the family {family}{among(family, known)}", id="OBS913")
+
+
+def among(word: str, known: Sequence[str]) -> str:
+    """What is allowed in place of a word, with the one that was probably meant."""
+    meant = nearest(word, known)
+    return f"{f'; did you mean {meant}?' if meant else ';'} allowed: {', '.join(known)}"
 
 
 def text(plant: str, family: str) -> str:

@@ -25,7 +25,7 @@ def comparison_table(report: Mapping[str, Any]) -> str:
     quiet = not any(state["noise_rms"] != 0 for one in report["observers"] for state in one["states"].values())
     noise = f"noise rms: what noise adds to the estimate in the window, mean of {seeds} seeds +- deviation"
     notes = [
-        "5 %, 1 %: last time at which the error without noise is above that part of the initial one",
+        "5 %, 1 %: time in s after which |error| without noise stays below that part of |error(0)|, if in this run",
         *([f"{HOLDS}: it is above that level as late as in the last twentieth of the run"] if late else []),
         *([f"{STARTS}: there is no initial error; peak of the error without noise instead"] if still else []),
         f"window: {low:.4g} to {high:.4g} s, the last 5/6 of the horizon",

@@ -8,6 +8,13 @@ from obsdesign.spec import Spec
 from obsdesign.tables.text import aligned, at_most, plain
 
 BOUNDS = ("gamma", "bound")
+MEANT = {  # unit or definition of a number of a run, after it
+    "time": "s",
+    "initial_error": "  |e(0)|, of all states",
+    "final_error": "  |e| at the end",
+    "settling_time": "s   after that |e| stays below 1 % of its largest",
+}
+UNSETTLED = "not in this run: |e| is above 1 % of its largest at the end"
 
 
 def run_table(summary: Mapping[str, Any], spec: Spec, guaranteed: bool, files: tuple[str, str]) -> str:
@@ -50,7 +57,7 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
             rows.append(("region", value["note"]))
         elif isinstance(value, Mapping):
             rows.append(several(key, value))
-        elif value is not None and key != "ratio_of":
+        elif key == "settling_time" or (value is not None and key != "ratio_of"):
             rows.append((key.replace("_", " "), shown(key, value)))
     return rows
 
@@ -100,23 +107,26 @@ def entries(values: Mapping[str, Any]) -> str:
 
 
 def shown(key: str, value: Any) -> str:
-    """Value in a table; of what bounds a run an upper bound."""
-    return at_most(value) if key in BOUNDS and value is not None else plain(value)
+    """Value in a table, with what it means; of what bounds a run an upper bound."""
+    if key == "settling_time" and value is None:
+        return UNSETTLED
+    text = at_most(value) if key in BOUNDS and value is not None else plain(value)
+    return f"{text} {MEANT[key]}" if key in MEANT else text
 
 
 def settling_text(times: Mapping[str, float | None], end: float) -> str:
     """When an estimate has come within 5 % and 1 % of its initial error for good, if it has and if there was one."""
     if times["t5"] == 0:
         return f"starts at 0, |error| at most {times['peak']:.4g}"
-    said = (f"{share} % {reached(times[f't{share}'], end)}" for share in (5, 1))
-    return ", ".join(said) + " (of the initial error)"
+    told = (f"below {share} % {reached(times[f't{share}'], end)}" for share in (5, 1))
+    return f"|error| stays {', '.join(told)}   of |error(0)|"
 
 
 def reached(time: float | None, end: float) -> str:
     """When a level was reached for good; what only the last twentieth of a run keeps is not seen to be kept."""
     if time is None:
-        return "not reached"
-    return f"{time:.4g} s" if time <= HELD * end else "not held before the end"
+        return "never"
+    return f"after {time:.4g} s" if time <= HELD * end else "not held before the end"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:

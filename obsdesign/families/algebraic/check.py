@@ -10,6 +10,8 @@ from obsdesign.families.algebraic.request import request_of
 from obsdesign.families.finding import Finding, finding
 from obsdesign.spec import Spec
 
+OPEN = "a run of `simulate` shows how it goes; a smaller system.domain may allow the proof"
+
 
 def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
     """Each statement, and whether it is proved."""
@@ -26,6 +28,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:  # noqa: ARG001
             verdict.answer is Answer.PROVED,
             f"{verdict.name}: proved" if verdict.answer is Answer.PROVED else verdict.sentence,
             decides=verdict.answer is Answer.REFUTED,
+            advice="" if verdict.answer is Answer.REFUTED else OPEN,
             id="OBS612",
         )
         for verdict in Claim.of(spec, form).verdicts

@@ -1,6 +1,7 @@
 """What a spec allows an observer of a Lipschitz system."""
 
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.lmi.formula import in_floats
 from obsdesign.spec import Spec
+
+SMALLER = "declare a smaller constant, on a `region`, or describe f by a slope and use type l2"
 
 
 def check(spec: Spec, engine: Engine) -> list[Finding]:
@@ -28,7 +31,7 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:
         declared = float(max(request.lipschitz))
         below = declared < most
         said = f"a linear f of the constant {most:.6g} hides a mode, and the declared one is {declared:g}"
-        found.append(finding("ceiling", below, said, decides=levels, ceiling=most, id="OBS607"))
+        found.append(finding("ceiling", below, said, decides=levels, advice=SMALLER, ceiling=most, id="OBS607"))
     if all(f.stands for f in found):
         found += suprema(engine, unit, request)
     return [*found, *(attenuation(spec, request) if plant.B.shape[1] else [])]
@@ -36,18 +39,23 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:
 
 def suprema(engine: Engine, unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:
     """Suprema of the constants for which each relaxation has a gain, and a gamma where that is asked for."""
-    declared, found = float(max(request.lipschitz)), []
+    declared, found, enough = float(max(request.lipschitz)), list[Finding](), list[str]()
     levels = request.objective != "max-lipschitz"
     asked = RELAXATIONS[0] if request.relaxation == "compare" else request.relaxation
+    shown = RELAXATIONS if request.relaxation == "compare" else (asked,)
     for relaxation in RELAXATIONS:
         try:
             most = (largest_for_gamma if levels else largest_constant)(engine, unit, relaxation).value
         except UndecidedError:
             continue
-        bound, numbers = (f"below {most:.8g}", {"supremum": most}) if isfinite(most) else ("of any size", {})
+        bound = f"below {most:.8g}" if isfinite(most) else "of any size"
+        numbers: dict[str, Any] = {"supremum": most} if isfinite(most) else {}
         said = f"{relaxation}: there are gains for constants {bound}, and the declared one is {declared:g}"
-        decides = levels and relaxation == asked
-        found.append(finding(f"supremum, {relaxation}", declared < most, said, decides=decides, **numbers, id="OBS607"))
+        numbers["decides"] = levels and relaxation == asked
+        if relaxation in shown:
+            numbers["advice"] = f"take relaxation: {enough[0]}" if enough else SMALLER
+        enough += [relaxation] * (declared < most)
+        found.append(finding(f"supremum, {relaxation}", declared < most, said, **numbers, id="OBS607"))
     return found
 
 
