@@ -58,6 +58,9 @@ def test_a_table_says_what_a_settling_time_is_and_in_which_unit(tmp_path, monkey
     assert "x: |error| stays below 5 % after 2.996 s, below 1 % never   of |error(0)|\n" in run("simulate").stdout
     told = run("simulate", "still.yaml", "--set", "simulation.horizon=5").stdout
     assert "settling time  4.60517 s   after that |e| stays below 1 % of its largest\n" in told
+    told = run("simulate", "still.yaml", "--set", "simulation.horizon=4.7").stdout
+    assert "settling time  not held before the end: |e| is above 1 % of its largest until 4.605 s\n" in told
+    assert "x: |error| stays below 5 % after 2.996 s, below 1 % not held before the end   of |error(0)|\n" in told
     assert "5 %, 1 %: time in s after which |error| without noise stays below" in run("compare", "still.yaml").stdout
 
 

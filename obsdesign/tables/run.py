@@ -12,9 +12,7 @@ MEANT = {  # unit or definition of a number of a run, after it
     "time": "s",
     "initial_error": "  |e(0)|, of all states",
     "final_error": "  |e| at the end",
-    "settling_time": "s   after that |e| stays below 1 % of its largest",
 }
-UNSETTLED = "not in this run: |e| is above 1 % of its largest at the end"
 
 
 def run_table(summary: Mapping[str, Any], spec: Spec, guaranteed: bool, files: tuple[str, str]) -> str:
@@ -58,7 +56,8 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
         elif isinstance(value, Mapping):
             rows.append(several(key, value))
         elif key == "settling_time" or (value is not None and key != "ratio_of"):
-            rows.append((key.replace("_", " "), shown(key, value)))
+            text = settled(value, summary["time"]) if key == "settling_time" else shown(key, value)
+            rows.append((key.replace("_", " "), text))
     return rows
 
 
@@ -108,10 +107,17 @@ def entries(values: Mapping[str, Any]) -> str:
 
 def shown(key: str, value: Any) -> str:
     """Value in a table, with what it means; of what bounds a run an upper bound."""
-    if key == "settling_time" and value is None:
-        return UNSETTLED
     text = at_most(value) if key in BOUNDS and value is not None else plain(value)
     return f"{text} {MEANT[key]}" if key in MEANT else text
+
+
+def settled(time: float | None, end: float) -> str:
+    """When the error of all states has come within 1 % of its largest for good, if that is seen."""
+    if time is None:
+        return "not in this run: |e| is above 1 % of its largest at the end"
+    if time > HELD * end:
+        return f"not held before the end: |e| is above 1 % of its largest until {time:.4g} s"
+    return f"{plain(time)} s   after that |e| stays below 1 % of its largest"
 
 
 def settling_text(times: Mapping[str, float | None], end: float) -> str:
