@@ -187,9 +187,14 @@ def compared(seed):
 
 @pytest.mark.slow
 @pytest.mark.sweep
-def test_no_claim_of_two_hundred_plants_is_contradicted_and_nearly_none_is_worse_than_the_propositions():
-    proved = [hold(seed) for seed in range(100, 100 + SWEEP.size(200))]
-    assert np.mean(proved) > 0.6
-    pairs = [pair for seed in range(100, 100 + SWEEP.size(200)) if (pair := compared(seed))]
+def test_no_claim_of_many_plants_is_contradicted():
+    """`--sweep 3` looks at 180 plants."""
+    assert np.mean([hold(seed) for seed in range(100, 100 + SWEEP.size(60))]) > 0.6
+
+
+@pytest.mark.slow
+@pytest.mark.sweep
+def test_nearly_no_gamma_is_worse_than_that_of_the_propositions():
+    pairs = [pair for seed in range(100, 100 + SWEEP.size(60)) if (pair := compared(seed))]
     worse = [pair for pair in pairs if pair[0] > pair[1] * (1 + 1e-3)]
     assert len(worse) <= 0.01 * len(pairs), worse
