@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ system: {A: [[0, 1], [-4, 0]], B: [1, 0], C: [1, 0]}
 observer: {type: sporadic, %s}
 """
 TIMES, GAINS = "T1: 0.1, T2: 0.2, decay: 0.05, ", "gains: {L: [2.067, -3], H: -1.384}"
+GAP = "injection: reset, bounds: {K: 3}, clock: {gain: gap}"
 WITNESSES = ("gamma", "overshoot", "disturbance", "noise", "T2_max")
 pytestmark = pytest.mark.xdist_group("clock-cli")  # its results are solved for once
 
@@ -450,6 +452,12 @@ MISTAKES = {
     "H of a reset": (f"{TIMES}injection: reset, gains: {{K: [1, 2], H: 0}}", "gains.H: is no gain of this injection"),
     "K of a hold": (f"{TIMES}injection: hold, gains: {{K: [1, 2]}}", "gains.K: is no gain of this injection"),
     "both": (f"{TIMES}gains: {{K: [1, 2], L: [1, 2]}}", "gains.L: is no gain of this injection"),
+    "gap of one length": ("T1: 0.2, T2: 0.2, injection: reset, clock: {gain: gap}", "gap needs T2 above T1"),
+    "gap and ahead": (f"T1: 0.1, T2: 0.2, {GAP[:-1]}, lookahead: 2}}", "lookahead: 2 is for a constant gain"),
+    "gap of a given gain": (
+        "T1: 0.1, T2: 0.2, gains: {K: [1, 0]}, clock: {gain: gap}",
+        "gap is for a gain that is",
+    ),
     "ahead of nothing": (f"T1: 0, T2: 0.2, clock: {{lookahead: 2}}, {GAINS}", "lookahead: 2 needs T1 > 0"),
     "delta": (f"{TIMES}relaxation: clock, delta: 3, {GAINS}", "observer.delta: is the exponent of a proposition"),
     "delta of a reset": (f"{TIMES}injection: reset, delta: 3", "observer.delta: is the exponent of a proposition"),
@@ -574,3 +582,88 @@ def test_a_curve_of_several_injections_with_a_proposition_beside(tmp_path):
         assert ours["certified"]["gamma"] <= theirs["gamma"] * 1.001
     assert json.loads(outcome.stdout)["status"] == "certified"
     assert run("verify", "a.gains.json", "-q").exit_code == 0
+
+
+# Found by attacks
+
+
+def test_the_clock_of_a_proposition_is_refused(here):
+    (here / "spec.yaml").write_text(LINEAR % f"{TIMES}clock: {{degree: 6}}, relaxation: proposition-2")
+    outcome = run("solve", "spec.yaml")
+    assert outcome.exit_code == 2
+    assert "observer.clock: is the storage function of relaxation clock, which is not asked for" in outcome.stderr
+
+
+def test_a_proposition_takes_any_interval_up_to_the_longest(here):
+    asked = "T2: 0.3, decay: 0.05, relaxation: proposition-2, bounds: {L: 8}"
+    short, none = (json.loads(result_of(here, LINEAR % f"T1: {T1}, {asked}")) for T1 in ("0.1", "0"))
+    assert none["guarantee"]["gamma"] == short["guarantee"]["gamma"]
+    assert "at most 0.3 apart" in none["guarantee"]["statement"]
+    assert "sup|eta|" not in none["guarantee"]["statement"]
+    assert not {"noise", "jitter"} & none["guarantee"].keys()
+    assert none["observer"]["contraction"].keys() == {"T2"}
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
+def test_a_gain_of_the_interval_in_a_file_has_a_longest_interval_no_more_than_another_has(here):
+    genuine = json.loads(result_of(here, LINEAR % f"T1: 0.1, T2: 0.3, {GAP}"))
+    forged = copy.deepcopy(genuine)
+    forged["guarantee"]["T2_max"] = 0.9
+    forged["certificate"]["witnesses"]["T2_max"] = forged["certificate"]["witnesses"]["overshoot"]
+    Path("spec.gains.json").write_text(json.dumps(forged))
+    outcome = run("verify", "spec.gains.json")
+    assert outcome.exit_code == 2
+    assert "guarantee.T2_max: is for a gain that does not depend on the interval" in outcome.stderr
+    forged = copy.deepcopy(genuine)
+    forged["observer"]["K_of_gap"]["knots"][0] = 0
+    Path("spec.gains.json").write_text(json.dumps(forged))
+    outcome = run("verify", "spec.gains.json")
+    assert outcome.exit_code == 2
+    assert "expected numbers that rise from T1 to T2" in outcome.stderr
+
+
+def test_a_longest_interval_is_not_below_the_one_that_is_claimed(here):
+    content = json.loads(result_of(here, LINEAR % f"{TIMES}{GAINS}"))
+    content["guarantee"]["T2_max"] = 0.5 * content["guarantee"]["T2"]
+    Path("spec.gains.json").write_text(json.dumps(content))
+    outcome = run("verify", "spec.gains.json")
+    assert outcome.exit_code == 2
+    assert "guarantee.T2_max: is below T2" in outcome.stderr
+
+
+@pytest.mark.parametrize(("segments", "degree"), [(1, 40), (60, 1)])
+def test_a_file_holds_no_larger_storage_function_than_a_spec_may_ask_for(here, segments, degree):
+    content = json.loads(result_of(here, LINEAR % f"{TIMES}{GAINS}"))
+    witness, T2 = content["certificate"]["witnesses"]["gamma"], content["guarantee"]["T2"]
+    witness["knots"] = [str(Fraction(str(T2)) * i / segments) for i in range(segments + 1)]
+    witness["P"] = [[witness["P"][0][0]] * (degree + 1)] * segments
+    Path("spec.gains.json").write_text(json.dumps(content))
+    outcome = run("verify", "spec.gains.json")
+    assert outcome.exit_code == 2
+    assert "certificate.witnesses.gamma." in outcome.stderr
+
+
+def test_a_constant_gain_that_is_better_than_one_of_the_interval_is_shipped(here):
+    """On nearly periodic measurements a K of the interval gains nothing."""
+    times = "T1: 0.299, T2: 0.3, bounds: {K: 3}, injection: reset, decay: 0.05"
+    constant = json.loads(result_of(here, LINEAR % times))["guarantee"]["gamma"]
+    content = json.loads(result_of(here, LINEAR % f"{times}, clock: {{gain: gap}}"))
+    assert content["guarantee"]["gamma"] <= 1.06 * constant
+    shipped = "K" in content["observer"]
+    assert shipped == any("a constant K has a smaller gamma" in note for note in content.get("notes", []))
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
+def test_a_bound_on_gamma_below_what_is_found_is_named(here):
+    (here / "spec.yaml").write_text(LINEAR % f"{TIMES}bounds: {{gamma: 0.01}}")
+    outcome = run("solve", "spec.yaml")
+    assert outcome.exit_code == 4
+    assert "above `bounds.gamma` = 0.01; ask for" in outcome.stderr
+
+
+def test_gains_that_diverge_at_the_shortest_interval_are_not_told_to_take_shorter_ones(here):
+    (here / "spec.yaml").write_text(LINEAR % "T1: 0.1, T2: 0.2, gains: {K: [3, 0]}")
+    assert run("solve", "spec.yaml", "-q").exit_code == 3
+    diagnosis = json.loads(Path("spec.gains.json").read_text())["diagnosis"]
+    assert "these gains are of no use: with measurements 0.1 s apart" in diagnosis["reason"]
+    assert "feasible" not in diagnosis

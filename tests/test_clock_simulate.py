@@ -345,8 +345,9 @@ def test_a_measurement_that_is_overdue_or_lost_ends_the_guarantee(tried):
 
 
 def storage(content, tau):
-    """P (K, m, m) of the witness of gamma of a file, at values (K,) of the clock, by scipy's Bernstein form."""
-    witness = content["certificate"]["witnesses"]["gamma"]
+    """P (K, m, m) of the witness that a run is held against, at values (K,) of the clock, by scipy's Bernstein form."""
+    witnesses = content["certificate"]["witnesses"]
+    witness = witnesses.get("energy", witnesses["gamma"])
     knots = [float(Fraction(s)) for s in witness["knots"]]
     P = np.array([[[[float(Fraction(x)) for x in row] for row in M] for M in part] for part in witness["P"]])
     return BPoly(np.moveaxis(P, 0, 1), knots)(tau), float(Fraction(witness["lambda"]))

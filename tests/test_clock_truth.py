@@ -322,3 +322,27 @@ def test_the_truth_of_a_nonlinear_plant_is_that_of_a_member_and_is_said_to_be(tm
 def test_an_error_that_grows_beyond_doubles_has_no_truth():
     system = in_floats(reset(plant([[50]], [[1]], [[1]]), np.eye(1), np.eye(1)))
     assert truth(system, [NONE], 0.5, 1.0, 0.0) == {}
+
+
+@pytest.mark.parametrize("powers", [(4, -4), (-6, 6), (9, 0)])
+def test_units_of_states_and_signals_change_nothing_of_the_truth(powers):
+    """Neither a direction of J that is small nor a gain that is small is taken for none."""
+    p = plant([[0, 1], [-4, -0.1]], [[1], [0]], [[1, 0]])
+    plain, unit = error(p, np.eye(2), [[2.0], [-3.0]], [[-1.4]]), np.array([10.0**k for k in (*powers, powers[0])])
+    scaled = replace(
+        plain,
+        F=plain.F * unit[:, None] / unit,
+        Bx=plain.Bx * unit[:, None] * 1e5,
+        J=plain.J * unit[:, None] / unit,
+        Jn=plain.Jn * unit[:, None],
+        Cp=plain.Cp / unit,
+        Cq=plain.Cq / unit,
+        Bfx=plain.Bfx * unit[:, None],
+        Dq=plain.Dq * 1e5,
+    )
+    before, after = (truth(made, [np.zeros((0, 0))], 0.1, 0.3, 0.05) for made in (plain, scaled))
+    for key in ("T1", "T2", "pattern"):
+        assert after["gamma"][key] == pytest.approx(1e5 * before["gamma"][key], rel=1e-3)
+    assert after["period_limit"] == pytest.approx(before["period_limit"], rel=1e-5)
+    assert after["pattern_limit"]["T2"] == pytest.approx(before["pattern_limit"]["T2"], rel=1e-3)
+    assert after["pattern"]["growth"] == pytest.approx(before["pattern"]["growth"], rel=1e-5)

@@ -9,6 +9,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.outcome import BETTER, Outcome, Search, Verdict
 from obsdesign.families.sporadic.clock.design import ClockDesigner
+from obsdesign.families.sporadic.clock.tradeoff import ClockTradeoff
 from obsdesign.families.sporadic.exponential import design_sporadic
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest, request_of
 from obsdesign.lmi.formula import Array, Exact
@@ -35,7 +36,8 @@ def by(spec: Spec, request: SporadicRequest, engine: Engine) -> Outcome:
     failed: UndecidedError | None = None
     made = None
     try:
-        made = ClockDesigner(*problem, request, engine).outcome()
+        designer = ClockTradeoff if request.objective == "pareto" else ClockDesigner
+        made = designer(*problem, request, engine).outcome()
     except UndecidedError as error:
         failed = error
     if made and (made.status is Verdict.CERTIFIED or made.diagnosis.get("condition") not in {None, "gains"}):

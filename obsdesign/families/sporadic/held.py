@@ -8,7 +8,8 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds, ends
 from obsdesign.dissipation.certificate import kept
-from obsdesign.families.sporadic.request import LARGEST_DEGREE, SporadicRequest, request_of
+from obsdesign.families.sporadic.clock.bernstein import LARGEST_DEGREE
+from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate, printed
@@ -31,9 +32,8 @@ def read_adapted(file: ResultFile, size: tuple[int, int]) -> dict[str, Array]:
     """Exact control values of a gain that depends on the interval that has just ended, and the ends of its segments."""
     root = ("observer", "K_of_gap")
     knots = file.numbers(*root, "knots")
-    T1, T2 = (file.number("observer", name) for name in ("T1", "T2"))
     rising = len(knots) > 1 and all(a < b for a, b in pairwise(knots))
-    if not rising or knots[-1] != T2 or knots[0] != (T1 if T1 < T2 else 0):
+    if not rising or [knots[0], knots[-1]] != [file.number("observer", name) for name in ("T1", "T2")]:
         raise file.wrong("observer.K_of_gap.knots", "expected numbers that rise from T1 to T2", id="OBS702")
     first = file.at(*root, "K")
     degree = len(first[0]) - 1 if isinstance(first, list) and first and isinstance(first[0], list) else 0
@@ -85,13 +85,13 @@ def held(request: SporadicRequest, gains: Mapping[str, Array]) -> tuple[Check, .
     if "L" in gains:
         return kept(Bounds(L1=request.largest_gain), gains["L"])
     values = gains["K"][None] if "K" in gains else gains["K_of_gap"].reshape(-1, *gains["K_of_gap"].shape[2:])
-    return tuple(check for K in values for check in kept(Bounds(L1=request.largest_reset), K))
+    return tuple(check for K in values for check in kept(Bounds(L1=request.largest_reset), K, name="K"))
 
 
 def of_injection(name: str, gains: Mapping[str, Array], C: Array, *, gap: bool) -> bool:
-    """Whether gains are those of an injection; `gap`: whether K of a reset depends on the interval."""
+    """Whether gains are those of an injection; `gap`: whether K of a reset may depend on the interval."""
     if name == "reset":
-        return ("K_of_gap" if gap else "K") in gains
+        return "K" in gains or (gap and "K_of_gap" in gains)
     if "L" not in gains:
         return False
     H = tied_gain(name, gains["L"], C)

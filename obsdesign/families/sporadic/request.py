@@ -9,7 +9,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
-from obsdesign.families.sporadic.clock.bernstein import SHAPE, Shape
+from obsdesign.families.sporadic.clock.bernstein import FARTHEST, LARGEST_DEGREE, MOST_SEGMENTS, SHAPE, Shape
 from obsdesign.families.sporadic.section import CLOCK, INJECTIONS, ClockSection, SporadicObjective, SporadicObserver
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
@@ -20,7 +20,6 @@ EXPONENTS = Range(fmpq(1, 1000), fmpq(100), points=40, log=True)  # delta T2 tha
 ABOVE_DECAY = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
-LARGEST_DEGREE, MOST_SEGMENTS, FARTHEST = 12, 32, 8
 INSTEAD = "; a w of finite energy has no value at an instant: what disturbs a sample is simulation.noise"
 ABSENT = ("D", "Dq", "Dqf", "Df")
 
@@ -82,7 +81,8 @@ class SporadicRequest:
 
     def part(self, injections: tuple[str, ...], relaxations: tuple[str, ...]) -> "SporadicRequest":
         """The same request of some injections and relaxations, without what is for others."""
-        made = replace(self, injections=injections, relaxations=relaxations)
+        shaped = self.shape_given and CLOCK in relaxations
+        made = replace(self, injections=injections, relaxations=relaxations, shape_given=shaped)
         return made if "reset" in injections else replace(made, largest_reset=None, gap=False)
 
     @property
@@ -115,6 +115,8 @@ class SporadicRequest:
             yield ("bounds", "L"), "bounds L, and injection reset has the gain K; give `bounds.K`"
         if self.gap and not resets:
             yield ("clock", "gain"), "gap is for injection reset, which is not asked for; leave it out"
+        if self.gap and self.gains:
+            yield ("clock", "gain"), "gap is for a gain that is designed; K of `gains` is constant: leave it out"
 
 
 def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> SporadicRequest:
@@ -141,7 +143,7 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         largest_gamma=asked.read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
         largest_reset=asked.read_bound(reader, section.bounds.K if section.bounds else None, "K"),
         gains=read_gains(reader, section, problem),
-        shape=read_shape(reader, section.clock, T1),
+        shape=read_shape(reader, section.clock, T1, T2),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
         delta_given=section.delta is not None,
         shape_given=section.clock is not None,
@@ -187,7 +189,7 @@ def read_gains(reader: Reader, section: SporadicObserver, problem: asked.Estimat
     return asked.read_gains(reader, section.gains, sizes)
 
 
-def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq) -> Shape:
+def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq, T2: fmpq | Range) -> Shape:
     """Degree and segments, and how far the storage function looks ahead."""
     if section is None:
         return Shape()
@@ -197,8 +199,11 @@ def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq) -> Shape:
     lookahead = reader.integer(section.lookahead, (*loc, "lookahead"), 1, 1, FARTHEST)
     if lookahead > 1 and not T1 and reader.clean(("observer", "T1")):
         reader.wrong((*loc, "lookahead"), f"{lookahead} needs T1 > 0; for T1 = 0 it gains nothing, give 1", id="OBS208")
-    if section.gain == "gap" and not T1 and reader.clean(("observer", "T1")):
-        reader.wrong((*loc, "gain"), "gap needs T1 > 0; for T1 = 0 give constant", id="OBS208")
+    if section.gain == "gap" and not 0 < T1 < ends(T2)[0] and reader.clean(("observer", "T1")):
+        where = "T1 > 0" if not T1 else "T2 above T1, intervals of different lengths"
+        reader.wrong((*loc, "gain"), f"gap needs {where}; give constant", id="OBS208")
+    if section.gain == "gap" and lookahead > 1:
+        reader.wrong((*loc, "lookahead"), f"{lookahead} is for a constant gain; with gain: gap give 1", id="OBS208")
     return Shape(degree, segments, lookahead)
 
 

@@ -85,7 +85,7 @@ class Analysis:
     def asked(self, goal: Goal, T2: fmpq, decay: fmpq) -> tuple[ClockTheorem, ErrorUnits, ClockTheorem]:
         """Theorem of a claim, the units in which a solver is asked, and the theorem in these, in doubles."""
         exact = goal.theorem(self.theorem(T2, decay))
-        units = error_units(exact.doubles, weighed=goal.weighed)
+        units = error_units(exact.doubles.system, float(T2), weighed=goal.weighed)
         return exact, units, units.theorem(exact.doubles)
 
     def slope(self, T2: fmpq, decay: fmpq) -> Slope:

@@ -36,6 +36,7 @@ class Shape:
 
 
 SHAPE = Shape()
+LARGEST_DEGREE, MOST_SEGMENTS, FARTHEST = 12, 32, 8  # of shapes: what is more takes too long
 
 
 @dataclass(frozen=True)
@@ -135,14 +136,13 @@ def clock(T1: fmpq, T2: fmpq, degree: int, segments: int, bins: int = 1) -> Cloc
 
 def adapted(T1: fmpq, T2: fmpq, degree: int, segments: int) -> Clock:
     """Segments of the time elapsed: [0, T1], and the others of [T1, T2]; their inner ends are decimals."""
-    ends = [*divided(T1, T2, max(segments - 1, 1))] if T1 < T2 else []
-    inner = [rational_number(f"{float(s):.6g}") for s in ends[:-1]]
-    return Clock((fmpq(0), *([T1] if T1 else []), *inner, *ends[-1:]), degree)
+    *inner, end = divided(T1, T2, max(segments - 1, 1))
+    return Clock((fmpq(0), T1, *(rational_number(f"{float(s):.6g}") for s in inner), end), degree)
 
 
 def of_gain(T1: fmpq, knots: Array, K: Array) -> Clock:
     """Segments of the time elapsed on which a gain K(s) is a polynomial: [0, T1], and those of its knots."""
-    return Clock((fmpq(0), *([T1] if T1 else []), *knots[1:].tolist()), K.shape[1] - 1)
+    return Clock((fmpq(0), T1, *knots[1:].tolist()), K.shape[1] - 1)
 
 
 def divided(low: fmpq, high: fmpq, parts: int) -> Iterator[fmpq]:

@@ -176,17 +176,14 @@ class GapReset(Reset):
             yield from self.bound(v["P0"], v[name], v["t"])
 
     def gain(self, v: Values) -> Float:
-        """Control values, segment by segment, (N, d + 1, n, ny); of the point T2 for T1 = T2."""
+        """Control values, segment by segment, (N, d + 1, n, ny)."""
         K, d = np.stack([np.linalg.solve(v["P0"], v[name]) for name in self.names]), self.theorem.clock.degree
-        if len(K) == 1:
-            return np.array(np.broadcast_to(K[0], (1, d + 1, *K.shape[1:])))
         return np.stack([K[a : a + d + 1] for a in range(0, len(K) - 1, d)])
 
     @property
     def knots(self) -> Float:
         """Ends of the segments of K, s."""
-        late = [float(s) for s in self.theorem.clock.knots if s >= self.theorem.T1]
-        return np.array(late if len(late) > 1 else [0.0, *late])
+        return np.array([float(s) for s in self.theorem.clock.knots if s >= self.theorem.T1])
 
 
 def broadcast(matrix: Array, like: Array) -> Array:

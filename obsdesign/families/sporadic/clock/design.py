@@ -5,9 +5,9 @@ smallest that were found within the slack of it, rounded to few digits, and ever
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 from flint import fmpq
@@ -19,17 +19,16 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
-from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
+from obsdesign.families.outcome import BEST_FOUND, Outcome, Verdict
 from obsdesign.families.sporadic.clock.analysis import Analysis
 from obsdesign.families.sporadic.clock.bernstein import of_gain
 from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.clock.outage import outage
-from obsdesign.families.sporadic.clock.reasons import nothing_found, undecided, unstable
+from obsdesign.families.sporadic.clock.reasons import above_bound, nothing_found, undecided, unstable
 from obsdesign.families.sporadic.clock.search import Curve, Found, main, norm
 from obsdesign.families.sporadic.clock.study import fastest, longest, proof_of_longest, witnesses
 from obsdesign.families.sporadic.clock.theorem import error_system
-from obsdesign.families.sporadic.clock.truth import periodic_gamma, truth
-from obsdesign.families.sporadic.clock.witness import GOALS
+from obsdesign.families.sporadic.clock.truth import truth
 from obsdesign.families.sporadic.gains import LONGER, SHORTER
 from obsdesign.families.sporadic.held import held
 from obsdesign.families.sporadic.reasons import hiding_interval
@@ -37,12 +36,14 @@ from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import within_slack
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.families.sporadic.units import units
-from obsdesign.lmi.formula import Array, Exact, above, in_floats, printed
+from obsdesign.lmi.formula import Array, Exact, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
+CONSTANT = "a constant K has a smaller gamma than what was found of one that depends on the interval"
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least that is found
 SHORT = 1000  # parts of T2: the T1 of a search for K where it is zero
+FARTHER = (fmpq(1), fmpq(3), fmpq(6))  # slacks within which of a largest T2, or decay, a proof is tried
 ROOM = 5e-3  # of gamma, left to the rounding of the gains
 Point = tuple[dict[str, Any], Curve, Found | None]
 
@@ -62,17 +63,23 @@ class ClockDesigner:
         request = self.request
         self.T1, self.T2, self.decay = printed(request.T1), Range(*ends(request.T2)), Range(*ends(request.decay))
         self.lowest = max(printed(self.T2.low), self.T1), printed(self.decay.low)
-        self.curves = [self.curve(name) for name, _ in request.pairs]
+        self.curves = [self.curve(name, gap) for name, _ in request.pairs for gap in self.gaps(name)]
 
-    def curve(self, name: str) -> Curve:
-        """Search of one injection, within the bound on its gain."""
+    def gaps(self, name: str) -> tuple[bool, ...]:
+        """Whether the gain of an injection depends on the interval; it may then be constant too."""
+        if name != "reset" or not self.request.gap:
+            return (False,)
+        return (True,) if self.request.objective == "pareto" else (True, False)
+
+    def curve(self, name: str, gap: bool) -> Curve:
+        """Search of one injection, within the bound on its gain; `gap`: whether it depends on the interval."""
         request, resets = self.request, name == "reset"
         bound = request.largest_reset if resets else request.largest_gain
         kappa = None if bound is None else float(bound)
         problem = self.engine, self.plant, self.multiplier, self.Cp
         shortest = self.T1 or (self.lowest[0] / SHORT if resets else self.T1)  # where T1 = 0 ties P(0) to K
         own = units(self.plant.doubles, in_floats(self.Cp), float(self.lowest[0]), bounded=kappa is not None)
-        return Curve(*problem, shortest, request.shape, name, kappa, request.gap and resets, own)
+        return Curve(*problem, shortest, request.shape, name, kappa, gap, own)
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
@@ -86,11 +93,13 @@ class ClockDesigner:
             self.notes.append(UNDISTURBED)
         if given := self.request.gains:
             made = self.analysed({name: printed(gain) for name, gain in given.items()})
-        elif self.request.objective in RANGED:
-            made = self.farthest()
         else:
-            made = self.pareto() if self.request.objective == "pareto" else self.single()
+            made = self.searched()
         return replace(made, notes=(*made.notes, *self.notes))
+
+    def searched(self) -> Outcome:
+        """Gains for what is asked."""
+        return self.farthest() if self.request.objective in RANGED else self.single()
 
     def analysis(self, gains: Mapping[str, Array]) -> Analysis:
         """Error of gains, in rationals."""
@@ -135,7 +144,7 @@ class ClockDesigner:
         found = {} if error.elapsed else truth(error, self.members, float(self.T1), float(T2), float(decay))
         if (found.get("pattern_limit") or {}).get("T2", math.inf) > float(T2):
             raise UndecidedError(undecided(self.T1, T2, decay, most), id="OBS507")
-        return Outcome(Verdict.INFEASIBLE, in_floats_of(gains), diagnosis=unstable(found, T2, decay, most))
+        return Outcome(Verdict.INFEASIBLE, in_floats_of(gains), diagnosis=unstable(found, self.T1, T2, decay, most))
 
     def tolerated(self, analysis: Analysis, T2: fmpq, decay: fmpq) -> float | None:
         """Largest T2 for which there is a solution, of T1 or a small part of what is asked for, to ten times that."""
@@ -170,6 +179,8 @@ class ClockDesigner:
         if best is None:
             return self.nothing(T2, decay)
         gamma = curve.gamma(curve.outside(best), T2, decay) if self.plant.B.shape[1] else 0.0
+        if self.request.gap and curve.name == "reset" and not curve.gap:
+            self.notes.append(CONSTANT)
         return self.shipped(curve, best, T2, decay, {"gamma": gamma, "attained": False, **BEST_FOUND})
 
     def told(self, curves: list[Curve]) -> Iterator[Curve]:
@@ -182,8 +193,10 @@ class ClockDesigner:
         """Small gains within the slack of the best, with what is proved of them."""
         least = curve.gamma(curve.outside(best), T2, decay)
         wanted = 1 + float(self.request.slack)
+        if (cap := self.request.largest_gamma) is not None and float(cap) < least:
+            raise UndecidedError(above_bound(least, float(cap)), id="OBS507")
         target = least * (wanted if self.request.objective in {"min-gamma", "pareto"} else max(wanted, MODERATE))
-        if (cap := self.request.largest_gamma) is not None:
+        if cap is not None:
             target = min(target, float(cap))
         self.engine.report(0.8, f"small gains for T2 = {float(T2):g}")
         enough = self.request.objective == "pareto" and curve.kappa is not None  # as large as its point on the curve
@@ -235,109 +248,30 @@ class ClockDesigner:
         low, other = self.lowest if name == "T2" else self.lowest[::-1]
         high = float(self.T2.high if name == "T2" else self.decay.high)
         accept = lambda found: cap is None or found.gamma <= float(cap)  # noqa: E731
-        at = lambda value: (printed(value), other) if name == "T2" else (other, printed(value))  # noqa: E731
+
+        def at(value: float | fmpq) -> tuple[fmpq, fmpq]:
+            return (printed(value), other) if name == "T2" else (other, printed(value))
+
         reached = [(c, r) for c in self.told(self.curves) if (r := c.farthest(at, float(low), high, accept))]
         if not reached:
             return self.nothing(*self.lowest)
         curve, (limit, found) = max(reached, key=lambda pair: pair[1][0])
-        near = within_slack(limit, float(low), self.request.slack)
-        T2, decay = (near, other) if name == "T2" else (other, near)
-        best = curve.best(T2, decay, near=found) or found
-        return self.shipped(curve, best, T2, decay, {name: limit, "attained": limit == high, **BEST_FOUND})
-
-    # Curves
-
-    def pareto(self) -> Outcome:
-        """Trade-off curves, each point with certified gains; ships the farthest point within the slack of the best."""
-        name = "decay" if isinstance(self.request.decay, Range) else "T2"
-        found = [list(self.points(curve, name)) for curve in self.told(self.curves)]
-        named: list[dict[str, Any]] = [
-            {"injection": curve.name, "relaxation": "clock", "points": [point for point, _, _ in points]}
-            for curve, points in zip(self.curves, found, strict=True)
-        ]
-        search = Search(name, tuple(named[0]["points"]), curves=tuple(named))
-        made = [item for points in found for item in points if item[2] is not None and "certified" in item[0]]
-        if not made:
-            return replace(self.nothing(*self.lowest), search=search)
-        least = min(point["gamma"] for point, _, _ in made) * (1 + float(self.request.slack))
-        point, curve, best = max(
-            (m for m in made if m[0]["gamma"] <= least), key=lambda item: (item[0][name], -item[0]["gamma"])
-        )
-        value = printed(point[name])
-        T2, decay = (value, self.lowest[1]) if name == "T2" else (self.lowest[0], value)
-        self.notes.append(
-            f"the gains are those of T2 = {float(T2):g} and decay {float(decay):g}: of the points of relaxation clock "
-            "the farthest whose gamma is within the slack of their least"
-        )
-        assert best
-        limit = {"gamma": point["gamma"], "at": {name: point[name]}, "attained": False, **BEST_FOUND}
-        return replace(self.shipped(curve, best, T2, decay, limit), search=search)
-
-    def points(self, curve: Curve, name: str) -> Iterator[Point]:
-        """Points of a curve over T2 or the decay, each search begun from the last, and again from the next one.
-
-        What holds for a longer T2, or a faster decay, holds for a shorter or a slower one: gamma never falls.
-        """
-        ranged = self.request.decay if name == "decay" else self.request.T2
-        assert isinstance(ranged, Range)
-        values, done = [printed(value) for value in ranged.grid()], self.curves.index(curve)
-        pairs = [(x, self.lowest[1]) if name == "T2" else (self.lowest[0], x) for x in values]
-        found: list[Found | None] = []
-        last = None
-        for i, (value, at) in enumerate(zip(values, pairs, strict=True)):
-            part = (done + i / len(values)) / len(self.curves)
-            self.engine.report(0.8 * part, f"injection {curve.name}, {name} = {float(value):g}")
-            found.append(curve.best(*at, near=last) or curve.best(*at))
-            last = found[-1] or last
-        for i in reversed(range(len(found) - 1)):
-            found[i] = better(found[i], found[i + 1], partial(curve.best, *pairs[i]))
-        for value, at, made in zip(values, pairs, found, strict=True):
-            if made is None:
-                yield {name: float(value), "status": "undecided"}, curve, None
-            else:
-                yield self.point(curve, made, name, *at), curve, made
-
-    def point(self, curve: Curve, found: Found, name: str, T2: fmpq, decay: fmpq) -> dict[str, Any]:
-        """Gamma that is found, and what is proved of the rounded gains."""
-        known = {name: float(T2 if name == "T2" else decay), "gamma": found.gamma, "status": "uncertified"}
-        for gains in self.rounded(curve, found):
-            analysis = self.analysis(gains)
-            least = analysis.least(GOALS["gamma"], T2, decay)
-            gamma = math.sqrt(max(least.objective, 0.0))
-            if gamma > found.gamma * (1 + ROOM):
-                continue
-            witness = analysis.prove(GOALS["gamma"], T2, decay, least)
-            if witness and witness.holds and witness.definite:
-                proved, key = above(witness.constants()["gamma"]), "L" if "L" in gains else "K"
-                size = norm(main(in_floats_of(gains)))
-                certified = {"gamma": proved, "T2": float(T2), "decay": float(decay), key: size}
-                return {
-                    **known,
-                    "gamma": min(gamma, proved),
-                    "status": "certified",
-                    "certified": certified,
-                    **self.beside(gains, T2, decay, gamma),
-                }
-        return known
-
-    def beside(self, gains: Mapping[str, Array], T2: fmpq, decay: fmpq, near: float) -> dict[str, Any]:
-        """Entry `truth` of a point: the gamma that its gains do have for the period T2; empty if it is not known."""
-        error = error_system(self.plant.doubles, in_floats(self.Cp), in_floats_of(gains))
-        found = None if error.elapsed else periodic_gamma(error, self.members, float(T2), float(decay), near)
-        return {} if found is None else {"truth": {"gamma": found}}
+        known = {name: limit, "attained": limit == high, **BEST_FOUND}
+        failed: UndecidedError | None = None
+        for factor in FARTHER:
+            near = within_slack(limit, float(low), factor * self.request.slack)
+            T2, decay = at(near)
+            try:
+                return self.shipped(curve, curve.best(T2, decay, near=found) or found, T2, decay, known)
+            except UndecidedError as error:
+                failed = failed or error
+        assert failed
+        raise failed
 
     @cached_property
     def members(self) -> list[Array]:
         """Frozen members f = K q of the class."""
         return Errors.of(self.plant, self.multiplier, self.Cp).through
-
-
-def better(found: Found | None, harder: Found | None, near: Callable[[Found], Found | None]) -> Found | None:
-    """Gains for a point, or where those of a harder one are better, what a search near these finds."""
-    if harder is None or (found and found.gamma <= harder.gamma):
-        return found
-    made = near(harder)
-    return made if made and (found is None or made.gamma < found.gamma) else found
 
 
 def in_floats_of(gains: Mapping[str, Array]) -> dict[str, Array]:

@@ -46,6 +46,9 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     longest = None
     if "T2_max" in named:
         most = file.number("guarantee", "T2_max")
+        if most < asked["T2"] or "K_of_gap" in gains:
+            said = "is for a gain that does not depend on the interval" if "K_of_gap" in gains else "is below T2"
+            raise file.wrong("guarantee.T2_max", said, id="OBS702")
         longest = read_witness(file, GOALS["overshoot"], theorem, most, *root, "T2_max")
     overdue = None
     if "outage" in named:
@@ -77,7 +80,7 @@ def require_segments(file: ResultFile, gains: Mapping[str, Array], witnesses: It
     """Refuse storage functions that are not polynomials on the segments of a gain that depends on the interval."""
     for witness in witnesses if "K_of_gap" in gains else ():
         clock, T1 = witness.theorem.clock, witness.theorem.T1
-        late = [s for s in clock.knots if s >= T1] if gains["knots"][0] else list(clock.knots)
+        late = [s for s in clock.knots if s >= T1]
         if late != gains["knots"].tolist() or clock.degree != gains["K_of_gap"].shape[1] - 1:
             said = "the storage functions and K have not the same degree on the same segments"
             raise file.wrong("observer.K_of_gap", said, id="OBS702")

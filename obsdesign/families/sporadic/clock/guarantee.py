@@ -22,7 +22,7 @@ from obsdesign.families.sporadic.clock.witness import Witness
 from obsdesign.families.sporadic.guarantee import measurements
 from obsdesign.lmi.formula import Array, Float, Inequality, above, below, zeros
 from obsdesign.lmi.proof import holds
-from obsdesign.lmi.spectrum import extremes, lower
+from obsdesign.lmi.spectrum import extremes, lower, upper
 
 HALVINGS = 8  # of the segments of P, at most, until its smallest eigenvalue is known to be positive
 
@@ -81,7 +81,10 @@ class ClockGuarantee:
     def peak(self, H: Array) -> float | None:
         """Bound on sup|H e|, H in rationals, for sup|w| = 1 from zero error; None where V need not decay."""
         found = [largest_output(self.rates(), P, self.widened(H)) for P in self.positive]
-        return None if None in found else max((x for x in found if x is not None), default=None)
+        known = [max(x for x in found if x is not None)] if found and None not in found else []
+        if "disturbance" in self.constants:  # of |e|
+            known.append(np.nextafter(self.constants["disturbance"] * upper(extremes(H @ H.T)[1].sqrt()), np.inf))
+        return min(known, default=None)
 
     def reach(self, H: Array) -> Array:
         """Bounds on |h e| / sqrt(V) for the rows h of H, in rationals, (m,): P^-1 is convex in P."""

@@ -8,18 +8,27 @@ from flint import fmpq
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.sporadic.clock.search import Curve
 from obsdesign.families.sporadic.clock.truth import OF_PLANT
-from obsdesign.tables.text import at_least
+from obsdesign.tables.text import at_least, at_most
 
+SPARE = 1e-2  # relative, above the least gamma that is found
 CLOSE = 1e-3  # relative, from a limit to what is suggested
 
 
-def unstable(found: Mapping[str, Any], T2: fmpq, decay: fmpq, tolerated: float | None) -> Diagnosis:
+def unstable(found: Mapping[str, Any], T1: fmpq, T2: fmpq, decay: fmpq, tolerated: float | None) -> Diagnosis:
     """Answer that an error does not decay with given gains, for intervals that recur; `found`: entries of `truth`."""
     gaps, limit = found["pattern_limit"]["gaps"], found["pattern_limit"]["T2"]
     recurring = f"with measurements {', '.join(f'{gap:g}' for gap in gaps)} s apart, again and again,"
     rate = f" at {float(decay):g} 1/s" if decay else ""
     which = "of" if found["of"] == OF_PLANT else "of a frozen member f = K q, which the types allow, and of"
     instead = f"T2 below {limit:.4g} is necessary"
+    if limit <= float(T1) * (1 + CLOSE):
+        reason = f"these gains are of no use: {recurring} the error {which} these gains does not decay{rate}"
+        return {
+            "id": "OBS609",
+            "condition": "gains",
+            "reason": reason,
+            "suggestion": "give other gains, or leave `gains` out",
+        }
     if tolerated:
         instead = f"ask for T2 at most about {at_least(tolerated * (1 - CLOSE), 3)}, which these gains seem to tolerate"
     return {
@@ -29,6 +38,12 @@ def unstable(found: Mapping[str, Any], T2: fmpq, decay: fmpq, tolerated: float |
         "feasible": {"T2": tolerated} if tolerated else {"T2_below": limit},
         "suggestion": f"{instead}, or leave `gains` out",
     }
+
+
+def above_bound(least: float, cap: float) -> str:
+    """Say that a bound on gamma is below the least that was found."""
+    said = f"the least gamma that was found is {least:g}, above `bounds.gamma` = {cap:g}"
+    return f"{said}; ask for {at_most(least * (1 + SPARE), 3)} or more, allow larger gains, or try another injection"
 
 
 def undecided(T1: fmpq, T2: fmpq, decay: fmpq, tolerated: float | None) -> str:

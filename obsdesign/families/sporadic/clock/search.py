@@ -32,7 +32,7 @@ SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sou
 SMALLEST = 1e-3  # part of a gain below which none is sought: a plant that is stable needs no gain at all
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
 RISE = 1.1  # of gamma from one point of a curve to the next, beyond which a search begins anew
-STEPS, SOME, FEW = 80, 12, 3  # of a descent, and of one that begins nearby
+STEPS, SOME, FEW = 80, 12, 3  # of a descent, and of those that begin nearby
 STRIDES = 8  # first steps from the least value to the largest
 NEAR = 1e-3  # relative to the largest value: the last step
 
@@ -138,7 +138,8 @@ class Curve:
         warm = None
         if near is not None:
             begin = replace(near, gains=self.eased(near.gains))
-            warm = self.descended(begin, self.kappa or WIDER * self.size(begin.gains), T2, decay, FEW)
+            kappa, steps = (self.kappa, FEW) if self.kappa else (WIDER * self.size(begin.gains), SOME)
+            warm = self.descended(begin, kappa, T2, decay, steps)
             if warm and warm.gamma < RISE * near.gamma:
                 return warm
         if self.kappa is not None:

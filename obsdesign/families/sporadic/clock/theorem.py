@@ -150,7 +150,7 @@ def error_system(plant: Plant[Array], Cp: Array, gains: Mapping[str, Array]) -> 
     """Error of an observer with the gains L and H, or K, or the control values of a K that depends on the interval."""
     if "K_of_gap" in gains:
         K = gains["K_of_gap"].reshape(-1, plant.n, len(plant.C))
-        return reset(plant, Cp, K[-1:] if not gains["knots"][0] else K)  # T1 = T2: K of the point
+        return reset(plant, Cp, K)
     if "K" in gains:
         return reset(plant, Cp, gains["K"])
     return held(plant, Cp, gains["L"], gains["H"])

@@ -7,6 +7,7 @@ the worst sequence finds no more than a bad one, and other f of the class may be
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from obsdesign.families.sporadic.clock.energy import exceeds, gain
 from obsdesign.families.sporadic.clock.linear import LETTERS, ROUNDING, LinearError, interval
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem
+from obsdesign.families.sporadic.clock.units import error_units
 from obsdesign.lmi.formula import Array
 
 FEW = 9  # members, those that seem the slowest
@@ -37,6 +39,7 @@ def truth(system: ErrorSystem, members: Sequence[Array], T1: float, T2: float, d
     in 1/s, is the largest; `gamma`, for periods T1 and T2 and for the worst of some sequences, weighted by the rate as
     in the theorem. What is longer than ten times T2 is not looked for: None. Empty where doubles tell nothing.
     """
+    system, unit = balanced(system, T2)
     errors = slowest(system, members, T2, decay)
     if not errors:
         return {}
@@ -49,7 +52,8 @@ def truth(system: ErrorSystem, members: Sequence[Array], T1: float, T2: float, d
         "pattern": fastest_growth(errors, T1, T2, decay),
     }
     disturbed = [error for error in errors if error.strength]
-    return found | ({"gamma": gains(disturbed, T1, T2)} if disturbed else {})
+    known = gains(disturbed, T1, T2, unit) if disturbed else {}
+    return found | ({"gamma": known} if known else {})
 
 
 @np.errstate(all="ignore")
@@ -58,9 +62,16 @@ def periodic_gamma(system: ErrorSystem, members: Sequence[Array], T2: float, dec
 
     `near`: a gain that it is near to.
     """
+    system, unit = balanced(system, T2)
     disturbed = [error for error in slowest(system, members, T2, decay) if error.strength]
-    found = largest(disturbed, [T2], near)
+    found = unit * largest(disturbed, [T2], near / unit)
     return found if 0 < found < np.inf else None
+
+
+def balanced(system: ErrorSystem, T2: float) -> tuple[ErrorSystem, float]:
+    """Error in units that fit its data, but for time, and that of a gain from w to z."""
+    units = replace(error_units(system, T2, weighed=True), time=1.0)
+    return units.system(system), units.z / units.w
 
 
 def slowest(system: ErrorSystem, members: Sequence[Array], T2: float, decay: float) -> list[LinearError]:
@@ -100,8 +111,11 @@ def fastest_growth(errors: Sequence[LinearError], T1: float, T2: float, decay: f
     return {"gaps": written(gaps.tolist()), "growth": growth - decay}
 
 
-def gains(errors: Sequence[LinearError], T1: float, T2: float) -> dict[str, Any]:
-    """Largest gains at periods T1 and T2, and of the sequences in which T2 takes turns, with the worst of these."""
+def gains(errors: Sequence[LinearError], T1: float, T2: float, unit: float) -> dict[str, Any]:
+    """Largest gains at periods T1 and T2, and of the sequences in which T2 takes turns, with the worst of these.
+
+    Empty where none is known to be positive.
+    """
     found: dict[str, Any] = {}
     near = None
     for name, T in (("T1", T1), ("T2", T2)):
@@ -112,7 +126,8 @@ def gains(errors: Sequence[LinearError], T1: float, T2: float) -> dict[str, Any]
         value = largest(errors, gaps, near, known)
         if value > known:
             found |= {"pattern": value, "gaps": written(gaps)}
-    return found
+    known = [name for name in ("T1", "T2", "pattern") if name in found]
+    return {**found, **{name: unit * found[name] for name in known}} if any(found[name] for name in known) else {}
 
 
 def largest(

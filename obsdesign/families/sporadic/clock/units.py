@@ -52,9 +52,18 @@ class ErrorUnits:
 
     def theorem(self, theorem: ClockTheorem) -> ClockTheorem:
         """Theorem, in doubles, in these units."""
-        s, t, x = theorem.system, self.time, self.x
-        inner, outer = x / x[:, None], np.outer(x, x)
-        scaled = ErrorSystem(
+        t, x = self.time, self.x
+        tied = theorem.tied and Tied(theorem.tied.basis * np.outer(x, x), theorem.tied.across * x[:, None])
+        exact = fmpq(*t.as_integer_ratio())
+        clock = Clock(tuple(knot / exact for knot in theorem.clock.knots), theorem.clock.degree)
+        system, decay = self.system(theorem.system), theorem.decay * t
+        return replace(theorem, system=system, clock=clock, T1=theorem.T1 / exact, decay=decay, tied=tied)
+
+    def system(self, s: ErrorSystem) -> ErrorSystem:
+        """Error, in doubles, in these units."""
+        t, x = self.time, self.x
+        inner = x / x[:, None]
+        return ErrorSystem(
             F=t * s.F * inner,
             Bx=t * self.w * s.Bx / x[:, None],
             Bfx=t * s.Bfx / x[:, None],
@@ -66,10 +75,6 @@ class ErrorUnits:
             Dqf=s.Dqf,
             kept=s.kept,
         )
-        tied = theorem.tied and Tied(theorem.tied.basis * outer, theorem.tied.across * x[:, None])
-        exact = fmpq(*t.as_integer_ratio())
-        clock = Clock(tuple(knot / exact for knot in theorem.clock.knots), theorem.clock.degree)
-        return replace(theorem, system=scaled, clock=clock, T1=theorem.T1 / exact, decay=theorem.decay * t, tied=tied)
 
     def storage(self, P: Array) -> Array:
         """P of the spec."""
@@ -80,12 +85,11 @@ class ErrorUnits:
         return {name: self.z**2 * value for name, value in M.items()}
 
 
-def error_units(theorem: ClockTheorem, *, weighed: bool) -> ErrorUnits:
+def error_units(s: ErrorSystem, T2: float, *, weighed: bool) -> ErrorUnits:
     """Units that take all entries of an error, in doubles, and T2 nearest to 1, or those of the spec where they fit.
 
     `weighed`: whether z counts; where it does not, V has the unit that |x|^2 has in the middle.
     """
-    s, T2 = theorem.system, float(theorem.clock.knots[-1])
     shapes = (s.order, s.Bx.shape[1], s.Bfx.shape[1], len(s.Cq), len(s.Cp), s.Jn.shape[1], 1)
     x, w, f, q, z, eta, time = (np.arange(a, b) for a, b in pairwise(np.cumsum([0, *shapes])))
     flow: list[tuple[Array, Array, Array, float]] = [(s.F, x, x, 1.0), (s.Bx, x, w, 1.0), (s.Bfx, x, f, 1.0)]

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx, fmpq
 
-from obsdesign.families.sporadic.clock.bernstein import Clock
+from obsdesign.families.sporadic.clock.bernstein import LARGEST_DEGREE, MOST_SEGMENTS, Clock
 from obsdesign.families.sporadic.clock.theorem import ClockTheorem
 from obsdesign.files import ResultFile, rows
 from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, rational
@@ -63,7 +63,7 @@ GOALS = {
     )
 }
 NUMBERS = ("mu", "r", "kappa")
-MOST = 64  # segments, and degree, of a file
+MOST = MOST_SEGMENTS + 2  # knots of a file: a longest T2 has a segment more
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def read(file: ResultFile, goal: Goal, theorem: ClockTheorem, T2: fmpq, *keys: s
     roots = [keys] if theorem.lookahead == 1 else [(*keys, "parts", str(i + 1)) for i in range(theorem.lookahead)]
     first = file.at(*roots[0], "P")
     degree = len(first[0]) - 1 if isinstance(first, list) and first and isinstance(first[0], list) else 0
-    if not 1 <= degree <= MOST:
+    if not 1 <= degree <= LARGEST_DEGREE:
         raise file.wrong(".".join((*roots[0], "P")), "expected a list of matrices for each segment", id="OBS702")
     of_goal = goal.theorem(replace(theorem, clock=Clock(knots, degree), decay=file.number(*keys, "lambda")))
     numbers = {name: file.number(*keys, name) for name in NUMBERS if name in place}
