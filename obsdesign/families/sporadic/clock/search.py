@@ -32,7 +32,7 @@ SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sou
 SMALLEST = 1e-3  # part of a gain below which none is sought: a plant that is stable needs no gain at all
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
 RISE = 1.1  # of gamma from one point of a curve to the next, beyond which a search begins anew
-STEPS, SOME, FEW = 80, 12, 3  # of a descent, and of those that begin nearby
+STEPS, SOME, FEW = 80, 12, 2  # of a descent, and of those that begin nearby
 STRIDES = 8  # first steps from the least value to the largest
 NEAR = 1e-3  # relative to the largest value: the last step
 

@@ -14,7 +14,7 @@ from obsdesign.lmi.formula import approximate, printed
 PARTS = (0.15, 0.3, 0.5, 0.7)  # of the fastest rate, at which the constants of w and eta are proved
 NOISY = 1.1  # gamma, relative to the least, of the bound that takes the noise of measurements in
 QUIET = 0.5  # of the fastest rate, at which |x| is proved to decay where no rate is asked for
-ROUGH = 1e-2  # accuracy of the fastest rate, relative, of which these are parts
+ROUGH = 3e-2  # accuracy of the fastest rate, relative, of which these are parts
 FASTER = 2.0  # between rates that are tried, until one has no solution
 MOST = 40  # .. of these
 

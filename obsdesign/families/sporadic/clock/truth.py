@@ -19,6 +19,7 @@ from obsdesign.families.sporadic.clock.units import error_units
 from obsdesign.lmi.formula import Array
 
 FEW = 9  # members, those that seem the slowest
+SLOWEST = 2  # .. of a point of a curve
 LONGER = 10.0  # longest period and T2 that are tried, relative to T2
 SHORTER = 1e-3  # .. and the shortest for T1 = 0
 BELOW = 1e-3  # relative, from an unstable period, up to which sequences are tried
@@ -63,7 +64,7 @@ def periodic_gamma(system: ErrorSystem, members: Sequence[Array], T2: float, dec
     `near`: a gain that it is near to.
     """
     system, unit = balanced(system, T2)
-    disturbed = [error for error in slowest(system, members, T2, decay) if error.strength]
+    disturbed = [error for error in slowest(system, members, T2, decay)[:SLOWEST] if error.strength]
     found = unit * largest(disturbed, [T2], near / unit)
     return found if 0 < found < np.inf else None
 
