@@ -193,8 +193,8 @@ def test_a_slope_without_bound_is_decided_with_what_would_do():
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("bounds", ["{L: 0.001}", "{gamma: 0.01}"])
 def test_bounds_of_the_largest_interval_are_advised_as_they_were_tried(bounds):
-    observer = "{type: sporadic, objective: max-T2, T1: 0.01, T2: {min: 0.05, max: 1}, decay: 0.8, bounds: %s}"
-    text = PLANT + f"observer: {observer % bounds}\n"
+    observer = "{type: sporadic, objective: max-T2, T1: 0.01, T2: {min: 0.05, max: 1}, decay: 0.8, bounds: %s, %s}"
+    text = PLANT + f"observer: {observer % (bounds, 'relaxation: proposition-2')}\n"
     said = suggestion(text)
     if bounds == "{gamma: 0.01}":
         assert said == "without bounds there are solutions"

@@ -66,7 +66,7 @@ FAMILIES = {
 }
 PROVED = {  # entries of a guarantee that may stand there and not be numerical
     "gamma", "alpha", "decay", "mu1", "mu2", "mu", "statement", "lipschitz", "margin", "admissible", "T1", "T2",
-    "T2_max", "local", "assumed", "rate", "overshoot", "initial", "disturbance", "noise", "jitter",
+    "T2_max", "local", "assumed", "rate", "overshoot", "initial", "disturbance", "noise", "jitter", "kind", "outage",
 }  # fmt: skip
 
 

@@ -28,7 +28,7 @@ CHANGES = {  # of a guarantee: its factor, and the least share of designs of eac
 }
 SMALL = {"members": 3, "length": 30}  # of an attack
 CODES = {"certified": 0, "infeasible": 3, "uncertified": 4}
-QUICK = [("l2", 7), ("linf", 2), ("lipschitz", 3), ("sporadic", 0), ("l2", 2)]
+QUICK = [("l2", 7), ("linf", 2), ("lipschitz", 3), ("sporadic", 0), ("sporadic", 1), ("sporadic", 3), ("l2", 2)]
 BROKEN_DOWN = """
 obsdesign: 1
 name: A solver breaks down, with a point near the largest double
@@ -48,7 +48,7 @@ obsdesign: 1
 name: No w reaches the plant
 system: {A: -1.67, B: 0, C: [[0.33], [-1.29]]}
 nonlinearities: [{type: {sector: {K1: 0.35, K2: -0.29}}, Bf: 0.02, Cq: -0.4}]
-observer: {type: sporadic, T1: 0.2, T2: 0.52, decay: 0.27, bounds: {L: 40.13}}
+observer: {type: sporadic, T1: 0.2, T2: 0.52, decay: 0.27, bounds: {L: 40.13}, relaxation: proposition-2}
 """
 pytestmark = pytest.mark.usefixtures("here")
 

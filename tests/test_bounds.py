@@ -102,8 +102,9 @@ def test_a_bound_between_what_is_needed_and_what_was_found_is_undecided_with_the
         "{type: lipschitz, objective: max-lipschitz, decay: 2, bounds: {L: %s}}",
         "{type: lipschitz, objective: pareto, weight: 0.5, decay: 2, bounds: {L: %s}}",
         "{type: lipschitz, objective: pareto, weight: {min: 0, max: 1, points: 3}, decay: 2, bounds: {L: %s}}",
-        "{type: sporadic, T1: 0.05, T2: 0.1, decay: 2, bounds: {L: %s}}",
-        "{type: sporadic, T1: 0.05, T2: 0.1, decay: 2, injection: predictor, bounds: {L: %s}}",
+        "{type: sporadic, T1: 0.05, T2: 0.1, decay: 2, relaxation: proposition-2, bounds: {L: %s}}",
+        "{type: sporadic, T1: 0.05, T2: 0.1, decay: 2, injection: predictor, relaxation: proposition-2,"
+        " bounds: {L: %s}}",
     ],
 )
 def test_the_other_families_prove_it_as_well_and_name_a_size_that_does(observer):
@@ -234,7 +235,7 @@ def test_a_gamma_that_a_bound_on_the_storage_function_excludes_is_infeasible():
 def test_of_a_bound_on_sporadic_gains_the_inequality_alone_is_said_to_have_no_solution():
     """L = 0.9 with H = 20 does make the error decay at the rate, which no Theorem 2 with so small an L proves."""
     plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\nperformance: x\n"
-    asked = "observer: {type: sporadic, T1: 0.1, T2: 0.1, decay: 0.1, bounds: {L: 0.9}}\n"
+    asked = "observer: {type: sporadic, T1: 0.1, T2: 0.1, decay: 0.1, bounds: {L: 0.9}, relaxation: proposition-2}\n"
     code, said, result = solved(plant + asked)
     proof = run("verify", "spec.gains.json")
     assert (code, result["diagnosis"]["proof"], proof.exit_code) == (3, "exact", 0)
@@ -256,7 +257,8 @@ def test_of_a_bound_on_sporadic_gains_the_inequality_alone_is_said_to_have_no_so
 )
 def test_a_bound_that_sporadic_gains_were_not_found_within_is_undecided(objective, code):
     plant = "obsdesign: 1\nsystem: {A: [[1]], B: [1], C: [1]}\nperformance: x\n"
-    found, said, result = solved(f"{plant}observer: {{type: sporadic, T1: 0.1, decay: 0.1, {objective}}}\n")
+    section = f"{{type: sporadic, T1: 0.1, decay: 0.1, relaxation: proposition-2, {objective}}}"
+    found, said, result = solved(f"{plant}observer: {section}\n")
     assert found == code, said
     assert (result is None) == (code == 4)
     assert code == 3 or "was found" in said or "was reached" in said
@@ -369,7 +371,7 @@ def test_the_least_storage_function_and_the_gain_of_a_predictor_are_held_against
     outcome = forged({**small, "spec": large["spec"], "name": large["name"]})
     assert outcome.exit_code == 4
     assert "FAILS  P >= t I" in outcome.stdout
-    sampled = "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.6, injection: %s}"
+    sampled = "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.6, injection: %s, relaxation: proposition-2}"
     _, _, predictor = solved(FREE % (sampled % "predictor"), "predictor")
     assert run("verify", "predictor.gains.json", "-q").exit_code == 0
     _, _, dynamic = solved(FREE % (sampled % "dynamic"), "dynamic")

@@ -541,7 +541,7 @@ def test_without_a_disturbance_a_design_is_for_feasibility(observer):
 
 def test_what_is_undecided_names_its_file(monkeypatch):
     monkeypatch.setattr(
-        "obsdesign.lmi.solve.call", lambda _: lambda program: (Ending.FAILED, np.zeros(len(program.cost)))
+        "obsdesign.lmi.solve.call", lambda _: lambda program: (Ending.FAILED, np.zeros(len(program.cost)), ())
     )
     assert_refused(run("solve", CART), f"{CART}: no gain with |L1| <= 40 was found at alpha = 0.1; ", code=4)
 

@@ -274,7 +274,7 @@ obsdesign: 1
 name: Pendulum
 system: {A: [[0, 1], [0, -.1]], B: [0, 1], C: [1, 0]}
 nonlinearities: [{f: 9.81*sin(q), type: {slope: [-9.81, 9.81]}, Bf: [0, 1], Cq: [1, 0]}]
-observer: {type: sporadic, T1: .5, T2: 1.5, decay: .5}
+observer: {type: sporadic, T1: .5, T2: 1.5, decay: .5, relaxation: proposition-2}
 """
 
 

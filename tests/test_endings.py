@@ -10,7 +10,7 @@ from obsdesign.lmi import solve, solvers
 from obsdesign.lmi.formula import Inequality, Problem, Unknown
 from obsdesign.lmi.probe import probe
 from obsdesign.lmi.solve import Answer, Status, minimise
-from obsdesign.lmi.solvers import CLARABEL, CVXPY, Ending, through_cvxpy, with_clarabel
+from obsdesign.lmi.solvers import CLARABEL, CVXPY, Ending, Solved, through_cvxpy, with_clarabel
 
 PACKAGE = Path(solvers.__file__).parent.parent
 RAW = re.compile(rf"\b({'|'.join(CLARABEL)}|InsufficientProgress|MaxIterations|solver_error|optimal_inaccurate)\b")
@@ -50,7 +50,7 @@ def test_a_status_that_is_not_known_means_that_the_search_stalled(monkeypatch):
 
 
 def test_an_answer_says_why_there_is_no_optimum(monkeypatch):
-    monkeypatch.setattr(solve, "call", lambda _: lambda program: (Ending.FAILED, np.zeros(len(program.cost))))
+    monkeypatch.setattr(solve, "call", lambda _: lambda program: Solved(Ending.FAILED, np.zeros(len(program.cost)), ()))
     answer = minimise(bounded(-1, 1))
     assert (answer.status, answer.reason) == (
         Status.UNDECIDED,

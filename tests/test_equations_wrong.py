@@ -145,11 +145,13 @@ system:
   outputs: {y: x}
 observer: %s
 """
-SPORADIC, NO_W = "{type: sporadic, T1: 0.1, T2: 0.2}", (("  disturbances: [w1, n]\n", ""), (" + w1", ""))
+SPORADIC = "{type: sporadic, T1: 0.1, T2: 0.2, relaxation: proposition-2}"
+NO_W = (("  disturbances: [w1, n]\n", ""), (" + w1", ""))
 IN_THE_WORDS_OF_EQUATIONS = {  # observer, changes of the plant, key, what is said of it
     "noise of y at instants": (
         SPORADIC, [("y: x", "y: x + 0.1*n")], "system.outputs.y",
-        "holds the disturbance n, which type sporadic does not take; measurement noise acts at the samples",
+        "holds the disturbance n, which type sporadic does not take; a w of finite energy has no value at an instant: "
+        "what disturbs a sample is simulation.noise",
     ),
     "a curved y at instants": (SPORADIC, [("y: x", "y: x + sin(v)")], "system.outputs.y", "the nonlinear term sin(v)"),
     "a term of w at instants": (

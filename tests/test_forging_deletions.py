@@ -36,6 +36,7 @@ CASES = [pytest.param(case, marks=pytest.mark.xdist_group(case)) for case in FAM
 COMPUTED = (  # what may be left out: labels, and what proves nothing and nothing is built from
     *("name", "created", "tool", "solver", "spec.path", "analysis", "search", "notes", "diagnosis"),
     *("guarantee.limit", "guarantee.limit_bounded", "guarantee.comparison", "guarantee.widened", "guarantee.ceiling"),
+    "guarantee.kind",  # of a proposition: files from before there was another kind have none
 )
 
 

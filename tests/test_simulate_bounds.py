@@ -18,7 +18,7 @@ FAMILIES = {
     "l2": "{type: l2, alpha: 0.1, bounds: {L1: 100}}",
     "linf": "{type: linf, alpha: 0.1, bounds: {L1: 100}}",
     "lipschitz": "{type: lipschitz, objective: min-gamma, decay: 0.1, bounds: {L: 100}}",
-    "sporadic": "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05}",
+    "sporadic": "{type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, bounds: {L: 2}}",
 }
 LOCAL = """obsdesign: 1
 name: local
@@ -30,7 +30,7 @@ simulation: {horizon: 5, x0: [%s, 0], w: ["0"]}
 DROPPED = """obsdesign: 1
 name: dropped
 system: {%s}
-observer: {type: sporadic, T1: 0.1, T2: 0.2%s}
+observer: {type: sporadic, T1: 0.1, T2: 0.2, relaxation: proposition-2%s}
 simulation: {horizon: 2, x0: [1, 0], w: ["sin(t)"], noise: {type: uniform, amplitude: [0.01]}}
 """
 

@@ -263,9 +263,10 @@ def test_a_law_that_gives_no_interval_is_refused_in_one_line(law, message):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"T1": 0.5}, "0 < T1 <= T2"),
-        ({"T1": 0.0}, "0 < T1 <= T2"),
-        ({"T2": float("nan")}, "0 < T1 <= T2"),
+        ({"T1": 0.5}, "0 <= T1 <= T2"),
+        ({"T1": -0.1}, "0 <= T1 <= T2"),
+        ({"T1": 0.0, "T2": 0.0}, "0 <= T1 <= T2"),
+        ({"T2": float("nan")}, "0 <= T1 <= T2"),
         ({"law": ""}, "give periodic, random, or a law"),
         ({"law": "sometimes"}, "give periodic, random, or a law"),
         ({"law": parse("x + t", ["x", "t"])}, "contains x"),

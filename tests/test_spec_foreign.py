@@ -95,7 +95,7 @@ def test_arithmetic_is_no_matrix(written):
         (A, f"inputs: [V]\n  {A.replace('-2', 'V')}", "unknown name 'V'; allowed: K, m, pi; V is a known input"),
         (A, "A: [[0, k], [2, 3]]", "unknown name 'k'; did you mean 'K'?; allowed: K, m, pi; a constant is declared"),
         (A, "A: [[0, 1], [2, NaN]]", "spec.yaml:4:19: system.A[1][1]: unknown name 'NaN': every number is finite"),
-        ("T1: 0.1", "T1: -0.1", "spec.yaml:6:32: observer.T1: -0.1 is not allowed; give a number > 0"),
+        ("T1: 0.1", "T1: -0.1", "spec.yaml:6:32: observer.T1: -0.1 is not allowed; give a number >= 0"),
         ("points: 100", "points: -1", "simulation.points: -1 is not allowed; give a whole number from 2"),
         (LAW, "law: -0.15", "simulation.sampling.law: -0.15 is not allowed; give the time to the next measurement"),
     ],

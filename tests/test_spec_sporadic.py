@@ -69,8 +69,7 @@ def foreign(line, key):
 
 INTERVALS = [
     wrong(T1, "  T1: 0.3", "observer.T2", "0.2 is below T1 = 0.3", "at least T1", place=(12, 7)),
-    wrong(T1, "  T1: 0", "observer.T1", "0 is not allowed; give a number > 0", place=(11, 7)),
-    wrong(T1, "  T1: -1", "observer.T1", "give a number > 0"),
+    wrong(T1, "  T1: -1", "observer.T1", "give a number >= 0", place=(11, 7)),
     wrong(T1, "  T1: .nan", "observer.T1", "not a finite number"),
     wrong(T1, "  T1: .inf", "observer.T1", "not a finite number"),
     wrong(T1, "  T1: soon", "observer.T1", "unknown name 'soon'"),
@@ -130,9 +129,9 @@ CHOICES = [
     *(
         wrong(BOUNDS, f"  injection: {injection}\n  relaxation: {relaxation}", f"observer.{key}", *words)
         for injection, relaxation, key, words in (
-            ("hold", "proposition-2", "relaxation", ("another injection than hold", "hold takes proposition-5")),
+            ("hold", "proposition-2", "relaxation", ("another injection than hold", "hold takes clock, proposition-5")),
             ("dynamic", "proposition-5", "relaxation", ("another injection than dynamic",)),
-            ("predictor", "proposition-3", "relaxation", ("predictor takes proposition-2",)),
+            ("predictor", "proposition-3", "relaxation", ("predictor takes clock, proposition-2",)),
             ("[hold, dynamic]", "proposition-2", "injection", ("hold has none of the relaxations",)),
             ("[hold, predictor]", "[proposition-5, proposition-4]", "relaxation", ("proposition-4",)),
         )
@@ -140,8 +139,8 @@ CHOICES = [
     wrong(BOUNDS, "  slack: -1", "observer.slack", "give a number >= 0"),
     wrong(BOUNDS, "  bounds: {L: 0}", "observer.bounds.L", "give a number > 0"),
     wrong(BOUNDS, "  bounds: {gamma: 0}", "observer.bounds.gamma", "give a number > 0"),
-    wrong(BOUNDS, "  bounds: {L1: 3}", "observer.bounds.L1", "did you mean L?", "allowed: L, gamma"),
-    wrong(BOUNDS, "  bounds: {P: 3}", "observer.bounds.P", "unknown key P", "allowed: L, gamma"),
+    wrong(BOUNDS, "  bounds: {L1: 3}", "observer.bounds.L1", "did you mean L?", "allowed: L, K, gamma"),
+    wrong(BOUNDS, "  bounds: {P: 3}", "observer.bounds.P", "unknown key P", "allowed: L, K, gamma"),
     wrong(BOUNDS, "  bounds: {L: {frobenius: 3}}", "observer.bounds.L", "expected a number"),
     wrong(TYPE, "  type: sporadc", "observer.type", "did you mean sporadic?"),
 ]
@@ -157,7 +156,7 @@ GAINS = [
         ("{L: [.nan, 1]}", ".L[0]", ("not a finite number",)),
         ("{L: [1, 2], H: [[1, 2]]}", ".H", ("1 column (one for each output), found 1x2",)),
         ("{L: [1, 2], H: [1, 2]}", ".H", ("1 row (one for each output)", "a vector of 2")),
-        ("{H: 1}", ".L", ("is required",)),
+        ("{H: 1}", "", ("L is missing", "with injection reset")),
         ("{L1: [1, 2]}", ".L1", ("did you mean L?",)),
         ("[1, 2]", "", ("expected a mapping with the keys L, H", "found a list")),
     )
@@ -175,9 +174,12 @@ PLANTS = [
     wrong(DATA, "Cq: [1, 0], Df: 0.1}", "nonlinearities", "Df must be zero for type sporadic"),
     wrong(DATA, "Cq: [1, 0], Dqf: 0.1}", "nonlinearities", "Dqf must be zero for type sporadic"),
     wrong(DATA, "Cq: [1, 0], Dq: 0.1}", "nonlinearities", "Dq must be zero for type sporadic"),
-    wrong("observer:\n", "disturbance: integrator\nobserver:\n", "observer.type", "takes no disturbance model"),
+    wrong("observer:\n", "disturbance: integrator\nobserver:\n", "observer.type", "take no disturbance model"),
     wrong(
-        "observer:\n", "disturbance: {sinusoid: {omega: 2}}\nobserver:\n", "observer.type", "leave `disturbance` out"
+        "observer:\n",
+        "disturbance: {sinusoid: {omega: 2}}\nobserver:\n",
+        "observer.type",
+        "relaxation clock does: leave `relaxation` and `delta` out",
     ),
 ]
 
@@ -220,7 +222,8 @@ OTHERS = [
     foreign("injection: hold", "injection"),
     foreign("relaxation: proposition-2", "relaxation"),
     foreign("delta: 3", "delta"),
-    wrong(BOUNDS, "  dealy: 0.1", "observer.dealy", "did you mean decay?"),
+    wrong(BOUNDS, "  decya: 0.1", "observer.decya", "did you mean decay?"),
+    wrong(BOUNDS, "  delay: 0.1", "observer.delay", "is not offered", "run the observer tau late"),
     *(
         wrong_without_samples("  x0: [1, 0]", f"  x0: [1, 0]\n  {key}: {value}", f"simulation.{key}", "type sporadic")
         for key, value in (("sampling", "periodic"), ("period", "0.1"), ("dropout", "0.1"), ("theta0", "1"))
@@ -304,9 +307,9 @@ def test_equal_intervals_are_periodic_measurements():
 @pytest.mark.parametrize(
     ("lines", "injections", "relaxations"),
     [
-        ("slack: 0.1", ("dynamic",), ()),
-        ("injection: hold", ("hold",), ()),
-        ("injection: [hold, predictor]", ("hold", "predictor"), ()),
+        ("slack: 0.1", ("dynamic",), ("proposition-2",)),
+        ("injection: hold", ("hold",), ("proposition-5",)),
+        ("injection: [hold, predictor]", ("hold", "predictor"), ("proposition-5", "proposition-2")),
         ("relaxation: proposition-5", ("hold",), ("proposition-5",)),
         ("relaxation: proposition-4", ("dynamic",), ("proposition-4",)),
         ("relaxation: [proposition-3, proposition-5]", ("dynamic", "hold"), ("proposition-3", "proposition-5")),

@@ -68,7 +68,7 @@ def certify(
     return Certificate(type(family), alpha, gamma, mu1, mu2, P, multipliers, conditions)
 
 
-def kept(bounds: Bounds, gain: Array, gamma: fmpq | None = None) -> tuple[Check, ...]:
+def kept(bounds: Bounds, gain: Array, gamma: fmpq | None = None, name: str = "L") -> tuple[Check, ...]:
     """Whether a designed gain, and its gamma, keep the bounds of a spec; that on P is a condition of `certify`.
 
     |L| <= kappa is L'L - kappa^2 I <= 0, or with the Frobenius norm tr L'L - kappa^2 <= 0, in rationals.
@@ -78,7 +78,7 @@ def kept(bounds: Bounds, gain: Array, gamma: fmpq | None = None) -> tuple[Check,
     if kappa is not None:
         if bounds.norm == "frobenius":
             product = rational([[np.trace(product)]])
-        found = prove([Inequality("|L| <= kappa", product - kappa * kappa * identity(len(product), product))])
+        found = prove([Inequality(f"|{name}| <= kappa", product - kappa * kappa * identity(len(product), product))])
     if bounds.gamma is None or gamma is None:
         return found
     return (*found, Check("gamma is what is asked for", gamma <= bounds.gamma, approximate(bounds.gamma - gamma)))

@@ -32,12 +32,12 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
 
 
 def finite(value: Any) -> Any:
-    """Numbers that a file can hold; None stands for the others."""
+    """Texts, and numbers that a file can hold; None stands for the others."""
     if isinstance(value, dict):
         return {name: finite(part) for name, part in value.items()}
     if isinstance(value, list):
         return [finite(part) for part in value]
-    return value if value is None or math.isfinite(value) else None
+    return value if value is None or isinstance(value, str) or math.isfinite(value) else None
 
 
 def rests(spec: Spec) -> bool:

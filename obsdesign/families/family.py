@@ -31,7 +31,7 @@ class Family:
     design.py     `design`
     claim.py      `written`, `read`, `read_gains`
     absence.py    `read`, if it refutes
-    observer.py   `observer`, `errors`; `sampled` in place of it, if y is known at instants only
+    observer.py   `observer`, `errors`; `sampled` and `beside` in place of it, if y is known at instants only
     table.py      `proved`, `figures`
 
     Where nothing is proved, `request`, `check` and `observer` do. A module is imported when it is first needed, so that
@@ -177,12 +177,13 @@ class Family:
         """Entry `analysis` of a result file, with the gains of an outcome: what is computed in doubles."""
         if self.equations:
             return {}
-        from obsdesign.families.analysis import analysis
+        from obsdesign.families.analysis import analysis, finite
 
         guarantee = outcome.claim.guarantee(spec) if outcome.claim and outcome.claim.holds else None
         part, gains = self.part("observer"), outcome.gains
         errors = part.sampled(spec, gains, guarantee) if self.sampled else part.errors(spec, gains)
-        return analysis(spec, errors, guarantee)
+        beside = part.beside(spec, gains, guarantee) if self.sampled else {}
+        return {**analysis(spec, errors, guarantee), **finite(beside)}
 
     def proved(self, observer: Mapping[str, Any], guarantee: Mapping[str, Any]) -> Rows:
         """Lines of a table on what is proved, from the entries of these names of a result file."""

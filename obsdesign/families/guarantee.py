@@ -38,8 +38,9 @@ class Rates(NamedTuple):
 class Measurements:
     """What the jumps at measurements do to a run, up to each instant."""
 
-    mismatch: Array  # (M, ny): theta~ = C e - theta
+    mismatch: Array  # (M, ny): theta~ = C (x - xhat) - theta; (M, 0) of an observer without theta
     timer: Array  # (M,), s: what is left to the next measurement
+    elapsed: Array  # (M,), s: since the last measurement; since max(0, T1 - t_1) before the start until the first one
     eta_sup: Array  # (M,): largest noise |eta|
     added: Array  # (M,): sum of what the noise has added to V
     crowded: float  # s, of the first measurement that follows another sooner than the guarantee expects
@@ -134,6 +135,14 @@ class SampledGuarantee(Guarantee, Protocol):
     @property
     def T2(self) -> float:
         """Longest interval between measurements, s."""
+
+    @property
+    def decay(self) -> float:
+        """Rate at which the error is claimed to decay, 1/s."""
+
+    @property
+    def ahead(self) -> int | None:
+        """How many intervals that are still to come V depends on; None where they may be shorter than T1 as well."""
 
     def added(self, eta: Array, timer: Array) -> Array:
         """What the noise (K, ny) of measurements adds to V, (K,), for the times to the measurements after them."""

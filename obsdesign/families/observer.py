@@ -18,7 +18,8 @@ class Observer:
     s'    = f(t, s, u, y, a)
     a     = g(t, s, u, y, a)
     xhat  = h(t, s, u, y, a)
-    s+    = j(t, s, u, y, a)     at a measurement, of the states that jump
+    s+    = j(t, s, u, y, a, r)     at a measurement, of the states that jump
+    r     = k(t, s, u, y, a, gap)   at a measurement, the time `gap` after the one before it, or after the start
 
     The algebraic signals a, such as yhat and the arguments of nonlinearities, may depend on themselves: the equations
     are implicit then. Where there are jumps, y is known at a measurement only.
@@ -32,6 +33,8 @@ class Observer:
     outputs: tuple[str, ...]
     algebraic: Named = field(default_factory=dict)
     jump: Named = field(default_factory=dict)  # by the names of the states that a measurement changes
+    received: Named = field(default_factory=dict)  # signals that exist at a measurement only
+    gap: str = ""  # name of the time since the measurement before, s, which these may depend on
     initial: Named = field(default_factory=dict)  # of states that copy none, where not 0: of t, u and y at the start
     twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
     proved: bool = False  # to estimate, by what bounds no run
@@ -42,7 +45,8 @@ class Observer:
         between = known if self.jump else known | set(self.outputs)
         for part in (self.dynamics, self.algebraic, self.estimates):
             self.require(part, between)
-        self.require(self.jump, known | set(self.outputs))
+        self.require(self.received, known | {*self.outputs, self.gap})
+        self.require(self.jump, known | {*self.outputs, *self.received})
         self.require(self.initial, {"t", *self.inputs, *self.outputs})
 
     def require(self, part: Named, names: set[str]) -> None:

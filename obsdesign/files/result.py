@@ -6,7 +6,7 @@ A number in a result file is a decimal that is read as written, or a text "p/q" 
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any, Self
@@ -164,6 +164,22 @@ class ResultFile:
             raise self.wrong(name, f"expected a {shape[0]}x{shape[1]} matrix", id="OBS702")
         entries = [[self.exact(x, name) for x in row] for row in rows]
         return rational(np.array(entries, dtype=object).reshape(shape))
+
+    def stack(self, shape: tuple[int, ...], *keys: str) -> Array:
+        """Exact numbers of a given shape, in lists of lists."""
+        name = ".".join(keys)
+
+        def entries(part: Any, shape: tuple[int, ...]) -> Iterator[fmpq]:
+            if not shape:
+                yield self.exact(part, name)
+            elif isinstance(part, list) and len(part) == shape[0]:
+                for each in part:
+                    yield from entries(each, shape[1:])
+            else:
+                raise self.wrong(name, f"expected numbers in lists of {' x '.join(map(str, whole))}", id="OBS702")
+
+        whole = shape
+        return np.array([*entries(self.at(*keys), shape)], dtype=object).reshape(shape)
 
     def unknowns(self, unknowns: Iterable[Unknown], *keys: str) -> dict[str, Array]:
         """Exact values of unknowns: a number for a 1x1 one, else rows."""

@@ -214,7 +214,7 @@ def centered(parts: Sequence[Array], scales: tuple[Array, ...], solver: Solver) 
         for S in basis
         if S.shape[-1]
     ]
-    _, x = solver(Program(np.append(np.zeros(len(others)), -1.0), 0.0, tuple(blocks)))
+    _, x, _ = solver(Program(np.append(np.zeros(len(others)), -1.0), 0.0, tuple(blocks)))
     if not np.isfinite(x).all():
         return None
     z = first + x[:-1] @ others

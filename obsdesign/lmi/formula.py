@@ -11,7 +11,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -23,6 +24,7 @@ Exact = npt.NDArray[np.object_]  # of rationals: what a proof takes
 Float = npt.NDArray[np.float64]  # of doubles: what a solver takes, and what judges structure
 Values = Mapping[str, Array]
 T = TypeVar("T")
+CANCELLED = 1e-13  # of the terms of a sum of doubles: what is left of them where they cancel
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,14 @@ class Problem:
 def he(X: Array) -> Array:
     """Return X + X'."""
     return X + X.mT
+
+
+def combined(*pairs: tuple[Array, Array]) -> Array:
+    """Sum of products; of doubles without what is left of terms that cancel, which has a size but no meaning."""
+    made = reduce(add, (X @ Y for X, Y in pairs))
+    if made.dtype == object:
+        return np.asarray(made)
+    return np.where(np.abs(made) > CANCELLED * reduce(add, (np.abs(X) @ np.abs(Y) for X, Y in pairs)), made, 0.0)
 
 
 def symmetric(rows: Sequence[Sequence[Array | int]]) -> Array:

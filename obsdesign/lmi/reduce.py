@@ -194,6 +194,17 @@ def null_space(matrix: Array) -> Array:
 
 def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
     """Scale rows of each block (by congruence) and coordinates z by powers of two; z = T scaled z."""
+    return balanced(program, *balancing(program, sweeps))
+
+
+def balanced(program: Program, rows: list[Array], factors: Array) -> tuple[Program, Array]:
+    """Program in given scales; z = T scaled z."""
+    blocks = tuple(block.scaled(row) for block, row in zip(program.blocks, rows, strict=True))
+    return scaled_coordinates(replace(program, blocks=blocks), factors), np.diag(factors)
+
+
+def balancing(program: Program, sweeps: int = 3) -> tuple[list[Array], Array]:
+    """Powers of two for the rows of each block and for the coordinates that take all entries near 1."""
     ends = np.cumsum([block.order for block in program.blocks])[:-1]
     sizes = [np.abs(block.terms) for block in program.blocks]
     rows, factors = np.ones(sum(block.order for block in program.blocks)), np.ones(len(program.cost))
@@ -204,8 +215,7 @@ def balance(program: Program, sweeps: int = 3) -> tuple[Program, Array]:
         weights = np.append(1.0, step)[:, None, None]
         sizes = [size * weights for size in sizes]
         rows, factors = rows * d, factors * step
-    blocks = tuple(block.scaled(row) for block, row in zip(program.blocks, np.split(rows, ends), strict=True))
-    return scaled_coordinates(replace(program, blocks=blocks), factors), np.diag(factors)
+    return np.split(rows, ends), factors
 
 
 def diagonal(program: Program, z: Array) -> tuple[Program, Array]:

@@ -114,12 +114,14 @@ class Search:
         self.solver = solver
         self.solves = 0
         self.ending = Ending.SOLVED
+        self.duals: tuple[Array, ...] = ()  # of the last solve
 
     def solve(self, program: Program) -> tuple[Ending, Array]:
         """One call of the solver, with a cost of unit size: its gap has an absolute tolerance."""
         self.solves += 1
         largest = np.abs(program.cost).max(initial=0.0) or 1.0
-        self.ending, z = self.solver(replace(program, cost=program.cost / largest))
+        self.ending, z, duals = self.solver(replace(program, cost=program.cost / largest))
+        self.duals = tuple(largest * Z for Z in duals)
         return self.ending, z
 
     def optimum(self, program: Program, start: Array | None = None) -> tuple[Status, Array]:

@@ -28,14 +28,15 @@ def draw_injection(axes: "Axes", run: "Run", which: Sequence[int]) -> None:
 
 
 def draw_distance(axes: "Axes", run: "Run") -> None:
-    """Draw |(e, d)|, d = C e - theta, with dots at the measurements, and what is proved of it."""
+    """Draw |(e, d)|, d = C e - theta, or |e|, with dots at the measurements, and what is proved of it."""
     steps = run.steps
     floor = lowest(steps.distance)
     distance = finite(np.maximum(steps.distance, floor))
     known = steps.t < run.until
     if steps.distance_bound is not None and known.any():
         limit = finite(np.maximum(steps.distance_bound[known], floor))
-        axes.plot(*thinned(steps.t[known], limit), color=BOUND, linestyle=DOTTED, label="proved bound on |(e, d)|")
+        label = f"proved bound on {run.length}"
+        axes.plot(*thinned(steps.t[known], limit), color=BOUND, linestyle=DOTTED, label=label)
     axes.plot(*thinned(steps.t, distance), color=TRUE)
     after = np.flatnonzero(np.diff(steps.j, prepend=0))
     if len(after) <= DOTS:
@@ -44,7 +45,7 @@ def draw_distance(axes: "Axes", run: "Run") -> None:
     axes.set_ylim(bottom=floor)
     log_ticks(axes)
     time_axis(axes, run.time)
-    axes.set_ylabel("|(e, d)|, d = C e - θ")
+    axes.set_ylabel(f"{run.length}, d = C e - θ" if "d" in run.length else run.length)
 
 
 def draw_intervals(axes: "Axes", schedule: "Schedule") -> None:

@@ -209,8 +209,10 @@ def mark(axes: "Axes", estimate: Estimate, sizes: bool, color: str) -> None:
     low, high = axes.get_ylim()
     settled = {sign: (estimate.settling or {}).get(key) for key, _, sign in SHARES}
     times = {sign: time for sign, time in settled.items() if time and not ends_first(estimate, time)}
-    for marker, at in {"o": estimate.peak[0], **times}.items():
-        value = float(np.interp(at, estimate.t, np.abs(estimate.error) if sizes else estimate.error))
+    drawn = np.abs(estimate.error) if sizes else estimate.error
+    values = {sign: (time, float(np.interp(time, estimate.t, drawn))) for sign, time in times.items()}
+    top = int(np.argmax(np.nan_to_num(np.abs(estimate.error))))  # where the estimate jumps there are two at one time
+    for marker, (at, value) in {"o": (float(estimate.t[top]), float(drawn[top])), **values}.items():
         if value and low <= value <= high:
             look: dict[str, Any] = {"color": color, "markersize": 4.5, "clip_on": False, "zorder": 4}
             axes.plot(at, value, marker=marker, markerfacecolor="white", linestyle="none", **look)

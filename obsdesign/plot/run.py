@@ -106,7 +106,8 @@ def void(run: "Run") -> tuple[float, str]:
         return run.left[0].time, plain(f"{what} left: {run.left[0]}", REASON)
     if run.guarantee is None or not np.isfinite(run.until):
         return np.inf, ""
-    return run.until, f"nothing is guaranteed: a measurement is overdue at t = {run.until:.4g}"
+    why = run.schedule.why if run.schedule else "a measurement is overdue"
+    return run.until, f"nothing is guaranteed: {why} at t = {run.until:.4g}"
 
 
 def heading(run: "Run") -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from obsdesign.families.outcome import BETTER
 from obsdesign.plot.axis import mark_refused, mark_shipped, plain, spread_axis
-from obsdesign.plot.canvas import COLORS, TRUE, drawn, legend_below, new_figure
+from obsdesign.plot.canvas import COLORS, DOTTED, TRUE, drawn, legend_below, new_figure
 from obsdesign.plot.traded import NAMES, short
 from obsdesign.tables.text import at_least, at_most
 
@@ -22,6 +22,8 @@ def curves_sheet(
 ) -> "Figure":
     """Draw several trade-off curves, one for each injection and relaxation: lines for the limits, marks for the gains.
 
+    A dotted line is the gamma that the gains do have where measurements are periodic: none below it can be proved.
+
     Parameters
     ----------
     curves
@@ -36,7 +38,7 @@ def curves_sheet(
     y = next(
         (key for c in curves for p in c["points"] for key in ("gamma", "T2") if key in p and key != parameter), "gamma"
     )
-    drawn = False
+    drawn = known = False
     for curve, color, marker in zip(curves, cycle(COLORS), cycle(MARKERS), strict=False):
         look: dict[str, Any] = {"color": color, "markersize": 4.5}
         solved = [(p[parameter], p[y]) for p in curve["points"] if p.get(y) is not None]
@@ -45,12 +47,18 @@ def curves_sheet(
         proved = [(p[parameter], p["certified"][y]) for p in curve["points"] if "certified" in p]
         if proved:
             axes.plot(*zip(*proved, strict=True), marker, markerfacecolor="none", **look)
+        least = [(p[parameter], p["truth"][y]) for p in curve["points"] if y in p.get("truth", {})]
+        if least:
+            axes.plot(*zip(*least, strict=True), linestyle=DOTTED, color=color)
+            known = True
         if solved or proved:
             drawn = True
             axes.plot([], [], marker=marker, label=f"{curve['injection']}, {curve['relaxation']}", **look)
     if drawn:
         axes.plot([], [], color="black", label="best found")
         axes.plot([], [], "o", color="black", markerfacecolor="none", label="certified gains")
+    if known:
+        axes.plot([], [], linestyle=DOTTED, color="black", label="no less for these gains")
     spread_axis(axes, "x", [p[parameter] for c in curves for p in c["points"]])
     spread_axis(axes, "y", [p[y] for c in curves for p in c["points"] if p.get(y) is not None])
     axes.set(xlabel=names.get(parameter, plain(parameter)), ylabel=names[y])

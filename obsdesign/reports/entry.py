@@ -189,7 +189,7 @@ class Entry:
         figures = FAMILIES[self.family].figures(made) if made and self.gains else []
         own = [row for row in figures if row[0] not in self.design.gains]
         computed = self.design.analysis if self.gains else {}  # anew: nothing of it has to stand in a file
-        return [*limits(claimed), *background(claimed), *own, *analysis(computed)]
+        return [*limits(claimed), *background(claimed), *own, *analysis(computed, claimed)]
 
     @property
     def equations(self) -> Rows:

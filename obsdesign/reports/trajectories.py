@@ -34,7 +34,7 @@ class Signals:
     def of(cls, run: "Run") -> "Signals":
         """Those of a run."""
         if run.distance_bound is not None:
-            return cls(run.t, run.columns, ("|(e, d)|", run.distance, run.distance_bound))
+            return cls(run.t, run.columns, (run.length, run.distance, run.distance_bound))
         stored = None if run.V is None or run.V_bound is None else ("V(e)", run.V, run.V_bound)
         return cls(run.t, run.columns, stored)
 

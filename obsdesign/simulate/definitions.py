@@ -25,8 +25,8 @@ error = "{} error".format  # of the estimate of a signal
 rate = "{} rate".format  # of a state
 noise = "{} noise".format  # of an output
 measured = "{} measured".format  # an output as it is measured
-after = "{} after".format  # a state after a measurement
-mismatch = "{} mismatch".format  # what a measurement without noise would add to a state
+after = "{} after".format  # a state of the flow after a measurement
+mismatch = "{} mismatch".format  # what a measurement without noise would add to a further state
 event = "event {}".format  # a condition that ends a run
 
 
@@ -55,11 +55,14 @@ class Definitions:
             for name in plant.states
             if error(name) not in self.copied
         }
-        for name, side in observer.jump.items():
-            jumped = self.difference(side, ZERO)
-            noises = set(map(noise, observer.outputs))
-            self.made[after(name)] = jumped
-            self.made[mismatch(name)] = {**{k: c for k, c in jumped.items() if k not in noises}, name: fmpq(-1)}
+        self.made |= {name: self.difference(side, ZERO) for name, side in observer.received.items()}
+        noises = set(map(noise, observer.outputs))
+        for name, place in zip(observer.jump, self.jumping, strict=True):
+            twin = observer.twins.get(name)
+            jumped = self.difference(observer.jump[name], Expression.variable(twin) if twin else ZERO)
+            self.made[after(place)] = jumped
+            if not twin:
+                self.made[mismatch(name)] = {**{k: c for k, c in jumped.items() if k not in noises}, name: fmpq(-1)}
 
     def compare(self, estimates: Named, true: Named, named: Callable[[str], str]) -> None:
         """Define what the observer computes: as errors, where it is a copy."""
@@ -68,6 +71,12 @@ class Definitions:
                 self.made[named(name)] = self.difference(side, ZERO)
             else:
                 self.made[named(error(twin))] = self.difference(side, true[twin])
+
+    @property
+    def jumping(self) -> tuple[str, ...]:
+        """Names of the states of the flow that a measurement changes: in place of a copy its error, by as much."""
+        twins = self.observer.twins
+        return tuple(error(twins[name]) if name in twins else name for name in self.observer.jump)
 
     @property
     def copied(self) -> tuple[str, ...]:

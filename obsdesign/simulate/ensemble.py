@@ -12,7 +12,6 @@ import numpy as np
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.collocation import SLOW, WEIGHTS, Step
-from obsdesign.simulate.definitions import after
 from obsdesign.simulate.integrate import Flow, Segment, integrate
 from obsdesign.simulate.perturbation import Interval, Perturbation
 from obsdesign.simulate.scenario import Stretch
@@ -137,9 +136,9 @@ class Passage:
         s = np.repeat(self.reference.s[self.reference.places(np.array([step.before]))].T, held.shape[1] + 1, axis=1)
         s[[system.flowing.index(name) for name in added.moving], 1:] += self.d
         t = np.full((1, s.shape[1]), step.start)
-        X = system.jumps.table(np.vstack([t, s, np.column_stack([np.zeros(len(held)), held])]))
-        found = X[system.jumps.places(map(after, added.observer.jump))]
-        self.d[[added.moving.index(name) for name in added.observer.jump]] = found[:, 1:] - found[:, :1]
+        X = system.jumps.table(np.vstack([t, s, system.arriving(k, np.column_stack([np.zeros(len(held)), held]))]))
+        found = X[system.landing[: len(system.jumping)]]
+        self.d[[added.moving.index(name) for name in system.jumping]] = found[:, 1:] - found[:, :1]
 
     def accurate(self, step: Interval) -> bool:
         """Whether a step ends where two of half its length do."""

@@ -191,6 +191,7 @@ class Crossing:
     progress: Callable[[float], None] | None
     explicit: bool = False
     calls: int = 0
+    effort: int = 0  # calls of the explicit method in a stretch
     former: "RungeKutta | None" = None  # the explicit method before
     outgrown: float = FIRST  # size of the state that sets the tolerance anew
 
@@ -205,7 +206,7 @@ class Crossing:
             t, s, end = self.follow(self.one_step, segment, t, s)
             if end.status != "stall":
                 return s, end
-            self.explicit = False
+            self.explicit, self.effort = False, 0
         for attempt in (self.lsoda, self.radau):
             if segment.stop - t <= nothing:
                 break
@@ -234,6 +235,8 @@ class Crossing:
                 if not size < HUGE:
                     return t, s, End("escape", t, f"at t = {t:.6g}: {GROWS}")
                 self.recorder.step(solver, t, s)
+                if self.effort > EFFORT:
+                    raise FloatingPointError("stiff")
                 if reason := self.flow.stopped(t, s, segment.held):
                     return t, s, End("stopped", t, f"at t = {t:.6g}: {reason}")
                 if self.progress is not None and self.recorder.steps % 100 == 0:
@@ -269,13 +272,10 @@ class Crossing:
         """Begin with the step of the segment before; give up after so many calls that the flow must be stiff."""
         from scipy.integrate import DOP853, RK45
 
-        effort = 0
+        self.effort = 0
 
         def rhs(t: float, s: Vector) -> Vector:
-            nonlocal effort
-            effort += 1
-            if effort > EFFORT:
-                raise FloatingPointError("stiff")
+            self.effort += 1
             return finite(self.flow.rhs(t, s, segment.held))
 
         rtol, atol = self.tolerance.relative, cast(float, self.tolerance.absolute)

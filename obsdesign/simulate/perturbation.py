@@ -69,7 +69,7 @@ class Perturbation:
         self.definitions, self.inputs = system.program.definitions, system.program.inputs[1:]
         noises = tuple(name for name in map(noise, observer.outputs) if name in self.inputs)
         started = (name for name, side in observer.initial.items() if side.names.intersection(observer.outputs))
-        self.moving = self.reached({*noises, *observer.jump, *started})
+        self.moving = self.reached({*noises, *system.jumping, *started})
         self.wanted = (*map(rate, self.moving), *self.signals)
         moved = self.moved({*self.moving, *noises}, self.wanted)
         needed = {name for one in moved for name in needs(self.definitions[one])} | {*self.wanted}

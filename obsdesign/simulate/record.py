@@ -76,6 +76,8 @@ class Record:
         end = self.system.end
         v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.v)
         z2, v2, b = self.s[:, end : end + 3].T
+        if self.measurements and not np.isfinite(self.system.kicks).all():
+            b = np.where(np.isfinite(self.measurements.added), b, np.inf)
         drive = self.spec.observer.drive
         return Course(self.t, self.e, np.linalg.norm(self.z, axis=1), z2, v2, v_sup, b, drive, self.measurements)
 
@@ -87,9 +89,9 @@ class Record:
             return None
         eta_sup = np.maximum.accumulate(np.append(0.0, np.linalg.norm(eta, axis=1)))
         added = np.cumsum(np.append(0.0, self.system.kicks))
-        missing = self.now.of(map(mismatch, self.system.observer.jump))
-        timer = schedule.timer(self.t, self.j)
-        return Measurements(missing, timer, eta_sup[self.j], added[self.j], schedule.crowded)
+        missing = self.now.of(map(mismatch, self.system.corrections))
+        clocks = schedule.timer(self.t, self.j), schedule.elapsed(self.t, self.j)
+        return Measurements(missing, *clocks, eta_sup[self.j], added[self.j], schedule.crowded)
 
     @cached_property
     def signals(self) -> Samples:

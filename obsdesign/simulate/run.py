@@ -26,8 +26,8 @@ class Samples:
     plant's states only, and v, V, V_bound and, if H needs xm, z are None.
 
     Where measurements arrive at instants, j distinguishes the rows before and after each, y is the one last received
-    (before the first: what the observer supposes), and |(e, d)| is the length of (e, theta~), with theta~ what a
-    measurement without noise would add to the further states theta of the observer; elsewhere it is |e|.
+    (before the first: what the observer supposes), and the distance is |(e, d)|, the length of (e, theta~), with theta~
+    what a measurement without noise would add to the further states theta of the observer; without any it is |e|.
     """
 
     t: Array  # (N,), s
@@ -49,8 +49,13 @@ class Samples:
     V_bound: Array | None  # (N,)
     j: Array  # (N,), number of measurements received so far
     timer: Array  # (N,), s, to the next measurement, at most what T2 leaves; infinite where there is none
-    distance: Array  # (N,): |(e, d)|
-    distance_bound: Array | None  # (N,), that of V, read as a bound on |(e, d)|
+    distance: Array  # (N,): |(e, d)|, or |e|
+    distance_bound: Array | None  # (N,), that of V, read as a bound on it
+
+    @property
+    def length(self) -> str:
+        """What `distance` is."""
+        return "|(e, d)|" if self.theta.shape[1] else "|e|"
 
     def rows(self, which: Array) -> "Samples":
         """Return the same at some of the times."""

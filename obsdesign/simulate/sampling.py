@@ -1,7 +1,7 @@
 """When measurements are sent and received, and whether they keep to the intervals of a guarantee."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, count
 from typing import Any
 
@@ -14,6 +14,7 @@ from obsdesign.lmi.formula import Array, Float
 Vector = Float
 MOST = 200_000  # measurements in a run
 ROUNDING = 1e-9  # of an interval
+SHORTEST = 1000  # parts of T2: the shortest random interval where T1 is zero
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,8 @@ class Sampling:
     theta0: Vector | None = None  # (ny,), theta before the first measurement; None: zero
 
     def __post_init__(self) -> None:
-        if not 0 < self.T1 <= self.T2 < np.inf:
-            raise UsageError(f"the intervals need 0 < T1 <= T2, not T1 = {self.T1:g}, T2 = {self.T2:g}", id="OBS208")
+        if not 0 <= self.T1 <= self.T2 < np.inf or not self.T2:
+            raise UsageError(f"the intervals need 0 <= T1 <= T2, not T1 = {self.T1:g}, T2 = {self.T2:g}", id="OBS208")
         if self.period is not None and not 0 < self.period < np.inf:
             raise UsageError(Problem(f"{self.period:g}; it must be positive", key="simulation.period", id="OBS208"))
         if not 0 <= self.dropout < 1:
@@ -63,6 +64,7 @@ class Schedule:
     T1: float  # s, limits of the intervals for which the guarantee holds
     T2: float
     horizon: float
+    ahead: int | None = None  # intervals to come that the guarantee depends on; None: they may be shorter than T1
 
     @property
     def intervals(self) -> Vector:
@@ -84,9 +86,17 @@ class Schedule:
 
     @property
     def until(self) -> float:
-        """Time from which on no guarantee holds, since a measurement is overdue; infinite if none ever is."""
-        late = np.flatnonzero(self.late)
-        return float(np.append(0.0, self.received)[late[0]] + self.T2) if len(late) else np.inf
+        """Time from which on no guarantee holds: a measurement is overdue, or one comes too soon; or infinite."""
+        late, short, received = np.flatnonzero(self.late), np.flatnonzero(self.short), np.append(0.0, self.received)
+        overdue = float(received[late[0]] + self.T2) if len(late) else np.inf
+        hasty = float(received[max(short[0] + 1 - self.ahead, 0)]) if len(short) and self.ahead is not None else np.inf
+        return min(overdue, hasty)
+
+    @property
+    def why(self) -> str:
+        """What voids the guarantee, in words."""
+        hasty = self.ahead is not None and self.until < replace(self, ahead=None).until
+        return "an interval that is too short begins" if hasty else "a measurement is overdue"
 
     @property
     def crowded(self) -> float:
@@ -99,6 +109,13 @@ class Schedule:
         last, following = np.append(0.0, self.received)[j], np.append(self.received, np.inf)[j]
         return np.asarray(np.maximum(np.minimum(following, last + self.T2) - t, 0.0))
 
+    def elapsed(self, t: Array, j: Array) -> Array:
+        """Time since the last measurement after j are received; the clock is at T1 at the first one, or beyond."""
+        begins = np.append(0.0, self.received)
+        if len(self.received):
+            begins[0] -= max(0.0, self.T1 - self.received[0])
+        return np.asarray(t - begins[j])
+
     def report(self) -> dict[str, Any]:
         """Numbers and intervals of the measurements, and from when on a guarantee is void."""
         outside = int(self.short.sum() + self.late.sum())
@@ -107,7 +124,7 @@ class Schedule:
             "lost": len(self.lost),
             "shortest": float(self.intervals[1:].min()) if len(self.received) > 1 else None,
             "longest": float(self.intervals.max()) if len(self.received) else None,
-            "jitter": (self.T2 - self.T1) / self.T1,
+            **({"jitter": (self.T2 - self.T1) / self.T1} if self.T1 else {}),
             "outside": outside,
         }
         if outside:
@@ -117,7 +134,7 @@ class Schedule:
     def note(self) -> str:
         """What the intervals outside [T1, T2] mean."""
         if np.isfinite(self.until):
-            what = f"a measurement is overdue at t = {self.until:.6g}, nothing is guaranteed from then on"
+            what = f"{self.why} at t = {self.until:.6g}, nothing is guaranteed from then on"
         else:
             what = f"some are too short from t = {self.crowded:.6g} on, which voids the bound on the effect of noise"
         return f"intervals leave [{self.T1:g}, {self.T2:g}]: {what}"
@@ -150,7 +167,7 @@ def instants(sampling: Sampling, generator: np.random.Generator) -> Iterator[flo
     elif law == "periodic":
         yield from ((sampling.period or T2) * k for k in count(1))
     else:
-        yield from accumulate(generator.uniform(T1, T2) for _ in count())
+        yield from accumulate(generator.uniform(T1 or T2 / SHORTEST, T2) for _ in count())
 
 
 def following(law: Expression, t: float) -> Iterator[float]:

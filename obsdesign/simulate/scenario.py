@@ -125,7 +125,7 @@ def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guara
     planned = schedule(sampling, simulation.horizon, intervals, loss)
     if guarantee is not None:
         proved = cast("SampledGuarantee", guarantee)
-        planned = replace(planned, T1=proved.T1, T2=proved.T2)
+        planned = replace(planned, T1=proved.T1, T2=proved.T2, ahead=proved.ahead)
     eta = measurement_noise(simulation, (len(planned.received), len(acting.outputs)))
     return replace(acting, schedule=planned, eta=eta)
 

@@ -74,6 +74,9 @@ def initial(system: System, simulation: Simulation, sampling: Sampling | None) -
     """Return the initial state of the flow, where every signal and nonlinearity must have a value."""
     given = simulation.theta0 if sampling is None else sampling.theta0
     theta0 = np.zeros(len(system.further)) if given is None else given
+    if len(theta0) != len(system.further):
+        said = "is the correction theta before the first measurement, which this observer does not have: leave it out"
+        raise UsageError(Problem(said, key="simulation.theta0", id="OBS206"))
     try:
         with np.errstate(all="ignore"):
             start = finite(system.start(simulation.x0, simulation.xhat0, theta0))

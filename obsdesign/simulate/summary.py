@@ -69,8 +69,8 @@ def sampled_norms(record: Record) -> dict[str, Any]:
 
 
 def distances(record: Record) -> dict[str, float]:
-    """Length of (e, theta~) at the start and at the end, where measurements arrive at instants."""
-    if record.schedule is None:
+    """Length of (e, theta~) at the start and at the end, where there is a theta beside the estimates."""
+    if not record.system.corrections:
         return {}
     distance = record.signals.distance
     return {"initial_distance": float(distance[0]), "final_distance": float(distance[-1])}

@@ -15,7 +15,7 @@ from obsdesign.lmi.formula import Array, Float, rational_number
 from obsdesign.simulate.definitions import Definitions, after, error, event, measured, mismatch, noise, rate
 from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector
-from obsdesign.simulate.program import UNIT, Definition, Program, needs
+from obsdesign.simulate.program import UNIT, Definition, Program, needs, reach
 from obsdesign.simulate.scenario import Scenario, Stretch
 from obsdesign.simulate.switches import Break, Switches, Watch
 
@@ -45,7 +45,8 @@ class System:
 
     with b' = -2 alpha b + c |v|^2, so that V(t) <= exp(-2 alpha t) V(0) + b(t). Where measurements arrive at instants,
     s goes on with their number j and the last y, and b jumps by what the noise of each adds to V; without a guarantee b
-    stays zero. z = H e, over all states of the plant. The signals of the observer have the same names as the plant's.
+    stays zero. A measurement changes further states, or errors where it corrects a copy of the plant, which itself goes
+    on. z = H e, over all states of the plant. The signals of the observer have the same names as the plant's.
     """
 
     def __init__(self, scenario: Scenario, observer: Observer, H: Float, guarantee: Guarantee | None) -> None:
@@ -73,7 +74,8 @@ class System:
         for name, w in self.estimated.items():
             made.made[error(w)] = made.difference(observer.estimates[name], Expression.variable(w))
         self.integrated = plant.states[: scenario.integrated]
-        self.copied, self.further = made.copied, made.further
+        self.copied, self.further, self.jumping = made.copied, made.further, made.jumping
+        self.corrections = tuple(name for name in self.further if name in observer.jump)
         self.flowing = (*self.integrated, *self.copied, *self.further)
         self.end = len(self.flowing)
         self.width = self.end + len(INTEGRALS)
@@ -84,17 +86,18 @@ class System:
         inputs = ("t", *states, *(noise(name) for name in observer.outputs if noisy))
         outputs = [*map(rate, states), *self.recorded(made), *map(event, scenario.events)]
         self.switches = Switches()
-        smooth = {name: self.switches.decided(side) for name, side in made.made.items()}
+        flow = reach(outputs, lambda name: needs(made.made[name]) if name in made.made else ())
+        smooth = {name: self.switches.decided(side) for name, side in made.made.items() if name in flow}
         signs, deciding = (*self.switches.timed, *self.switches.others), tuple(map(zero, self.switches.others))
         smooth |= {zero(name): side for name, side in self.switches.smooth.items()}
         made.made |= {zero(name): side for name, side in self.switches.others.items()}
         self.program = Program(inputs, made.made, [*outputs, *deciding])
         self.smooth = Program((*inputs, *signs), smooth, [*map(rate, states), *deciding])
         self.rates, self.deciding = self.smooth.places(map(rate, states)), deciding
-        jumps = (*map(after, observer.jump), *self.seen) if observer.jump else ()
-        self.jumps = Program(inputs, made.made, jumps)
+        jumps = (*map(after, self.jumping), *self.seen) if observer.jump else ()
+        self.jumps = Program((*inputs, *filter(None, [observer.gap])), made.made, jumps)
         self.landing = self.jumps.places(jumps)
-        self.leaping = [self.flowing.index(name) for name in observer.jump]
+        self.leaping = [self.flowing.index(name) for name in self.jumping]
 
     def signals(self, made: Definitions) -> dict[str, Definition]:
         """Known inputs, known states of the disturbance model, and the drive."""
@@ -110,7 +113,7 @@ class System:
         wanted = [
             V2, *plant.inputs, *plant.exogenous, *signals, *map(rate, plant.states), *map(error, signals), *self.z,
             *map(rate, map(error, plant.states)), *map(measured, observer.outputs),
-            *(name for state in observer.jump for name in (after(state), mismatch(state))),
+            *map(mismatch, made.further),
             *(hat for hat, twin in observer.twins.items() if twin in plant.algebraic),
         ]  # fmt: skip
         return [name for name in dict.fromkeys(wanted) if name in made.made]
@@ -162,11 +165,10 @@ class System:
         s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
             return self.with_initial(s, acting.held(0.0)[: len(self.silent)])
-        X = self.program.run(0.0, s, self.silent)
-        y, supposed = (
-            self.program.places(names) for names in (self.observer.outputs, map(mismatch, self.observer.jump))
-        )
-        return np.concatenate((s, [0.0], X[y] - X[supposed]))
+        X, outputs = self.program.run(0.0, s, self.silent), self.observer.outputs
+        errors, missing, y = map(self.program.places, (map(error, outputs), map(mismatch, self.corrections), outputs))
+        supposed = -X[missing] if self.corrections else X[errors]  # yhat + theta, or yhat, less y
+        return np.concatenate((s, [0.0], X[y] + supposed))
 
     def with_initial(self, s: Vector, held: Vector) -> Vector:
         """State with the further states of the observer where they begin: at functions of u and noisy y at t = 0."""
@@ -181,7 +183,7 @@ class System:
 
     @cached_property
     def kicks(self) -> Vector:
-        """What the noise of each measurement adds to V, (K,)."""
+        """What the noise of each measurement adds to V, (K,); infinite, and left out of b, where nothing bounds it."""
         schedule, eta = self.scenario.schedule, self.scenario.eta
         if self.guarantee is None or schedule is None or eta is None:
             return np.zeros(0 if eta is None else len(eta))
@@ -198,12 +200,19 @@ class System:
         """Return the state after the measurement of number k, from 0, at t."""
         eta = self.scenario.eta
         assert eta is not None
-        X = self.jumps.run(t, s[: self.width], eta[k])[self.landing]
+        X = self.jumps.run(t, s[: self.width], self.arriving(k, eta[k]))[self.landing]
         s[self.leaping] = X[: len(self.leaping)]
-        s[self.width - 1] += self.kicks[k]
+        s[self.width - 1] += self.kicks[k] if np.isfinite(self.kicks[k]) else 0.0
         s[self.width] += 1
         s[self.width + 1 :] = X[len(self.leaping) :]
         return s
+
+    def arriving(self, k: int, eta: Vector) -> Vector:
+        """Inputs of a jump beside t and s: the noise (ny,) or (ny, N), and the time since the measurement before."""
+        schedule = self.scenario.schedule
+        assert schedule
+        gap = np.full((1, *eta.shape[1:]), schedule.intervals[k])
+        return np.concatenate((eta, gap)) if self.observer.gap else eta
 
     def stopped(self, t: float, s: Vector, held: Vector) -> str:
         """Condition that is true at an instant and ends the run; empty if none is."""

@@ -30,7 +30,7 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     rows += [("assumed", text) for text in content.get("assumed", [])]
     rows += [*limits(claimed), *background(claimed)]
     rows += family.figures(made) if family else []
-    rows += analysis(content.get("analysis", {}))
+    rows += analysis(content.get("analysis", {}), claimed)
     rows = rows if content.get("signals", True) else [row for row in rows if not attenuates(row)]
     rows += proof(content.get("certificate", {}))
     if "diagnosis" in content:
@@ -47,7 +47,7 @@ def attenuates(row: tuple[str, str]) -> bool:
     return name in ATTENUATION or (name in LIMITS.values() and text.startswith("gamma"))
 
 
-def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What is computed over frozen members of the class: poles, steps, and gains with and without the observer."""
     if not found:
         return []
@@ -68,9 +68,27 @@ def analysis(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)}"]
     rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []
+    rows += [("truth", truth(found["truth"], claimed))] if "truth" in found else []
     gains = [(UNAIDED[name], gain) for name, gain in found["no_observer"].items() if gain is not None]
     without = ", ".join(f"{gain:.6g} with {how}" for how, gain in gains)
     return [*rows, *([("no observer", f"a gain of {without}")] if without else [])]
+
+
+def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> str:
+    """What no claim can be better than, beside what is claimed: the longest interval, gamma and the decay."""
+    parts, rate = [], claimed.get("decay", 0.0)
+    if found["pattern_limit"]:
+        limit, proved = found["pattern_limit"], claimed.get("T2_max", claimed.get("T2"))
+        short = "no such decay" if rate else "unstable"
+        recurring = "periodic" if len(limit["gaps"]) == 1 else f"{len(limit['gaps'])} intervals that recur"
+        known = f"T2 proved {at_least(proved, 4)} s, " if proved else ""
+        parts += [f"{known}{short} from {at_most(limit['T2'], 4)} s ({recurring})"]
+    gains = [gain for name, gain in found.get("gamma", {}).items() if name != "gaps" and gain is not None]
+    weight = f" with the weight exp({rate:g} t)" if rate else ""
+    parts += [f"gamma at least {at_least(max(gains), 4)}{weight}"] if gains else []
+    growth = found["pattern"]["growth"]
+    parts += [f"decay at most {at_most(-growth, 4)} 1/s"] if growth is not None else []
+    return f"{'; '.join(parts)}   of {found['of']}"
 
 
 def background(claimed: Mapping[str, Any]) -> Rows:
@@ -144,7 +162,7 @@ def reached(point: Mapping[str, Any]) -> str:
         return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
     proved = point.get("certified")
     return f"gamma {point['gamma']:.6g}" + (
-        f"   certified {at_most(proved['gamma'])}, |L| = {proved['L']:.4g}" if proved else ""
+        f"   certified {at_most(proved['gamma'])}, {size_text(proved)}" if proved else ""
     )
 
 
@@ -198,7 +216,13 @@ def solvable(point: Mapping[str, Any]) -> bool:
 def certified(numbers: Mapping[str, float]) -> str:
     """What a gain is proved to achieve, and its size."""
     proved = ", ".join(f"{key} {safe(numbers[key])}" for key, safe in SAFE.items() if key in numbers)
-    return f"{proved}, |L| = {numbers['L']:.4g}"
+    return f"{proved}, {size_text(numbers)}"
+
+
+def size_text(numbers: Mapping[str, float]) -> str:
+    """Size of a gain: of L, or of K where the observer is reset."""
+    name = "K" if "K" in numbers else "L"
+    return f"|{name}| = {numbers[name]:.4g}"
 
 
 def quantities(numbers: Mapping[str, float]) -> str:

@@ -14,7 +14,7 @@ from support.speed import processor_time
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.sporadic.design import design_sporadic
+from obsdesign.families.sporadic.exponential import design_sporadic
 from obsdesign.families.sporadic.gains import Setting
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.families.sporadic.study import Study, schemes

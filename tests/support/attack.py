@@ -7,6 +7,7 @@ held over steps, so that what is found is attained, and a violation is one.
 
 from fractions import Fraction
 from itertools import pairwise
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -336,32 +337,46 @@ def largest_part(name, flows, bounds):
 
 def sampled(result, drawn, rng, members, length):
     """Attack `sporadic`, with all gaps the shortest, all the longest, alternating, and random ones."""
-    plant, claim = plant_of(drawn.sections), result["guarantee"]
-    L, F = (exact(result["observer"][key]) for key in ("L", "H"))
-    (n, ny), T1, T2, rate = L.shape, claim["T1"], claim["T2"], claim["decay"]
-    x, d = np.eye(n, n + ny), np.hstack([plant.C, -np.eye(ny)])  # of (e, theta): d = C e - theta
-    jump, J = np.vstack([x, plant.C @ x]), np.eye(n + ny)[:, n:]  # theta+ = C e + eta
-    B, H = np.eye(n + ny, n) @ plant.B, plant.H @ x
-    P1, P2 = (exact(result["certificate"][key]) for key in ("P1", "P2"))
-    flows = [
-        np.block([[plant.A + plant.Bf @ K @ plant.Cq, -L], [np.zeros((ny, n)), F]])
-        for K in members_of(drawn.kinds, rng, members)
-    ]
+    plant, claim, observer = plant_of(drawn.sections), result["guarantee"], result["observer"]
+    (ny, n), T1, T2, rate = plant.C.shape, claim["T1"], claim["T2"], claim["decay"]
+    flows = [plant.A + plant.Bf @ K @ plant.Cq for K in members_of(drawn.kinds, rng, members)]
+    if "K" in observer:
+        x = change = np.eye(n)
+        jump, J = x - exact(observer["K"]) @ plant.C, -exact(observer["K"])
+    else:
+        x, d = np.eye(n, n + ny), np.hstack([plant.C, -np.eye(ny)])  # of (e, theta): d = C e - theta
+        change, jump, J = np.vstack([x, d]), np.vstack([x, plant.C @ x]), np.eye(n + ny)[:, n:]  # theta+ = C e + eta
+        L, F = (exact(observer[key]) for key in ("L", "H"))
+        flows = [np.block([[A, -L], [np.zeros((ny, n)), F]]) for A in flows]
+    B, H = x.T @ plant.B, plant.H @ x
     for weight in {0, rate}:
         for gaps in gaps_of(T1, T2, rng, length):
-            shift, options = weight * np.eye(n + ny), {}
+            shift, options = weight * np.eye(len(change)), {}
             for T in set(gaps):
                 options[T] = [step(M + shift, B, H, T, jump, J) for M in flows]
-            storage = [x.T @ P1 @ x + np.exp(result["observer"]["delta"] * T) * d.T @ P2 @ d for T in [*gaps[1:], T2]]
+            storage = [change.T @ storage_at(result, T) @ change for T in [*gaps[1:], T2]]
             every = [options[T] for T in gaps]
-            start = rng.normal(size=n + ny)
+            start = rng.normal(size=len(change))
             for steps in (
                 [one[0] for one in every],
                 [one[1] for one in every],
                 [one[i] for one, i in zip(every, rng.integers(members, size=length), strict=True)],
                 greedy(every, storage, start, None, claim.get("gamma", 0) ** 2),
             ):
-                yield from kept(lifted(steps), claim, np.vstack([x, d]), weight)
+                yield from kept(lifted(steps), claim, change, weight)
+
+
+def storage_at(result, tau):
+    """P at the time tau that is left to the next measurement, of (e, d), or of e where the observer is reset."""
+    certificate = result["certificate"]
+    if "P1" in certificate:
+        P1, P2 = (exact(certificate[key]) for key in ("P1", "P2"))
+        return block_diag(P1, np.exp(result["observer"]["delta"] * tau) * P2)
+    knots, segments = (certificate["witnesses"]["gamma"][key] for key in ("knots", "P"))
+    knots = [float(Fraction(knot)) for knot in knots]
+    i = min(max(int(np.searchsorted(knots, tau)) - 1, 0), len(segments) - 1)
+    s, degree = (tau - knots[i]) / (knots[i + 1] - knots[i]), len(segments[i]) - 1
+    return sum(comb(degree, j) * s**j * (1 - s) ** (degree - j) * exact(P) for j, P in enumerate(segments[i]))
 
 
 def gaps_of(T1, T2, rng, length):
@@ -375,8 +390,9 @@ def gaps_of(T1, T2, rng, length):
 
 def kept(made, claim, change, weight):
     """Hold a sequence of measurements against (P1), (P2) and (P3), times exp(weight t)."""
-    left, back = np.exp((weight - claim["decay"]) * made.t), np.linalg.inv(change)
-    yield largest_part("|(e, d)(t)|, free", change @ made.flow @ back, claim["overshoot"] * left)
+    left, back = np.exp((weight - claim.get("rate", 0)) * made.t), np.linalg.inv(change)
+    if "overshoot" in claim:
+        yield largest_part("|(e, d)(t)|, free", change @ made.flow @ back, claim["overshoot"] * left)
     yield Found("norm2(z), free", norm(made.initial @ back), claim["initial"])
     yield Found("norm2(z), forced", norm(made.forced), claim.get("gamma", 0))
     for key, blocks in (("disturbance", made.inputs), ("noise", made.noise)):

@@ -102,6 +102,14 @@ def ahead(limit, proved):
     return bool(by) and min(by) >= 0 and max(by) > 0
 
 
+def is_clocked(witnesses):
+    """Whether there is a witness of gamma, and the control values of each P are matrices of exact numbers."""
+    known = [witness for witness in witnesses.values() if "P" in witness]
+    return "gamma" in witnesses and all(
+        is_matrix(value, is_exact) for witness in known for segment in witness["P"] for value in segment
+    )
+
+
 def rules_of_certificate(certificate, status):
     """Its witness is exact, and its checks have names and answers, which are true if the claim is proved."""
     checks = certificate.get("checks", [])
@@ -109,7 +117,8 @@ def rules_of_certificate(certificate, status):
         "certificate.kind": certificate.get("kind") in {"exact", "balls"},
         "a storage function is a matrix of exact numbers": any(
             is_matrix(value, is_exact) for name, value in certificate.items() if name.startswith("P")
-        ),
+        )
+        or is_clocked(certificate.get("witnesses", {})),
         "a check has a name and an answer": bool(checks)
         and all(check.get("name") and isinstance(check.get("holds"), bool) for check in checks),
         "what is certified holds": status != "certified" or all(check["holds"] for check in checks),

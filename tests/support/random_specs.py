@@ -244,7 +244,13 @@ def sporadic(rng, A, C, kinds):  # noqa: ARG001
         {"gains": {"L": kalman(rng, A, C), "H": decimals(-np.diag(rng.uniform(0, 3, len(C))))}},
     ][rng.integers(6)]
     injection = ["dynamic", "predictor", "hold"][rng.choice(3, p=[0.5, 0.25, 0.25])]
-    return {"T1": T1, "T2": T2, "decay": decay, **({} if "gains" in changes else {"injection": injection}), **changes}
+    if "gains" in changes:
+        return {"T1": T1, "T2": T2, "decay": decay, **changes}
+    if rng.random() < 0.25 and "bounds" in changes:  # K is as large as what L does in an interval
+        injection, changes["bounds"] = "reset", {"K": decimals(float(size) * float(T2))}
+    elif rng.random() < 0.3:
+        changes["relaxation"] = "proposition-5" if injection == "hold" else "proposition-2"
+    return {"T1": T1, "T2": T2, "decay": decay, "injection": injection, **changes}
 
 
 SECTIONS = {"l2": incremental, "linf": incremental, "lipschitz": lipschitz_section, "sporadic": sporadic}

@@ -59,11 +59,6 @@ class SporadicCertificate(Proved):
         found = {"rate": rate, **{name: above(x) for name, x in self.least(printed(rate)).items()}}
         return {name: printed(found[name]) for name in CONSTANTS if math.isfinite(found.get(name, math.inf))}
 
-    @property
-    def jitter(self) -> fmpq:
-        """(T2 - T1) / T1."""
-        return (self.T2 - self.T1) / self.T1
-
     @cached_property
     def fastest(self) -> fmpq:
         """Rate that is proved: lambda_t, or where that is zero beta / (2 rho2) of Corollary 2, rounded down."""
@@ -102,20 +97,16 @@ class SporadicCertificate(Proved):
     def statement(self, constants: Mapping[str, fmpq]) -> str:
         """Guarantee in words, with the observer written out, and constants rounded to the safe side."""
         c = {name: at_most(x) for name, x in constants.items()}
-        T1, T2 = above(self.T1), below(self.T2)
-        said = (
-            f"for every sequence of measurements that are {T1!r} to {T2!r} apart (a jitter of "
-            f"{at_least(100 * self.jitter, 4)} %), and a first one no later than {T2!r}: "
-        )
         parts = []
         if {"rate", "overshoot"} <= c.keys():
             decays = f"exp(-{below(constants['rate'])!r} t) |(e, d)(0)|"
             parts.append(f"(P1) |(e, d)(t)| <= {c['overshoot']} {decays} where w = 0 and eta = 0")
-            if {"disturbance", "noise"} <= c.keys():
-                parts.append(f"(P2) otherwise plus {c['disturbance']} sup|w| + {c['noise']} sup|eta|")
+            if "disturbance" in c:
+                noise = f" + {c['noise']} sup|eta|" if "noise" in c else ", where eta = 0"
+                parts.append(f"(P2) otherwise plus {c['disturbance']} sup|w|{noise}")
         if "initial" in c:
             parts.append(f"(P3) |z|_2 <= {above(self.gamma)!r} |w|_2 + {c['initial']} |(e, d)(0)| where eta = 0")
-        return said + "; ".join([*parts, f"for {EQUATIONS}"])
+        return f"{sequences(self.T1, self.T2)}: " + "; ".join([*parts, f"for {EQUATIONS}"])
 
     @property
     def guarantee(self) -> SporadicGuarantee:
@@ -129,6 +120,26 @@ class SporadicCertificate(Proved):
         v = {**self.multipliers, "P1": self.P1, "P2": self.P2, "mu": rational([[self.mu]]), "weight": rational([[1]])}
         last, first, *_ = self.family.theorem(v, self.L, self.H)
         return -extremes(last.matrix)[1].max(extremes(first.matrix)[1])
+
+
+def sequences(T1: fmpq, T2: fmpq) -> str:
+    """For which measurements a claim holds, in words; `T1`, `T2`: s."""
+    first, last = above(T1), below(T2)
+    if not T1:
+        return f"for every sequence of measurements that are at most {last!r} apart, the first one included"
+    jitter = f" (a jitter of {at_least(100 * (T2 - T1) / T1, 4)} %)" if T1 < T2 else ""
+    apart = f"for every sequence of measurements that are {first!r} to {last!r} apart{jitter}"
+    return f"{apart}, and a first one no later than {last!r}"
+
+
+def span(T1: fmpq, T2: fmpq) -> str:
+    """Intervals of a claim in a few words; `T1`, `T2`: s."""
+    return f"{at_most(T1)} to {at_least(T2)} s" if T1 else f"any up to {at_least(T2)} s"
+
+
+def jitter(T1: fmpq, T2: fmpq) -> dict[str, float]:
+    """(T2 - T1) / T1 as an entry of a guarantee; none for T1 = 0."""
+    return {"jitter": below((T2 - T1) / T1)} if T1 else {}
 
 
 def exponential(exponent: fmpq) -> fmpq:
@@ -170,7 +181,7 @@ def certify_sporadic(
         Check("r >= exp(delta T2)", bool(arb(delta * T2).exp() <= arb(ratio)), approximate(ratio)),
         Check("delta > 0", delta > 0, approximate(delta)),
         Check("lambda_t >= 0", decay >= 0, approximate(decay)),
-        Check("0 < T1 <= T2", 0 < T1 <= T2, approximate(T2 - T1)),
+        Check("0 <= T1 <= T2, T2 > 0", 0 <= T1 <= T2 and T2 > 0, approximate(T2 - T1)),
         Check("mu >= 0", mu >= 0, approximate(mu)),
         Check("gamma >= 0", gamma >= 0, approximate(gamma)),
         Check("gamma^2 >= mu", gamma * gamma >= mu, approximate(gamma * gamma - mu)),

@@ -6,8 +6,6 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import Bounds, ends
-from obsdesign.dissipation.certificate import kept
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import (
     CONSTANTS,
@@ -15,15 +13,20 @@ from obsdesign.families.sporadic.certificate import (
     MEANING,
     SporadicCertificate,
     certify_sporadic,
+    jitter,
+    span,
 )
+from obsdesign.families.sporadic.clock import file as clocked
+from obsdesign.families.sporadic.clock.claim import ClockClaim
 from obsdesign.families.sporadic.guarantee import SporadicGuarantee
+from obsdesign.families.sporadic.held import held, read_gains, require_asked
 from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
-from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, above, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
+from obsdesign.sections.scalars import described
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
 
@@ -60,8 +63,8 @@ class Claim(Proved):
     def headline(self, spec: Spec) -> str:  # noqa: ARG002
         """Claim in one line."""
         proof = self.certificate
-        gamma, decay, T1, T2 = at_most(proof.gamma), at_least(proof.family.decay), at_most(proof.T1), at_least(proof.T2)
-        return f"gamma {gamma}, {MEANING}; decay rate {decay} 1/s, intervals from {T1} to {T2} s"
+        gamma, decay = at_most(proof.gamma), at_least(proof.family.decay)
+        return f"gamma {gamma}, {MEANING}; decay rate {decay} 1/s, intervals {span(proof.T1, proof.T2)}"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee in words, with the observer written out, and where it holds."""
@@ -77,10 +80,11 @@ class Claim(Proved):
             delta = approximate(longest.family.delta)
             certificate["T2_max"] = {**numbers, "delta": delta, **longest.written()}
         guarantee = {
+            "kind": "exponential",
             "gamma": above(proof.gamma),
             "decay": below(proof.family.decay),
             **{name: (below if name == "rate" else above)(value) for name, value in self.constants.items()},
-            "jitter": below(proof.jitter),
+            **jitter(proof.T1, proof.T2),
             "T1": above(proof.T1),
             "T2": below(proof.T2),
             **({"T2_max": below(longest.T2)} if longest else {}),
@@ -91,13 +95,21 @@ class Claim(Proved):
         return {"guarantee": guarantee, "certificate": certificate}
 
 
-def read(spec: Spec, file: ResultFile) -> Claim:
-    """Claim of a file, checked: of its intervals, and of the longest that is tolerated."""
+def read(spec: Spec, file: ResultFile) -> "Claim | ClockClaim":
+    """Claim of a file, checked: of its intervals, and of the longest that is tolerated.
+
+    Raises `UsageError`: it is malformed, or not what the spec asks for.
+    """
+    kind = file.table("guarantee").get("kind", "exponential")
+    if kind not in ("clock", "exponential"):
+        raise file.wrong("guarantee.kind", f"expected clock or exponential, found {described(kind)}", id="OBS702")
+    if kind == "clock":
+        return clocked.read(spec, file)
     gains = read_gains(spec, file)
     asked = {key: file.number("guarantee", key) for key in ("decay", "T1", "T2")}
     require_request(file, request_of(spec), gains, asked, spec.augmented.C)
     certificate = read_certificate(spec, file, gains, asked, ("guarantee",), ("observer", "delta"), ("certificate",))
-    claim = Claim(certificate, asked=held(request_of(spec), gains["L"]))
+    claim = Claim(certificate, asked=held(request_of(spec), gains))
     known = {*claim.constants, *file.table("guarantee")}
     stated = {key: file.number("guarantee", key) for key in CONSTANTS if key in known}
     claim = replace(claim, stated=stated) if stated != claim.constants else claim
@@ -106,17 +118,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     root = ("certificate", "T2_max")
     asked["T2"] = file.number("guarantee", "T2_max")
     return replace(claim, longest=read_certificate(spec, file, gains, asked, root, (*root, "delta"), root))
-
-
-def held(request: SporadicRequest, L: Array) -> tuple[Check, ...]:
-    """Whether a designed gain keeps its bound, in rationals."""
-    return () if request.gains else kept(Bounds(L1=request.largest_gain), L)
-
-
-def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
-    """Exact gains of a file."""
-    n, ny = spec.augmented.n, len(spec.augmented.C)
-    return {name: file.matrix(shape, "observer", name) for name, shape in {"L": (n, ny), "H": (ny, ny)}.items()}
 
 
 def read_certificate(
@@ -144,47 +145,26 @@ def read_certificate(
 def require_request(
     file: ResultFile, request: SporadicRequest, gains: Mapping[str, Array], claim: Mapping[str, fmpq], C: Array
 ) -> None:
-    """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains."""
-    if file.at("observer", "type") != request.type:
-        raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
-    asked = {"T1": request.T1, "T2": request.T2, "decay": request.decay}
-    for name, value in asked.items():
-        low, high = ends(value)
-        if not printed(low) <= claim[name] <= printed(high):
-            raise file.wrong(
-                f"guarantee.{name}", f"{approximate(claim[name]):g} is not what the spec asks for", id="OBS707"
-            )
-    for name in ("T1", "T2"):
-        if file.number("observer", name) != claim[name]:
-            raise file.wrong(f"observer.{name}", "differs from that of the guarantee", id="OBS705")
+    """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains, and delta."""
+    require_asked(file, request, gains, claim, C)
     if not request.gains:
-        tied = [tied_gain(name, gains["L"], C) for name in request.injections]
-        if all(H is not None and (gains["H"] != H).any() for H in tied):
-            raise file.wrong(
-                "observer.H", f"not that of {' or '.join(request.injections)}, which the spec asks for", id="OBS707"
-            )
         delta, low, high = file.number("observer", "delta"), request.delta.low, request.delta.high
         if low == high and delta != printed(low):
             raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for", id="OBS707")
-    for name, given in (request.gains or {}).items():
-        if (printed(given) != gains[name]).any():
-            raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives", id="OBS707")
 
 
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     """Entry `observer` of a result file: gains, their intervals, and how the error contracts over one."""
+    if isinstance(outcome.claim, ClockClaim):
+        return clocked.written(spec, outcome.claim)
     if not isinstance(outcome.claim, Claim):
         return {}
     proof, gains = outcome.claim.certificate, outcome.gains
-    found = sampled(spec, gains, proof.guarantee)
-    intervals = {"T1": float(proof.T1), "T2": float(proof.T2)}
     return {
         "L": gains["L"].tolist(),
         "H": gains["H"].tolist(),
         "T1": approximate(proof.T1),
         "T2": approximate(proof.T2),
         "delta": approximate(proof.family.delta),
-        "multipliers": {name: found.multipliers(T) for name, T in intervals.items()},
-        "contraction": {name: found.contraction(T) for name, T in intervals.items()},
-        "noise_gain": found.noise_gain(),
+        **sampled(spec, gains, proof.guarantee).figures(),
     }

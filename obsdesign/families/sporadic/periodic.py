@@ -1,14 +1,16 @@
 """What is computed of an observer in doubles where measurements are periodic, over frozen members f = K q of the class.
 
-With measurements T apart and their noise eta, the error at one is that at the last by
+With measurements T apart and their noise eta, the error just before one is that before the last by
 
-    e+ = (E11 + E12 C) e + E12 eta,    [E11, E12; ., .] = exp([A + Bf F Cq, -L; 0, H] T),
+    e+ = E (J e + Jn eta),    E: the first rows of exp(F T),
 
-since d = C e + eta at the last. T is T1 or T2, so that what is said to be the worst is so of these; other sequences of
-intervals may be worse, and only what is proved holds of them.
+where the flow is (e, theta)' = [A + Bf K Cq, -L; 0, H] (e, theta) from J = [I; C], Jn = [0; I] on, or with a reset that
+of e' = (A + Bf K Cq) e from J = I - K C, Jn = -K on. T is T1 or T2, so that what is said to be the worst is so of
+these; other sequences of intervals may be worse, and only what is proved holds of them.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +24,12 @@ MOST = 500  # intervals
 
 @dataclass(frozen=True)
 class Periodic(Errors):
-    """Error systems between two measurements, in (e, d), with the intervals T1 and T2 of these."""
+    """Error systems between two measurements, in (e, theta) or e, with the intervals T1 and T2 of these."""
 
-    T1: float = 0.0  # s
-    T2: float = 0.0  # s
+    J: Array  # (m, n), of what is left of e at a measurement, or those after T1 and after T2, (2, m, n)
+    Jn: Array  # (m, ny), of its noise, or (2, m, ny)
+    T1: float  # s; 0: any positive interval
+    T2: float  # s
 
     @property
     def gap(self) -> float:
@@ -35,14 +39,28 @@ class Periodic(Errors):
     @property
     def n(self) -> int:
         """Order of e."""
-        return self.plant.n - len(self.plant.C)
+        return int(self.J.shape[-1])
+
+    @property
+    def intervals(self) -> dict[str, float]:
+        """T1, where it is not zero, and T2."""
+        return {name: T for name, T in (("T1", self.T1), ("T2", self.T2)) if T}
+
+    def figures(self) -> dict[str, Any]:
+        """What a result file holds of an observer: per interval its multipliers and contraction, and noise gains."""
+        return {
+            "multipliers": {name: self.multipliers(T) for name, T in self.intervals.items()},
+            "contraction": {name: self.contraction(T) for name, T in self.intervals.items()},
+            "noise_gain": self.noise_gain(),
+        }
 
     def step(self, A: Array, T: float) -> tuple[Array, Array]:
-        """E11 + E12 C and E12 for a matrix of (e, d)."""
+        """Matrices of e and of eta for a matrix of the flow."""
         from scipy.linalg import expm
 
-        E, n = expm(A * T), self.n
-        return E[:n, :n] + E[:n, n:] @ self.plant.C[:, :n], E[:n, n:]
+        E, at = expm(A * T)[: self.n], int(self.T1 != T)
+        J, Jn = (M if M.ndim == 2 else M[at] for M in (self.J, self.Jn))
+        return E @ J, E @ Jn
 
     def multipliers(self, T: float) -> list[list[float]]:
         """Eigenvalues [re, im] of one step of the linear part, without f, the largest first."""
@@ -55,13 +73,13 @@ class Periodic(Errors):
 
     def noise_gain(self) -> dict[str, float]:
         """Largest gain over frequency from eta to each error, both at the measurements; empty where one is unstable."""
-        steps = [self.step(A, T) for A, _, _ in self.systems for T in (self.T1, self.T2)]
+        steps = [self.step(A, T) for A, _, _ in self.systems for T in self.intervals.values()]
         largest = np.max([amplitudes(*step) for step in steps], axis=0).tolist()
         return dict(zip(self.plant.states, largest, strict=False)) if all(stable(Phi) for Phi, _ in steps) else {}
 
     def least_peak(self) -> float | None:
         """Largest |z| at a measurement for |w| <= 1 from zero error, of the members that were tried and are stable."""
-        tried = [(A, B, T) for A, B, _ in self.systems for T in (self.T1, self.T2)]
+        tried = [(A, B, T) for A, B, _ in self.systems for T in self.intervals.values()]
         return max((self.peak(*each) for each in tried if stable(self.step(each[0], each[2])[0])), default=None)
 
     def peak(self, A: Array, B: Array, T: float) -> float:

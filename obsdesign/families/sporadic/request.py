@@ -1,119 +1,33 @@
-"""What a spec asks where measurements arrive sporadically: its section, and the same in the numbers of the spec."""
+"""What a spec asks where measurements arrive sporadically, in its numbers."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar
 
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
+from obsdesign.families.sporadic.clock.bernstein import FARTHEST, LARGEST_DEGREE, MOST_SEGMENTS, SHAPE, Shape
+from obsdesign.families.sporadic.section import CLOCK, INJECTIONS, ClockSection, SporadicObjective, SporadicObserver
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, ListOf, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec
 
-INJECTIONS = {  # how the correction evolves between measurements, and its relaxations, the tightest first
-    "dynamic": ("proposition-2", "proposition-3", "proposition-4"),
-    "predictor": ("proposition-2",),
-    "hold": ("proposition-5",),
-}
-RELAXATIONS = tuple(sorted({name for names in INJECTIONS.values() for name in names}))
 EXPONENTS = Range(fmpq(1, 1000), fmpq(100), points=40, log=True)  # delta T2 that are tried if the spec does not say
 ABOVE_DECAY = ("proposition-3", "proposition-5")  # need delta > 2 decay
 ABOVE = fmpq(1001, 1000)  # least delta / (2 decay) for them
 RANGED = {"max-T2": "T2", "max-decay": "decay"}  # objective: the key that must be a range
+INSTEAD = "; a w of finite energy has no value at an instant: what disturbs a sample is simulation.noise"
 ABSENT = ("D", "Dq", "Dqf", "Df")
-
-SporadicObjective = Literal["min-gamma", "max-T2", "max-decay", "pareto", "feasibility"]
-
-
-class SporadicBounds(Section):
-    """What a design may use at most."""
-
-    L: str | None = key(ENTRY, "largest spectral norm of L", otherwise="none", example="20")
-    gamma: str | None = key(ENTRY, "largest gamma", otherwise="none", unit="z per w", example="0.5")
-
-
-class SporadicGains(Section):
-    """Gains to be analyzed instead of designed; L multiplies the correction theta, and theta' = H theta."""
-
-    L: Entries = required(MATRIX, "nx x ny", example="[[1.4], [0.9]]")
-    H: Entries | None = key(MATRIX, "ny x ny", otherwise="0", example="[[-0.5]]")
-
-
-def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
-    """Form of one of a few words, or of a list of them."""
-    word = OneOf(kind, words)
-    return Either(f"one of {', '.join(words)}, or a list of them", word, ListOf(word))
-
-
-class SporadicObserver(asked.ObserverSection):
-    """What is asked of an observer whose measurements arrive sporadically, T1 <= t_{k+1} - t_k <= T2."""
-
-    T1: str = required(ENTRY, "shortest interval between measurements, > 0", unit="s", example="0.05")
-    T2: str | asked.Interval = required(
-        asked.SEARCHED,
-        "longest interval between measurements; a range for max-T2 and pareto",
-        unit="s",
-        example="0.1",
-    )
-    decay: str | asked.Interval | None = key(
-        asked.SEARCHED,
-        "decay rate lambda_t of the error; a range for max-decay and pareto",
-        unit="1/s",
-        otherwise="0",
-        example="0.05",
-    )
-    injection: str | list[str] | None = key(
-        one_or_several("injection", tuple(INJECTIONS)),
-        "dynamic (H free), predictor (H = -C L) or hold (H = 0); a list makes a curve each",
-        otherwise="dynamic",
-        example="predictor",
-    )
-    relaxation: str | list[str] | None = key(
-        one_or_several("relaxation", RELAXATIONS),
-        "the inequality that is solved; a list makes a curve each",
-        otherwise="the tightest for the injection",
-        example="proposition-3",
-    )
-    delta: str | asked.Interval | None = key(
-        asked.SEARCHED,
-        "free exponent of the storage function",
-        unit="1/s",
-        otherwise="searched",
-        example="{min: 1, max: 100}",
-    )
-    objective: SporadicObjective = key(
-        OneOf("objective", get_args(SporadicObjective)),
-        "the least gamma; the largest T2; the fastest decay; a curve over the key that is a range; any solution",
-        default="min-gamma",
-        example="max-T2",
-    )
-    slack: str | None = key(
-        ENTRY,
-        "relative distance from the optimum, for a smaller gain",
-        otherwise="0.05",
-        example="0.05",
-    )
-    bounds: SporadicBounds | None = key(
-        SporadicBounds, "what a design may use at most", otherwise="none", example="{L: 20}"
-    )
-    gains: SporadicGains | None = key(
-        SporadicGains,
-        "gains that are analysed and certified as they are",
-        otherwise="designed",
-        example="{L: [[1.4], [0.9]]}",
-    )
 
 
 @dataclass(frozen=True)
 class SporadicRequest:
     """The `observer` section of a spec for the family whose measurements arrive sporadically."""
 
-    drive: ClassVar[str] = "w"
     reconstruct: ClassVar[bool] = False
 
     type: str
@@ -127,12 +41,18 @@ class SporadicRequest:
     slack: fmpq = SLACK
     largest_gain: fmpq | None = None  # bounds.L, spectral
     largest_gamma: fmpq | None = None
-    gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny): analysis of these
+    largest_reset: fmpq | None = None  # bounds.K, spectral
+    gains: Mapping[str, Array] | None = None  # L (n, ny) and H (ny, ny), or K (n, ny): analysis of these
+    shape: Shape = SHAPE  # of clock-dependent storage functions
+    delta_given: bool = False  # whether the spec says where delta is searched
+    shape_given: bool = False  # .. and what the storage functions of the time left are
+    drive: str = "w"  # v where a disturbance model generates w
+    gap: bool = False  # whether K depends on the interval that has just ended
 
     @property
     def restrictions(self) -> list[str]:
         """Bounds on what a design may use, in words."""
-        return Bounds(L1=self.largest_gain).words("L")
+        return [*Bounds(L1=self.largest_gain).words("L"), *Bounds(L1=self.largest_reset).words("K")]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -141,8 +61,42 @@ class SporadicRequest:
         found = ((name, r) for name, relaxations in wanted.items() for r in relaxations if r in INJECTIONS[name])
         return tuple(dict.fromkeys(found))
 
+    def parts(self) -> "Iterator[SporadicRequest]":
+        """The same request of clock-dependent certificates alone, and of propositions alone, as far as it has such."""
+        for clocked in (True, False):
+            pairs = [(name, relaxation) for name, relaxation in self.pairs if (relaxation == CLOCK) == clocked]
+            injections, relaxations = (
+                (tuple(dict.fromkeys(words)) for words in zip(*pairs, strict=True)) if pairs else ((), ())
+            )
+            if pairs:
+                yield self.part(injections, relaxations)
+
+    def older(self) -> "SporadicRequest | None":
+        """The same request of the tightest propositions, which need a gain L; None where there is none."""
+        injections = tuple(name for name in self.injections if len(INJECTIONS[name]) > 1)
+        if not injections or "K" in (self.gains or {}):
+            return None
+        relaxations = tuple(dict.fromkeys(INJECTIONS[name][1] for name in injections))
+        return self.part(injections, relaxations)
+
+    def part(self, injections: tuple[str, ...], relaxations: tuple[str, ...]) -> "SporadicRequest":
+        """The same request of some injections and relaxations, without what is for others."""
+        shaped = self.shape_given and CLOCK in relaxations
+        made = replace(self, injections=injections, relaxations=relaxations, shape_given=shaped)
+        return made if "reset" in injections else replace(made, largest_reset=None, gap=False)
+
+    @property
+    def clocked(self) -> bool:
+        """Whether every curve is of clock-dependent certificates."""
+        return all(relaxation == CLOCK for _, relaxation in self.pairs)
+
     def conflicts(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Relaxations that fit none of the injections, or else injections that have none of the relaxations."""
+        if self.delta_given and self.pairs and self.clocked:
+            yield ("delta",), "is the exponent of a proposition; relaxation clock has none: leave `delta` out"
+        if self.shape_given and self.pairs and not any(relaxation == CLOCK for _, relaxation in self.pairs):
+            yield ("clock",), "is the storage function of relaxation clock, which is not asked for: leave `clock` out"
+        yield from self.idle()
         known = "; ".join(f"{name} takes {', '.join(relaxations)}" for name, relaxations in INJECTIONS.items())
         fitting = {relaxation for _, relaxation in self.pairs}
         strays = [relaxation for relaxation in self.relaxations if relaxation not in fitting]
@@ -152,31 +106,48 @@ class SporadicRequest:
             if name not in {injection for injection, _ in self.pairs}:
                 yield ("injection",), f"{name} has none of the relaxations that are listed; {known}"
 
+    def idle(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Bounds, and a K that depends on the interval, of an injection that is not asked for."""
+        resets, holds = "reset" in self.injections, set(self.injections) != {"reset"}
+        if self.largest_reset is not None and not resets:
+            yield ("bounds", "K"), "bounds K of injection reset, which is not asked for; give `bounds.L`"
+        if self.largest_gain is not None and not holds:
+            yield ("bounds", "L"), "bounds L, and injection reset has the gain K; give `bounds.K`"
+        if self.gap and not resets:
+            yield ("clock", "gain"), "gap is for injection reset, which is not asked for; leave it out"
+        if self.gap and self.gains:
+            yield ("clock", "gain"), "gap is for a gain that is designed; K of `gains` is constant: leave it out"
+
 
 def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> SporadicRequest:
     """Return the request, held against what the family knows."""
     loc: Loc = ("observer",)
-    require_sampled(reader, problem)
-    T1 = reader.number(section.T1, (*loc, "T1"), "> 0")
+    T1 = reader.number(section.T1, (*loc, "T1"), ">= 0")
     T2 = asked.read_searched(reader, section.T2, (*loc, "T2"), "> 0")
     decay = asked.read_searched(reader, section.decay or "0", (*loc, "decay"), ">= 0")
     require_ordered(reader, T1, T2)
-    relaxations = listed(section.relaxation)
+    relaxations, injections = chosen(section)
+    require_sampled(reader, problem, clocked=set(relaxations) <= {CLOCK})
     require_ranges(reader, section, T2, decay)
-    states, outputs = problem.states, problem.outputs
     request = SporadicRequest(
         type=section.type,
         T1=T1,
         T2=T2,
         decay=decay,
         delta=read_delta(reader, section, T2, decay, relaxations),
-        injections=listed(section.injection) or fitting(relaxations),
+        injections=injections,
         relaxations=relaxations,
         objective=section.objective,
         slack=asked.read_slack(reader, section.slack),
         largest_gain=asked.read_bound(reader, section.bounds.L if section.bounds else None, "L"),
         largest_gamma=asked.read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
-        gains=asked.read_gains(reader, section.gains, {"L": (states, outputs), "H": (outputs, outputs)}),
+        largest_reset=asked.read_bound(reader, section.bounds.K if section.bounds else None, "K"),
+        gains=read_gains(reader, section, problem),
+        shape=read_shape(reader, section.clock, T1, T2),
+        drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
+        delta_given=section.delta is not None,
+        shape_given=section.clock is not None,
+        gap=section.clock is not None and section.clock.gain == "gap",
     )
     asked.refuse_conflicts(reader, request)
     if request.gains:
@@ -186,14 +157,78 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
     return request
 
 
-def require_sampled(reader: Reader, problem: asked.Estimation) -> None:
-    """Refuse what the family does not know: noise in y between the samples, f of f or of w, a disturbance model."""
-    if problem.generator is not None and len(problem.generator.Am):
-        reader.wrong(("observer", "type"), "sporadic takes no disturbance model; leave `disturbance` out", id="OBS406")
-    for name in ABSENT:
-        instead = "; measurement noise acts at the samples: simulation.noise" if name == "D" else ""
+def chosen(section: SporadicObserver) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Relaxations, and the injections that they are for: `delta` alone means the propositions."""
+    relaxations, injections = listed(section.relaxation), listed(section.injection)
+    if not injections and section.gains and section.gains.K is not None:
+        injections = ("reset",)
+    if not relaxations and section.delta is not None:
+        relaxations = tuple(INJECTIONS[name][1] for name in injections or ("dynamic",) if len(INJECTIONS[name]) > 1)
+    return relaxations, injections or fitting(relaxations)
+
+
+def read_gains(reader: Reader, section: SporadicObserver, problem: asked.Estimation) -> Mapping[str, Array] | None:
+    """Gains to be analyzed: L and H, or K of a reset; one without the other."""
+    if section.gains is None:
+        return None
+    loc: Loc = ("observer", "gains")
+    resets = "reset" in listed(section.injection) or (not section.injection and section.gains.K is not None)
+    stray = [name for name in ("L", "H") if resets and getattr(section.gains, name) is not None]
+    stray += ["K"] if not resets and section.gains.K is not None else []
+    for name in stray:
+        has = "has the gain K alone" if resets else "has the gains L and H"
+        reader.wrong(
+            (*loc, name), f"is no gain of this injection: {'reset' if resets else 'one that holds'} {has}", id="OBS206"
+        )
+    if not resets and section.gains.L is None and not stray:
+        reader.wrong(loc, "L is missing; give {L: .., H: ..}, or {K: ..} with injection reset", id="OBS201")
+    if resets and section.gains.K is None and not stray:
+        reader.wrong(loc, "K is missing; injection reset has the gain K, {K: ..}", id="OBS201")
+    states, outputs = problem.states, problem.outputs
+    sizes = {"K": (states, outputs)} if resets else {"L": (states, outputs), "H": (outputs, outputs)}
+    return asked.read_gains(reader, section.gains, sizes)
+
+
+def read_shape(reader: Reader, section: ClockSection | None, T1: fmpq, T2: fmpq | Range) -> Shape:
+    """Degree and segments, and how far the storage function looks ahead."""
+    if section is None:
+        return Shape()
+    loc: Loc = ("observer", "clock")
+    degree = reader.integer(section.degree, (*loc, "degree"), 4, 1, LARGEST_DEGREE)
+    segments = reader.integer(section.segments, (*loc, "segments"), 2, 1, MOST_SEGMENTS)
+    lookahead = reader.integer(section.lookahead, (*loc, "lookahead"), 1, 1, FARTHEST)
+    if lookahead > 1 and not T1 and reader.clean(("observer", "T1")):
+        reader.wrong((*loc, "lookahead"), f"{lookahead} needs T1 > 0; for T1 = 0 it gains nothing, give 1", id="OBS208")
+    if section.gain == "gap" and not 0 < T1 < ends(T2)[0] and reader.clean(("observer", "T1")):
+        where = "T1 > 0" if not T1 else "T2 above T1, intervals of different lengths"
+        reader.wrong((*loc, "gain"), f"gap needs {where}; give constant", id="OBS208")
+    if section.gain == "gap" and lookahead > 1:
+        reader.wrong((*loc, "lookahead"), f"{lookahead} is for a constant gain; with gain: gap give 1", id="OBS208")
+    return Shape(degree, segments, lookahead)
+
+
+def require_sampled(reader: Reader, problem: asked.Estimation, *, clocked: bool) -> None:
+    """Refuse what the family does not know: a w or an f that acts on a sample.
+
+    The propositions know no f of f or of w either, and no disturbance model.
+    """
+    modelled = problem.generator is not None and len(problem.generator.Am) > 0
+    if modelled and not clocked:
+        said = "the propositions take no disturbance model; relaxation clock does: leave `relaxation` and `delta` out"
+        reader.wrong(("observer", "type"), said, id="OBS406")
+    for name in ("D", "Df") if clocked else ABSENT:
+        if name == "D" and modelled and not through(problem):
+            continue
         for place, said in problem.refused(name, "sporadic"):
-            reader.wrong(place, f"{said}{instead}", id="OBS406")
+            reader.wrong(place, f"{said}{INSTEAD if name == 'D' else ''}", id="OBS406")
+
+
+def through(problem: asked.Estimation) -> bool:
+    """Whether what drives a disturbance model acts on y at once."""
+    plant, generator = problem.plant, problem.generator
+    if plant is None or generator is None:
+        return False
+    return bool((plant.D @ generator.Dm != 0).any() or (plant.D @ generator.Dwf != 0).any())
 
 
 def listed(written: str | list[str] | None) -> tuple[str, ...]:
@@ -223,9 +258,9 @@ def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, 
 
 
 def fitting(relaxations: tuple[str, ...]) -> tuple[str, ...]:
-    """Injections where none is named: dynamic, and hold as far as its relaxation is listed."""
-    wanted = relaxations or INJECTIONS["dynamic"]
-    return tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name]) & set(wanted))
+    """Injections where none is named: dynamic, and hold as far as its proposition is listed."""
+    found = tuple(name for name in ("dynamic", "hold") if set(INJECTIONS[name][1:]) & set(relaxations))
+    return found or ("dynamic",)
 
 
 def read_delta(
@@ -250,7 +285,7 @@ def read_delta(
 def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
     request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
-    largest = None if request.gains else request.largest_gain
+    largest = None if request.gains or request.clocked else request.largest_gain
     return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none, "Theorem 2")
 
 
@@ -264,7 +299,7 @@ SECTION = SporadicObserver
 RESULTS = {
     "guarantee": (
         *("gamma", "decay", "T1", "T2", "T2_max", "limit", "limit_bounded", "jitter", "mu"),
-        *("rate", "overshoot", "initial", "disturbance", "noise"),
+        *("kind", "rate", "overshoot", "initial", "disturbance", "noise", "outage"),
     ),
-    "observer": ("L", "H", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
+    "observer": ("L", "H", "K", "K_of_gap", "T1", "T2", "delta", "multipliers", "contraction", "noise_gain"),
 }
