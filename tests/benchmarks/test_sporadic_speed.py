@@ -17,6 +17,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.families.sporadic.exponential import design_sporadic
 from obsdesign.families.sporadic.gains import Setting
 from obsdesign.families.sporadic.request import SporadicRequest
+from obsdesign.families.sporadic.section import INJECTIONS
 from obsdesign.families.sporadic.study import Study, schemes
 from obsdesign.lmi.formula import in_floats, rational_number
 
@@ -43,7 +44,8 @@ def request(injection, **further):
     delta = Range(rational_number(1), rational_number(100))
     T2 = Range(rational_number("0.01"), rational_number("0.3"), 20)
     decay = rational_number("0.01")
-    return SporadicRequest("sporadic", T2.low, T2, decay, delta, (injection,), (), "pareto", **further)
+    tightest = INJECTIONS[injection][1]  # of the propositions
+    return SporadicRequest("sporadic", T2.low, T2, decay, delta, (injection,), (tightest,), "pareto", **further)
 
 
 def curve(spec, injection):
