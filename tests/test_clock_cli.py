@@ -584,7 +584,56 @@ def test_a_curve_of_several_injections_with_a_proposition_beside(tmp_path):
     assert run("verify", "a.gains.json", "-q").exit_code == 0
 
 
-# Found by attacks
+# Found by attacks and newcomers
+
+MOTOR = """
+obsdesign: 1
+parameters: {J: 1e-4, b: 1e-4, Kt: 0.05, R: 1, L: 1e-3, Tc: 0.02}
+system:
+  states: [theta, omega, i, TL]
+  outputs: [enc, cur]
+  A: [[0, 1, 0, 0], [0, -b/J, Kt/J, -1/J], [0, -Kt/L, -R/L, 0], [0, 0, 0, -0.1]]
+  B: [0, 0, 0, 1]
+  C: [[1, 0, 0, 0], [0, 0, 1, 0]]
+nonlinearities: [{type: tanh, f: tanh(q), Bf: [0, -Tc/J, 0, 0], Cq: [0, 50, 0, 0]}]
+performance: [TL]
+observer:
+  {type: sporadic, T1: 0.0005, T2: 0.0005, decay: 1, gains: {L: [[3962.83, 456.68], [-121081, -72366.6],
+  [3795.17, -99.9295], [-2628.03, 930.388]], H: [[-4422.29, 976.767], [-2634.79, 1155.4]]}}
+"""
+
+
+def test_gains_whose_margin_is_smaller_than_a_solver_tells_from_none_are_proved(here):
+    content = json.loads(result_of(here, MOTOR))
+    guarantee, truth = content["guarantee"], content["analysis"]["truth"]
+    assert guarantee["kind"] == "clock"
+    assert max(x for x in truth["gamma"].values() if isinstance(x, float)) <= guarantee["gamma"] < 0.0085
+    assert "T2_max" not in guarantee
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+
+
+VEHICLE = """
+obsdesign: 1
+parameters: {m: 1500, Iz: 2500, Cf: 80000, Cr: 90000, lf: 1.2, lr: 1.5, v: 25}
+system:
+  states: [beta, r]
+  disturbances: [wind]
+  A: [[-(Cf+Cr)/(m*v), (Cr*lr-Cf*lf)/(m*v*v)-1], [(Cr*lr-Cf*lf)/Iz, -(Cf*lf*lf+Cr*lr*lr)/(Iz*v)]]
+  B: [1000/(m*v), 300/Iz]
+  C: [0, 1]
+disturbance: integrator
+performance: [beta]
+observer: {type: sporadic, T1: 0.02, T2: 0.1, decay: 1}
+"""
+
+
+@pytest.mark.slow
+def test_gains_without_a_bound_grow_as_long_as_gamma_is_proved(here):
+    content = json.loads(result_of(here, VEHICLE))
+    assert content["guarantee"]["kind"] == "clock"
+    least = max(x for x in content["analysis"]["truth"]["gamma"].values() if isinstance(x, float))
+    assert least <= content["guarantee"]["gamma"] <= 1.06 * least
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0
 
 
 def test_the_clock_of_a_proposition_is_refused(here):

@@ -122,6 +122,7 @@ CHOICES = [
     wrong(BOUNDS, "  objective: {gamma: 3}", "observer.objective", "found a mapping"),
     wrong(BOUNDS, "  injection: predictr", "observer.injection", "did you mean predictor?", "hold"),
     wrong(BOUNDS, "  injection: [hold, zoh]", "observer.injection[1]", "unknown injection zoh"),
+    wrong(BOUNDS, "  injection: []", "observer.injection", "expected at least 1 item; found an empty list"),
     wrong(BOUNDS, "  injection: {hold: 1}", "observer.injection", "or a list of them", "found a mapping"),
     wrong(BOUNDS, "  relaxation: proposition2", "observer.relaxation", "did you mean proposition-2?"),
     wrong(BOUNDS, "  relaxation: 2", "observer.relaxation", "unknown relaxation 2", "proposition-5"),

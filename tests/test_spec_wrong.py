@@ -130,7 +130,12 @@ FORMS = [
     wrong(TYPE, "  - type: {sector: auto}", "nonlinearities[0].type.sector", "the keys K1, K2; found auto"),
     wrong(TYPE, "  - type: {sector: {K1: 0, K3: 1, K2: 1}}", "nonlinearities[0].type.sector.K3", "allowed: K1, K2"),
     wrong(TYPE, "  - type: {ball: {K: 0}}", "nonlinearities[0].type.ball.W", "is required"),
-    wrong(TYPE, "  - type: {jacobian: []}", "nonlinearities[0].type.jacobian", "expected at least 1 items"),
+    wrong(
+        TYPE,
+        "  - type: {jacobian: []}",
+        "nonlinearities[0].type.jacobian",
+        "expected at least 1 item; found an empty list",
+    ),
     wrong(TYPE, "  - type: {jacobian: 3}", "nonlinearities[0].type.jacobian", "a list of matrices, or auto; found 3"),
     wrong(TYPE, "  - type: {cone: auto}", "nonlinearities[0].type.cone", "expected a list; found auto"),
     wrong(TYPE, "  - type: {one-sided-lipschitz: 1}", "nonlinearities[0].type.one-sided-lipschitz", "rho, beta, phi"),

@@ -104,9 +104,9 @@ class ListOf:
         if not isinstance(value, list):
             return refuse(reader, "a list", value, loc)
         if len(value) < self.least:
-            return refuse(reader, f"at least {self.least} items", value, loc)
+            return refuse(reader, f"at least {self.least} item{'s' * (self.least > 1)}", value, loc)
         if self.most is not None and len(value) > self.most:
-            return refuse(reader, f"at most {self.most} items", value, loc)
+            return refuse(reader, f"at most {self.most} item{'s' * (self.most > 1)}", value, loc)
         if isinstance(self.item, Single) and all(map(self.item.accepts, value)):
             return value
         return [self.item.read(reader, item, (*loc, i)) for i, item in enumerate(value)]

@@ -68,13 +68,13 @@ def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)}"]
     rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []
-    rows += [("truth", truth(found["truth"], claimed))] if "truth" in found else []
+    rows += [("truth", text) for text in truth(found["truth"], claimed)] if "truth" in found else []
     gains = [(UNAIDED[name], gain) for name, gain in found["no_observer"].items() if gain is not None]
     without = ", ".join(f"{gain:.6g} with {how}" for how, gain in gains)
     return [*rows, *([("no observer", f"a gain of {without}")] if without else [])]
 
 
-def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> str:
+def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[str]:
     """What no claim can be better than, beside what is claimed: the longest interval, gamma and the decay."""
     parts, rate = [], claimed.get("decay", 0.0)
     if found["pattern_limit"]:
@@ -88,7 +88,7 @@ def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> str:
     parts += [f"gamma at least {at_least(max(gains), 4)}{weight}"] if gains else []
     growth = found["pattern"]["growth"]
     parts += [f"decay at most {at_most(-growth, 4)} 1/s"] if growth is not None else []
-    return f"{'; '.join(parts)}   of {found['of']}"
+    return [f"{part}   of {found['of']}" for part in parts]
 
 
 def background(claimed: Mapping[str, Any]) -> Rows:

@@ -22,6 +22,7 @@ from obsdesign.tables.text import at_least, at_most
 
 MEANING = "norm2(z) <= gamma norm2(w) from zero error"  # of gamma
 LARGEST_EXPONENT = 100  # of exp(delta T2)
+JITTERS = 11  # T2 / T1 from which on nobody speaks of a jitter, in percent
 CONSTANTS = ("rate", "overshoot", "initial", "disturbance", "noise")  # less of the first, and more of the others, holds
 
 
@@ -127,14 +128,20 @@ def sequences(T1: fmpq, T2: fmpq) -> str:
     first, last = above(T1), below(T2)
     if not T1:
         return f"for every sequence of measurements that are at most {last!r} apart, the first one included"
-    jitter = f" (a jitter of {at_least(100 * (T2 - T1) / T1, 4)} %)" if T1 < T2 else ""
-    apart = f"for every sequence of measurements that are {first!r} to {last!r} apart{jitter}"
-    return f"{apart}, and a first one no later than {last!r}"
+    between = f"{first!r} to {last!r} apart{told(' (a jitter of {} %)', T1, T2)}" if T1 < T2 else f"{last!r} apart"
+    return f"for every sequence of measurements that are {between}, and a first one no later than {last!r}"
 
 
 def span(T1: fmpq, T2: fmpq) -> str:
     """Intervals of a claim in a few words; `T1`, `T2`: s."""
+    if T1 == T2:
+        return f"{at_least(T2)} s"
     return f"{at_most(T1)} to {at_least(T2)} s" if T1 else f"any up to {at_least(T2)} s"
+
+
+def told(form: str, T1: fmpq, T2: fmpq) -> str:
+    """The jitter in words, where it is a number of which people speak."""
+    return form.format(at_least(100 * (T2 - T1) / T1, 4)) if T1 < T2 <= JITTERS * T1 else ""
 
 
 def jitter(T1: fmpq, T2: fmpq) -> dict[str, float]:

@@ -61,7 +61,7 @@ class ClockSection(Section):
 def one_or_several(kind: str, words: tuple[str, ...]) -> Either:
     """Form of one of a few words, or of a list of them."""
     word = OneOf(kind, words)
-    return Either(f"one of {', '.join(words)}, or a list of them", word, ListOf(word))
+    return Either(f"one of {', '.join(words)}, or a list of them", word, ListOf(word, least=1))
 
 
 class SporadicObserver(asked.ObserverSection):

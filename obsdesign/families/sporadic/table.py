@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from obsdesign.families.sporadic.certificate import span
+from obsdesign.families.sporadic.certificate import span, told
 from obsdesign.families.sporadic.clock.claim import MEANING
 from obsdesign.lmi.formula import printed
 from obsdesign.tables.text import UNBOUNDED, at_least, at_most, gamma_text, matrix_text, rate_text, spectral_norm
@@ -15,8 +15,7 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
     rows = [("gamma", gamma_text(claimed, MEANING.format(w=w)))]
     rows += [("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
     T1, T2 = (printed(claimed[name]) for name in ("T1", "T2"))
-    jitter = f", a jitter of {at_least(100 * (T2 - T1) / T1, 3)} %" if T1 else ""
-    rows += [("intervals", f"{span(T1, T2)}{jitter}")]
+    rows += [("intervals", f"{span(T1, T2)}{told(', a jitter of {} %', T1, T2)}")]
     size = "|e|" if "|(e, d)|" not in claimed["statement"] else "|(e, d)|"
     rows += [("noise", f"{at_most(claimed['noise'], 4)} sup|eta| at most in {size}")] if "noise" in claimed else []
     rows += [("tolerated", f"T2 up to {at_least(claimed['T2_max'])} s")] if "T2_max" in claimed else []

@@ -118,7 +118,10 @@ class ClockDesigner:
         most = self.tolerated(analysis, T2, decay)
         limit: dict[str, Any] = {}
         if most is None or most < float(T2):
-            return self.useless(gains, T2, decay, most)
+            claim = self.claim(gains, T2, decay)  # the edge is numerical, and a proof is not
+            if claim is None or not claim.holds:
+                return self.useless(gains, T2, decay, most)
+            most = float(T2)
         if self.request.objective == "max-T2":
             limit = {"T2": min(most, float(self.T2.high))}
             T2 = within_slack(limit["T2"], float(T2), slack)

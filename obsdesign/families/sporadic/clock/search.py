@@ -5,7 +5,7 @@ lower degree, and what is shipped is analysed once more and proved.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,6 +18,7 @@ from obsdesign.families.sporadic.clock.bernstein import Shape, adapted, of_gain
 from obsdesign.families.sporadic.clock.convex import Convex, GapReset, Predictor, Reset
 from obsdesign.families.sporadic.clock.descent import BARRIER, Gains, Injection, descend, walled
 from obsdesign.families.sporadic.clock.theorem import error_system
+from obsdesign.families.sporadic.clock.witness import GOALS
 from obsdesign.families.sporadic.units import SPEC, Units
 from obsdesign.lmi.formula import Array, Exact, Float, in_floats, printed
 from obsdesign.model.multiplier import Multiplier
@@ -26,8 +27,9 @@ from obsdesign.model.plant import Plant
 COARSE = 3  # degree of the storage function of a descent, at most
 FINE = 4  # .. and segments of that of a convex problem
 WIDER = 4.0  # between bounds on the gain, until gamma settles
+NEARLY = 2.0  # gamma of convex problems, relative to the least that they reach, from which on descents begin
 SETTLED = 0.03  # relative change of gamma below which it has
-MOST = 8  # bounds that are tried
+MOST = 8  # .. and bounds that are tried
 SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sought
 SMALLEST = 1e-3  # part of a gain below which none is sought: a plant that is stable needs no gain at all
 INSIDE = 0.98  # of a bound: where a descent begins at the latest
@@ -67,6 +69,11 @@ def norm(gain: Float) -> float:
 def scaled(gains: Gains, factor: float) -> Gains:
     """Gains that are multiplied by a factor."""
     return {name: gain if name == "knots" else factor * gain for name, gain in gains.items()}
+
+
+def least(found: Iterable[Found]) -> Found | None:
+    """Gains of the least gamma."""
+    return min(found, key=lambda f: f.gamma, default=None)
 
 
 @dataclass
@@ -142,18 +149,64 @@ class Curve:
             warm = self.descended(begin, kappa, T2, decay, steps)
             if warm and warm.gamma < RISE * near.gamma:
                 return warm
-        if self.kappa is not None:
-            cold = self.within(self.kappa, T2, decay)
-            return min((f for f in (warm, cold) if f), key=lambda f: f.gamma, default=None)
-        best, kappa = warm, self.begin
-        for _ in range(MOST):
-            found = self.within(kappa, T2, decay)
-            settled = found and best and found.gamma > (1 - SETTLED) * best.gamma
-            best = min((f for f in (best, found) if f), key=lambda f: f.gamma, default=None)
+        cold = self.within(self.kappa, T2, decay) if self.kappa is not None else self.unbounded(T2, decay)
+        return least(f for f in (warm, cold) if f)
+
+    def unbounded(self, T2: fmpq, decay: fmpq) -> Found | None:
+        """Gains of the least gamma within bounds that grow, until gamma settles or is not proved any more.
+
+        Where the gains of convex problems come near to the least gamma that they reach, descents begin.
+        """
+        firsts = list(self.firsts(T2, decay))
+        lowest = least(first for _, first in firsts if first)
+        if lowest is None:
+            return None
+        k = next(k for k, (_, first) in enumerate(firsts) if first and first.gamma <= NEARLY * lowest.gamma)
+        best: Found | None = None
+        for kappa, first in self.wider(firsts[k:], T2, decay):
+            found = self.descended(first, kappa, T2, decay) or first
+            if not self.proved(found, T2, decay):
+                break
+            settled = best and found.gamma > (1 - SETTLED) * best.gamma
+            best = least(f for f in (best, found) if f)
             if settled:
                 break
-            kappa *= WIDER
-        return best
+        return best or self.narrower(firsts[:k], T2, decay) or lowest
+
+    def narrower(self, firsts: list[tuple[float, Found | None]], T2: fmpq, decay: fmpq) -> Found | None:
+        """Gains within the largest of some bounds for which gamma is proved."""
+        for kappa, first in reversed(firsts):
+            made = first and (self.descended(first, kappa, T2, decay) or first)
+            if made and self.proved(made, T2, decay):
+                return made
+        return None
+
+    def firsts(self, T2: fmpq, decay: fmpq) -> Iterator[tuple[float, Found | None]]:
+        """Bounds that grow with the best gains of convex problems within each, until their gamma settles."""
+        before, kappa = math.inf, self.begin
+        for _ in range(MOST):
+            first = self.first(kappa, T2, decay)
+            yield kappa, first
+            if first and first.gamma > (1 - SETTLED) * before:
+                break
+            before, kappa = first.gamma if first else before, WIDER * kappa
+
+    def wider(self, firsts: list[tuple[float, Found | None]], T2: fmpq, decay: fmpq) -> Iterator[tuple[float, Found]]:
+        """These with gains, and as many more as are tried at most."""
+        yield from ((kappa, first) for kappa, first in firsts if first)
+        kappa = firsts[-1][0]
+        while (kappa := WIDER * kappa) < self.begin * WIDER**MOST:
+            if first := self.first(kappa, T2, decay):
+                yield kappa, first
+
+    def proved(self, found: Found, T2: fmpq, decay: fmpq) -> bool:
+        """Whether gamma is proved of gains: not where they are so large that doubles do not find a proof."""
+        gains = {name: printed(gain) for name, gain in self.outside(found).items()}
+        clock = of_gain(self.T1, gains["knots"], gains["K_of_gap"]) if "K_of_gap" in gains else None
+        error = error_system(self.plant, self.Cp, gains)
+        exact = Analysis(self.engine, error, self.multiplier, self.T1, self.shape, clock)
+        witness = exact.prove(GOALS["gamma"], T2 * self.time, decay / self.time)
+        return witness is not None and witness.holds
 
     def eased(self, gains: Gains) -> Gains:
         """Gains, smaller where they are too near to the bound for a descent to begin."""
@@ -168,9 +221,13 @@ class Curve:
 
     def within(self, kappa: float, T2: fmpq, decay: fmpq) -> Found | None:
         """Gains of the least gamma within a bound on them, by descent from the best start."""
-        starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
-        first = min((f for f in starts if f), key=lambda f: f.gamma, default=None)
+        first = self.first(kappa, T2, decay)
         return first and (self.descended(first, kappa, T2, decay) or first)
+
+    def first(self, kappa: float, T2: fmpq, decay: fmpq) -> Found | None:
+        """Best of the gains within a bound from convex problems."""
+        starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
+        return least(f for f in starts if f)
 
     def starts(self, kappa: float, T2: fmpq, decay: fmpq) -> Iterator[Gains]:
         """Gains within a bound from convex problems: a predictor, or a reset and what acts like it between samples."""
@@ -259,9 +316,7 @@ class Curve:
         if not kappa:
             return None
         first = self.measured(scaled(found.gains, INSIDE * part), T2, decay)
-        if first is None:
-            starts = (self.measured(gains, T2, decay) for gains in self.starts(kappa, T2, decay))
-            first = min((f for f in starts if f), key=lambda f: f.gamma, default=None)
+        first = first or self.first(kappa, T2, decay)
         made = first and self.descended(first, kappa, T2, decay, SOME)
         return made if made and self.gamma(self.outside(made), T2 * self.time, decay / self.time) <= target else None
 

@@ -73,9 +73,9 @@ def witnesses(analysis: Analysis, T2: fmpq, decay: fmpq) -> dict[str, Witness]:
         level = {"mu": printed(round_up(float(gamma.numbers["mu"]) * NOISY**2, 6))}
         found["energy"] = analysis.prove(GOALS["energy"], T2, decay, given=level)
     limit = fastest(analysis, T2, decay, accuracy=ROUGH)
+    if rate := decay or printed(round_down(QUIET * (limit or 0.0), 3)):
+        found["overshoot"] = analysis.prove(GOALS["overshoot"], T2, rate)
     if limit is not None:
-        rate = decay or printed(round_down(QUIET * limit, 3))
-        found["overshoot"] = analysis.prove(GOALS["overshoot"], T2, rate) if rate else None
         rates = [printed(round_down(part * limit, 3)) for part in PARTS]
         if analysis.system.Bx.shape[1]:
             found["disturbance"] = best(analysis, GOALS["disturbance"], T2, rates)
