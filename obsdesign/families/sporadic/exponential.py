@@ -24,7 +24,7 @@ from obsdesign.families.sporadic.claim import Claim
 from obsdesign.families.sporadic.gains import SHORTER, Gains, Setting, longest_proof, prove, sustained, tolerated
 from obsdesign.families.sporadic.held import held
 from obsdesign.families.sporadic.landscape import LEAST_DELTA
-from obsdesign.families.sporadic.reasons import hiding_interval, out_of_bounds, too_long, useless
+from obsdesign.families.sporadic.reasons import hiding_interval, missed, out_of_bounds, too_long, useless
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import Made, Point, Scheme, Study, schemes, within_slack
 from obsdesign.families.sporadic.units import SPEC, units
@@ -131,9 +131,7 @@ class Designer:
         goal = study.target(made.level)
         proof = made.certificate if self.request.objective == "min-gamma" else None
         if proof and proof.holds and float(proof.gamma) > goal:
-            self.notes.append(
-                f"no gain was found to reach gamma = {goal:g}, all that the slack allows; this is the nearest found"
-            )
+            self.notes.append(missed(goal))
         return self.shipped(study, made, self.limit_of(made, *self.lowest), *self.lowest)
 
     @property

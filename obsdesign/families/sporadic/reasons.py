@@ -22,6 +22,11 @@ CLOSE = 1e-3  # relative, from a limit to what is suggested
 HIDDEN = 1e-9  # smallest singular value, of unit eigenvectors seen through a unit C, that counts as zero
 
 
+def missed(goal: float) -> str:
+    """Say that what is shipped has a larger gamma than the slack allows."""
+    return f"no gain was found to reach gamma = {goal:g}, all that the slack allows; this is the nearest found"
+
+
 def hiding_interval(plant: Plant[Exact], multiplier: Multiplier, decay: float, T2: float) -> Diagnosis:
     """Answer of the shortest interval that hides modes of the plant with f = K q, for K inside and at the vertices."""
     choices = [(b.member, *(K for K in b.vertices if b.contains(K))) for b in multiplier.blocks]

@@ -31,7 +31,7 @@ from obsdesign.families.sporadic.clock.theorem import error_system
 from obsdesign.families.sporadic.clock.truth import truth
 from obsdesign.families.sporadic.gains import LONGER, SHORTER
 from obsdesign.families.sporadic.held import held
-from obsdesign.families.sporadic.reasons import hiding_interval
+from obsdesign.families.sporadic.reasons import hiding_interval, missed
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import within_slack
 from obsdesign.families.sporadic.theorem import tied_gain
@@ -41,6 +41,7 @@ from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
 CONSTANT = "a constant K has a smaller gamma than what was found of one that depends on the interval"
+TIGHT = ("min-gamma", "pareto")  # objectives for which gamma counts
 MODERATE = 2.0  # gamma of gains that only have to be feasible, relative to the least that is found
 SHORT = 1000  # parts of T2: the T1 of a search for K where it is zero
 FARTHER = (fmpq(1), fmpq(3), fmpq(6))  # slacks within which of a largest T2, or decay, a proof is tried
@@ -198,17 +199,24 @@ class ClockDesigner:
         wanted = 1 + float(self.request.slack)
         if (cap := self.request.largest_gamma) is not None and float(cap) < least:
             raise UndecidedError(above_bound(least, float(cap)), id="OBS507")
-        target = least * (wanted if self.request.objective in {"min-gamma", "pareto"} else max(wanted, MODERATE))
+        target = least * (wanted if self.request.objective in TIGHT else max(wanted, MODERATE))
         if cap is not None:
             target = min(target, float(cap))
         self.engine.report(0.8, f"small gains for T2 = {float(T2):g}")
         enough = self.request.objective == "pareto" and curve.kappa is not None  # as large as its point on the curve
         small = best if enough else curve.smaller(best, target * (1 - ROOM), T2, decay)
         self.engine.report(0.9, "proof")
+        nearest, reached = None, math.inf if cap is None else math.nextafter(float(cap), math.inf)
         for gains in self.roundings(curve, small, target, T2, decay):
             claim = self.claim(gains, T2, decay)
-            if claim and claim.holds:
-                return Outcome(Verdict.CERTIFIED, in_floats_of(gains), claim, limit=limit)
+            if claim and claim.holds and float(claim.gamma) < reached:
+                nearest, reached = claim, float(claim.gamma)
+            if nearest and reached <= target:
+                break
+        if nearest:
+            counts = self.request.objective == "min-gamma" and self.plant.B.shape[1]
+            self.notes += [missed(target)] if counts and reached > target else []
+            return Outcome(Verdict.CERTIFIED, in_floats_of(nearest.gains), nearest, limit=limit)
         raise UndecidedError(
             f"gains were found, and no proof for them; gamma seems to be about {least:g}; try `clock: {{segments: 4}}`",
             id="OBS507",
