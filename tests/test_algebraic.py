@@ -3,12 +3,12 @@
 import json
 import re
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.bounded import soon
 from support.commands import run
 from support.shipped import SPECS, shipped, solved
 
@@ -699,10 +699,9 @@ observer: {type: high-gain, copy: outputs, injection: {p: {y1: 20}, pd: {y1: 100
 
 def test_functions_of_many_operations_are_neither_written_out_nor_searched_without_end():
     Path("cart.yaml").write_text(CART)
-    started = process_time()
-    outcome = run("solve", "cart.yaml")
+    with soon():
+        outcome = run("solve", "cart.yaml")
     assert outcome.exit_code == 4
-    assert process_time() - started < 10
     assert "claimed     what follows of these gains is their claim only: it is not proved" in outcome.stdout
     failing = [line for line in outcome.stdout.splitlines() if line.startswith(("NOT PROVED", "note"))]
     assert len(failing) == 4
@@ -734,10 +733,9 @@ observer: {type: high-gain, injection: {x1: {y: %s}, x2: {y: 3*v}, x3: {y: u*v},
 @pytest.mark.parametrize(("gain", "code"), [("5*u", 4), ("-50*u", 3)])
 def test_minors_of_many_operations_are_left_open_unless_a_small_one_decides(gain, code):
     Path("coupled.yaml").write_text(COUPLED % gain)
-    started = process_time()
-    outcome = run("solve", "coupled.yaml")
+    with soon():
+        outcome = run("solve", "coupled.yaml")
     assert outcome.exit_code == code
-    assert process_time() - started < 10
     said = "neither proved nor refuted: the error of hat_x1, hat_x2, hat_x3, hat_x4, hat_x5, hat_x6 is stable: leading"
     assert (f"{said} minor 4 of its matrix of Hurwitz > 0, too large to be decided" in outcome.stdout) == (code == 4)
 
@@ -753,10 +751,9 @@ def test_entries_of_a_matrix_that_are_all_different_are_not_multiplied_out():
     system = {"inputs": inputs, "dynamics": sides, "outputs": {"y": "x0"}, "domain": domain}
     spec = {"obsdesign": 1, "system": system, "observer": {"type": "high-gain", "injection": {"x0": {"y": 5}}}}
     Path("dense.yaml").write_text(json.dumps(spec))
-    started = process_time()
-    outcome = run("solve", "dense.yaml")
+    with soon():
+        outcome = run("solve", "dense.yaml")
     assert outcome.exit_code == 4
-    assert process_time() - started < 10
     assert "minor 1 of its matrix of Hurwitz > 0, too large to be decided" in outcome.stdout
 
 

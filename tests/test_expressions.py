@@ -1,13 +1,13 @@
 """The language of expressions: what is read, what is refused and where, what is exact."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.bounded import soon
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, ExpressionError, constant, parse
@@ -185,10 +185,9 @@ def test_a_mistake_is_named_with_its_column_and_what_is_allowed(text, column, wo
     ],
 )
 def test_hostile_text_is_refused_at_once(text, column):
-    start = time.process_time()
-    error = refusal(text)
+    with soon():
+        error = refusal(text)
     assert error.column == column, error.message
-    assert time.process_time() - start < 0.5
     assert len(error.message) < 200
 
 
@@ -204,13 +203,12 @@ def test_hostile_text_is_refused_at_once(text, column):
     ids=["a sum", "a product", "brackets", "functions", "a power"],
 )
 def test_the_largest_expressions_within_the_limits_have_every_reading(text):
-    start = time.process_time()
-    expression = parse(text, NAMES)
+    with soon():
+        expression = parse(text, NAMES)
+        slope = expression.derivative("x")
+        assert expression.scalar(["x"])(1.0) == pytest.approx(expression.function(["x"])(1.0))
+        assert slope.scalar(["x"])(1.0) == pytest.approx(slope.function(["x"])(1.0))
     assert expression.text.count("x") == text.count("x")
-    slope = expression.derivative("x")
-    assert expression.scalar(["x"])(1.0) == pytest.approx(expression.function(["x"])(1.0))
-    assert slope.scalar(["x"])(1.0) == pytest.approx(slope.function(["x"])(1.0))
-    assert time.process_time() - start < 5
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,9 @@
 import json
 import os
 import subprocess
-import time
 
 import pytest
+from support.bounded import soon
 from support.commands import run
 from test_report import altered, solved
 
@@ -59,15 +59,15 @@ def forged(content, part, value):
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: ".".join(map(str, part)))
 def test_a_part_that_is_not_proved_is_refused_or_shown(genuine, part, tmp_path):
-    path, begun = tmp_path / "x.gains.json", time.process_time()
+    path = tmp_path / "x.gains.json"
     for value in HOSTILE:
         path.write_text(forged(json.loads(genuine.read_text()), part, value))
         for command in (("report", path, "-o", tmp_path / "x.html"), ("diff", genuine, path), ("verify", path)):
-            outcome = run(*command)
+            with soon():
+                outcome = run(*command)
             assert outcome.exit_code in {0, 2, 4}, (command, str(value)[:20], outcome.exception)
             assert isinstance(outcome.exception, SystemExit | None), (command, str(value)[:20])
             assert outcome.stderr.count("\n") == (outcome.exit_code != 0)
-    assert time.process_time() - begun < 30
 
 
 @pytest.mark.parametrize("text", ['{"points": [{"alpha": 1e999}]}', '{"points": [{"alpha": NaN}]}', "1e400"])

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import yaml
 from flint import fmpq
 from hypothesis import given
 from hypothesis import strategies as st
+from support.bounded import soon
 from support.commands import run
 from support.sweep import examples
 
@@ -34,10 +34,8 @@ def entry(text):
 
 
 def first_problem(text):
-    started = time.process_time()
-    with pytest.raises(UsageError) as caught:
+    with soon(), pytest.raises(UsageError) as caught:
         loads(text)
-    assert time.process_time() - started < 2
     return caught.value.problems[0]
 
 

@@ -102,6 +102,12 @@ def test_the_import_takes_less_than_30_ms(benchmark):
     assert seconds < 0.03 * slowness()
 
 
+def test_a_spec_is_read_within_30_ms(benchmark):
+    load(str(BEARING))
+    seconds = benchmark.pedantic(lambda: processor_time(lambda: load(str(BEARING)))[0], rounds=5)
+    assert seconds < 0.03 * slowness()
+
+
 def test_a_proof_of_order_8_takes_less_than_50_ms(benchmark, tmp_path):
     spec = load(str(BEARING))
     path = tmp_path / "gains.json"
