@@ -2,6 +2,7 @@
 
 import json
 import os
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -380,3 +381,47 @@ def test_the_summaries_that_are_merged_are_not_replaced():
     for source in ("results", "results/summary.json"):
         told = ("--format", "sarif", "--output-file", "results/summary.json")
         assert run("batch", "--merge", source, "--out", "all", *told).exit_code == 2
+
+
+EXPECTING = GOOD + "expect: {status: certified, gamma: {verified: 1.0e-3}, simulation.status: done}\n"
+
+
+def test_a_forged_record_of_results_that_are_there_is_not_believed():
+    put("a.yaml", EXPECTING)
+    for _ in range(2):
+        assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 4
+    assert entries()["a.yaml"]["up_to_date"] is True
+    honest = entries()["a.yaml"]["guarantee"]
+    content = json.loads(RECORD.read_text())
+    content["entry"] |= {"as_expected": True, "exit_code": 0, "expected": [], "problems": []}
+    content["entry"]["guarantee"]["gamma"] = 1e-12
+    RECORD.write_text(json.dumps(content))
+    outcome = run("batch", "a.yaml", "-v", "--jobs", 1, "--format", "junit")
+    assert outcome.exit_code == 4
+    assert "its record says what its result does not" in outcome.stderr
+    assert "<failure" in outcome.stdout
+    entry = entries()["a.yaml"]
+    assert (entry["guarantee"], entry["as_expected"], entry["up_to_date"]) == (honest, False, False)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 4
+    assert entries()["a.yaml"]["up_to_date"] is True
+
+
+def resolved(**parts):
+    """Why a spec is solved again whose result file has other parts, which its record has the hash of."""
+    gains, record = Path("results/a/a.gains.json"), json.loads(RECORD.read_text())
+    gains.write_text(json.dumps({**json.loads(gains.read_text()), **parts}))
+    record["hashes"]["gains"] = sha256(gains.read_bytes()).hexdigest()
+    RECORD.write_text(json.dumps(record))
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    return entries()["a.yaml"]["why"]
+
+
+def test_a_forged_result_whose_hash_is_in_its_record_is_solved_again():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    genuine = json.loads(Path("results/a/a.gains.json").read_text())
+    changed = {**genuine["spec"], "set": ["system.A=[[-1000]]"]}
+    better = {**genuine["guarantee"], "gamma": genuine["guarantee"]["gamma"] / 2}
+    for parts in ({"spec": changed}, {"guarantee": better}, {"guarantee": []}, {"status": "infeasible"}):
+        assert resolved(**parts) == "its record says what its result does not"
+    assert resolved() is None

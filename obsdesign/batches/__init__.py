@@ -2,7 +2,7 @@
 
 find.py       specs below paths, and where their results go; sweep.py: with which changes; clash.py: which cannot be
 perform.py    one spec, from its text to its entry and its files
-record.py     that entry on disk, and whether it is up to date
+record.py     that entry on disk, and whether it is up to date; renew.py: which is proved anew then
 workers.py    warm processes, which may hang, crash or eat memory; worker.py: one of them; cluster.py: others, by Dask
 summary.py    all entries, counts, exit code; table.py: in lines; formats.py: for other programs; merge.py: of shards
 """
@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,7 +22,18 @@ from obsdesign.batches.clash import clashes
 from obsdesign.batches.find import SUMMARY, Task, find, share, titled
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.merge import merge
-from obsdesign.batches.record import Options, digest_of_list, entry_of, printable, read, reason, sha256, to_bytes, tool
+from obsdesign.batches.record import (
+    CLAIMED,
+    Options,
+    digest_of_list,
+    entry_of,
+    printable,
+    read,
+    reason,
+    sha256,
+    to_bytes,
+    tool,
+)
 from obsdesign.batches.summary import INTERRUPTED, Summary, Tally, opened, write
 from obsdesign.batches.sweep import combinations
 from obsdesign.disk import remove_strays
@@ -175,7 +186,7 @@ class Run:
     ) -> None:
         self.tasks, self.options, self.out, self.head, self.follower = tasks, options, out, head, follower
         self.refused, self.force = refused, force
-        self.due = dict[Task, str]()  # what is to be run, and why
+        self.due = dict[Task, str]()  # what is to be run, and why; first what is only to be proved anew
         self.why = dict[Task, str | None]()  # each that ended was run; None: it is up to date
         self.told = dict[Task, bytes]()  # entries of these and of what is skipped, as JSON, which takes little memory
         self.tally = Tally()
@@ -204,6 +215,7 @@ class Run:
         """Run what is not up to date."""
         asked = [task for task in self.tasks if task not in self.told]
         self.follower.found(len(asked))
+        due = dict[Task, str]()
         for task in asked:
             if task in self.refused:
                 entry = entry_of(task, "invalid", 2, self.refused[task], sha256=sha256(task))
@@ -212,26 +224,31 @@ class Run:
             record = read(self.out, task)
             why = "--force" if self.force else reason(record, task, self.options, self.out)
             if why is not None or record is None:
-                self.due[task] = why or ""
+                due[task] = why or ""
+            elif any(record["entry"][part] for part in CLAIMED):
+                self.due[replace(task, kept=True)] = "its record says what its result does not"
             else:
                 self.ended(task, record["entry"], None)
         if fail_fast and self.tally.codes:
             return
-        running = self.running(self.due, jobs, scheduler)
+        self.due |= due
+        running = self.running(jobs, scheduler)
         for task, entry in running:
-            self.ended(task, entry, self.due[task])
+            self.ended(task, entry, None if entry["up_to_date"] else self.due[task])
             if fail_fast and self.tally.codes:
                 running.close()
 
-    def running(self, due: Iterable[Task], jobs: int, scheduler: str | None) -> Generator[tuple[Task, Entry]]:
-        """Tasks as they end, here or on a cluster."""
+    def running(self, jobs: int, scheduler: str | None) -> Generator[tuple[Task, Entry]]:
+        """Tasks as they end, here or on a cluster; what is only to be proved anew is here."""
 
         def begun(task: Task) -> None:
             self.follower.begun(printable(task.title))
 
+        here = [task for task in self.due if task.kept or scheduler is None]
+        yield from workers.run(here, self.options, self.out, jobs, begun)
         if scheduler is not None:
-            return cluster.run(scheduler, due, self.options, self.out, begun)
-        return workers.run(due, self.options, self.out, jobs, begun)
+            there = [task for task in self.due if not task.kept]
+            yield from cluster.run(scheduler, there, self.options, self.out, begun)
 
     def ended(self, task: Task, entry: Entry, why: str | None) -> None:
         """Count what ended; its entry is kept, for someone may remove its record."""
@@ -242,14 +259,15 @@ class Run:
 
     def summarise(self, skipped: str, exit_code: int | None = None) -> Summary:
         """Write the summary; what did not end is skipped, unless its record is there before its answer."""
+        unheard = {task for task in self.due if not task.kept}
         for task in self.tasks:
             if task in self.why:
                 continue
             record = None if self.force else read(self.out, task)
             if task in self.told:
                 self.tally.add(task, json.loads(self.told[task]))
-            elif record and reason(record, task, self.options, self.out) is None:
-                self.ended(task, record["entry"], self.due.get(task))
+            elif task in unheard and record and reason(record, task, self.options, self.out) is None:
+                self.ended(task, record["entry"], self.due[task])
             else:
                 self.skip(task, skipped)
         head = {**self.head, "time_s": round(time.perf_counter() - self.started, 3)}

@@ -4,7 +4,7 @@ import glob
 import os
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from hashlib import sha256
 from itertools import product
@@ -30,6 +30,7 @@ class Task:
     path: str  # relative to the current folder where it is below it, else absolute; without `..`
     changes: tuple[str, ...] = ()  # such as observer.alpha=0.5
     text: str | None = None  # of the spec, where the file is not at hand to who designs
+    kept: bool = field(default=False, compare=False)  # its result is there, and is only to be proved anew
 
     def __lt__(self, other: "Task") -> bool:
         return (self.path, self.values, self.changes) < (other.path, other.values, other.changes)

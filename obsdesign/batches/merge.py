@@ -8,13 +8,21 @@ from typing import Any
 
 from obsdesign.batches.find import SUMMARY, Task, parted
 from obsdesign.batches.form import Entry, agrees
-from obsdesign.batches.record import ENDINGS, cleared, differing, digest_of_list, paths_of, read, spoiled
+from obsdesign.batches.record import (
+    ENDINGS,
+    VOLATILE,
+    cleared,
+    differing,
+    digest_of_list,
+    paths_of,
+    read,
+    spoiled,
+)
 from obsdesign.batches.summary import INTERRUPTED, Summary, Tally, opened, write
 from obsdesign.disk import write_all
 from obsdesign.errors import EXIT, Problem, UsageError
 
 SHOWN = 10  # shards that are missing, in a message
-VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
 
 
 def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:

@@ -32,10 +32,9 @@ def perform(task: Task, options: Options) -> Result:
         if FAMILIES[spec.observer.type].proves:
             design = solve(spec, options.solver)
             result.files = {"gains": design.text()}
-            result.entry |= told(design)
-        else:  # there is nothing to solve, and no claim: it ends well where it runs
+        else:
             design = trial(spec)
-            result.entry |= {"status": str(Verdict.UNCERTIFIED), "exit_code": 0}
+        result.entry |= told(design)
         tried(design, options, result)
     except ObsdesignError as error:
         solved = "gains" in result.files
@@ -62,6 +61,8 @@ def spec_of(task: Task) -> Spec:
 
 def told(design: Design) -> dict[str, Any]:
     """What an entry says of a design before it runs."""
+    if design.status is Verdict.NO_GUARANTEE:  # there is nothing to solve, and no claim: it ends well where it runs
+        return {"status": str(Verdict.UNCERTIFIED), "exit_code": 0}
     status, guarantee = str(design.status), design.result.get("guarantee", {})
     numbers = {k: v for k, v in guarantee.items() if isinstance(v, int | float) and not isinstance(v, bool)}
     problems = list(reasons(design))
@@ -95,8 +96,7 @@ def tried(design: Design, options: Options, result: Result) -> None:
     Raises `UsageError`: it cannot be simulated; `ViolatedError`: the run breaks a bound that is proved of it.
     """
     spec, summary = design.spec, None
-    asked = options.simulate or any(key.startswith("simulation.") for key in spec.expect)
-    run = design.simulate() if asked and design.built and spec.simulation else None
+    run = design.simulate() if (options.simulate or expects_run(spec)) and design.built and spec.simulation else None
     if run:
         summary = run.summary
     if run and options.simulate:
@@ -106,6 +106,11 @@ def tried(design: Design, options: Options, result: Result) -> None:
     result.entry["problems"] += [written(problem) for problem in unmet(spec, expected)]
     if run:
         require_kept(run.summary, spec.path)
+
+
+def expects_run(spec: Spec) -> bool:
+    """Whether a spec expects something of a run."""
+    return any(key.startswith("simulation.") for key in spec.expect)
 
 
 def as_expected(entry: Mapping[str, Any], expect: Mapping[str, Any], expected: list[dict[str, Any]]) -> bool:

@@ -17,6 +17,7 @@ from obsdesign.batches.find import Task
 from obsdesign.batches.form import Entry
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import Options, kept, to_bytes
+from obsdesign.batches.renew import renewed
 from obsdesign.watch import deaf, with_parent
 
 MIB = 2**20
@@ -41,17 +42,21 @@ def main(pipe: int, parent: int) -> None:
 
 
 def answer(asked: dict[str, Any]) -> Entry:
-    """Entry of a task, whose files are written; where they cannot be, it says so, and there is no record."""
+    """Entry of a task: of a result that is kept, or whose files are written now; no record where they cannot be."""
     task, options, out = asked_for(**asked["task"]), Options(**asked["options"]), Path(asked["out"])
     with_memory(options.memory)
-    result = perform(task, options)
-    with_memory(None)
+    try:
+        if task.kept and (known := renewed(task, out)):
+            return known
+        result = perform(task, options)
+    finally:
+        with_memory(None)
     return kept(result, task, options, out)
 
 
-def asked_for(path: str, changes: list[str], text: str | None) -> Task:
+def asked_for(path: str, changes: list[str], text: str | None, kept: bool) -> Task:
     """Task, of its JSON."""
-    return Task(path, tuple(changes), text)
+    return Task(path, tuple(changes), text, kept)
 
 
 def with_memory(limit: float | None) -> None:

@@ -1,0 +1,77 @@
+"""A result that is there already: proved anew, with no solver, and held against what its spec expects.
+
+Anyone may have written its record and its files, so nothing of them is told that is not found again here.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from obsdesign.batches.find import Task
+from obsdesign.batches.form import Entry, parsed
+from obsdesign.batches.perform import expects_run, spec_of, told, tried
+from obsdesign.batches.record import (
+    ENDINGS,
+    VOLATILE,
+    Options,
+    Result,
+    differing,
+    digest_of,
+    entry_of,
+    paths_of,
+    read,
+    sha256,
+    to_bytes,
+)
+from obsdesign.design import Design, design_of
+from obsdesign.errors import ObsdesignError
+from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.files import ResultFile
+from obsdesign.spec import Spec
+from obsdesign.work import trial
+
+FAILURE = ("exit_code", "as_expected", "expected", "problems")  # parts that may tell of a run that is not repeated
+
+
+def renewed(task: Task, out: Path) -> Entry | None:
+    """Entry of the result of a spec, all that it claims proved anew; None where its record says otherwise."""
+    record = read(out, task)
+    if record is None:
+        return None
+    known = record["entry"]
+    try:
+        found = parsed(to_bytes(anew(task, record, out)))
+    except (ObsdesignError, ValueError):  # files that were altered
+        return None
+    left_out = {**VOLATILE, **({} if known["as_expected"] else dict.fromkeys(FAILURE))}
+    return None if differing({**known, **left_out}, {**found, **left_out}) else {**known, "up_to_date": True}
+
+
+def anew(task: Task, record: Mapping[str, Any], out: Path) -> Entry:
+    """What a result file proves and gives, as an entry. Raises `ObsdesignError`: it is none of this spec."""
+    spec, files = spec_of(task), {kind: str(Path(task.place, f"{task.name}{ENDINGS[kind]}")) for kind in ENDINGS}
+    result = Result(entry_of(task, "invalid", 2, sha256=sha256(task)))
+    result.entry["files"] = {kind: path for kind, path in files.items() if kind in record["hashes"]}
+    if "gains" in record["hashes"]:
+        design = recorded(spec, paths_of(task, out / task.place)["gains"], record["hashes"]["gains"])
+    else:
+        design = trial(spec)
+    result.entry |= told(design)
+    tried(design, Options(), result)
+    return result.entry
+
+
+def recorded(spec: Spec, path: Path, digest: str) -> Design:
+    """Design of a result file, with gains only where the spec expects something of a run.
+
+    Raises `UsageError`: it is no result of this spec, with these changes, or not the one with this hash.
+    """
+    file = ResultFile.open(str(path))
+    if digest_of(file.raw) != digest or file.changes() != spec.changes:
+        raise file.wrong("spec", "is another file, or of other changes", id="OBS704")
+    for part in {"guarantee", "diagnosis"} & file.content.keys():
+        file.table(part)
+    status = Verdict(file.status)
+    if expects_run(spec) and status is not Verdict.INFEASIBLE:
+        return design_of(file, spec)
+    return Design.of(spec, Outcome(status, diagnosis=file.plain().get("diagnosis", {})), recorded=file)
