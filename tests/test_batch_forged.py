@@ -398,7 +398,7 @@ def test_a_forged_record_of_results_that_are_there_is_not_believed():
     RECORD.write_text(json.dumps(content))
     outcome = run("batch", "a.yaml", "-v", "--jobs", 1, "--format", "junit")
     assert outcome.exit_code == 4
-    assert "its record says what its result does not" in outcome.stderr
+    assert "its result does not prove what its record says" in outcome.stderr
     assert "<failure" in outcome.stdout
     entry = entries()["a.yaml"]
     assert (entry["guarantee"], entry["as_expected"], entry["up_to_date"]) == (honest, False, False)
@@ -423,5 +423,60 @@ def test_a_forged_result_whose_hash_is_in_its_record_is_solved_again():
     changed = {**genuine["spec"], "set": ["system.A=[[-1000]]"]}
     better = {**genuine["guarantee"], "gamma": genuine["guarantee"]["gamma"] / 2}
     for parts in ({"spec": changed}, {"guarantee": better}, {"guarantee": []}, {"status": "infeasible"}):
-        assert resolved(**parts) == "its record says what its result does not"
+        assert resolved(**parts) == "its result does not prove what its record says"
     assert resolved() is None
+
+
+LISTED = "its list_sha256 is not that of the specs in these summaries: one is missing, or was changed"
+
+
+@pytest.mark.parametrize("shards", [("1/2", "2/2"), ("",)])
+def test_a_summary_that_lost_an_entry_is_not_merged(shards):
+    for name in ("a.yaml", "b.yaml", "c.yaml"):
+        put(name, "obsdesign: [")
+    folders = [f"s{i}" for i in range(len(shards))]
+    for folder, shard in zip(folders, shards, strict=True):
+        assert run("batch", ".", "-q", "--jobs", 1, "--out", folder, *(["--shard", shard] if shard else [])).exit_code
+    path = Path("s0/summary.json")
+    whole = json.loads(path.read_text())
+    one_less = {"specs": whole["specs"][1:], "counts": {**whole["counts"], "total": len(whole["specs"]) - 1}}
+    emptied = {"specs": [], "counts": {**whole["counts"], "total": 0}}
+    named = "; no summary names what is in s0/a/a.record.json"
+    for parts, said in (
+        ({"specs": whole["specs"][1:]}, f"says that there are {len(whole['specs'])} specs, and holds"),
+        ({"specs": []}, f"says that there are {len(whole['specs'])} specs, and holds 0; run it again"),
+        (one_less, f"{LISTED}{named}; run the shards again"),
+        (emptied, f"{LISTED}{named}"),
+        ({"list_sha256": "0" * 64}, "is a shard of other specs" if len(shards) > 1 else f"{LISTED}; run the shards"),
+    ):
+        path.write_text(json.dumps({**whole, **parts}))
+        outcome = run("batch", "--merge", *folders, "--out", "all")
+        assert (outcome.exit_code, outcome.stdout, outcome.stderr.count("\n")) == (2, "", 1)
+        assert said in outcome.stderr
+        assert outcome.stderr.endswith("[OBS911]\n")
+        assert not Path("all/summary.json").exists()
+    path.write_text(json.dumps(whole))
+    assert run("batch", "--merge", *folders, "--out", "all", "-q").exit_code == 2
+    assert len(entries("all")) == 3
+
+
+def test_a_folder_with_the_name_of_a_file_that_is_half_written_is_left_alone():
+    put(".obsdesign-staged-4194304-abc.yaml")
+    put("in.yaml")
+    put("in/.obsdesign-staged-4194304-abc.yaml")
+    for _ in range(2):
+        assert run("batch", ".", "in/.obsdesign-staged-4194304-abc.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert [entry["up_to_date"] for entry in entries().values()] == [True] * 3
+    put("results/.obsdesign-staged-4194304-x", "half-written")
+    assert run("batch", "in.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert not Path("results/.obsdesign-staged-4194304-x").exists()
+
+
+def test_a_link_in_the_results_leads_to_no_folder_that_is_made():
+    put("a/b/c.yaml")
+    Path("victim").mkdir()
+    Path("results/a").mkdir(parents=True)
+    Path("results/a/b").symlink_to(Path("victim").resolve())
+    assert run("batch", "a", "-q", "--jobs", 1).exit_code == 2
+    assert "a link leads to" in entries()["a/b/c.yaml"]["problems"][0]["message"]
+    assert list(Path("victim").iterdir()) == []

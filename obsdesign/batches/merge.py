@@ -1,7 +1,7 @@
 """Results of the shards of one batch, made one as if there had been no shards."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any
@@ -10,6 +10,7 @@ from obsdesign.batches.find import SUMMARY, Task, parted
 from obsdesign.batches.form import Entry, agrees
 from obsdesign.batches.record import (
     ENDINGS,
+    RECORD,
     VOLATILE,
     cleared,
     differing,
@@ -28,8 +29,8 @@ SHOWN = 10  # shards that are missing, in a message
 def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
     """Copy the results of shards, given by their folders or summaries, to one folder, and write its summary.
 
-    Raises `UsageError`: one is no summary, they are not of one batch, a shard is missing, two say different things of a
-    spec, or the results of one that was solved are not whole.
+    Raises `UsageError`: one is no summary, they are not of one batch, a shard or an entry is missing, two say different
+    things of a spec, or the results of one that was solved are not whole.
     """
     paths = [os.fspath(source) for source in sources]
     contents = {path: opened(path) for path in paths}
@@ -39,6 +40,7 @@ def merge(sources: Iterable[str | os.PathLike[str]], out: Path) -> Summary:
         for entry in content["specs"]:
             require_new(entry, source, found)
             found[task_of(entry)] = source, entry
+    require_whole_list(contents, found)
     tally, first = Tally(), contents[paths[0]]
     for task, (_, entry) in found.items():
         tally.add(task, entry)
@@ -88,6 +90,28 @@ def require_one_list(shards: Mapping[str, Mapping[str, Any]]) -> None:
         if digest != lists[0][1]:
             said = f"is a shard of other specs than {lists[0][0]}; run both with the same paths, --set and --exclude"
             raise UsageError(Problem(said, other, id="OBS911"))
+
+
+def require_whole_list(contents: Mapping[str, Mapping[str, Any]], found: Mapping[Task, tuple[str, Entry]]) -> None:
+    """Refuse summaries that lack an entry of the list of specs whose hash they carry, or have one that it lacks."""
+    for source, content in contents.items():
+        if content["counts"].get("total") != (number := len(content["specs"])):
+            said = f"says that there are {content['counts'].get('total')} specs, and holds {number}; run it again"
+            raise UsageError(Problem(said, source, id="OBS911"))
+        listed = found if content["options"].get("shard") else map(task_of, content["specs"])
+        if "list_sha256" not in content or content["list_sha256"] == digest_of_list(listed):
+            continue
+        lost = [path for path in {*contents} for path in unnamed(path, found)]
+        near = f"; no summary names what is in {', '.join(sorted(lost)[:SHOWN])}" if lost else ""
+        said = f"its list_sha256 is not that of the specs in these summaries: one is missing, or was changed{near}"
+        raise UsageError(Problem(f"{said}; run the shards again", source, id="OBS911"))
+
+
+def unnamed(source: str, found: Iterable[Task]) -> Iterator[str]:
+    """Records beside a summary that are of no spec in any."""
+    place = folder(source)
+    named = {paths_of(task, place / task.place)["record"] for task in found}
+    yield from (str(path) for path in place.rglob(f"*{RECORD}") if path not in named)
 
 
 def require_new(entry: Entry, source: str, found: Mapping[Task, tuple[str, Entry]]) -> None:
