@@ -16,6 +16,7 @@ from typing import NamedTuple
 from obsdesign.errors import Problem, UsageError
 
 STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
+LARGEST = 64 * 2**20  # bytes of a result file
 HEAD = 2**16  # bytes of a file that tell who wrote it
 
 
@@ -142,9 +143,10 @@ def remove_earlier(path: str) -> None:
 
 
 def remove_strays(folder: Path) -> None:
-    """Remove what a process that is no more left half-written in a folder. Raises `OSError`."""
+    """Remove the files that a process which is no more left half-written in a folder. Raises `OSError`."""
     for path in folder.iterdir():
-        if (found := STRAY.fullmatch(path.name)) and not Path("/proc", found[1]).exists():
+        found = STRAY.fullmatch(path.name)
+        if found and path.is_file() and not path.is_symlink() and not Path("/proc", found[1]).exists():
             path.unlink(missing_ok=True)
 
 
@@ -227,8 +229,8 @@ def newest() -> str:
     files = (path for path in Path().glob("*.gains.json") if path.is_file())
     for path in sorted(files, key=lambda p: p.stat().st_mtime, reverse=True):
         try:
-            if json.loads(path.read_bytes()).get("status") == "certified":
+            if json.loads(content_of(str(path), LARGEST)).get("status") == "certified":
                 return str(path)
-        except (OSError, ValueError, AttributeError, RecursionError):
+        except (UsageError, ValueError, AttributeError, RecursionError):
             continue
     raise UsageError("no certified *.gains.json in this folder; name a spec or a gains file", id="OBS903")

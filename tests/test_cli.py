@@ -379,9 +379,12 @@ def test_without_an_argument_the_newest_certified_gains_are_simulated():
         (20, "lost.gains.json", '{"obsdesign": 1, "status": "infeasible"}'),
         (10, "broken.gains.json", "{"),
         (5, "list.gains.json", "[1]"),
+        (3, "large.gains.json", '{"obsdesign": 1, "status": "certified"}'),
     ):
         Path(name).write_text(text)
         os.utime(name, (time.time() - age,) * 2)
+    os.truncate("large.gains.json", 2**40)  # of holes, which no memory would hold
+    os.utime("large.gains.json", (time.time() - 3,) * 2)
     os.utime("cart.gains.json", (time.time() - 100,) * 2)
     outcome = run("simulate")
     assert outcome.exit_code == 0

@@ -110,10 +110,10 @@ def folder_of(out: Path, task: Task) -> Path:
     """
     folder = out / task.place
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         if not folder.resolve().is_relative_to(out.resolve()):
             said = f"its results would leave {out}: a link leads to {folder.resolve()}"
             raise UsageError(Problem(said, task.path, id="OBS912"))
+        folder.mkdir(parents=True, exist_ok=True)
         remove_strays(folder)
     except OSError as error:
         said = f"{folder}: cannot be made or written: {error.strerror}"

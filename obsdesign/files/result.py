@@ -14,12 +14,11 @@ from typing import Any, Self
 import numpy as np
 from flint import fmpq, fmpz
 
-from obsdesign.disk import content_of
+from obsdesign.disk import LARGEST, content_of
 from obsdesign.errors import EXIT, NOT_ONE_LINE, Problem, UsageError
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
 from obsdesign.lmi.proof import Check
 
-LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
 LARGEST_POWER = 400  # of ten
 SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from obsdesign.disk import content_of
+from obsdesign.disk import LARGEST, content_of
 from obsdesign.errors import Problem, UsageError
-from obsdesign.files.result import LARGEST
 from obsdesign.lmi.formula import Array
 from obsdesign.reports.chart import FARTHEST, Chart, Curve, Look, of_errors, over_time
 from obsdesign.spec import Spec
