@@ -80,7 +80,7 @@ def test_a_spec_that_hangs_eats_memory_or_breaks_its_process_takes_no_other_down
         {"id": "OBS905", "message": "not finished after 6 s; --timeout allows more", "file": "a-hangs.yaml"}
     ]
     assert "needs more than 50 MiB; --memory allows more" in outcome.stderr
-    assert run("batch", ".", "-q", "--jobs", 2, "--timeout", 0.5, "--memory", 50).exit_code == 4
+    assert run("batch", ".", "-q", "--jobs", 2, "--timeout", 2, "--memory", 50).exit_code == 4
     assert [entry["why"] for entry in entries().values()] == ["it was late", "it lacked memory", None, None, None]
 
 

@@ -226,7 +226,7 @@ class Run:
             if why is not None or record is None:
                 due[task] = why or ""
             elif any(record["entry"][part] for part in CLAIMED):
-                self.due[replace(task, kept=True)] = "its record says what its result does not"
+                self.due[replace(task, kept=True)] = "its result does not prove what its record says"
             else:
                 self.ended(task, record["entry"], None)
         if fail_fast and self.tally.codes:

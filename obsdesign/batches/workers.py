@@ -84,7 +84,7 @@ class Worker:
         self.said.close()
 
     def failed(self, task: Task, *, late: bool) -> Entry:
-        """Entry of a spec whose process is late, or died; with a record that says so."""
+        """Entry of a spec whose process is late, or died; with a record that says so, unless it has a result."""
         if late:
             status, said = "timeout", f"not finished after {self.options.timeout:g} s; --timeout allows more"
         else:
@@ -94,6 +94,8 @@ class Worker:
         id = IDS[status]
         problem = Problem(said, task.path, id=id)
         made = entry_of(task, status, code, problem, sha256=sha256(task), time_s=taken)
+        if task.kept:  # its files stay: another try may prove them
+            return made
         try:
             return keep(Result(made), task, self.options, self.out)
         except UsageError as error:
@@ -104,8 +106,10 @@ class Worker:
         code = self.process.wait()
         self.said.seek(0)
         tail = self.said.read().decode(errors="replace")[-TAIL:]
-        if self.options.memory and OUT_OF_MEMORY.search(tail):
-            return "memory", f"needs more than {self.options.memory:g} MiB; --memory allows more"
+        if OUT_OF_MEMORY.search(tail):
+            if self.options.memory:
+                return "memory", f"needs more than {self.options.memory:g} MiB; --memory allows more"
+            return "memory", "needs more memory than there is; ask for less: fewer states, fewer points"
         if self.options.memory and -code in REFUSED:
             said = f"ended with {signal.Signals(-code).name} under a limit of {self.options.memory:g} MiB"
             return "memory", f"{said}, as libraries do that are refused memory; --memory allows more"

@@ -10,9 +10,14 @@ from unicodedata import combining, east_asian_width
 import typer
 
 from obsdesign.cli.printing import say
-from obsdesign.errors import Excerpt, ObsdesignError, Problem, listed, one_line
+from obsdesign.errors import Excerpt, ObsdesignError, Problem, UndecidedError, listed, one_line
 
 MOST = 10  # problems whose line is shown
+
+
+def without_memory(error: MemoryError) -> UndecidedError:
+    """What is told where there is no more memory."""
+    return UndecidedError(f"there is not enough memory; ask for less, such as fewer states: {error}", id="OBS908")
 
 
 def answer(error: ObsdesignError, *, as_json: bool) -> NoReturn:

@@ -11,7 +11,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from obsdesign import __version__
 from obsdesign.cli.printing import UnwrittenError, say, silence, spell_out
-from obsdesign.cli.problems import answer
+from obsdesign.cli.problems import answer, without_memory
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.watch import INTERRUPTED
 
@@ -78,6 +78,8 @@ class Commands(TyperGroup):
             answer(misused(error), as_json=ctx.obj)
         except ObsdesignError as error:
             answer(error, as_json=ctx.obj)
+        except MemoryError as error:
+            answer(without_memory(error), as_json=ctx.obj)
         except KeyboardInterrupt as stopped:
             say("; ".join(["interrupted", *getattr(stopped, "__notes__", ())]), err=True)
             raise typer.Exit(INTERRUPTED) from None

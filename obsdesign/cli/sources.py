@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import typer
 
 from obsdesign.cli.printing import say
-from obsdesign.cli.problems import tell
+from obsdesign.cli.problems import tell, without_memory
 from obsdesign.disk import below
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError, one_line
 
@@ -40,10 +40,10 @@ def each(sources: Sequence[str], answer: Callable[[str], Answer], *, as_json: bo
             if several:
                 stopped.add_note(f"{len(codes)} of {len(sources)} are done, and what they wrote is kept")
             raise
-        except ObsdesignError as error:
+        except (ObsdesignError, MemoryError) as error:
             if not several:
                 raise
-            found = Answer(failure=error)
+            found = Answer(failure=without_memory(error) if isinstance(error, MemoryError) else error)
         if as_json and several:
             reports.append({"source": source, **report_of(found)})
         elif as_json and found.failure:

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from flint import fmpq
 
-from obsdesign.lmi.farkas import Constraint, Refutation, constraints, decided, null_space
+from obsdesign.lmi.farkas import MOST, Constraint, Refutation, constraints, decided, null_space
 from obsdesign.lmi.formula import Array, Unknown, rational, rational_number, zeros
 from obsdesign.lmi.probe import Block, Program
 from obsdesign.lmi.proof import Formula, with_digits
@@ -40,6 +40,8 @@ def refutation(formula: Formula, unknowns: Sequence[Unknown], solver: str = "cla
     Returns None if none was found: the inequalities have a solution, or no certificate of this kind with rational
     faces.
     """
+    if sum(u.size for u in unknowns) > MOST:
+        return None
     given = constraints(formula, unknowns)
     if sum(len(c.vanishing) * (len(c.vanishing) + 1) // 2 for c in given) > LARGEST:
         return None

@@ -21,11 +21,13 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat
 
+from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, Inequality, Unknown, approximate, rational, zeros
 from obsdesign.lmi.probe import matrices
 from obsdesign.lmi.proof import Check, Formula, Proved, holds
 
 KIND = "farkas"
+MOST = 2400  # scalar unknowns of inequalities that are read: each has a matrix of rationals
 CONSTANT = "1 > 0"  # the inequality s > 0, whose multiplier is c
 
 
@@ -65,8 +67,14 @@ class Refutation(Proved):
 
 
 def constraints(formula: Formula, unknowns: Sequence[Unknown]) -> tuple[Constraint, ...]:
-    """Read inequalities in rationals, made homogeneous, with the rows that must vanish."""
+    """Read inequalities in rationals, made homogeneous, with the rows that must vanish.
+
+    Raises `UndecidedError`: they have too many unknowns.
+    """
     size = sum(u.size for u in unknowns)
+    if size > MOST:
+        said = f"the inequalities have {size:,} scalar unknowns, and at most {MOST:,} are read exactly"
+        raise UndecidedError(said, id="OBS908")
     points = matrices(unknowns, rational(np.vstack([np.zeros(size), np.eye(size)])))
     read = []
     for inequality in formula(points):

@@ -8,6 +8,7 @@ import numpy as np
 from obsdesign.errors import UndecidedError
 from obsdesign.lmi.formula import Array, Problem, Unknown, Values
 
+MOST = 2**13  # scalar unknowns: the points at which a formula is evaluated take 0.5 GiB then, and its values some more
 FAR = 2.0**20  # coordinates at which a formula is evaluated: its constant part is nothing beside its terms there
 
 
@@ -71,9 +72,12 @@ def probe(problem: Problem) -> Program:
     """Evaluate a formula at zero and far out along every basis element at once, and check that it is affine.
 
     Raises `ArithmeticError` if superposition fails at a random point: the formula is not affine in its unknowns (a
-    defect); `UndecidedError` if its data are beyond about 1e240.
+    defect); `UndecidedError` if it has too many unknowns, or its data are beyond about 1e240.
     """
     size = sum(u.size for u in problem.unknowns)
+    if size > MOST:
+        said = f"the inequality has {size:,} scalar unknowns, and at most {MOST:,} fit in memory: take fewer states"
+        raise UndecidedError(said, id="OBS908")
     witness = np.random.default_rng(0).standard_normal(size)
     points = matrices(problem.unknowns, np.vstack([np.zeros(size), FAR * np.eye(size), witness]))
     blocks = []
