@@ -7,7 +7,6 @@ import datetime
 import html
 import os
 import platform
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,6 +19,7 @@ import numpy as np
 from obsdesign import __version__
 from obsdesign.disk import write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
+from obsdesign.expectation import at, meets
 from obsdesign.families import FAMILIES
 from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
 from obsdesign.families.analysis import useless
@@ -258,27 +258,6 @@ class Design(Outcome):
         """Table of the design for a notebook."""
         rows = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>" for name, text in self.table())
         return f"<table>{''.join(rows)}</table>"
-
-
-def at(content: Mapping[str, Any], path: str) -> Any:
-    """Value at a dotted path into a result, or into its guarantee; None if there is none."""
-    value: Any = content if path.partition(".")[0].partition("[")[0] in content else content.get("guarantee", {})
-    for name in re.findall(r"[^.\[\]]+", path):
-        try:
-            value = value[int(name) if isinstance(value, list) else name]
-        except (KeyError, IndexError, TypeError, ValueError):
-            return None
-    return value
-
-
-def meets(found: Any, expected: Any) -> bool:
-    """Whether a value is the one that is expected; a record says within which tolerances."""
-    if not isinstance(expected, Mapping):
-        return bool(found == expected)
-    verified = expected.get("verified")
-    if not isinstance(found, int | float) or not isinstance(verified, int | float):
-        return bool(found == verified)
-    return bool(abs(found - verified) <= max(expected.get("atol", 0.0), expected.get("rtol", 1e-3) * abs(verified)))
 
 
 def design_of(file: ResultFile, spec: Spec | None = None) -> Design:

@@ -1,7 +1,8 @@
-"""What a spec may expect of its result: dotted names that a result of its family, or the summary of a run, can have."""
+"""What a spec may expect: dotted names that a result of its family, or the summary of a run, can have, and values."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from obsdesign.errors import Problem
 from obsdesign.families import FAMILIES
@@ -52,3 +53,36 @@ def stray(key: str, results: Mapping[str, Sequence[str]]) -> str | None:
     if rest[:1] and rest[0].startswith("limit") and len(rest) > 1 and rest[1] not in LIMIT:
         return unknown(f"entry of {rest[0]}", rest[1], LIMIT, {})
     return None
+
+
+def at(content: Mapping[str, Any], path: str) -> Any:
+    """Value at a dotted path into a result, or into its guarantee; None if there is none."""
+    value: Any = content if path.partition(".")[0].partition("[")[0] in content else content.get("guarantee", {})
+    for name in re.findall(r"[^.\[\]]+", path):
+        try:
+            value = value[int(name) if isinstance(value, list) else name]
+        except (KeyError, IndexError, TypeError, ValueError):
+            return None
+    return value
+
+
+def meets(found: Any, expected: Any) -> bool:
+    """Whether a value is the one that is expected; a record says within which tolerances."""
+    if not isinstance(expected, Mapping):
+        return same(found, expected)
+    verified = expected["verified"]
+    if not is_number(found) or not is_number(verified):
+        return same(found, verified)
+    return bool(abs(found - verified) <= max(expected.get("atol", 0.0), expected.get("rtol", 1e-3) * abs(verified)))
+
+
+def same(found: Any, expected: Any) -> bool:
+    """Whether two values are the same, in lists too; true is not 1."""
+    if isinstance(found, list | tuple) and isinstance(expected, list | tuple):
+        return len(found) == len(expected) and all(map(same, found, expected))
+    return isinstance(found, bool) == isinstance(expected, bool) and bool(found == expected)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a number, which true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

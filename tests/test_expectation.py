@@ -72,3 +72,31 @@ def test_every_number_of_a_result_can_be_expected(family):
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_the_gallery_expects_what_results_have(path):
     assert not list(strays(load(path)))
+
+
+@pytest.mark.parametrize(
+    ("expected", "said"),
+    [
+        ("search.x: {printed: 3}", "expect.search.x: has no value to compare with; give verified: VALUE [OBS205]"),
+        ("alpha: {}", "expect.alpha: has no value to compare with; give verified: VALUE [OBS205]"),
+        ("search.x: {verified: 3, printed: 3}", "expect.search.x: expected 3.0, found nothing [OBS617]"),
+        ("alpha: true", "expect.alpha: expected True, found 0.3 [OBS617]"),
+        ("observer.poles: [true]", "expect.observer.poles: expected [True], found "),
+        ("search.atol: {verified: true}", "expect.search.atol: expected True, found nothing [OBS617]"),
+        ("limit.attained: 0", "expect.limit.attained: expected 0.0, found False [OBS617]"),
+        ("limit.attained: {verified: 0, atol: 1}", "expect.limit.attained: expected 0.0, found False [OBS617]"),
+    ],
+)
+def test_an_expectation_that_compares_nothing_does_not_hold(expected, said):
+    Path("spec.yaml").write_text(f"{TEXTS['l2']}expect: {{{expected}}}\n")
+    outcome = run("solve", "spec.yaml", "-q")
+    assert outcome.stderr.count("\n") == 1
+    assert said in outcome.stderr
+    assert outcome.exit_code == (2 if "[OBS205]" in said else 0)
+
+
+@pytest.mark.parametrize("expected", ["limit.attained: false", "alpha: {verified: 0.3}", "observer.type: l2"])
+def test_an_expectation_that_holds_says_nothing(expected):
+    Path("spec.yaml").write_text(f"{TEXTS['l2']}expect: {{{expected}}}\n")
+    outcome = run("solve", "spec.yaml", "-q")
+    assert (outcome.exit_code, outcome.stderr) == (0, "")
