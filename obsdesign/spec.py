@@ -20,7 +20,7 @@ from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
-from obsdesign.sections.changes import opened
+from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
 
 Vector = npt.NDArray[np.float64]
@@ -315,7 +315,7 @@ class Spec(metaclass=Called):
     @property
     def changed(self) -> list[str]:
         """That a claim is of the spec with other values of some keys, as a clause; a trial changes no claim."""
-        told = [change for change in self.changes if not re.match(r"\s*(simulation|expect)\b", change)]
+        told = claimed(self.changes)
         return [f"of the spec with {', '.join(told)}"] if told else []
 
     def starts_outside(self) -> Iterator[Problem]:

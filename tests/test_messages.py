@@ -211,7 +211,7 @@ OBEYED = re.compile(r"^\s*::|##\w*\[", re.MULTILINE)  # by a runner of GitHub, o
 
 
 def test_no_line_of_any_command_is_one_that_a_runner_obeys():
-    names = ("::error::a", " \t::set-env name=b::c", "##[error]d", "##vso[task.setvariable]e")
+    names = ("::error::a", "  ::set-env name=b::c", "##[error]d", "##vso[task.setvariable]e")
     for name in names:
         Path(f"{name}.yaml").write_text(HOSTILE)
     specs, gains = [f"{name}.yaml" for name in names], [f"{name}.gains.json" for name in names]

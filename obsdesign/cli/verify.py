@@ -23,7 +23,8 @@ def verify(
         ),
     ],
     specs: Annotated[
-        bool, typer.Option("--specs", help="Hold each file against the spec at the path that it names, too.")
+        bool,
+        typer.Option("--specs", help="Hold each file against the spec at the path that it names, as it stands."),
     ] = False,
     timeout: Timeout = 600,
     as_json: AsJson = False,
@@ -41,10 +42,15 @@ def verify(
 
 
 def named(gains: str) -> str:
-    """Path of the spec that a result file names, as it was typed, below the current folder."""
-    from obsdesign.files import ResultFile
+    """Path of the spec that a result file names, as it was typed, below the current folder.
 
-    path = ResultFile.open(gains).at("spec", "path")
+    Raises `UsageError`: there is none, or the gains are of a plant or an observer that `--set` changed.
+    """
+    from obsdesign.files import ResultFile
+    from obsdesign.sections.changes import claimed
+
+    file = ResultFile.open(gains)
+    path = file.at("spec", "path")
     if (
         not isinstance(path, str)
         or not Path(os.path.realpath(path)).is_relative_to(Path.cwd())
@@ -52,6 +58,9 @@ def named(gains: str) -> str:
     ):
         said = "is no spec below the current folder; solve it from here, or leave --specs out"
         raise UsageError(Problem(f"{described(path)} {said}", gains, key="spec.path", id="OBS710"))
+    if changed := claimed(file.changes()):
+        said = f"these gains are of {described(path)} with {', '.join(changed)}, which it does not say"
+        raise file.wrong("spec.set", f"{said}; write it there and solve again, or leave --specs out", id="OBS704")
     return str(path)
 
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from itertools import combinations
 
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.sections.document import Document, Loc, Node, compose, dotted
 from obsdesign.sections.scalars import CONSTANTS, described
 
@@ -33,11 +33,19 @@ def require_distinct(changes: Sequence[str]) -> None:
             raise UsageError(Problem(said, OPTION, id="OBS110"))
 
 
+def claimed(changes: Sequence[str]) -> list[str]:
+    """Changes that make a claim one of another problem: how it is tried, and what is expected, make none."""
+    return [change for change in changes if not re.match(r"\s*(simulation|expect)\b", change)]
+
+
 def parted(change: str) -> tuple[Loc, str, str]:
     """Place, key and value of a change, as texts. Raises `UsageError`: it is not KEY=VALUE."""
     found = CHANGE.fullmatch(change)
     if not found:
         said = f"expected KEY=VALUE with a dotted key, such as observer.alpha=0.5; found {described(change)}"
+        raise UsageError(Problem(said, OPTION, id="OBS110"))
+    if broken := NOT_ONE_LINE.search(change):
+        said = f"{described(change)} holds the character U+{ord(broken[0]):04X}; write it in one line, without tabs"
         raise UsageError(Problem(said, OPTION, id="OBS110"))
     loc = tuple(int(part[1:-1]) if part[0] == "[" else part for part in re.findall(r"[\w-]+|\[\d+\]", found[1]))
     return loc, found[1], found[2]
