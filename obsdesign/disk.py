@@ -11,12 +11,13 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 from obsdesign.errors import Problem, UsageError
 
 STAGED = f".obsdesign-staged-{os.getpid()}-"  # how the names of files begin that are not complete yet
 LARGEST = 64 * 2**20  # bytes of a result file
+PART = 2**20  # bytes that are read at once
 HEAD = 2**16  # bytes of a file that tell who wrote it
 
 
@@ -51,9 +52,9 @@ def content_of(path: str, most: int) -> bytes:
     """Bytes of a file, or of standard input for `-`; not more than one beyond so many. Raises `UsageError`."""
     try:
         if path == "-":
-            return b"" if sys.stdin is None else sys.stdin.buffer.read(most + 1)
+            return b"" if sys.stdin is None else taken(sys.stdin.buffer, most + 1)
         with Path(path).open("rb") as file:
-            return file.read(most + 1)
+            return taken(file, most + 1)
     except IsADirectoryError:
         raise UsageError(Problem("is a folder; give a file", path, id="OBS101")) from None
     except (OSError, ValueError) as error:
@@ -61,6 +62,14 @@ def content_of(path: str, most: int) -> bytes:
         near = alike(path) if isinstance(error, FileNotFoundError) and not os.path.islink(path) else None
         said = f"cannot be read: {reason}{f'; did you mean {near}?' if near else ''}"
         raise UsageError(Problem(said, path, id="OBS101")) from None
+
+
+def taken(file: IO[bytes], most: int) -> bytes:
+    """Bytes of a file, not more than so many; no memory is asked for but for what there is."""
+    parts = [file.read(min(most, PART))]
+    while len(parts[-1]) == PART and (left := most - PART * len(parts)) > 0:
+        parts.append(file.read(min(left, PART)))
+    return b"".join(parts)
 
 
 def alike(path: str) -> str | None:
