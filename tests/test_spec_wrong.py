@@ -186,7 +186,7 @@ FORMS = [
     wrong(STATUS, "  status: certifed", "expect.status", "did you mean certified?"),
     wrong(STATUS, "  limit.gamma: {verifed: 1}", "expect.limit.gamma.verifed", "did you mean verified?"),
     wrong(STATUS, "  limit gamma: 1", "expect.limit gamma", "no path into a result"),
-    wrong(STATUS, "  limit.gamma: {rtol: -1}", "expect.limit.gamma.rtol", "give a number >= 0"),
+    wrong(STATUS, "  limit.gamma: {verified: 1, rtol: -1}", "expect.limit.gamma.rtol", "give a number >= 0"),
     wrong(MATRICES, "system: [1]\n", "system", "a mapping with the keys"),
     wrong(
         MATRICES,

@@ -180,7 +180,7 @@ def read_expectations(reader: Reader, written: Mapping[str, Any]) -> dict[str, A
         elif key == "status" and value not in STATUSES:
             reader.wrong(loc, unknown("status", value, STATUSES, {}), id="OBS202")
         elif isinstance(value, dict):
-            if "verified" not in value:
+            if "verified" not in value and value.keys() <= {*RECORD}:  # else one is misspelt
                 reader.wrong(loc, "has no value to compare with; give verified: VALUE", id="OBS205")
             expected[key] = {name: read_record(reader, name, item, (*loc, name)) for name, item in value.items()}
         else:
