@@ -366,7 +366,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     for axes in figure.axes:
         (shade,) = axes.patches
         assert (shade.get_x(), shade.get_x() + shade.get_width()) == pytest.approx((run.left[0].time, run.time))
-    assert any("local guarantee left: q1" in text and "outside [-1, 1]" in text for text in below)
+    assert any("local guarantee left: q1" in text and "leaves [-1, 1] at t" in text for text in below)
     assert figure.get_suptitle().endswith(f"bounds hold until t = {run.left[0].time:.4g}")
     assert "region of the declared types left" in run_sheet(replace(run, guarantee=None)).axes[0].patches[0].get_label()
 
@@ -379,8 +379,8 @@ def test_a_broken_bound_is_said_in_the_title(mass):
 @pytest.mark.parametrize(
     ("status", "said"),
     [
-        ("escape", "ESCAPE at t = 1.25 s: valid until then"),
-        ("stall", "STALLED at t = 1.25 s: valid until then"),
+        ("escape", "ESCAPE at t = 1.25 s: computed until then"),
+        ("stall", "STALLED at t = 1.25 s: computed until then"),
         ("stopped", "STOPPED at t = 1.25 s (p < 0)"),
     ],
 )
