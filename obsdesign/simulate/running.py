@@ -54,7 +54,8 @@ def recorded(
     try:
         start, breaks = initial(system, simulation, sampling), system.breaks()
     except ArithmeticError as error:
-        raise UsageError(undefined(spec, simulation)) from error
+        key, said = undefined(spec, simulation)
+        raise UsageError(Problem(said, key=key, id="OBS304")) from error
     if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
         name, _, condition = reason.partition(": ")
         raise UsageError(

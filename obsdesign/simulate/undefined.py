@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from obsdesign.errors import Problem
 from obsdesign.expressions import Expression
 from obsdesign.sections.changes import opened
 from obsdesign.spec import Simulation, Spec
@@ -12,16 +11,15 @@ from obsdesign.spec import Simulation, Spec
 Found = tuple[str, str]  # key of the spec, and what is wrong there
 
 
-def undefined(spec: Spec, simulation: Simulation) -> Problem:
-    """Problem of a run that cannot begin: the first signal that has no finite value at t = 0, or whose square has none.
+def undefined(spec: Spec, simulation: Simulation) -> Found:
+    """Why a run cannot begin: the first signal that has no finite value at t = 0, or whose square has none.
 
     What is written is looked at first, then what follows from it: the v that generates w, and the rates of the plant.
     """
     with np.errstate(all="ignore"):
         found = next((one for look in (written, derived, rates) for one in look(spec, simulation)), None)
     said = "at t = 0 the observer, or the guarantee, has no finite value: begin elsewhere, with x0 and xhat0"
-    key, message = found or ("simulation", said)
-    return Problem(message, key=key, id="OBS304")
+    return found or ("simulation", said)
 
 
 def place(spec: Spec, section: str, part: str, k: int, name: str) -> str:
@@ -39,17 +37,17 @@ def written(spec: Spec, simulation: Simulation) -> Iterator[Found]:
     states = (*spec.plant.states, *spec.model_states)
     for part, begin, hat in (("x0", simulation.x0, ""), ("xhat0", simulation.xhat0, "hat_")):
         for k, (name, value) in enumerate(zip(states, begin, strict=False)):
-            if why := wrong(f"{hat}{name}", float(value)):
+            if why := flaw(f"{hat}{name}", float(value)):
                 yield place(spec, "simulation", part, k, name), why
     known = at_start(spec, simulation)
     called = {"u": spec.inputs, "w": spec.plant.exogenous, "v": spec.drives}
     for part, names in called.items():
         for k, (name, signal) in enumerate(zip(names, getattr(simulation, part) or (), strict=False)):
-            if why := wrong(f"{name} = {signal.text}", evaluated(signal, known)):
+            if why := flaw(f"{name} = {signal.text}", evaluated(signal, known)):
                 yield place(spec, "simulation", part, k, name), why
 
 
-def wrong(what: str, value: float) -> str:
+def flaw(what: str, value: float) -> str:
     """What is wrong with a value at t = 0, if anything is."""
     if not np.isfinite(value):
         return f"{what} has no finite value at t = 0, where the run begins; give one that has"
@@ -63,7 +61,7 @@ def derived(spec: Spec, simulation: Simulation) -> Iterator[Found]:
     driven = spec.generator.drive(simulation.w) if simulation.w else None
     for k, (name, v) in enumerate(zip(spec.plant.exogenous, driven[0] if driven else (), strict=False)):
         what = f"{v.text}, the v that generates {name},"
-        if not v.names - {"t"} and (why := wrong(what, evaluated(v, {"t": 0.0}))):
+        if not v.names - {"t"} and (why := flaw(what, evaluated(v, {"t": 0.0}))):
             yield place(spec, "simulation", "w", k, name), why
 
 
