@@ -1,6 +1,7 @@
 """Two result files, and what changed from one to the other: as the files say it; nothing is proved here."""
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -14,6 +15,7 @@ from obsdesign.sections.scalars import described
 
 Change = dict[str, Any]
 ROUNDING = 1e-9  # relative: a change below it is none
+FIGURES = re.compile(r"[-+]?\d[\d.]*([eE][-+]?\d+|/\d+)?")  # what is meant as a number; an equation is not
 
 
 def diff(old: str | os.PathLike[str], new: str | os.PathLike[str]) -> dict[str, Any]:
@@ -122,7 +124,7 @@ def numbers_of(file: ResultFile) -> dict[str, float]:
             parts += [((*loc, key), entry) for key, entry in value.items()]
         elif isinstance(value, list):
             parts += [((*loc, i), entry) for i, entry in enumerate(value)]
-        elif isinstance(value, str) and value[:1] in "+-0123456789" and value:
+        elif isinstance(value, str) and FIGURES.fullmatch(value):
             found[dotted(loc)] = approximate(file.exact(value, f"guarantee.{dotted(loc)}"))
             require_finite(file, f"guarantee.{dotted(loc)}", found[dotted(loc)])
     return found
@@ -143,8 +145,9 @@ def as_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     for part in ("gains", "guarantee"):
         for one in found[part]:
             label = f"|{one['name']}|" if part == "gains" else one["name"]
-            how = f"{100 * (one['relative'] or 0):+.3g} %" if part == "guarantee" else apart(one)
-            by = "" if one["relative"] is None else f"   ({how})"
+            by = (
+                "" if one["relative"] is None else f"   ({apart(one) if part == 'gains' else percent(one['relative'])})"
+            )
             rows.append((part, f"{label} {side(one['old'])} -> {side(one['new'])}{by}"))
     return rows
 
@@ -152,9 +155,12 @@ def as_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:
 def apart(change: Change) -> str:
     """Change of the norm of a gain, with its sign, and the norm of the difference, both over the old one."""
     old, new = change["old"], change["new"]
-    return (
-        f"{100 * (new - old) / old:+.3g} %, the difference is {100 * change['relative']:.3g} %" if old and new else ""
-    )
+    return f"{percent((new - old) / old)}, the difference is {100 * change['relative']:.3g} %"
+
+
+def percent(share: float) -> str:
+    """Share with its sign."""
+    return f"{100 * share:+.3g} %"
 
 
 def side(value: str | float | None) -> str:

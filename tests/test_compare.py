@@ -292,3 +292,40 @@ def test_of_many_signals_those_are_drawn_that_the_spec_asks_for():
     Path("many.yaml").write_text(f"{text}simulation: {{horizon: 1, x0: {[1] * 8}, w: [0]}}\n")
     panels, _ = figure_of("many.yaml")
     assert list(panels) == ["x2", "x7", "|e| of x2", "|e| of x7", ""]
+
+
+SPORADIC = "{type: sporadic, T1: 0.1, T2: 0.2, relaxation: proposition-2, decay: 0.05, bounds: {L: 2}}"
+PAIR = """obsdesign: 1
+name: Pair, %s
+system: {A: [[0, 1], [-1, -1]], B: [[0], [1]], C: [[1, 0]]}
+observer: %s
+simulation: {horizon: 2, x0: [1, 0], w: ["sin(t)"], noise: {type: uniform, amplitude: [0.01]%s}}
+"""
+
+
+def test_noise_that_is_held_and_noise_of_single_measurements_are_told_apart():
+    Path("held.yaml").write_text(PAIR % ("held", L2, ", period: 0.1"))
+    Path("single.yaml").write_text(PAIR % ("single", SPORADIC, ""))
+    comparison = od.compare(["held.yaml", "single.yaml"], seeds=1)
+    said = "held for 0.1 s for held, drawn at each measurement for single; noise rms are not of the same noise"
+    assert said in str(comparison)
+    figure = comparison_sheet(comparison)
+    assert said in figure.axes[-1].texts[-1].get_text().replace("\n", " ")
+    assert figure.get_suptitle() == "Pair: 2 observers, estimates without noise, errors with it"
+    assert od.compare(["held.yaml"], seeds=1).report["notes"] == []
+
+
+def test_the_table_and_the_figure_say_when_a_run_leaves_its_region():
+    Path("square.yaml").write_text("""obsdesign: 1
+name: x(t) = 1/(2 - t)
+system: {disturbances: [d], dynamics: {x: x**2}, outputs: {y: x + d/1000}, domain: {x: [-1, 1]}}
+observer: {type: l2, alpha: 0.5, bounds: {L1: 50}}
+simulation: {horizon: 1.5, x0: {x: 0.5}, xhat0: {x: 0.5}}
+""")
+    comparison = od.compare(["square.yaml"], seeds=1)
+    assert "x of the plant leaves [-1, 1] at t = 1;" in str(comparison)
+    figure = comparison_sheet(comparison)
+    assert "x(t) = 1/(2 - t) leaves its region at t = 1 s" in [
+        text.get_text() for text in figure.legends[0].get_texts()
+    ]
+    assert "yes, local until t = 1" in [text.get_text() for text in figure.axes[-1].texts]

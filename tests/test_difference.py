@@ -112,3 +112,20 @@ def test_a_change_has_its_sign_and_rounding_is_none():
     file["guarantee"]["gamma"] *= 1 - 1e-12
     Path("new.json").write_text(json.dumps(file))
     assert (difference()["gains"], difference()["guarantee"]) == ([], [])
+
+
+def test_gains_of_other_sizes_have_norms_and_no_difference():
+    solved("system.C=[[1, 0], [0, 1]]")
+    gain = {one["name"]: one for one in difference()["gains"]}["L1"]
+    assert (gain["relative"], gain["old"] > 0, gain["new"] > 0) == (None, True, True)
+    (line,) = (row for row in run("diff", "old.json", "new.json").stdout.splitlines() if "|L1|" in row)
+    assert line.endswith(f"|L1| {gain['old']:.6g} -> {gain['new']:.6g}")
+
+
+def test_equations_of_a_guarantee_are_no_numbers():
+    assert run("init", "a", "--plant", "converter", "--family", "kkl").exit_code == 0
+    for name, G in (("old.json", "0.0447"), ("new.json", "0.05")):
+        assert run("solve", "a.yaml", "-q", "-o", name, "--set", f"parameters.G={G}").exit_code == 0
+    assert json.loads(Path("old.json").read_text())["guarantee"]["coordinates"][1]["phi"][:1].isdigit()
+    assert run("diff", "old.json", "old.json").stdout.split() == ["status", "certified"]
+    assert [one["name"] for one in difference()["guarantee"]] == ["rates.xi1", "coordinates[0].lambda"]

@@ -19,7 +19,7 @@ from obsdesign.lmi.formula import approximate, rational
 from obsdesign.plot import run_figure, search_figure, tradeoff_figure
 from obsdesign.plot.axis import CELLS, CLOSEST, DECADES, finite, growing_axis, levels, plain, span, thinned
 from obsdesign.plot.canvas import ROW, compose, legend_above, log_ticks, number, power, style
-from obsdesign.plot.panels import BAND, BESIDE, MOST, SETTLED, limits, scales
+from obsdesign.plot.panels import BAND, BESIDE, MOST, SETTLED, cut_off, limits, scales
 from obsdesign.plot.run import LINE, run_sheet
 from obsdesign.plot.signals import Curve
 from obsdesign.plot.traded import names
@@ -366,7 +366,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     for axes in figure.axes:
         (shade,) = axes.patches
         assert (shade.get_x(), shade.get_x() + shade.get_width()) == pytest.approx((run.left[0].time, run.time))
-    assert any("local guarantee left: q1" in text and "outside [-1, 1]" in text for text in below)
+    assert any("local guarantee left: q1" in text and "leaves [-1, 1] at t" in text for text in below)
     assert figure.get_suptitle().endswith(f"bounds hold until t = {run.left[0].time:.4g}")
     assert "region of the declared types left" in run_sheet(replace(run, guarantee=None)).axes[0].patches[0].get_label()
 
@@ -379,8 +379,8 @@ def test_a_broken_bound_is_said_in_the_title(mass):
 @pytest.mark.parametrize(
     ("status", "said"),
     [
-        ("escape", "ESCAPE at t = 1.25 s: valid until then"),
-        ("stall", "STALLED at t = 1.25 s: valid until then"),
+        ("escape", "ESCAPE at t = 1.25 s: computed until then"),
+        ("stall", "STALLED at t = 1.25 s: computed until then"),
         ("stopped", "STOPPED at t = 1.25 s (p < 0)"),
     ],
 )
@@ -571,26 +571,38 @@ def test_a_legend_with_long_names_has_fewer_columns():
     assert columns == [4, 1]
 
 
+def limited(curves):
+    """Limits of a panel, and the note of what they cut off."""
+    return *limits(curves), cut_off(curves, [1.0] * len(curves), *limits(curves))
+
+
 def test_an_initial_transient_does_not_hide_the_signal():
     t = np.linspace(0, 1, 1001)
     estimate = np.where(t < 0.01, 1e7, np.sin(t))
-    low, high, note = limits([Curve("w", np.sin(t), estimate)])
+    low, high, note = limited([Curve("w", np.sin(t), estimate)])
     assert -0.2 < low < 0
     assert 0.84 < high < 1.1
     assert "10⁷" in note
-    _, top, note = limits([Curve("w", np.sin(t), estimate / 1e7 * 1.2)])
+    _, top, note = limited([Curve("w", np.sin(t), estimate / 1e7 * 1.2)])
     assert (top > 1.2, note) == (True, "")
-    assert "reaches -9" in limits([Curve("w", np.sin(t), np.where(t < 0.01, -9.0, np.sin(t) + 0.01))])[2]
-    assert limits([Curve("w", np.ones(3), None)])[:2] == pytest.approx((0.9, 1.1))
+    assert "reaches -9" in limited([Curve("w", np.sin(t), np.where(t < 0.01, -9.0, np.sin(t) + 0.01))])[2]
+    assert limits([Curve("w", np.ones(3), None)]) == pytest.approx((0.9, 1.1))
 
 
 def test_an_initial_transient_beside_which_the_signal_is_seen_is_drawn_whole():
     t = np.linspace(0, 1, 1001)
     truth = 5 + np.sin(t)
-    low, high, note = limits([Curve("x1", truth, truth - 2 * np.exp(-100 * t))])
+    low, high, note = limited([Curve("x1", truth, truth - 2 * np.exp(-100 * t))])
     assert (low < 3.1, high > 5.8, note) == (True, True, "")
-    low, high, note = limits([Curve("x1", np.full_like(t, 5.0), np.where(t < 0.01, -14.0, 5.0))])
+    low, high, note = limited([Curve("x1", np.full_like(t, 5.0), np.where(t < 0.01, -14.0, 5.0))])
     assert (low < -14, note) == (True, "")
+
+
+def test_what_is_cut_off_is_told_in_the_unit_of_its_signal():
+    t = np.linspace(0, 1, 1001)
+    load = Curve("load [N*m]", np.sin(t) / 100, np.where(t < 0.01, -1.25, np.sin(t) / 100)).scaled(1e4)
+    curves = [Curve("speed", 100 * np.sin(t), 100 * np.sin(t)), load]
+    assert cut_off(curves, [1.0, 1e4], *limits(curves)) == "estimate of load reaches -1.25"
 
 
 @pytest.mark.parametrize(

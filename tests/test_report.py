@@ -19,7 +19,8 @@ from support.page import contrast, palettes, read
 
 import obsdesign as od
 from obsdesign.batches.find import Task
-from obsdesign.batches.record import entry_of
+from obsdesign.batches.perform import perform
+from obsdesign.batches.record import Options, entry_of, kept
 from obsdesign.batches.summary import Tally, write
 from obsdesign.errors import Problem
 from obsdesign.expressions import parse
@@ -236,10 +237,35 @@ def test_a_folder_lists_every_result_and_what_gave_none(pages):
     links = {name: next(row.all("a")).attributes["href"] for name, row in rows.items() if name != "late.yaml"}
     sheets = {e.attributes["id"]: next(e.all("h1")).text for e in root.all("article")}
     assert {name: sheets[link[1:]] for name, link in links.items()} == {name: name for name in links}
-    assert "read from small.run.csv, not run anew" in root.text
+    assert "not run anew" not in root.text  # of small.run.csv nobody knows what gains it is of
 
 
-def test_a_run_beside_its_result_that_is_none_of_this_plant_is_not_shown(folder, tmp_path):
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """What a batch leaves of a small spec, with its run."""
+    made = tmp_path_factory.mktemp("recorded")
+    task, options = Task(str(made / "small.yaml"), text=SMALL), Options(simulate=True)
+    assert kept(perform(task, options), task, options, made)["exit_code"] == 0
+    return {path.name: path.read_bytes() for path in made.rglob("small.*.*")}
+
+
+def test_the_run_of_a_batch_is_read_as_long_as_it_and_its_gains_are_those_recorded(recorded, tmp_path):
+    def origin(**changed):
+        for ending in ("gains.json", "run.csv", "record.json"):
+            (tmp_path / f"small.{ending}").write_bytes(recorded[f"small.{ending}"])
+        for name, content in changed.items():
+            (tmp_path / f"small.{name.replace('_', '.')}").write_bytes(content)
+        root = read(reported(tmp_path, tmp_path)[0])
+        return next(e.text for e in root.all("span") if "run" in e.text and e.attributes.get("class") == "mark")
+
+    assert origin() == "read from small.run.csv, not run anew"
+    anew = "run while this page was made"
+    assert origin(gains_json=recorded["small.gains.json"] + b"\n") == anew
+    assert origin(run_csv=recorded["small.run.csv"] + b"\n") == anew
+    assert origin(record_json=b"{}") == anew
+
+
+def test_a_run_that_is_none_of_this_plant_is_not_shown_though_a_record_has_its_hash(recorded, tmp_path):
     for text, said in (
         ("t,x1,hat_x1\n0,1,2\n1,1,2\n", "has no column angle"),
         ("t,angle,rate,hat_angle,hat_rate\n", "holds no samples"),
@@ -248,8 +274,11 @@ def test_a_run_beside_its_result_that_is_none_of_this_plant_is_not_shown(folder,
         (f"t,angle,rate,hat_angle,hat_rate\n{'x' * 200_000}\n", "is no table of numbers"),
         ("t,angle,rate,hat_angle,hat_rate\n0,1,1,1,1\n1,-1.7e308,1.7e308,1,1\n", "some that are not finite"),
     ):
-        (tmp_path / "small.gains.json").write_bytes((folder / "small.gains.json").read_bytes())
+        (tmp_path / "small.gains.json").write_bytes(recorded["small.gains.json"])
         (tmp_path / "small.run.csv").write_text(text)
+        record = json.loads(recorded["small.record.json"])
+        record["hashes"]["csv"] = hashlib.sha256(text.encode()).hexdigest()
+        (tmp_path / "small.record.json").write_text(json.dumps(record))
         assert said in reported(tmp_path, tmp_path)[0]
 
 

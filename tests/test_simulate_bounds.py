@@ -27,6 +27,16 @@ nonlinearities: [{f: q**3, type: {lipschitz: auto, region: {q: [-0.3, 0.3]}}, Bf
 observer: %s
 simulation: {horizon: 5, x0: [%s, 0], w: ["0"]}
 """
+SQUARE = """obsdesign: 1
+name: x(t) = 1/(2 - t)
+system:
+  disturbances: [d]
+  dynamics: {x: x**2}
+  outputs: {y: x + d/1000}
+  domain: {x: [-1, 1]}
+observer: {type: l2, alpha: 0.5, bounds: {L1: 50}}
+simulation: {horizon: 3, x0: {x: 0.5}, xhat0: {x: 0.4}, w: {d: sin(t)}}
+"""
 DROPPED = """obsdesign: 1
 name: dropped
 system: {%s}
@@ -133,3 +143,27 @@ def test_a_w_that_jumps_at_once_is_told_so_and_no_norm_is_told_of_its_v():
     assert "w jumps at t = 0, so that the v that generates it is not square integrable" in outcome.stdout
     assert "over the run" in next(line for line in outcome.stdout.splitlines() if line.startswith("z norm2"))
     assert not [line for line in outcome.stdout.splitlines() if line.startswith(("v norm2", "v sup", "ratio"))]
+
+
+@pytest.mark.usefixtures("sketched")
+def test_the_instant_at_which_a_run_leaves_its_region_does_not_depend_on_the_samples(tmp_path):
+    write(tmp_path, SQUARE)
+    assert run("solve", "case.yaml", "-q").exit_code == 0
+    for change in ("points=7", "points=2000", "horizon=1.7", "x0={x: 0.4}"):
+        outcome = run("simulate", "case.gains.json", "--json", "--set", f"simulation.{change}")
+        left = {one["of"]: one for one in json.loads(outcome.stdout)["validity"]["left"]}["plant"]
+        assert left["time"] == pytest.approx(1.5 if "0.4" in change else 1, rel=1e-4)
+        assert left["value"] == 1
+
+
+@pytest.mark.usefixtures("sketched")
+def test_gamma_says_nothing_of_the_ratio_of_a_run_that_leaves_its_region(tmp_path):
+    write(tmp_path, SQUARE)
+    assert run("solve", "case.yaml", "-q").exit_code == 0
+    stays = run("simulate", "case.gains.json", "--set", "simulation.horizon=0.9").stdout
+    assert "; at most gamma from zero error" in stays
+    leaves = run("simulate", "case.gains.json").stdout
+    assert "ratio  " in leaves
+    assert "at most gamma" not in leaves
+    assert "escape at t = 2 s: computed until then" in leaves
+    assert " leaves [-1, 1] at t = " in leaves

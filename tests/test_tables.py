@@ -228,7 +228,7 @@ def test_a_run_that_stalls_says_until_when_it_is_valid():
         .replace("type: monotone", "type: {slope: [-500, 0]}")
     )
     (status,) = beside(printed("simulate", stalling), "status")
-    assert re.fullmatch(r"stall at t = 0\.66\d+ s: valid until then", status)
+    assert re.fullmatch(r"stall at t = 0\.66\d+ s: computed until then", status)
 
 
 @pytest.mark.usefixtures("here", "sketched")

@@ -185,7 +185,11 @@ def to_bytes(value: Any) -> bytes:
 
 def read(out: Path, task: Task) -> dict[str, Any] | None:
     """Record of a spec; None where there is none that can be read."""
-    path = out / task.place / f"{task.name}{RECORD}"
+    return opened(out / task.place / f"{task.name}{RECORD}")
+
+
+def opened(path: Path) -> dict[str, Any] | None:
+    """Record at a path; None where there is none that can be read."""
     try:
         record = parsed(content_of(str(path), LARGEST)) if os.path.isfile(path) else None
     except (ValueError, UsageError):
@@ -228,15 +232,35 @@ def spoiled(record: Mapping[str, Any], task: Task, out: Path) -> Iterator[str]:
     """Which files of a record are missing or were changed since."""
     for kind in record["entry"]["files"]:
         path = Path(task.place, f"{task.name}{ENDINGS[kind]}")
-        try:
-            whole = os.path.isfile(out / path) and not os.path.islink(out / path)
-            content = content_of(str(out / path), LARGEST) if whole else None
-        except UsageError:
-            content = None
-        if content is None:
+        found = digest_at(out / path)
+        if found is None:
             yield f"{path} is missing"
-        elif digest_of(content) != record["hashes"][kind]:
+        elif found != record["hashes"][kind]:
             yield f"{path} was changed"
+
+
+def digest_at(path: Path) -> str | None:
+    """SHA-256 of the file at a path; None where there is none that can be read, or a link."""
+    try:
+        whole = os.path.isfile(path) and not os.path.islink(path)
+        return digest_of(content_of(str(path), LARGEST)) if whole else None
+    except UsageError:
+        return None
+
+
+def samples_of(gains: Path) -> Path | None:
+    """Samples of the run that a batch made with a result file, beside it.
+
+    None where its record has none, or where either of the two files is not the one that was recorded: then it is not
+    known of which gains, and of which run, the samples are.
+    """
+    name = gains.name.removesuffix(ENDINGS["gains"])
+    record = opened(gains.with_name(f"{name}{RECORD}"))
+    if record is None or "csv" not in record["hashes"]:
+        return None
+    paths = {kind: gains.with_name(f"{name}{ENDINGS[kind]}") for kind in ("gains", "csv")}
+    whole = all(digest_at(path) == record["hashes"].get(kind) for kind, path in paths.items())
+    return paths["csv"] if whole else None
 
 
 def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:

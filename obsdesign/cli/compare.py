@@ -20,7 +20,7 @@ def compare(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare observers on one plant, with the same input and noise: settling, noise, speed; a table and a figure."""
+    """Compare observers on one plant, with one input and noise of one size: settling, noise, speed; table, figure."""
     from obsdesign.disk import require_writable
 
     require_ending(output, "figures")

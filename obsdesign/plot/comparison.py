@@ -1,6 +1,7 @@
 """The figure of a comparison: signals with every estimate, errors on one axis, and what is proved side by side."""
 
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,8 @@ FAST = 0.02  # of the horizon: where an error settles sooner, time is drawn on a
 BEFORE = 0.2  # of the first settling time, from which on a logarithmic axis is drawn
 ROW, SWATCH, GAP = 0.24, 6, 3  # of the table: height (inches), letters of a line, letters between columns
 FONT, FITS, LABEL = 8.0, 150, 60  # of the table: size of its letters, how many of it fit in a line, most of a name
+REMARK = 320  # of a remark, in two lines
+MARK = 100  # letters of what a mark means
 TIMES = 4  # estimates of which the table has the settling time
 HEADER = ("observer", "type", "proved", "γ", "decay rate [1/s]", "order", "fastest [1/s]")
 OTHERS = "The γ are of different kinds (type, z or v of the spec): the smaller one need not be the better."
@@ -80,21 +83,35 @@ def comparison_sheet(comparison: "Comparison") -> "Figure":
     every = signals(comparison)
     asked = [one for one in every if one.name in first.design.spec.H_names] or every
     shown = every if len(every) <= MOST else asked[:MOST]
-    count, noise = len(comparison.entrants), "with noise" if first.spread else "without noise"
+    count = len(comparison.entrants)
+    noise = "estimates without noise, errors with it" if first.spread else "without noise"
     some = "" if len(shown) == len(every) else f", {len(shown)} of {len(every)} signals"
     figure = compose(
-        f"{plain(comparison.title, TITLE)}: {count} observer{'s' if count > 1 else ''}, errors {noise}{some}",
+        f"{plain(comparison.title, TITLE)}: {count} observer{'s' if count > 1 else ''}, {noise}{some}",
         [
             [signal_panel(comparison, one) for one in shown],
             [error_panel(comparison, one) for one in shown if one.estimates],
         ],
-        foot=(table_panel(comparison, [one.name for one in shown if one.estimates]), ROW * (count + 2.5)),
+        foot=(
+            table_panel(comparison, [one.name for one in shown if one.estimates]),
+            ROW * (count + 2.5 + room(comparison)),
+        ),
     )
+    mark_left(figure, comparison)
     legend_below(figure)
     return figure
 
 
 comparison_figure = drawn(comparison_sheet)
+
+
+def mark_left(figure: "Figure", comparison: "Comparison") -> None:
+    """Mark in all panels of signals when a run without noise left the region in which its guarantee holds."""
+    for look, one in zip(looks(comparison), comparison.entrants, strict=True):
+        for leaving in one.run.left[:1]:
+            said = plain(f"{plain(one.label, LABEL)} leaves its region at t = {leaving.time:.4g} s", MARK)
+            for axes in figure.axes[:-1]:
+                axes.axvline(leaving.time, color=look.color, linestyle=":", linewidth=1.2, label=said)
 
 
 def signals(comparison: "Comparison") -> list[Signal]:
@@ -187,20 +204,32 @@ def table_panel(comparison: "Comparison", names: list[str]) -> Panel:
     widths = [max(map(len, column)) + GAP for column in columns]
     total = SWATCH + sum(widths)
     at = (SWATCH + np.concatenate([[0], np.cumsum(widths)[:-1]])) / total
+    lines, below = remarks(comparison), room(comparison)
     font, count = min(FONT, FONT * FITS / total), len(comparison.entrants)
 
     def draw(axes: "Axes") -> None:
         axes.set_axis_off()
-        axes.set(xlim=(0, 1), ylim=(0, count + 2.5))
+        axes.set(xlim=(0, 1), ylim=(-below, count + 2.5))
         for x, (name, *cells) in zip(at, columns, strict=True):
             axes.text(x, count + 1.75, name, va="center", fontsize=font, color=FAINT)
             for i, cell in enumerate(cells):
                 axes.text(x, count + 0.75 - i, cell or "–", va="center", fontsize=font)
         for i, look in enumerate(looks(comparison)):
             axes.plot([0, 0.8 * at[0]], [count + 0.75 - i] * 2, color=look.color, linestyle=look.line, linewidth=WIDEST)
-        axes.text(0, 0.4, f"{NOTE}\n{OTHERS}" if differ(comparison) else NOTE, va="center", fontsize=7, color=FAINT)
+        axes.text(0, 0.4 - below / 2, "\n".join(lines), va="center", fontsize=7, color=FAINT)
 
     return draw
+
+
+def remarks(comparison: "Comparison") -> list[str]:
+    """Lines below the table."""
+    notes = [line for note in comparison.notes for line in wrap(plain(note, REMARK), REMARK // 2)]
+    return [NOTE, *([OTHERS] if differ(comparison) else []), *notes]
+
+
+def room(comparison: "Comparison") -> float:
+    """Rows of the table that its remarks take beyond those of two lines."""
+    return 0.5 * max(len(remarks(comparison)) - 2, 0)
 
 
 def differ(comparison: "Comparison") -> bool:
@@ -218,6 +247,7 @@ def told(one: "Entrant") -> list[str]:
     if one.design.proved:
         limits = {"no bound": guarantee is None, "local": spec.validity, "types assumed": spec.assumed}
         proved = ", ".join(["yes", *(word for word, holds in limits.items() if holds)])
+        proved += f" until t = {one.run.left[0].time:.4g}" if one.run.left else ""
     if guarantee is not None:
         gamma = at_most(guarantee.gamma, 4) if spec.disturbed else ""
         decay = at_least(guarantee.rates().alpha, 4)

@@ -66,7 +66,7 @@ class Signals:
         curves = [curve.scaled(factor) for curve, factor in zip(self.curves, factors, strict=True)]
         looks = [(TRUE, ESTIMATE)] if alone else [(color, color) for color in COLORS[: len(curves)]]
         lines = [self.draw_curve(axes, curve, *look) for curve, look in zip(curves, looks, strict=True)]
-        cut = "" if escapes and grow(axes, curves) else limit(axes, curves)
+        cut = "" if escapes and grow(axes, curves) else limit(axes, curves, factors)
         self.tell(axes, *(looks[0] if alone else ("black", "black")))
         for curve, (_, color) in zip(curves, looks, strict=True):
             mark_region(axes, curve.region)
@@ -120,8 +120,7 @@ def dots(count: int) -> dict[str, Any]:
 
 def scales(curves: Sequence[Curve]) -> list[float]:
     """Powers of ten with which signals are seen beside each other; 1 where they are of about one size."""
-    ends = [limits([curve]) for curve in curves]
-    sizes = [max(abs(low), abs(high)) for low, high, _ in ends]
+    sizes = [max(map(abs, limits([curve]))) for curve in curves]
     top = max(sizes)
     return [10.0 ** np.floor(np.log10(top / size)) if 0 < size < top / APART else 1.0 for size in sizes]
 
@@ -131,11 +130,27 @@ def times(factor: float) -> str:
     return "" if factor == 1 else f" × {number(factor)}"
 
 
-def limit(axes: "Axes", curves: Sequence[Curve]) -> str:
-    """Set the limits of y; returns a note of what they cut off."""
-    low, high, cut = limits(curves)
+def limit(axes: "Axes", curves: Sequence[Curve], factors: Sequence[float] | None = None) -> str:
+    """Set the limits of y; returns a note of what they cut off, without the factors that the curves have."""
+    low, high = limits(curves)
     axes.set_ylim(low, high)
-    return cut
+    return cut_off(curves, factors or [1.0] * len(curves), low, high)
+
+
+def cut_off(curves: Sequence[Curve], factors: Sequence[float], low: float, high: float) -> str:
+    """Note of the estimate that is farthest beyond limits, if one is."""
+    ends = [
+        (max(low - end, end - high), end / factor, curve.label)
+        for curve, factor in zip(curves, factors, strict=True)
+        if (signal := curve.estimate if curve.stepped is None else curve.stepped) is not None
+        for end in (float(known([signal]).min()), float(known([signal]).max()))
+    ]
+    beyond, reached, label = max(ends, default=(0.0, 0.0, ""))
+    if beyond <= 0:
+        return ""
+    alone = len({curve.label for curve in curves}) == 1
+    which = "an estimate" if alone else f"estimate of {label.partition(' [')[0]}"
+    return f"{which} reaches {number(reached)}"
 
 
 def draw_band(axes: "Axes", t: Array, curve: Curve, color: str, alone: bool) -> None:
@@ -258,8 +273,8 @@ def draw_storage(axes: "Axes", run: "Run") -> None:
     axes.set_ylabel("V(e)")
 
 
-def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
-    """Limits of y, and a note of what they cut off.
+def limits(curves: Sequence[Curve]) -> tuple[float, float]:
+    """Limits of y.
 
     They hold the truth, the second half of each estimate, what `usual` tells of the first, and the region as far as it
     is no further from the truth than the truth is wide; so that a high initial transient does not hide the truth.
@@ -275,11 +290,7 @@ def limits(curves: Sequence[Curve]) -> tuple[float, float, str]:
     seen = [true, *ends, *measured, *(usual(e, low, high, width) for e in estimates), *late]
     low, high = min(float(s.min()) for s in seen), max(float(s.max()) for s in seen)
     room = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
-    low, high = low - room, high + room
-    stepped = [known([c.stepped]) for c in curves if c.stepped is not None]
-    reached = [float(end) for e in stepped or estimates for end in (e.min(), e.max())]
-    furthest = max(reached, key=lambda end: max(low - end, end - high), default=low)
-    return low, high, "" if low <= furthest <= high else f"an estimate reaches {number(furthest)}"
+    return low - room, high + room
 
 
 def known(signals: Sequence[Array]) -> Array:

@@ -153,5 +153,5 @@ def ended(run: "Run") -> str:
     if run.status == "done":
         return ""
     event = str(run.summary["reason"]).partition(": ")[2]
-    why = f" ({event})" if run.status == "stopped" else ": valid until then"
+    why = f" ({event})" if run.status == "stopped" else ": computed until then"
     return f"{HOW[run.status]} at t = {run.time:.5g} s{why}"

@@ -1,13 +1,13 @@
 """A result file as the page shows it: what it says, what of that was proved anew, and how a run goes."""
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from obsdesign.batches.record import samples_of
 from obsdesign.design import Design, design_of, proof_of, spec_of
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
 from obsdesign.families import FAMILIES
@@ -22,7 +22,6 @@ from obsdesign.tables.run import run_rows
 from obsdesign.tables.text import at_least
 
 Rows = list[tuple[str, str]]
-SAMPLES = ".run.csv"  # ends the name of a run beside its gains file
 TONES = {"certified": "good", "infeasible": "plain", "refuted": "plain"}  # others are a warning
 RATES = ("alpha", "decay")
 LARGER = {*(key for key, sense in BETTER.items() if sense > 0), "T2_max"}.difference(RATES)
@@ -78,7 +77,7 @@ class Entry:
 
     @classmethod
     def of(cls, file: ResultFile, anchor: str, samples: bool) -> "Entry":
-        """Prove the claim of a file anew, and run its simulation, or read `NAME.run.csv` beside it.
+        """Prove the claim of a file anew, and run its simulation, or read the run that a batch recorded with it.
 
         `samples`: whether that is read where there is one. Raises `UsageError`: the file is malformed, or says more
         than is proved.
@@ -290,12 +289,11 @@ def told_of(value: Any) -> str:
 
 
 def trial_of(design: Design, path: str, samples: bool) -> Trial:
-    """Run of a design, made now or read from beside its file; the reason where there is none."""
-    beside = Path(path.removesuffix(".gains.json") + SAMPLES)
+    """Run of a design, made now or read where a batch recorded it with this file; the reason where there is none."""
     if design.spec.simulation is None or not design.built:
         return Trial()
     try:
-        if samples and os.path.isfile(beside):
+        if samples and (beside := samples_of(Path(path))):
             signals, origin = Signals.read(str(beside), design.spec), f"read from {beside.name}, not run anew"
             return Trial(tuple(charts(signals, design.spec)), origin=origin)
         run = design.simulate()

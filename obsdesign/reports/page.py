@@ -123,8 +123,9 @@ def report(
 ) -> Report:
     """Make a page of a result file, of a design, or of every `*.gains.json` below a folder.
 
-    Every claim is proved anew, and the simulation of its spec is run; of a folder, `NAME.run.csv` beside a file is read
-    instead, where there is one, and what `summary.json` of a batch tells of specs without a result is shown.
+    Every claim is proved anew, and the simulation of its spec is run; of a folder, the `NAME.run.csv` that a batch
+    recorded with a file is read instead, as long as neither was changed since, and what `summary.json` of a batch tells
+    of specs without a result is shown.
 
     `output`: where the page is written; `progress`: called with the fraction that is done, and with what is being done.
     Raises `UsageError`: the file is malformed, the folder holds no result, or the page cannot be written.

@@ -1,4 +1,4 @@
-"""Several observers on one plant, with the same input and noise."""
+"""Several observers on one plant, with the same input, and noise of the same size."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -88,9 +88,18 @@ class Entrant:
             "order": len(observer.states),
             "fastest": fastest if np.isfinite(fastest) else None,
             "run": self.run.status,
+            "validity": self.run.summary.get("validity"),
             "states": {name: {**times, **self.noise(name), "floor": self.floor(name)} for name, times in self.times},
             "transient": [name for name, _ in self.times if self.falls(name)],
         }
+
+    @property
+    def held(self) -> str | None:
+        """How long a value of the noise lasts; None without noise."""
+        simulation = self.design.spec.simulation
+        if self.spread is None or simulation is None or simulation.noise is None:
+            return None
+        return "drawn at each measurement" if self.record.schedule else f"held for {simulation.noise.period:g} s"
 
     @property
     def times(self) -> list[tuple[str, Mapping[str, float | None]]]:
@@ -152,7 +161,17 @@ class Comparison:
             "seeds": list(self.seeds),
             "window": list(first.window),
             "observers": [one.written() for one in self.entrants],
+            "notes": self.notes,
         }
+
+    @property
+    def notes(self) -> list[str]:
+        """What is to be known of the comparison: whether the noise lasts as long for all."""
+        held = {one.label: one.held for one in self.entrants}
+        if len({*held.values()}) < 2:
+            return []
+        told = ", ".join(f"{how} for {label}" for label, how in held.items())
+        return [f"the noise has one size and not one density: {told}; noise rms are not of the same noise"]
 
     @property
     def title(self) -> str:

@@ -253,7 +253,7 @@ class Crossing:
                     if t - begin < PACE * (segment.stop - begin):
                         return t, s, End("stall", t, trouble)
                     calls, begin, trouble = self.calls, t, SMALL
-        except ArithmeticError as error:
+        except (ArithmeticError, ValueError) as error:  # Radau's solver takes no matrix that is not finite
             return t, s, End("stall", t, str(error))
         return t, s, End("done", t)
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from obsdesign.families.guarantee import ESTIMATES, Course, Measurements, SampledGuarantee, envelope
 from obsdesign.lmi.formula import Array
-from obsdesign.simulate.definitions import error, mismatch
+from obsdesign.simulate.definitions import error, mismatch, rate
 from obsdesign.simulate.integrate import Trajectory
 from obsdesign.simulate.run import Samples
 from obsdesign.simulate.signals import largest_so_far
-from obsdesign.simulate.system import System
-from obsdesign.simulate.validity import Leaving, leavings
+from obsdesign.simulate.system import INTEGRALS, System, Table
+from obsdesign.simulate.validity import Arguments, Leaving, leavings
 from obsdesign.spec import Spec
 
 
@@ -96,14 +96,13 @@ class Record:
     @cached_property
     def signals(self) -> Samples:
         """States of the flow in the terms of the spec; V only where the guarantee covers the run."""
-        acting, observer, plant = self.acting, self.system.observer, self.acting.plant
+        acting, plant = self.acting, self.acting.plant
         xi, w = self.now.of(plant.states), self.now.of(acting.w)
         wanted = [w for w in acting.w if w in self.system.estimated.values()]
         w_error = self.now.of(map(error, wanted))
         guarantee, at = self.guarantee, self.measurements
         V = guarantee.storage(self.course) if guarantee and not self.uncovered else None
         bound = None if V is None or guarantee is None else envelope(guarantee, self.course, V)
-        hats = {twin: hat for hat, twin in observer.twins.items()}
         return Samples(
             t=self.t,
             xi=xi[:, : self.e.shape[1]],
@@ -113,7 +112,7 @@ class Record:
             what=self.now.of(wanted) + w_error,
             w_error=w_error,
             q=self.now.of(plant.algebraic),
-            qhat=self.now.of(hats.get(name, name) for name in plant.algebraic),
+            qhat=self.now.of(self.copies),
             u=self.now.of(plant.inputs),
             y=self.s[:, self.system.width + 1 :] if at else self.now.of(self.system.seen),
             y_true=self.now.of(acting.outputs),
@@ -131,6 +130,12 @@ class Record:
         )
 
     @property
+    def copies(self) -> list[str]:
+        """Names of the arguments of f in the observer."""
+        hats = {twin: hat for hat, twin in self.system.observer.twins.items()}
+        return [hats.get(name, name) for name in self.acting.plant.algebraic]
+
+    @property
     def estimated(self) -> tuple[int, ...]:
         """Channels of w that the observer estimates."""
         return tuple(i for i, name in enumerate(self.acting.inputs) if name in self.system.estimated)
@@ -143,9 +148,23 @@ class Record:
     @cached_property
     def left(self) -> tuple[Leaving, ...]:
         """First leavings of the regions on which the declared types hold."""
+        return leavings(self.spec.nonlinearities, self.arguments(self.t, self.now), self.between)
+
+    def arguments(self, t: Array, now: Table) -> Arguments:
+        """Arguments of f at instants."""
         names = ("t", *self.acting.outputs, *self.spec.inputs)
-        known = dict(zip(names, self.now.of(names).T, strict=True))
-        return leavings(self.spec.nonlinearities, self.t, self.signals.q, self.signals.qhat, known)
+        known = dict(zip(names, now.of(names).T, strict=True))
+        return Arguments(t, now.of(self.acting.plant.algebraic), now.of(self.copies), known)
+
+    def between(self, k: int, shares: Array) -> Arguments:
+        """Arguments of f between instants k - 1 and k, where the state is the cubic with its rates at both."""
+        two, names = slice(k - 1, k + 1), (*self.system.flowing, *INTEGRALS)
+        h, p = self.t[k] - self.t[k - 1], shares[:, None]
+        (begin, end), (leaves, arrives) = self.s[two, : self.system.width], h * self.now.of(map(rate, names))[two]
+        bent = (1 - p) * (leaves - (end - begin)) + p * ((end - begin) - arrives)
+        t, s = self.t[k - 1] + h * shares, begin + p * (end - begin) + p * (1 - p) * bent
+        with np.errstate(all="ignore"):
+            return self.arguments(t, self.system.table(t, s))
 
     @property
     def until(self) -> float:

@@ -13,6 +13,7 @@ from obsdesign.simulate.run import Run
 from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.simulation import follow, initial, system_of
 from obsdesign.simulate.summary import summarise
+from obsdesign.simulate.undefined import undefined
 from obsdesign.spec import Spec
 
 
@@ -50,7 +51,11 @@ def recorded(
     if simulation is None:
         raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation", id="OBS801"))
     system = system_of(spec, simulation, observer, guarantee, sampling)
-    start, breaks = initial(system, simulation, sampling), system.breaks()
+    try:
+        start, breaks = initial(system, simulation, sampling), system.breaks()
+    except ArithmeticError as error:
+        key, said = undefined(spec, simulation)
+        raise UsageError(Problem(said, key=key, id="OBS304")) from error
     if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
         name, _, condition = reason.partition(": ")
         raise UsageError(

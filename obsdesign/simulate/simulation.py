@@ -71,19 +71,15 @@ def sampled(simulation: Simulation, observer: Observer, guarantee: Guarantee | N
 
 
 def initial(system: System, simulation: Simulation, sampling: Sampling | None) -> Vector:
-    """Return the initial state of the flow, where every signal and nonlinearity must have a value."""
+    """Return the initial state of the flow; raises `ArithmeticError` where a signal or nonlinearity has no value."""
     given = simulation.theta0 if sampling is None else sampling.theta0
     theta0 = np.zeros(len(system.further)) if given is None else given
     if len(theta0) != len(system.further):
         said = "is the correction theta before the first measurement, which this observer does not have: leave it out"
         raise UsageError(Problem(said, key="simulation.theta0", id="OBS206"))
-    try:
-        with np.errstate(all="ignore"):
-            start = finite(system.start(simulation.x0, simulation.xhat0, theta0))
-            finite(system.program.run(0.0, start[: system.width], system.scenario.held(0.0)[: len(system.silent)]))
-    except ArithmeticError as error:
-        said = f"at t = 0 a signal, the v that w needs, or a nonlinearity has no value: {error}"
-        raise UsageError(Problem(said, key="simulation", id="OBS304")) from error
+    with np.errstate(all="ignore"):
+        start = finite(system.start(simulation.x0, simulation.xhat0, theta0))
+        finite(system.program.run(0.0, start[: system.width], system.scenario.held(0.0)[: len(system.silent)]))
     return start
 
 

@@ -1,6 +1,6 @@
 """Whether a run stays where the guarantee was proved, and keeps its bounds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from obsdesign.spec import Nonlinearity, limited
 from obsdesign.tables.text import at_most
 
 Side = Literal["plant", "estimate"]
+PARTS, NARROWINGS = 33, 6  # of a step in which an argument goes out: the instant is found to 1e-9 of it
 
 
 @dataclass(frozen=True)
@@ -23,15 +24,16 @@ class Leaving:
     argument: str  # q1, q2, .. of this nonlinearity, t, an output or an input; of equations what it is of the states
     of: Side
     time: float
-    value: float
+    value: float  # there: an end of the region, unless the argument begins outside or jumps there
     region: tuple[float | None, float | None]  # None: unbounded
     own: bool = True  # whether the name of the argument means something in this nonlinearity only
 
     def __str__(self) -> str:
         whose = {"plant": "of the plant", "estimate": "of the observer"}[self.of]
         which = f"{self.argument} of nonlinearities[{self.nonlinearity - 1}]" if self.own else self.argument
-        where = f"{which} {whose}"
-        return f"{where} is {self.value:.4g}, outside {interval(self.region)}, at t = {self.time:.4g}"
+        inside = interval(self.region)
+        how = f"leaves {inside}" if self.value in self.region else f"is {self.value:.4g}, outside {inside},"
+        return f"{which} {whose} {how} at t = {self.time:.4g}"
 
     def written(self) -> dict[str, Any]:
         """Entry of a summary."""
@@ -45,8 +47,40 @@ def is_local(blocks: Sequence[Nonlinearity]) -> bool:
     return any(block.region is not None or block.others for block in blocks)
 
 
+@dataclass(frozen=True)
+class Arguments:
+    """Arguments of all f at instants of a run."""
+
+    t: Array  # (M,)
+    q: Array  # (M, nq), in the plant
+    qhat: Array  # (M, nq), in the observer
+    known: Mapping[str, Array]  # those that both share, by name: t, outputs and inputs, (M,) each
+
+
+@dataclass(frozen=True)
+class Watched:
+    """An argument that has to stay within limits."""
+
+    nonlinearity: int
+    argument: str
+    of: Side
+    place: int | str  # column of q, or name of what both sides share
+    limits: tuple[float, float]
+
+    def values(self, at: Arguments) -> Array:
+        """What it is, (M,)."""
+        if isinstance(self.place, str):
+            return at.known[self.place]
+        return np.asarray((at.q if self.of == "plant" else at.qhat)[:, self.place])
+
+    def outside(self, at: Arguments) -> Array:
+        """Instants at which it does not, (M,)."""
+        values, (low, high) = self.values(at), self.limits
+        return np.asarray((values < low) | (values > high))
+
+
 def leavings(
-    blocks: Sequence[Nonlinearity], t: Array, q: Array, qhat: Array, known: Mapping[str, Array]
+    blocks: Sequence[Nonlinearity], run: Arguments, between: Callable[[int, Array], Arguments]
 ) -> tuple[Leaving, ...]:
     """First leaving of each limited argument of f, in the order of time.
 
@@ -54,29 +88,44 @@ def leavings(
     ----------
     blocks
         With nq components of q in all.
-    t
-        Instants (M,) of the run.
-    q, qhat
-        Arguments of f in the plant and in the observer, (M, nq).
-    known
-        The arguments that both share, by name: t, outputs and inputs, (M,) each.
+    run
+        At the instants of the run.
+    between
+        The same between instant k - 1 and instant k, at shares of the time between both, 0 to 1.
     """
-    sides: tuple[tuple[Side, Array], ...] = (("plant", q), ("estimate", qhat))
-    watched = [
-        (i, blocks[i - 1].argument(k, f"q{k + 1}"), of, values[:, column], limits)
-        for i, k, column, limits in limited(blocks)
-        for of, values in sides
-    ]
-    for i, block in enumerate(blocks, start=1):
-        watched += [(i, name, "plant", known[name], outward(ends)) for name, ends in block.others.items()]
-    found = [
-        Leaving(
-            i, name, of, float(t[out[0]]), float(values[out[0]]), (finite(low), finite(high)), not blocks[i - 1].term
-        )
-        for i, name, of, values, (low, high) in watched
-        if len(out := np.flatnonzero((values < low) | (values > high)))
-    ]
+    found = []
+    for one in watched(blocks):
+        if len(out := np.flatnonzero(one.outside(run))):
+            at, value = crossing(one, run, int(out[0]), between)
+            low, high = map(finite, one.limits)
+            own = not blocks[one.nonlinearity - 1].term
+            found.append(Leaving(one.nonlinearity, one.argument, one.of, at, value, (low, high), own))
     return tuple(sorted(found, key=lambda leaving: leaving.time))
+
+
+def watched(blocks: Sequence[Nonlinearity]) -> Iterator[Watched]:
+    """Arguments of f that are limited."""
+    for i, k, column, limits in limited(blocks):
+        name = blocks[i - 1].argument(k, f"q{k + 1}")
+        yield Watched(i, name, "plant", column, limits)
+        yield Watched(i, name, "estimate", column, limits)
+    for i, block in enumerate(blocks, start=1):
+        for name, ends in block.others.items():
+            yield Watched(i, name, "plant", name, outward(ends))
+
+
+def crossing(one: Watched, run: Arguments, k: int, between: Callable[[int, Array], Arguments]) -> tuple[float, float]:
+    """When an argument that is outside at instant k, and not before, goes out, and its value there."""
+    value = float(one.values(run)[k])
+    if k == 0 or run.t[k - 1] == run.t[k]:
+        return float(run.t[k]), value
+    low, high = 0.0, 1.0
+    for _ in range(NARROWINGS):
+        shares = np.linspace(low, high, PARTS)
+        out = one.outside(between(k, shares))
+        first = int(np.argmax([*out[1:-1], True]))
+        low, high = shares[first : first + 2]
+    return float(run.t[k - 1] + high * (run.t[k] - run.t[k - 1])), float(np.clip(value, *one.limits))
 
 
 def region(blocks: Sequence[Nonlinearity]) -> str:

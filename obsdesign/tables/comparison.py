@@ -32,6 +32,7 @@ def comparison_table(report: Mapping[str, Any]) -> str:
         "no noise: the spec of the plant has no simulation.noise, so that nothing is told of it" if quiet else noise,
         "floor: rms of the error without noise in the window",
         *([TRANSIENT] if falling else []),
+        *report["notes"],
         *(f"{one['label']}: {said_of(one)}".replace("; ", ";\n  ") for one in report["observers"]),
     ]
     table = [[cell for cell, name in zip(row, HEADER, strict=True) if name != NOISE or not quiet] for row in rows]
@@ -71,6 +72,10 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def said_of(observer: Mapping[str, Any]) -> str:
-    """What is proved of an observer, and whether its run reached the end."""
-    said = observer["claim"] or "no guarantee"
-    return said if observer["run"] == "done" else f"{said}; its run ended early: {observer['run']}"
+    """What is proved of an observer, and whether its run reached the end, and stayed where that holds."""
+    said, validity = [observer["claim"] or "no guarantee"], observer["validity"]
+    if observer["run"] != "done":
+        said.append(f"its run ended early: {observer['run']}")
+    if validity and not validity["holds"]:
+        said.append(validity["note"])
+    return "; ".join(said)

@@ -35,7 +35,7 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
             rows += [("bound", bound_text(bound)) for bound in value]
         elif key == "status":
             rows.append(
-                (key, value if value == "done" else f"{value} at t = {summary['time']:.6g} s: valid until then")
+                (key, value if value == "done" else f"{value} at t = {summary['time']:.6g} s: computed until then")
             )
         elif key == "ratio":
             rows += [] if value is None else [("ratio", f"{plain(value)}   {summary['ratio_of']}{related(summary)}")]
@@ -69,8 +69,8 @@ def several(key: str, values: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def related(summary: Mapping[str, Any]) -> str:
-    """What gamma says of the ratio of the norms of a run."""
-    if summary["gamma"] is None:
+    """What gamma says of the ratio of the norms of a run, if it says it of all of the run."""
+    if summary["gamma"] is None or summary["bounds_omitted"]:
         return ""
     offset = summary.get("initial_distance", summary["initial_error"])
     return "; at most gamma from zero error" + (", and this run begins with an error" if offset else "")
