@@ -139,9 +139,14 @@ class Entry:
         return "" if told else claim, observer
 
     @property
+    def remarks(self) -> list[str]:
+        """Sentences that are made of the spec anew, whatever the file says."""
+        return [*self.design.spec.notes, *self.design.spec.idle]
+
+    @property
     def notes(self) -> list[str]:
-        """Sentences of the file."""
-        return [str(note) for note in self.content.get("notes", [])]
+        """Further sentences of the file, which nothing holds against anything."""
+        return [note for note in map(str, self.content.get("notes", [])) if note not in self.remarks]
 
     @property
     def local(self) -> str:
@@ -212,8 +217,9 @@ class Entry:
 
     @property
     def diagnosis(self) -> Rows:
-        """Why there are no gains, the reason first."""
-        found = {key: value for key, value in self.content.get("diagnosis", {}).items() if key != "certificate"}
+        """Why there are no gains as the file says it, the reason first: what is proved of it is the claim."""
+        said = self.content.get("diagnosis", {})
+        found = {key: value for key, value in said.items() if key not in ("proof", "certificate")}
         first = {key: found.pop(key) for key in SAID if key in found}
         return [(key, text) for key, value in {**first, **found}.items() for text in [told_of(value)] if text]
 
