@@ -117,6 +117,22 @@ def test_a_folder_of_traps_is_walked_to_its_end(genuine, tmp_path, monkeypatch):
     assert "no certified *.gains.json in this folder" in outcome.stderr
 
 
+@pytest.mark.parametrize("left", ["[", '{"a":'])
+def test_what_is_nested_too_deep_is_refused_and_the_rest_of_a_folder_shown(genuine, left, tmp_path):
+    path, deep = tmp_path / "x.gains.json", left * 600 + "1" + {"[": "]"}.get(left, "}") * 600
+    content = {**json.loads(genuine.read_text()), "status": "infeasible", "diagnosis": {"reason": "HERE"}}
+    path.write_text(json.dumps(content).replace('"HERE"', deep))
+    (tmp_path / "good.gains.json").write_bytes(genuine.read_bytes())
+    for command in (("report", path), ("verify", path), ("diff", genuine, path), ("compare", genuine, path)):
+        outcome = run(*command)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert "diagnosis.reason" in outcome.stderr
+        assert "holds lists or objects more than 50 deep" in outcome.stderr
+    page = tmp_path / "folder.html"
+    assert run("report", tmp_path, "-o", page).exit_code == 2
+    assert "Small</h1>" in page.read_text()
+
+
 @pytest.mark.parametrize("status", ["certified ", "Certified", "no guarantee", "x" * 10_000, 5, None, [], [[]]])
 def test_a_status_is_one_of_those_that_there_are(genuine, status, tmp_path):
     path = tmp_path / "x.gains.json"

@@ -7,15 +7,15 @@ from typing import Any
 
 from obsdesign.batches.find import Task
 from obsdesign.batches.form import ended_as
-from obsdesign.batches.record import Options, Result, entry_of, failure, printable, sha256, written
+from obsdesign.batches.record import Options, Result, entry_of, failure, sha256, written
 from obsdesign.design import Design
-from obsdesign.errors import EXIT, NOT_ONE_LINE, ObsdesignError, Problem, UsageError
+from obsdesign.errors import EXIT, ObsdesignError, Problem
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import Verdict
 from obsdesign.files import csv
 from obsdesign.reading import loads
 from obsdesign.sections.changes import OPTION, opened
-from obsdesign.sections.source import text_of
+from obsdesign.sections.source import require_line, text_of
 from obsdesign.simulate.validity import require_kept
 from obsdesign.spec import Spec
 from obsdesign.work import solve, trial
@@ -54,9 +54,7 @@ def placed(problem: Problem, task: Task) -> Problem:
 
 def spec_of(task: Task) -> Spec:
     """Spec of a task, changed as it says. Raises `UsageError`: it is not valid, or its path would forge lines."""
-    if found := NOT_ONE_LINE.search(task.path):
-        said = f"the name of the file holds the character U+{ord(found[0]):04X}; rename it"
-        raise UsageError(Problem(said, printable(task.path), id="OBS102"))
+    require_line(task.path)
     return loads(text_of(task.path) if task.text is None else task.text, task.path, task.changes)
 
 

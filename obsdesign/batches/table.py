@@ -1,5 +1,6 @@
 """A batch in lines: none begins with what a spec or its path says, nor holds what a terminal would obey."""
 
+import json
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ LONGEST = 100  # characters of a path to which the others are aligned
 
 def shown(text: str) -> str:
     """Text for one line of a terminal or of a log: what would be obeyed there is written out."""
-    plain = NOT_ONE_LINE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    plain = NOT_ONE_LINE.sub(lambda found: json.dumps(found[0])[1:-1], text)
     return LOGGED.sub(r"#\\u0023", plain)
 
 

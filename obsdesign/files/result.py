@@ -21,6 +21,7 @@ from obsdesign.lmi.proof import Check
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
+DEEPEST = 50  # objects and lists within each other
 LARGEST_POWER = 400  # of ten
 SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
@@ -66,10 +67,16 @@ class ResultFile:
         return content
 
     def require_lines(self, content: dict[str, Any]) -> None:
-        """Refuse a key, or a text besides that of the spec, of more than one line: it would forge what is printed."""
-        parts: list[tuple[str, Any]] = [("", content)]
+        """Refuse a key, or a text besides that of the spec, of more than one line: it would forge what is printed.
+
+        And what is nested deeper than anything that is written, so that whoever reads it may recurse.
+        """
+        parts: list[tuple[str, Any, int]] = [("", content, 0)]
         while parts:
-            path, value = parts.pop()
+            path, value, depth = parts.pop()
+            if depth > DEEPEST:
+                said = f"holds lists or objects more than {DEEPEST} deep; a result holds what `solve` writes"
+                raise self.wrong(".".join(path.split(".")[:2]), said, id="OBS702")
             if isinstance(value, str) and path != "spec.text" and (found := NOT_ONE_LINE.search(value)):
                 raise self.wrong(
                     path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line", id="OBS702"
@@ -79,8 +86,8 @@ class ResultFile:
                 raise self.wrong(
                     path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line", id="OBS702"
                 )
-            parts += [(f"{path}.{key}".removeprefix("."), value[key]) for key in keys]
-            parts += [(path, part) for part in value] if isinstance(value, list) else []
+            parts += [(f"{path}.{key}".removeprefix("."), value[key], depth + 1) for key in keys]
+            parts += [(path, part, depth + 1) for part in value] if isinstance(value, list) else []
 
     def plain(self) -> dict[str, Any]:
         """JSON with numbers as doubles and integers, as it is written and nothing more."""

@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 
 from obsdesign.disk import content_of
-from obsdesign.errors import Problem, UsageError
+from obsdesign.errors import NOT_ONE_LINE, Problem, UsageError
 from obsdesign.sections.changes import opened, require_distinct
 from obsdesign.sections.document import MAX_BYTES, TOO_LARGE, Document
 
@@ -23,10 +23,18 @@ def read(source: str | os.PathLike[str], changes: Sequence[str] = ()) -> Documen
     except UnicodeEncodeError:
         shown = path.encode(errors="backslashreplace").decode()
         raise UsageError(Problem("the name of the file is not valid UTF-8; rename it", shown, id="OBS101")) from None
+    require_line(path)
     text = text_of(path)
     if path.lower().endswith(".csv"):
         raise UsageError(Problem("is a table of samples; a spec is expected, a YAML file", path, id="OBS109"))
     return opened(text, path, changes)
+
+
+def require_line(path: str) -> None:
+    """Refuse the name of a file that would forge what is printed; raises `UsageError`."""
+    if found := NOT_ONE_LINE.search(path):
+        said = f"the name of the file holds the character U+{ord(found[0]):04X}; rename it"
+        raise UsageError(Problem(said, path.encode(errors="backslashreplace").decode(), id="OBS102"))
 
 
 def text_of(path: str) -> str:
