@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from obsdesign.batches.find import titled
 from obsdesign.batches.form import STATUSES, Entry
 from obsdesign.errors import LOGGED, NOT_ONE_LINE
+from obsdesign.tables.text import safe
 
 if TYPE_CHECKING:
     from obsdesign.batches.summary import Summary
@@ -27,7 +28,7 @@ def shown(text: str) -> str:
 
 def line(entry: Entry, width: int = 0) -> str:
     """One spec: whether it is as expected, its status, its path, what is guaranteed, s it took."""
-    told = ", ".join(f"{name} {value:.6g}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
+    told = ", ".join(f"{name} {safe(name, value)}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
     path = title(entry)
     time = "up to date" if entry["up_to_date"] else f"{entry['time_s']:.1f} s" if entry["time_s"] else ""
     parts = (MARKS[entry["as_expected"]], f"{entry['status']:{COLUMN}}", f"{path:{width}}", f"{time:>10}", told)

@@ -26,6 +26,7 @@ HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # c
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
+POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "ceiling")  # what is never negative
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -61,6 +62,20 @@ def require_types(file: ResultFile, spec: Spec) -> None:
         raise file.wrong("notes", "expected a list of sentences", id="OBS702")
     if file.content.get("assumed", []) != spec.assumed:
         raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec", id="OBS705")
+
+
+def require_limits(file: ResultFile) -> None:
+    """Refuse limits that are negative, in files that claim nothing as well: what has a limit is a size or a rate."""
+    claimed = file.content.get("guarantee")
+    parts = [(name, claimed[name]) for name in LIMITS if name in claimed] if isinstance(claimed, dict) else []
+    for path, value in parts:
+        name = path.rpartition(".")[2]
+        if isinstance(value, dict):
+            parts += [(f"{path}.{key}", part) for key, part in value.items()]
+        elif isinstance(value, list):
+            parts += [(path, part) for part in value]
+        elif name in POSITIVE and str(value).startswith("-") and file.exact(value, f"guarantee.{path}") < 0:
+            raise file.wrong(f"guarantee.{path}", f"{value} is negative, which no {name} is", id="OBS702")
 
 
 def require_notes(file: ResultFile, spec: Spec) -> None:

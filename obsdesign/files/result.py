@@ -16,11 +16,12 @@ from flint import fmpq, fmpz
 
 from obsdesign.disk import content_of
 from obsdesign.errors import EXIT, NOT_ONE_LINE, Problem, UsageError
-from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
+from obsdesign.lmi.formula import Array, Unknown, approximate, printed, rational, rational_number
 from obsdesign.lmi.proof import Check
 
 LARGEST = 64 * 2**20  # bytes
 LONGEST = 100_000  # characters of one number
+LEGIBLE = 60  # .. in a message
 DEEPEST = 50  # objects and lists within each other
 LARGEST_POWER = 400  # of ten
 SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
@@ -114,6 +115,20 @@ class ResultFile:
     def wrong(self, key: str, message: str, *, id: str) -> UsageError:
         """Error about one key, or about the whole file without one."""
         return UsageError(Problem(message, self.path, key=key, id=id))
+
+    def require_asked(self, ends: tuple[fmpq, fmpq | None], *keys: str) -> None:
+        """Refuse a number that is not between the ends, printed, that the spec asks for; None: no upper one."""
+        low, high = (None if end is None else printed(end) for end in ends)
+        found = self.number(*keys)
+        if found < low or (high is not None and found > high):
+            raise self.unasked(ends, *keys)
+
+    def unasked(self, ends: tuple[fmpq, fmpq | None], *keys: str) -> UsageError:
+        """Error about a number that is not what the spec asks for, each as it is written."""
+        low, high = (None if end is None else repr(approximate(end)) for end in ends)
+        asked = low if low == high else f"at least {low}" if high is None else f"from {low} to {high}"
+        said = f"{str(self.at(*keys))[:LEGIBLE]} is not what the spec asks for, {asked}"
+        return self.wrong(".".join(keys), said, id="OBS707")
 
     def at(self, *keys: str) -> Any:
         """Entry at a path of keys, which must exist."""

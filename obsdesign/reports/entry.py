@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,7 +11,10 @@ from typing import Any
 
 from obsdesign.design import Design, design_of, proof_of, spec_of
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
+from obsdesign.expectation import RUN
 from obsdesign.families import FAMILIES
+from obsdesign.families.agreement import HELD
+from obsdesign.families.agreement import numerical as unproved
 from obsdesign.families.outcome import BETTER, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reports import curves
@@ -34,7 +38,9 @@ COMPUTED = (
     "checks",
     "origin",
     "numbers",
+    "expected",
 )  # as they are shown
+PROVED, NUMERICAL, CLAIMED = "proved", "numerical", "not verified"  # what an entry of a file rests on
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
 
@@ -235,21 +241,47 @@ class Entry:
 
     @cached_property
     def expected(self) -> list[dict[str, Any]]:
-        """What the spec expects of its result, with what a paper prints and what was found."""
+        """What the spec expects of its result, with what a paper prints, what was found, and what that rests on."""
         told = self.design.spec.expect
         records = {key: value if isinstance(value, Mapping) else {} for key, value in told.items()}
-        rows = self.design.expected(self.trial.summary)
         return [
-            {**row, "printed": records[row["key"]].get("printed"), "note": records[row["key"]].get("note", "")}
-            for row in rows
+            {
+                **row,
+                "rests": (rests := self.rests(row["key"])),
+                "found": str(row["found"]) if rests == PROVED else told_of(row["found"]),  # proved: whole
+                "met": ("not verified" if rests == CLAIMED else "yes") if row["holds"] else "NO",
+                "printed": records[row["key"]].get("printed"),
+                "note": records[row["key"]].get("note", ""),
+            }
+            for row in self.design.expected(self.trial.summary)
         ]
+
+    @cached_property
+    def unproved(self) -> list[str]:
+        """Dotted paths of what is not proved in the file."""
+        return unproved(self.content, self.design.spec)
+
+    def rests(self, key: str) -> str:
+        """What an entry of the result rests on, by the dotted name that a spec has for it."""
+        names = [name for name in re.findall(r"[^.\[\]]+", key) if not name.isdecimal()]
+        names = names if names[0] in (*self.content, RUN) else ["guarantee", *names]
+        if names[0] == RUN:
+            return NUMERICAL
+        if not self.proof or not self.proof.holds:
+            return CLAIMED
+        path = ".".join(names) + "."
+        computed = any(path.startswith(f"{one}.") or f"{one}.".startswith(path) for one in self.unproved)
+        return PROVED if names[0] in ("status", *HELD) and not computed else NUMERICAL
 
     @property
     def meets(self) -> str:
-        """Whether it is what the spec expects."""
-        if not self.design.spec.expect:
+        """Whether it is what the spec expects, as far as that is proved."""
+        told, kinds = {row["met"] for row in self.expected}, {row["rests"] for row in self.expected}
+        if not told:
             return "none"
-        return "met" if all(row["holds"] for row in self.expected) else "NOT met"
+        if "NO" in told or "not verified" in told:
+            return "NOT met" if "NO" in told else "not verified"
+        return "met" if kinds == {PROVED} else "met, in part numerical"
 
     @property
     def origin(self) -> Rows:
