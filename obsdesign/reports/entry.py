@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,14 +10,12 @@ from typing import Any
 
 from obsdesign.design import Design, design_of, proof_of, spec_of
 from obsdesign.errors import ObsdesignError, Problem, TimeLimitError, UsageError
-from obsdesign.expectation import RUN
 from obsdesign.families import FAMILIES
-from obsdesign.families.agreement import HELD
-from obsdesign.families.agreement import numerical as unproved
 from obsdesign.families.outcome import BETTER, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reports import curves
 from obsdesign.reports.chart import Chart
+from obsdesign.reports.expected import in_all, rows_of, told_of
 from obsdesign.reports.problem import DesignProblem
 from obsdesign.reports.trajectories import Signals, charts
 from obsdesign.tables.design import analysis, background, limits
@@ -40,7 +37,6 @@ COMPUTED = (
     "numbers",
     "expected",
 )  # as they are shown
-PROVED, NUMERICAL, CLAIMED = "proved", "numerical", "not verified"  # what an entry of a file rests on
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
 
@@ -242,46 +238,12 @@ class Entry:
     @cached_property
     def expected(self) -> list[dict[str, Any]]:
         """What the spec expects of its result, with what a paper prints, what was found, and what that rests on."""
-        told = self.design.spec.expect
-        records = {key: value if isinstance(value, Mapping) else {} for key, value in told.items()}
-        return [
-            {
-                **row,
-                "rests": (rests := self.rests(row["key"])),
-                "found": str(row["found"]) if rests == PROVED else told_of(row["found"]),  # proved: whole
-                "met": ("not verified" if rests == CLAIMED else "yes") if row["holds"] else "NO",
-                "printed": records[row["key"]].get("printed"),
-                "note": records[row["key"]].get("note", ""),
-            }
-            for row in self.design.expected(self.trial.summary)
-        ]
-
-    @cached_property
-    def unproved(self) -> list[str]:
-        """Dotted paths of what is not proved in the file."""
-        return unproved(self.content, self.design.spec)
-
-    def rests(self, key: str) -> str:
-        """What an entry of the result rests on, by the dotted name that a spec has for it."""
-        names = [name for name in re.findall(r"[^.\[\]]+", key) if not name.isdecimal()]
-        names = names if names[0] in (*self.content, RUN) else ["guarantee", *names]
-        if names[0] == RUN:
-            return NUMERICAL
-        if not self.proof or not self.proof.holds:
-            return CLAIMED
-        path = ".".join(names) + "."
-        computed = any(path.startswith(f"{one}.") or f"{one}.".startswith(path) for one in self.unproved)
-        return PROVED if names[0] in ("status", *HELD) and not computed else NUMERICAL
+        return rows_of(self.design, self.proof, self.trial.summary)
 
     @property
     def meets(self) -> str:
         """Whether it is what the spec expects, as far as that is proved."""
-        told, kinds = {row["met"] for row in self.expected}, {row["rests"] for row in self.expected}
-        if not told:
-            return "none"
-        if "NO" in told or "not verified" in told:
-            return "NOT met" if "NO" in told else "not verified"
-        return "met" if kinds == {PROVED} else "met, in part numerical"
+        return in_all(self.expected)
 
     @property
     def origin(self) -> Rows:
@@ -316,15 +278,6 @@ def conditions(certificate: Any) -> Iterator[Mapping[str, Any]]:
         yield from (check for check in certificate.get("checks", []) if isinstance(check, Mapping))
         for part in certificate.values():
             yield from conditions(part)
-
-
-def told_of(value: Any) -> str:
-    """Entry of a diagnosis in a line."""
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {told_of(item)}" for key, item in value.items())
-    if isinstance(value, list):
-        return f"[{', '.join(map(told_of, value))}]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def trial_of(design: Design, path: str, samples: bool) -> Trial:
