@@ -21,7 +21,7 @@ from obsdesign import __version__
 from obsdesign.disk import write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families import FAMILIES
-from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_limits, require_types
+from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
 from obsdesign.families.analysis import useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
@@ -311,7 +311,6 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     spec = named(file, spec)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
-    require_limits(file)
     if file.content.get("split") != as_read(entry(spec)).get("split"):
         raise file.wrong("split", "is not how the equations of the spec are split", id="OBS705")
     return spec
