@@ -56,7 +56,7 @@ def margins(certificate: Mapping[str, Any], path: str) -> list[str]:
 
 
 def require_types(file: ResultFile, spec: Spec) -> None:
-    """Refuse a file that does not say what is neither proved nor refuted of the types, or whose notes or limits are none."""
+    """Refuse a file that does not say what is assumed of the types, or whose notes or limits are none."""
     notes = file.content.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise file.wrong("notes", "expected a list of sentences", id="OBS702")
