@@ -18,8 +18,12 @@ from typing import NamedTuple, overload
 
 EXIT = {"certified": 0, "infeasible": 3, "refuted": 3, "uncertified": 4}  # exit codes of answers, by their status
 
-# Characters that end a line, change what stands in it, or cannot be printed: in a text of a user they would forge lines
-NOT_ONE_LINE = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+# Characters that end a line, change what stands in it, or cannot be seen: in a text of a user they would forge lines
+FORMAT = (  # category Cf of Unicode
+    "\u00ad\u0600-\u0605\u061c\u06dd\u070f\u0890\u0891\u08e2\u180e\u200b-\u200f\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\U000110bd\U000110cd\U00013430-\U0001343f\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f"
+)
+NOT_ONE_LINE = re.compile(f"[\x00-\x1f\x7f-\x9f\u2028-\u202e\ud800-\udfff{FORMAT}]")
 COMMAND = re.compile(r"(^|\r)([^\S\r\n]*):(?=:)", re.MULTILINE)  # of GitHub: ::error::, also after spaces
 LOGGED = re.compile(r"##(?=\w*\[)")  # begins what a runner obeys anywhere in a log: ##[error], ##vso[, ##teamcity[
 

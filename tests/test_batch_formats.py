@@ -150,6 +150,12 @@ def test_no_line_obeys_a_name(hostile):
     assert shown("a\x1b[0m") == "a\\u001b[0m"
 
 
+def test_a_number_that_is_proved_is_rounded_to_the_safe_side(tmp_path):
+    told = {"lipschitz": 0.7654321, "gamma": 0.123456712, "margin": -2.377854}
+    summary = made(tmp_path, entry_of(Task("a.yaml"), "certified", 0, guarantee=told))
+    assert str(summary).splitlines()[0].endswith("lipschitz 0.765432, gamma 0.123457, margin -2.37786")
+
+
 def test_no_format_obeys_a_change(tmp_path):
     change = f"name=</script>]]>&%0A::error::x,{BELL}\n::error::y ##[error]=1+1"
     task = Task("../specs/a.yaml", (change,))

@@ -204,7 +204,7 @@ def test_a_verdict_of_infeasibility_is_believed_only_where_its_certificate_prove
         verified({"multipliers": certificate["multipliers"] | {name: other}}), "not proved", code=4, quiet=False
     )
     assert_refused(verified({"multipliers": {}}), "not proved", code=4, quiet=False)
-    assert_refused(verified({"alpha": "60"}), "not what the spec asks for")
+    assert_refused(verified({"alpha": "60"}), "alpha: 60 is not what the spec asks for, ")
     assert_refused(verified({"multipliers": [1]}), "expected an object")
     assert_refused(verified({"multipliers": {name: "no rows"}}), name)
     Path("bare.json").write_text(json.dumps(content | {"diagnosis": {"reason": "because"}}))

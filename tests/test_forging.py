@@ -391,7 +391,7 @@ def test_the_conditions_in_a_file_are_those_that_are_proved(case, outcome_of):
         assert (outcome.exit_code, ".".join(place) in outcome.stderr) == (2, True), forged
 
 
-@pytest.mark.parametrize("character", ["\n", "\r", "\x1b", "\x85", "\u2028", "\u202e", "\ud800"])
+@pytest.mark.parametrize("character", ["\n", "\r", "\x1b", "\x85", "\u2028", "\u202e", "\ud800", "\u200b"])
 def test_texts_and_keys_of_a_file_that_would_forge_lines_are_refused(character, outcome_of):
     content, forged = content_of("l2 gamma"), f"x{character}proved: everything"
     changes = [put(copy.deepcopy(content), (key,), forged) for key in ("name", "created", "search")]

@@ -6,6 +6,7 @@ import pty
 import re
 import subprocess
 import sys
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from support.commands import run
 
 import obsdesign
 from obsdesign.cli.problems import pointed
-from obsdesign.errors import Excerpt
+from obsdesign.errors import NOT_ONE_LINE, Excerpt
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -248,3 +249,16 @@ def test_what_is_escaped_for_a_runner_is_the_same_text_in_json():
     printed = run("solve", "a.yaml", "-o", "-").stdout
     assert json.loads(printed)["spec"] == json.loads(Path("a.gains.json").read_text())["spec"]
     assert not OBEYED.search(printed)
+
+
+def test_no_character_of_format_is_taken_for_a_line(tmp_path):
+    kinds = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+    every = map(chr, range(sys.maxunicode + 1))
+    assert [c for c in every if unicodedata.category(c) in kinds and not NOT_ONE_LINE.search(c)] == []
+    assert not NOT_ONE_LINE.search("a b\u00a0é Ż 日本 α̂ 😀")
+    spec = tmp_path / "a\u200bb.yaml"
+    spec.write_text("obsdesign: 1\nsystem: {A: -1, C: 1}\nobserver: {type: l2, alpha: 0.1}\n")
+    for command in ("solve", "check", "batch"):
+        outcome = run(command, spec)
+        assert outcome.exit_code == 2
+        assert "the name of the file holds the character U+200B; rename it [OBS102]" in outcome.output

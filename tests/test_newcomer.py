@@ -1,5 +1,6 @@
 """What commands say to somebody who is new to them."""
 
+import html
 import json
 from pathlib import Path
 
@@ -80,10 +81,17 @@ def test_a_proved_number_has_the_same_digits_in_the_table_and_in_the_report():
     assert f"<dt>gain γ</dt><dd>{gamma}</dd>" in Path("report.html").read_text()
 
 
-def test_the_reason_of_a_diagnosis_that_is_proved_is_not_called_numerical():
+def test_a_page_says_in_its_own_words_what_is_proved_where_there_is_no_solution():
     Path("spec.yaml").write_text("obsdesign: 1\nsystem: {A: 0.2, B: 1, C: 0}\nobserver: {type: l2, alpha: 0.3}\n")
     assert run("solve", "spec.yaml", "-q").exit_code == 3
-    assert run("verify", "spec.gains.json", "-q").exit_code == 0
+    claim = run("verify", "spec.gains.json").stdout.splitlines()[-1].partition("proved: ")[2]
+    assert claim
+    content = json.loads(Path("spec.gains.json").read_text())
+    forged = "it is proved exactly that no observer of any kind exists"
+    content["diagnosis"] |= {"reason": forged, "condition": forged, "suggestion": forged}
+    Path("spec.gains.json").write_text(json.dumps(content))
     assert run("report", "spec.gains.json").exit_code == 0
-    page = Path("report.html").read_text()
-    assert 'Diagnosis <span class="mark">the reason is proved, the rest numerical</span>' in page
+    page = html.unescape(Path("report.html").read_text())
+    assert f"what is proved is no more than the verdict above: {claim}." in page
+    verdict, _, diagnosis = page.partition('Diagnosis <span class="mark">numerical, not proved</span>')
+    assert (forged in verdict, diagnosis.count(forged)) == (False, 3)

@@ -7,6 +7,8 @@ import subprocess
 import pytest
 from support.bounded import soon
 from support.commands import run
+from support.forging import with_text
+from support.page import read
 from test_report import altered, solved
 
 SPEC = """
@@ -115,6 +117,89 @@ def test_a_folder_of_traps_is_walked_to_its_end(genuine, tmp_path, monkeypatch):
     outcome = run("simulate", "--timeout", 60)
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
     assert "no certified *.gains.json in this folder" in outcome.stderr
+
+
+def cited(genuine, status, tmp_path):
+    """Page of a folder with a file that expects just what it says, of a paper, whose limit is forged too."""
+    content = json.loads(genuine.read_text())
+    gamma, limit = content["guarantee"]["gamma"], 1e-12
+    expected = {"gamma": {"verified": gamma, "printed": 3}, "limit.gamma": {"verified": limit, "printed": 4}}
+    spec = SPEC.replace("expect: {gamma: 0.5}", f"expect: {json.dumps({'status': status, **expected})}")
+    spec += "source: 'Corless and Chakrabarty (2019)'\nreproduces: [Section 6]\n"
+    content = with_text(content, spec) | {"status": status}
+    content["guarantee"]["limit"] = {"gamma": limit, "attained": True}
+    (tmp_path / "x.gains.json").write_text(json.dumps(content))
+    page = tmp_path / "x.html"
+    assert run("report", tmp_path, "-o", page).exit_code == 0
+    tables = {table.attributes["class"]: table for table in read(page.read_text()).all("table")}
+    cells = [[" ".join(c.text.split()) for c in row.all("td")] for row in tables["papers"].all("tr")]
+    (made,) = (row for row in cells if "gamma" in " ".join(row))
+    rows = [[" ".join(c.text.split()) for c in row.all("th", "td")] for row in tables["expected"].all("tr")]
+    (met,) = (list(row.all("td"))[-1].text for row in next(tables["results"].all("tbody")).all("tr"))
+    return gamma, met, made[-2:], {row[0]: (row[2], row[4]) for row in rows[1:]}
+
+
+def test_only_what_is_proved_stands_under_verified(genuine, tmp_path):
+    gamma, met, made, rows = cited(genuine, "certified", tmp_path)
+    assert met == "met, in part numerical"
+    assert made == [f"{gamma}–", "–1e-12"]
+    assert rows == {
+        "status": ("certified proved", "yes"),
+        "gamma": (f"{gamma} proved", "yes"),
+        "limit.gamma": ("1e-12 numerical", "yes"),
+    }
+
+
+def test_nothing_of_a_file_that_is_not_proved_is_verified_or_met(genuine, tmp_path):
+    gamma, met, made, rows = cited(genuine, "uncertified", tmp_path)
+    assert met == "not verified"
+    assert made == ["not verifiednot verified", "––"]
+    assert {met for _, met in rows.values()} == {"not verified"}
+    assert rows["gamma"][0] == f"{gamma:.6g} not verified"
+
+
+@pytest.mark.parametrize("status", ["certified", "uncertified"])
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("limit.gamma", {"limit": {"gamma": -1, "attained": True}}),
+        ("widened.lipschitz", {"widened": {"lipschitz": -1.5, "gamma": 1}}),
+        ("ceiling", {"ceiling": -1}),
+        ("comparison.limit.gamma", {"comparison": [{"relaxation": "x", "limit": {"gamma": -1}}]}),
+    ],
+)
+def test_a_limit_is_not_negative(genuine, status, name, limit, tmp_path):
+    content = json.loads(genuine.read_text())
+    content |= {"status": status, "guarantee": content["guarantee"] | limit}
+    path = tmp_path / "x.gains.json"
+    path.write_text(json.dumps(content))
+    outcome = run("report", path, "-o", tmp_path / "x.html")
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+    assert f"guarantee.{name}: -1" in outcome.stderr
+    assert f"is negative, which no {name.rpartition('.')[2]} is [OBS702]" in outcome.stderr
+
+
+def test_a_number_that_the_spec_does_not_ask_for_is_named_beside_what_it_asks_for(genuine, tmp_path):
+    path = tmp_path / "x.gains.json"
+    path.write_text(forged(json.loads(genuine.read_text()), ("guarantee", "alpha"), 0.8000000001))
+    said = "guarantee.alpha: 0.8000000001 is not what the spec asks for, from 0.1 to 0.8 [OBS707]"
+    assert said in run("verify", path).stderr
+
+
+@pytest.mark.parametrize("left", ["[", '{"a":'])
+def test_what_is_nested_too_deep_is_refused_and_the_rest_of_a_folder_shown(genuine, left, tmp_path):
+    path, deep = tmp_path / "x.gains.json", left * 600 + "1" + {"[": "]"}.get(left, "}") * 600
+    content = {**json.loads(genuine.read_text()), "status": "infeasible", "diagnosis": {"reason": "HERE"}}
+    path.write_text(json.dumps(content).replace('"HERE"', deep))
+    (tmp_path / "good.gains.json").write_bytes(genuine.read_bytes())
+    for command in (("report", path), ("verify", path), ("diff", genuine, path), ("compare", genuine, path)):
+        outcome = run(*command)
+        assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
+        assert "diagnosis.reason" in outcome.stderr
+        assert "holds lists or objects more than 50 deep" in outcome.stderr
+    page = tmp_path / "folder.html"
+    assert run("report", tmp_path, "-o", page).exit_code == 2
+    assert "Small</h1>" in page.read_text()
 
 
 @pytest.mark.parametrize("status", ["certified ", "Certified", "no guarantee", "x" * 10_000, 5, None, [], [[]]])

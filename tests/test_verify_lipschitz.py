@@ -101,7 +101,8 @@ def test_a_constant_that_no_double_holds_is_covered_by_the_next_one_above(outcom
     assert content["guarantee"]["margin"] == 0
     assert outcome_of(content).exit_code == 0
     content["guarantee"]["lipschitz"] = 2 / 3
-    assert "not what the spec asks for" in outcome_of(content).stderr
+    said = f"guarantee.lipschitz: {2 / 3!r} is not what the spec asks for, {above} [OBS707]"
+    assert said in outcome_of(content).stderr
 
 
 def test_where_the_types_hold_is_said(outcome_of):

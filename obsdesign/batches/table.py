@@ -1,5 +1,6 @@
 """A batch in lines: none begins with what a spec or its path says, nor holds what a terminal would obey."""
 
+import json
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from obsdesign.batches.find import titled
 from obsdesign.batches.form import STATUSES, Entry
 from obsdesign.errors import LOGGED, NOT_ONE_LINE
+from obsdesign.tables.text import safe
 
 if TYPE_CHECKING:
     from obsdesign.batches.summary import Summary
@@ -20,13 +22,13 @@ LONGEST = 100  # characters of a path to which the others are aligned
 
 def shown(text: str) -> str:
     """Text for one line of a terminal or of a log: what would be obeyed there is written out."""
-    plain = NOT_ONE_LINE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    plain = NOT_ONE_LINE.sub(lambda found: json.dumps(found[0])[1:-1], text)
     return LOGGED.sub(r"#\\u0023", plain)
 
 
 def line(entry: Entry, width: int = 0) -> str:
     """One spec: whether it is as expected, its status, its path, what is guaranteed, s it took."""
-    told = ", ".join(f"{name} {value:.6g}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
+    told = ", ".join(f"{name} {safe(name, value)}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
     path = title(entry)
     time = "up to date" if entry["up_to_date"] else f"{entry['time_s']:.1f} s" if entry["time_s"] else ""
     parts = (MARKS[entry["as_expected"]], f"{entry['status']:{COLUMN}}", f"{path:{width}}", f"{time:>10}", told)

@@ -5,7 +5,6 @@ what was computed in doubles. The first must be what is written of the claim whe
 what is cheap to compute again must agree, a limit must not be worse than what is proved, and its path must be listed.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from obsdesign.errors import UsageError
 from obsdesign.families.outcome import Proof
 from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import approximate
-from obsdesign.spec import PROVED, Spec
+from obsdesign.spec import Spec
 
 LIMITS = ("limit", "limit_bounded", "widened", "ceiling", "comparison")  # found by a search, which is not repeated
 NUMERICAL = {  # entries of parts of a result file that prove nothing
@@ -27,7 +26,7 @@ HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # c
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
-CLAIMING = re.compile(r"\b(certif|prov(e|ing)|proof|guarant|bound)\w*", re.IGNORECASE)  # what only a claim may speak of
+POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "ceiling")  # what is never negative
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -57,29 +56,34 @@ def margins(certificate: Mapping[str, Any], path: str) -> list[str]:
 
 
 def require_types(file: ResultFile, spec: Spec) -> None:
-    """Refuse a file that says that a type is proved from f, or leaves out what is assumed, where it is not so anew."""
+    """Refuse a file that does not say what is assumed of the types, or whose notes or limits are none."""
     notes = file.content.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise file.wrong("notes", "expected a list of sentences", id="OBS702")
-    for i, note in enumerate(notes):
-        if PROVED in note and note not in spec.notes:
-            raise file.wrong(f"notes[{i}]", "says that a type is proved from f, which is not proved anew", id="OBS705")
     if file.content.get("assumed", []) != spec.assumed:
         raise file.wrong("assumed", "is not what is neither proved nor refuted of the types of the spec", id="OBS705")
+    require_limits(file)
+
+
+def require_limits(file: ResultFile) -> None:
+    """Refuse limits that are negative, in files that claim nothing as well: what has a limit is a size or a rate."""
+    claimed = file.content.get("guarantee")
+    parts = [(name, claimed[name]) for name in LIMITS if name in claimed] if isinstance(claimed, dict) else []
+    for path, value in parts:
+        name = path.rpartition(".")[2]
+        if isinstance(value, dict):
+            parts += [(f"{path}.{key}", part) for key, part in value.items()]
+        elif isinstance(value, list):
+            parts += [(path, part) for part in value]
+        elif name in POSITIVE and str(value).startswith("-") and file.exact(value, f"guarantee.{path}") < 0:
+            raise file.wrong(f"guarantee.{path}", f"{value} is negative, which no {name} is", id="OBS702")
 
 
 def require_notes(file: ResultFile, spec: Spec) -> None:
-    """Refuse notes that leave out what is known of the spec, or that speak of a proof and are not made of the spec.
-
-    Notes on a search, which is not repeated, are listed as numerical.
-    """
+    """Refuse notes that leave out what is known of the spec; others prove nothing and are listed as numerical."""
     notes, own = file.content.get("notes", []), [*spec.notes, *spec.idle]
     if missing := next((note for note in own if note not in (*notes, *spec.unused)), None):
         raise file.wrong("notes", f"leaves out what is known of the spec: {missing}", id="OBS705")
-    for i, note in enumerate(notes):
-        if note not in own and (word := CLAIMING.search(note)):
-            said = f"speaks of what is proved ({word[0]}), which a note on a search does not; see guarantee.statement"
-            raise file.wrong(f"notes[{i}]", said, id="OBS705")
 
 
 def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> None:

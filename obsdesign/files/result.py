@@ -16,10 +16,12 @@ from flint import fmpq, fmpz
 
 from obsdesign.disk import LARGEST, content_of
 from obsdesign.errors import EXIT, NOT_ONE_LINE, Problem, UsageError
-from obsdesign.lmi.formula import Array, Unknown, rational, rational_number
+from obsdesign.lmi.formula import Array, Unknown, approximate, printed, rational, rational_number
 from obsdesign.lmi.proof import Check
 
 LONGEST = 100_000  # characters of one number
+LEGIBLE = 60  # .. in a message
+DEEPEST = 50  # objects and lists within each other
 LARGEST_POWER = 400  # of ten
 SUMMARY = {"specs", "counts"}  # keys that tell the summary of a batch from a result
 NUMBER = re.compile(r"-?\d+/0*[1-9]\d*|-?\d+(\.\d+)?([eE][-+]?\d{1,9})?", re.ASCII)
@@ -65,10 +67,16 @@ class ResultFile:
         return content
 
     def require_lines(self, content: dict[str, Any]) -> None:
-        """Refuse a key, or a text besides that of the spec, of more than one line: it would forge what is printed."""
-        parts: list[tuple[str, Any]] = [("", content)]
+        """Refuse a key, or a text besides that of the spec, of more than one line: it would forge what is printed.
+
+        And what is nested deeper than anything that is written, so that whoever reads it may recurse.
+        """
+        parts: list[tuple[str, Any, int]] = [("", content, 0)]
         while parts:
-            path, value = parts.pop()
+            path, value, depth = parts.pop()
+            if depth > DEEPEST:
+                said = f"holds lists or objects more than {DEEPEST} deep; a result holds what `solve` writes"
+                raise self.wrong(".".join(path.split(".")[:2]), said, id="OBS702")
             if isinstance(value, str) and path != "spec.text" and (found := NOT_ONE_LINE.search(value)):
                 raise self.wrong(
                     path, f"holds the character U+{ord(found[0]):04X}; a result holds texts of one line", id="OBS702"
@@ -78,8 +86,8 @@ class ResultFile:
                 raise self.wrong(
                     path or "a key", f"a key holds the character U+{ord(found[0]):04X}; expected one line", id="OBS702"
                 )
-            parts += [(f"{path}.{key}".removeprefix("."), value[key]) for key in keys]
-            parts += [(path, part) for part in value] if isinstance(value, list) else []
+            parts += [(f"{path}.{key}".removeprefix("."), value[key], depth + 1) for key in keys]
+            parts += [(path, part, depth + 1) for part in value] if isinstance(value, list) else []
 
     def plain(self) -> dict[str, Any]:
         """JSON with numbers as doubles and integers, as it is written and nothing more."""
@@ -106,6 +114,20 @@ class ResultFile:
     def wrong(self, key: str, message: str, *, id: str) -> UsageError:
         """Error about one key, or about the whole file without one."""
         return UsageError(Problem(message, self.path, key=key, id=id))
+
+    def require_asked(self, ends: tuple[fmpq, fmpq | None], *keys: str) -> None:
+        """Refuse a number that is not between the ends, printed, that the spec asks for; None: no upper one."""
+        low, high = (None if end is None else printed(end) for end in ends)
+        found = self.number(*keys)
+        if found < low or (high is not None and found > high):
+            raise self.unasked(ends, *keys)
+
+    def unasked(self, ends: tuple[fmpq, fmpq | None], *keys: str) -> UsageError:
+        """Error about a number that is not what the spec asks for, each as it is written."""
+        low, high = (None if end is None else repr(approximate(end)) for end in ends)
+        asked = low if low == high else f"at least {low}" if high is None else f"from {low} to {high}"
+        said = f"{str(self.at(*keys))[:LEGIBLE]} is not what the spec asks for, {asked}"
+        return self.wrong(".".join(keys), said, id="OBS707")
 
     def at(self, *keys: str) -> Any:
         """Entry at a path of keys, which must exist."""

@@ -15,6 +15,7 @@ from obsdesign.families.outcome import BETTER, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reports import curves
 from obsdesign.reports.chart import Chart
+from obsdesign.reports.expected import in_all, rows_of, told_of
 from obsdesign.reports.problem import DesignProblem
 from obsdesign.reports.trajectories import Signals, charts
 from obsdesign.tables.design import analysis, background, limits
@@ -33,6 +34,7 @@ COMPUTED = (
     "checks",
     "origin",
     "numbers",
+    "expected",
 )  # as they are shown
 SAID = ("reason", "suggestion")  # of a diagnosis, shown first
 
@@ -138,9 +140,14 @@ class Entry:
         return "" if told else claim, observer
 
     @property
+    def remarks(self) -> list[str]:
+        """Sentences that are made of the spec anew, whatever the file says."""
+        return [*self.design.spec.notes, *self.design.spec.idle]
+
+    @property
     def notes(self) -> list[str]:
-        """Sentences of the file."""
-        return [str(note) for note in self.content.get("notes", [])]
+        """Further sentences of the file, which nothing holds against anything."""
+        return [note for note in map(str, self.content.get("notes", [])) if note not in self.remarks]
 
     @property
     def local(self) -> str:
@@ -211,8 +218,9 @@ class Entry:
 
     @property
     def diagnosis(self) -> Rows:
-        """Why there are no gains, the reason first."""
-        found = {key: value for key, value in self.content.get("diagnosis", {}).items() if key != "certificate"}
+        """Why there are no gains as the file says it, the reason first: what is proved of it is the claim."""
+        said = self.content.get("diagnosis", {})
+        found = {key: value for key, value in said.items() if key not in ("proof", "certificate")}
         first = {key: found.pop(key) for key in SAID if key in found}
         return [(key, text) for key, value in {**first, **found}.items() for text in [told_of(value)] if text]
 
@@ -228,21 +236,13 @@ class Entry:
 
     @cached_property
     def expected(self) -> list[dict[str, Any]]:
-        """What the spec expects of its result, with what a paper prints and what was found."""
-        told = self.design.spec.expect
-        records = {key: value if isinstance(value, Mapping) else {} for key, value in told.items()}
-        rows = self.design.expected(self.trial.summary)
-        return [
-            {**row, "printed": records[row["key"]].get("printed"), "note": records[row["key"]].get("note", "")}
-            for row in rows
-        ]
+        """What the spec expects of its result, with what a paper prints, what was found, and what that rests on."""
+        return rows_of(self.design, self.proof, self.trial.summary)
 
     @property
     def meets(self) -> str:
-        """Whether it is what the spec expects."""
-        if not self.design.spec.expect:
-            return "none"
-        return "met" if all(row["holds"] for row in self.expected) else "NOT met"
+        """Whether it is what the spec expects, as far as that is proved."""
+        return in_all(self.expected)
 
     @property
     def origin(self) -> Rows:
@@ -277,15 +277,6 @@ def conditions(certificate: Any) -> Iterator[Mapping[str, Any]]:
         yield from (check for check in certificate.get("checks", []) if isinstance(check, Mapping))
         for part in certificate.values():
             yield from conditions(part)
-
-
-def told_of(value: Any) -> str:
-    """Entry of a diagnosis in a line."""
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {told_of(item)}" for key, item in value.items())
-    if isinstance(value, list):
-        return f"[{', '.join(map(told_of, value))}]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def trial_of(design: Design, path: str, samples: bool) -> Trial:

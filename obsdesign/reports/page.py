@@ -21,7 +21,8 @@ from obsdesign.design import Design
 from obsdesign.disk import below, write_whole
 from obsdesign.errors import NOT_ONE_LINE, ObsdesignError, Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile
-from obsdesign.reports.entry import Entry, Missing, opened, told_of, unread
+from obsdesign.reports.entry import Entry, Missing, opened, unread
+from obsdesign.reports.expected import told_of
 from obsdesign.reports.papers import DRAWING, PAPERS, Paper, paper_of
 from obsdesign.tables.text import at_least, at_most
 

@@ -7,6 +7,11 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+FROM_ABOVE = (  # numbers of a guarantee that are proved from above; the others are from below
+    *("gamma", "mu2", "mu", "overshoot", "initial", "disturbance", "noise", "growth", "T1"),
+    *("w", "w_rate", "x_rate"),
+)
+
 UNBOUNDED = "not told: slopes of f are not bounded, or not all their matrices are known"
 
 UNSTABLE = "not told: there is no stable pole to bound it"
@@ -29,6 +34,11 @@ def at_most(x: float | fmpq, digits: int = 6) -> str:
 def at_least(x: float | fmpq, digits: int = 6) -> str:
     """Largest decimal of so many significant digits that is not above x: how a lower bound is shown."""
     return directed(x, digits, decimal.ROUND_FLOOR)
+
+
+def safe(name: str, value: float, digits: int = 6) -> str:
+    """Number of a guarantee, by its name, on the side that claims no more than is proved."""
+    return (at_most if name in FROM_ABOVE else at_least)(value, digits)
 
 
 def directed(x: float | fmpq, digits: int, rounding: str) -> str:

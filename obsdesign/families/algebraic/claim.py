@@ -86,7 +86,7 @@ class Claim:
     def statement(self, spec: Spec) -> str:
         """Claim in words, clause by clause, and what it does not say."""
         assert spec.typed
-        rates = ", ".join(f"{rate:.6g} 1/s of {name}" for name, rate in self.rates.items())
+        rates = ", ".join(f"{at_least(rate)} 1/s of {name}" for name, rate in self.rates.items())
         fall = [f"these errors fall at least at the rate {rates}"] if rates else []
         kept = [f"{name} in {interval(*ends)}" for name, ends in spec.typed.domain.items()]
         domain = f"stays in its domain ({', '.join(kept)})" if kept else "has a solution"

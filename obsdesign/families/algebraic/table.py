@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.algebraic.scheme import OPEN
+from obsdesign.tables.text import at_least
 
 
 def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -15,7 +16,7 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple[str, 
         )
         for c in claimed.get("coordinates", [])
     ]
-    rows += [("rate", f"{name}: at least {rate:.6g} 1/s") for name, rate in claimed.get("rates", {}).items()]
+    rows += [("rate", f"{name}: at least {at_least(rate)} 1/s") for name, rate in claimed.get("rates", {}).items()]
     clauses = claimed["statement"].split("; ") if claimed else []
     return rows + [("not proved", c.removeprefix(OPEN)) if c.startswith(OPEN) else ("says", c) for c in clauses]
 

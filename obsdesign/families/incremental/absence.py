@@ -82,12 +82,9 @@ def read(spec: Spec, file: ResultFile) -> Proof:
             "diagnosis.certificate.gamma", "the spec asks for no gamma, so that one proves nothing of it", id="OBS707"
         )
     if gamma is not None and request.level is not None and gamma < request.level:
-        raise file.wrong(
-            "diagnosis.certificate.gamma", f"{approximate(gamma):g} is below what the spec asks for", id="OBS707"
-        )
+        raise file.unasked((request.level, None), *root, "gamma")
     if not covers(request, family, gamma):
-        where = f"{approximate(alpha):g} is not what the spec asks for, or not all of it"
-        raise file.wrong("diagnosis.certificate.alpha", where, id="OBS707")
+        raise file.unasked(ends(request.alpha), *root, "alpha")
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
     words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"

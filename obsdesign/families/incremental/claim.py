@@ -144,21 +144,14 @@ def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) ->
     request = request_of(spec).printed()
     if file.at("observer", "type") != request.type:
         raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
-    alpha, gamma = file.number("guarantee", "alpha"), file.number("guarantee", "gamma")
-    require_alpha(file, request, alpha, "guarantee.alpha")
+    gamma = file.number("guarantee", "gamma")
+    file.require_asked(ends(request.alpha), "guarantee", "alpha")
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in gains.items():
         if name in given and (given[name] != found).any():
             raise file.wrong(f"observer.{name}", "differs from the gain that the spec gives", id="OBS707")
     if not math.isfinite(approximate(gamma)):
         raise file.wrong("guarantee.gamma", "beyond the range of doubles", id="OBS508")
-
-
-def require_alpha(file: ResultFile, request: Request, alpha: fmpq, key: str) -> None:
-    """Hold a decay rate against the number or the range that the spec asks for."""
-    low, high = ends(request.alpha)
-    if not low <= alpha <= high:
-        raise file.wrong(key, f"{approximate(alpha):g} is not what the spec asks for", id="OBS707")
 
 
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:

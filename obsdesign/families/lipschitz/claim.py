@@ -143,7 +143,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, checked: of its constant, and of the largest constant that is tolerated."""
     L, lipschitz = read_gains(spec, file)["L"], read_constant(file, *GUARANTEE)
     decay = file.number(*GUARANTEE, "decay")
-    require_request(spec, file, L, lipschitz, decay)
+    require_request(spec, file, L, lipschitz)
     storage = request_of(spec).storage if spec.disturbed else NO_BOUNDS
     certificate = read_certificate(spec, file, L, lipschitz, decay, GUARANTEE, CERTIFICATE, storage)
     claim = Claim(lipschitz, certificate, bound=held(request_of(spec), L, certificate, disturbed=spec.disturbed))
@@ -205,21 +205,17 @@ def read_levels(file: ResultFile, claim: Sequence[str]) -> tuple[fmpq, fmpq, fmp
     return gamma, mu1, mu2
 
 
-def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq, decay: fmpq) -> None:
+def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq) -> None:
     """Hold a claim against what the spec asks: the family, the decay, the constant, a given gain."""
     request = request_of(spec)
     for key, asked in (("type", request.type), ("relaxation", request.relaxation)):
         if file.at("observer", key) != asked:
             raise file.wrong(f"observer.{key}", f"the spec asks for {asked}", id="OBS707")
-    low, high = ends(request.decay)
-    if not printed(low) <= decay <= printed(high):
-        raise file.wrong("guarantee.decay", f"{approximate(decay):g} is not what the spec asks for", id="OBS707")
+    file.require_asked(ends(request.decay), "guarantee", "decay")
     declared = needed(request.lipschitz)
     least = fmpq(0) if request.objective == "max-lipschitz" else declared
     if lipschitz < least or (request.objective == "min-gamma" and lipschitz > declared):
-        raise file.wrong(
-            "guarantee.lipschitz", f"{approximate(lipschitz):g} is not what the spec asks for", id="OBS707"
-        )
+        raise file.unasked((least, declared if request.objective == "min-gamma" else None), "guarantee", "lipschitz")
     if request.gains and (printed(request.gains["L"]) != L).any():
         raise file.wrong("observer.L", "differs from the gain that the spec gives", id="OBS707")
 

@@ -24,7 +24,7 @@ from obsdesign.families.sporadic.observer import sampled
 from obsdesign.families.sporadic.request import SporadicRequest, request_of
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, above, approximate, below, printed
+from obsdesign.lmi.formula import Array, above, approximate, below
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.sections.scalars import described
 from obsdesign.spec import Spec
@@ -148,9 +148,9 @@ def require_request(
     """Hold a claim against what the spec asks: the family, T1, T2, the decay, given gains, and delta."""
     require_asked(file, request, gains, claim, C)
     if not request.gains:
-        delta, low, high = file.number("observer", "delta"), request.delta.low, request.delta.high
-        if low == high and delta != printed(low):
-            raise file.wrong("observer.delta", f"{approximate(delta):g} is not what the spec asks for", id="OBS707")
+        low, high = request.delta.low, request.delta.high
+        if low == high:
+            file.require_asked((low, high), "observer", "delta")
 
 
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
