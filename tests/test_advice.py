@@ -44,6 +44,24 @@ def test_gains_of_the_other_sign_are_recognised(family):
     assert "opposite sign" not in suggestion(text.replace("[[0, 1], [-1, -1]]", "[[0, 1], [9, 9]]"))
 
 
+CART = """\
+obsdesign: 1
+system: {A: [[0, 1, 0], [-2, -1, 1], [0, 0, -0.1]], B: [[0], [1], [0]], C: [1, 0, 0]}
+observer: {type: l2, alpha: 0.2, %s}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_a_gamma_below_the_least_that_was_found_within_bounds_is_not_said_to_be_impossible():
+    said = suggestion(CART % "bounds: {L1: 20, gamma: 1.0e-4}")
+    levels = re.search(r"gamma (\S+) is the least .*; without them gamma above (\S+) is", said)
+    found, least = map(float, levels.groups())
+    assert f"within the bounds gamma {found:g} is the least that was found" in said
+    Path("spec.yaml").write_text(CART % "gains: {L1: [[-3.59769], [-8.7312], [-17.629]]}")  # |L1| = 19.999
+    assert run("solve", "spec.yaml").exit_code == 0
+    assert least < json.loads(Path("spec.gains.json").read_text())["guarantee"]["gamma"] < found
+
+
 SEEN = "[[-1, 1], [0, -0.5]], B: [1, 0], C: [1, 0]}\nnonlinearities: [{type: {lipschitz: 1.5}, Bf: [1, 0], Cq: [0, 1]}]"
 CUBIC = "[[-1, 1], [0, -1]], B: [1, 0], C: [1, 0]}\nnonlinearities: [{type: monotone, Bf: [0, -1], Cq: [1, 1]}]"
 STEEP = "[[-1, 0], [1, -1]], B: [0, 1], C: [0, 1]}\nnonlinearities: [{type: monotone, Bf: [0, -1], Cq: [0, 1]}]"
