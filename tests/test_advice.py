@@ -181,6 +181,27 @@ def test_a_slope_that_is_too_flat_is_not_called_too_steep():
     assert run("solve", "narrower.yaml", "-q").exit_code == 0
 
 
+GYRO = """\
+obsdesign: 1
+system:
+  inputs: [delta]
+  disturbances: [wind, noise]
+  dynamics:
+    vy: -20*r + 40*atan(delta - (vy + 1.2*r)/20) + 45*atan(-(vy - 1.5*r)/20) + wind
+    r: 29*atan(delta - (vy + 1.2*r)/20) - 42*atan(-(vy - 1.5*r)/20)
+  outputs: {gyro: r + 0.01*noise}
+performance: [vy]
+observer: {type: l2, alpha: 0.5, bounds: {L1: 100}}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_the_domain_that_is_suggested_is_one_of_signals_of_the_plant():
+    domain = re.search(r"there is a solution with system.domain: (\{vy: \[.*?\], r: \[.*?\]\})", suggestion(GYRO))[1]
+    Path("narrower.yaml").write_text(GYRO.replace("  outputs", f"  domain: {domain}\n  outputs"))
+    assert run("solve", "narrower.yaml", "-q").exit_code == 0
+
+
 DRAG = """\
 obsdesign: 1
 system:
