@@ -217,7 +217,9 @@ def test_the_peak_gain_is_told_from_both_sides():
     peak = content["analysis"]["peak_gain"]  # e' = -2 e - [1, -1] v
     assert peak["least"] == pytest.approx(np.sqrt(2) / 2, rel=1e-4)
     assert peak["least"] <= peak["most"] <= content["guarantee"]["gamma"] * (1 + 1e-9)
-    assert f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)}" in table
+    ends = f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)} by V of the certificate"
+    assert ends in table
+    assert "Of `linf` gamma bounds the same quantity" in run("explain", "peak gain").stdout
 
 
 def test_the_peak_gain_has_a_lower_bound_beside_a_pole_that_is_much_faster():
