@@ -1,4 +1,4 @@
-"""What a user may have meant where a spec is infeasible: each change is tried, and told only if it is certified."""
+"""What a user may have meant where a spec has no design: each change is tried, and told only if it is certified."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
@@ -19,6 +20,7 @@ from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
 from obsdesign.spec import Nonlinearity, Spec
 
+SIZES = (1e3, 1e5)  # of a gain, that are tried where nothing bounds it
 ROOM = (0.02, 0.15, 0.5)  # relative, beyond what is necessary
 Limits = tuple[fmpq, fmpq]
 Change = tuple[str, dict[str, Any]]  # in words, and of a request
@@ -38,6 +40,22 @@ def advised(spec: Spec, outcome: Outcome, engine: Engine) -> Outcome:
     known = outcome.diagnosis.get("suggestion")
     suggestion = "; ".join([*found, *([known] if known else [])])
     return replace(outcome, diagnosis={**outcome.diagnosis, "suggestion": suggestion})
+
+
+def within_bounds(spec: Spec, error: UndecidedError, engine: Engine) -> UndecidedError:
+    """Error of a design whose gain nothing bounds, with a bound that does; at once the same where a range is asked."""
+    request, problem = cast("Any", spec.observer), error.problems[0]
+    bounds = getattr(request, "bounds", None)
+    searched = any(isinstance(value, Range) for value in vars(request).values())
+    if problem.id != "OBS507" or searched or not isinstance(bounds, Bounds) or bounds.L1 or request.gains:
+        return error
+    name = next(name for name in ("L1", "L") if name in FAMILIES[request.type].results["observer"])
+    for size in SIZES:
+        bounded = replace(request, bounds=replace(bounds, L1=printed(size)))
+        if certified(replace(spec, observer=bounded), engine):
+            said = f"{problem.message}; give `bounds: {{{name}: {size:g}}}`, with which there is a solution"
+            return UndecidedError(replace(problem, message=said))
+    return error
 
 
 def without_diagnosis(_: float, doing: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.advice import advised
+from obsdesign.advice import advised, within_bounds
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
@@ -60,6 +60,8 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
             outcome = FAMILIES[spec.observer.type].design(spec, engine)
             if outcome.status is Verdict.INFEASIBLE:
                 outcome = advised(spec, outcome, engine)
+        except UndecidedError as error:
+            raise within_bounds(spec, error, engine) from None
         except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
             raise UndecidedError(f"the numbers are beyond what doubles can compute: {error}", id="OBS508") from None
     return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started))

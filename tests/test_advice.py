@@ -241,3 +241,31 @@ def test_bounds_of_the_largest_interval_are_advised_as_they_were_tried(bounds):
     size = said.removeprefix("allow |L| up to ").partition(",")[0]
     Path("wider.yaml").write_text(text.replace("0.001", size))
     assert run("solve", "wider.yaml", "-q").exit_code == 0
+
+
+STRIBECK = """\
+obsdesign: 1
+system:
+  inputs: [u]
+  disturbances: [load]
+  dynamics:
+    i: (u - 0.5*i - 0.02*w)/0.001
+    w: (0.02*i - 0.0001*w - 0.002*tanh(w/0.1) - load)/0.0005
+  outputs: {cur: i}
+disturbance: integrator
+performance: [w, load]
+observer: {type: l2, alpha: 1%s}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_a_design_that_stays_undecided_without_a_bound_on_its_gain_is_told_one_that_does(monkeypatch):
+    Path("spec.yaml").write_text(STRIBECK % "")
+    outcome = run("solve", "spec.yaml")
+    assert (outcome.exit_code, "[OBS507]" in outcome.stderr) == (4, True)
+    bounds = re.search(r"give `(bounds: \{L1: \S+\})`, with which there is a solution", outcome.stderr)[1]
+    Path("spec.yaml").write_text(STRIBECK % f", {bounds}")
+    assert run("solve", "spec.yaml", "-q").exit_code == 0
+    monkeypatch.setattr("obsdesign.advice.certified", lambda *_: False)
+    Path("spec.yaml").write_text(STRIBECK % "")
+    assert "give `bounds" not in run("solve", "spec.yaml").stderr
