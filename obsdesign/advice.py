@@ -54,7 +54,7 @@ def within_bounds(spec: Spec, error: UndecidedError, engine: Engine) -> Undecide
         bounded = replace(request, bounds=replace(bounds, L1=printed(size)))
         if certified(replace(spec, observer=bounded), engine):
             said = f"{problem.message}; give `bounds: {{{name}: {size:g}}}`, with which there is a solution"
-            return UndecidedError(replace(problem, message=said))
+            return UndecidedError(said, id="OBS507")
     return error
 
 
