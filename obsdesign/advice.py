@@ -1,12 +1,14 @@
-"""What a user may have meant where a spec is infeasible: each change is tried, and told only if it is certified."""
+"""What a user may have meant where a spec has no design: each change is tried, and told only if it is certified."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, cast
 
+import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError, UsageError
@@ -18,7 +20,9 @@ from obsdesign.nonlinearities.evidence.automatic import choose
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
 from obsdesign.spec import Nonlinearity, Spec
 
+SIZES = (1e3, 1e5)  # of a gain, that are tried where nothing bounds it
 ROOM = (0.02, 0.15, 0.5)  # relative, beyond what is necessary
+Limits = tuple[fmpq, fmpq]
 Change = tuple[str, dict[str, Any]]  # in words, and of a request
 SHARES = (fmpq(1, 2), fmpq(1, 10), fmpq(1, 100))  # of a region, or half-widths where it has no end
 
@@ -36,6 +40,22 @@ def advised(spec: Spec, outcome: Outcome, engine: Engine) -> Outcome:
     known = outcome.diagnosis.get("suggestion")
     suggestion = "; ".join([*found, *([known] if known else [])])
     return replace(outcome, diagnosis={**outcome.diagnosis, "suggestion": suggestion})
+
+
+def within_bounds(spec: Spec, error: UndecidedError, engine: Engine) -> UndecidedError:
+    """Error of a design whose gain nothing bounds, with a bound that does; at once the same where a range is asked."""
+    request, problem = cast("Any", spec.observer), error.problems[0]
+    bounds = getattr(request, "bounds", None)
+    searched = any(isinstance(value, Range) for value in vars(request).values())
+    if problem.id != "OBS507" or searched or not isinstance(bounds, Bounds) or bounds.L1 or request.gains:
+        return error
+    name = next(name for name in ("L1", "L") if name in FAMILIES[request.type].results["observer"])
+    for size in SIZES:
+        bounded = replace(request, bounds=replace(bounds, L1=printed(size)))
+        if certified(replace(spec, observer=bounded), engine):
+            said = f"{problem.message}; give `bounds: {{{name}: {size:g}}}`, with which there is a solution"
+            return UndecidedError(said, id="OBS507")
+    return error
 
 
 def without_diagnosis(_: float, doing: str) -> None:
@@ -77,17 +97,17 @@ def smaller_region(spec: Spec, engine: Engine, diagnosis: Diagnosis) -> Iterator
         return
     ways = [narrowed, *([narrowed_inputs] if any(inputs(spec.nonlinearities[i], spec) for i in found) else [])]
     for narrow, share in product(ways, SHARES):
-        blocks, said, domain = list(spec.nonlinearities), [], dict[str, str]()
+        blocks, said, domain = list(spec.nonlinearities), [], dict[str, Limits]()
         for i in found:
             region = narrow(blocks[i], share, spec)
-            blocks[i] = on_region(blocks[i], region)
-            limits = in_words(blocks[i], region)
             if blocks[i].term:
-                domain |= limits
+                domain = met(domain, in_signals(spec, i, region))
             else:
-                said.append(f"region: {{{', '.join(limits.values())}}} for nonlinearities[{i}]")
-        said += [f"system.domain: {{{', '.join(domain.values())}}}"] if domain else []
-        if certified(replace(spec, nonlinearities=tuple(blocks)), engine):
+                said.append(f"region: {{{in_words(in_arguments(blocks[i], region))}}} for nonlinearities[{i}]")
+            blocks[i] = on_region(blocks[i], region)
+        said += [f"system.domain: {{{in_words(domain)}}}"] if domain else []
+        sayable = all(low < high for low, high in domain.values())
+        if said and sayable and certified(replace(spec, nonlinearities=tuple(blocks)), engine):
             yield f"{too_wide(spec, diagnosis)}: there is a solution with {' and '.join(said)}"
             return
 
@@ -108,13 +128,42 @@ def too_wide(spec: Spec, diagnosis: Diagnosis) -> str:
     return f"the type {types} is too wide"
 
 
-def in_words(block: Nonlinearity, region: Mapping[str, Ends]) -> dict[str, str]:
-    """Limits of variables as a spec has them, by the names that they have there."""
-    own = {f"q{k + 1}": name for k, name in enumerate(block.arguments or (["q"] if block.nq == 1 else []))}
-    return {
-        own.get(q, q): f"{own.get(q, q)}: [{float(low or 0):g}, {float(high or 0):g}]"
-        for q, (low, high) in region.items()
-    }
+def in_words(limits: Mapping[str, Limits]) -> str:
+    """Limits of variables as a spec has them."""
+    return ", ".join(f"{name}: [{float(low):g}, {float(high):g}]" for name, (low, high) in limits.items())
+
+
+def in_arguments(block: Nonlinearity, region: Mapping[str, Limits]) -> dict[str, Limits]:
+    """Limits of the argument of a block by its name in a spec."""
+    return {("q" if block.nq == 1 and name == "q1" else name): ends for name, ends in region.items()}
+
+
+def in_signals(spec: Spec, i: int, region: Mapping[str, Limits]) -> dict[str, Limits]:
+    """Limits of signals of the plant that keep what a term depends on in a region."""
+    plant, block = spec.plant, spec.nonlinearities[i]
+    first = sum(earlier.nq for earlier in spec.nonlinearities[:i])
+    found: dict[str, Limits] = {name: ends for name, ends in region.items() if name in spec.inputs}
+    for k, row in enumerate(np.hstack([plant.Cq, plant.Dq])[first : first + block.nq], start=1):
+        if f"q{k}" in region and row.any():
+            weights = {name: c for name, c in zip((*plant.states, *plant.exogenous), row, strict=True) if c}
+            found = met(found, box(weights, region[f"q{k}"]))
+    return found
+
+
+def box(weights: Mapping[str, fmpq], ends: Limits) -> dict[str, Limits]:
+    """Limits of signals that keep a weighted sum of them within its own, around zero where there are several."""
+    low, high = ends
+    if len(weights) == 1:
+        [(name, c)] = weights.items()
+        return {name: (min(low / c, high / c), max(low / c, high / c))}
+    half = printed(round_down(float(max(min(-low, high), fmpq(0)) / sum(map(abs, weights.values()), fmpq(0))), 4))
+    return dict.fromkeys(weights, (-half, half))
+
+
+def met(one: Mapping[str, Limits], other: Mapping[str, Limits]) -> dict[str, Limits]:
+    """Ranges within both."""
+    shared = {n: (max(one[n][0], other[n][0]), min(one[n][1], other[n][1])) for n in one.keys() & other.keys()}
+    return {**one, **other, **shared}
 
 
 def inputs(block: Nonlinearity, spec: Spec) -> dict[str, Ends]:
@@ -123,17 +172,17 @@ def inputs(block: Nonlinearity, spec: Spec) -> dict[str, Ends]:
     return {name: ends for name, ends in known if name in spec.inputs and None not in ends}
 
 
-def narrowed_inputs(block: Nonlinearity, share: fmpq, spec: Spec) -> dict[str, Ends]:
+def narrowed_inputs(block: Nonlinearity, share: fmpq, spec: Spec) -> dict[str, Limits]:
     """Smaller ranges of inputs."""
     return {name: part(ends, share) for name, ends in inputs(block, spec).items()}
 
 
-def narrowed(block: Nonlinearity, share: fmpq, spec: Spec) -> dict[str, Ends]:  # noqa: ARG001
+def narrowed(block: Nonlinearity, share: fmpq, spec: Spec) -> dict[str, Limits]:  # noqa: ARG001
     """Smaller region of the argument."""
     return {f"q{k + 1}": part(ends, share) for k, ends in enumerate(block.region or (EVERYWHERE,) * block.nq)}
 
 
-def part(ends: Ends, share: fmpq) -> Ends:
+def part(ends: Ends, share: fmpq) -> Limits:
     """Smaller range around zero, or around its middle where zero is outside it."""
     low, high = ends
     outside = (low is not None and low > 0) or (high is not None and high < 0)
@@ -182,7 +231,7 @@ def free_injection(request: Any, diagnosis: Diagnosis) -> Iterator[Change]:
         yield "ask for `L2: free`", {"L2": None}
 
 
-def on_region(block: Nonlinearity, region: dict[str, Ends]) -> Nonlinearity:
+def on_region(block: Nonlinearity, region: dict[str, Limits]) -> Nonlinearity:
     """Block with the type that is derived on a region; raises `UsageError` if there is none."""
     assert block.f
     choice = choose(block.restricted(region))

@@ -82,8 +82,9 @@ def alike(path: str) -> str | None:
 def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
     """Files below a folder whose names end so, however deep they are and whoever made the folder.
 
-    A folder that cannot be read stands for what is in it: who opens it as a file is told why. Hidden folders and links
-    to folders are left out, and what might never end, such as pipes. A link that leads nowhere is a file.
+    Capital letters make no other ending. A folder that cannot be read stands for what is in it: who opens it as a file
+    is told why. Hidden folders and links to folders are left out, and what might never end, such as pipes. A link that
+    leads nowhere is a file.
     """
     waiting = [folder]
     while waiting:
@@ -92,7 +93,7 @@ def below(folder: str, endings: tuple[str, ...]) -> Iterator[str]:
         for entry in found or ():
             if entry.is_dir(follow_symlinks=False):
                 waiting += [] if entry.name.startswith(".") else [entry.path]
-            elif entry.name.endswith(endings) and is_file(entry.path):
+            elif entry.name.lower().endswith(endings) and is_file(entry.path):
                 yield entry.path
 
 

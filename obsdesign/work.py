@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.advice import advised
+from obsdesign.advice import advised, within_bounds
 from obsdesign.constants import constants
 from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
@@ -35,16 +35,24 @@ def require_spec(spec: object) -> None:
         raise UsageError(f"a spec is expected, not {type(spec).__name__}; load(path or text) reads one", id="OBS904")
 
 
+def require_expectable(spec: Spec) -> None:
+    """Refuse a spec that expects an entry of its result which none of its family has; raises `UsageError`."""
+    if wrong := tuple(strays(spec)):
+        raise UsageError(*wrong)
+
+
 def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None) -> Design:
     """Design, or analyse, the observer that a spec asks for, and prove what its gains achieve.
 
     `solver`: clarabel, or another that cvxpy has for semidefinite programs; `report`: called with the fraction that is
     done, and with what is being done. Infeasible is an answer, with a `diagnosis`, and no exception.
 
-    Raises `UsageError`: what is asked makes no sense for the family, or nothing bounds a gain that would grow without
-    end; `UndecidedError`: the solver found neither a solution nor that there is none.
+    Raises `UsageError`: what is asked makes no sense for the family, nothing bounds a gain that would grow without end,
+    or an entry is expected that no result of the family has; `UndecidedError`: the solver found neither a solution nor
+    that there is none.
     """
     require_spec(spec)
+    require_expectable(spec)
     started = time.perf_counter()
     engine = Engine(solver, report)
     with spec.placed():
@@ -52,6 +60,8 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
             outcome = FAMILIES[spec.observer.type].design(spec, engine)
             if outcome.status is Verdict.INFEASIBLE:
                 outcome = advised(spec, outcome, engine)
+        except UndecidedError as error:
+            raise within_bounds(spec, error, engine) from None
         except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
             raise UndecidedError(f"the numbers are beyond what doubles can compute: {error}", id="OBS508") from None
     return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started))
@@ -63,8 +73,7 @@ def check(spec: Spec) -> list[Finding]:
     Raises `UsageError`: the spec expects an entry of its result that none of its family has.
     """
     require_spec(spec)
-    if wrong := tuple(strays(spec)):
-        raise UsageError(*wrong)
+    require_expectable(spec)
     with spec.placed():
         idle = [finding("acts", False, said, advice="use it or leave it out", id="OBS615") for said in spec.idle]
         return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]
@@ -125,6 +134,7 @@ def trial(
     if gains:
         return otherwise(read(gains, problem), changes)
     if not FAMILIES[problem.observer.type].proves:
+        require_expectable(problem)
         return Design.of(problem, Outcome(Verdict.NO_GUARANTEE, form=problem.observer))
     design = solve(problem, solver, report)
     if not design.built:

@@ -44,6 +44,24 @@ def test_gains_of_the_other_sign_are_recognised(family):
     assert "opposite sign" not in suggestion(text.replace("[[0, 1], [-1, -1]]", "[[0, 1], [9, 9]]"))
 
 
+CART = """\
+obsdesign: 1
+system: {A: [[0, 1, 0], [-2, -1, 1], [0, 0, -0.1]], B: [[0], [1], [0]], C: [1, 0, 0]}
+observer: {type: l2, alpha: 0.2, %s}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_a_gamma_below_the_least_that_was_found_within_bounds_is_not_said_to_be_impossible():
+    said = suggestion(CART % "bounds: {L1: 20, gamma: 1.0e-4}")
+    levels = re.search(r"gamma (\S+) is the least .*; without them gamma above (\S+) is", said)
+    found, least = map(float, levels.groups())
+    assert f"within the bounds gamma {found:g} is the least that was found" in said
+    Path("spec.yaml").write_text(CART % "gains: {L1: [[-3.59769], [-8.7312], [-17.629]]}")  # |L1| = 19.999
+    assert run("solve", "spec.yaml").exit_code == 0
+    assert least < json.loads(Path("spec.gains.json").read_text())["guarantee"]["gamma"] < found
+
+
 SEEN = "[[-1, 1], [0, -0.5]], B: [1, 0], C: [1, 0]}\nnonlinearities: [{type: {lipschitz: 1.5}, Bf: [1, 0], Cq: [0, 1]}]"
 CUBIC = "[[-1, 1], [0, -1]], B: [1, 0], C: [1, 0]}\nnonlinearities: [{type: monotone, Bf: [0, -1], Cq: [1, 1]}]"
 STEEP = "[[-1, 0], [1, -1]], B: [0, 1], C: [0, 1]}\nnonlinearities: [{type: monotone, Bf: [0, -1], Cq: [0, 1]}]"
@@ -163,6 +181,27 @@ def test_a_slope_that_is_too_flat_is_not_called_too_steep():
     assert run("solve", "narrower.yaml", "-q").exit_code == 0
 
 
+GYRO = """\
+obsdesign: 1
+system:
+  inputs: [delta]
+  disturbances: [wind, noise]
+  dynamics:
+    vy: -20*r + 40*atan(delta - (vy + 1.2*r)/20) + 45*atan(-(vy - 1.5*r)/20) + wind
+    r: 29*atan(delta - (vy + 1.2*r)/20) - 42*atan(-(vy - 1.5*r)/20)
+  outputs: {gyro: r + 0.01*noise}
+performance: [vy]
+observer: {type: l2, alpha: 0.5, bounds: {L1: 100}}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_the_domain_that_is_suggested_is_one_of_signals_of_the_plant():
+    domain = re.search(r"there is a solution with system.domain: (\{vy: \[.*?\], r: \[.*?\]\})", suggestion(GYRO))[1]
+    Path("narrower.yaml").write_text(GYRO.replace("  outputs", f"  domain: {domain}\n  outputs"))
+    assert run("solve", "narrower.yaml", "-q").exit_code == 0
+
+
 DRAG = """\
 obsdesign: 1
 system:
@@ -202,3 +241,31 @@ def test_bounds_of_the_largest_interval_are_advised_as_they_were_tried(bounds):
     size = said.removeprefix("allow |L| up to ").partition(",")[0]
     Path("wider.yaml").write_text(text.replace("0.001", size))
     assert run("solve", "wider.yaml", "-q").exit_code == 0
+
+
+STRIBECK = """\
+obsdesign: 1
+system:
+  inputs: [u]
+  disturbances: [load]
+  dynamics:
+    i: (u - 0.5*i - 0.02*w)/0.001
+    w: (0.02*i - 0.0001*w - 0.002*tanh(w/0.1) - load)/0.0005
+  outputs: {cur: i}
+disturbance: integrator
+performance: [w, load]
+observer: {type: l2, alpha: 1%s}
+"""
+
+
+@pytest.mark.usefixtures("here")
+def test_a_design_that_stays_undecided_without_a_bound_on_its_gain_is_told_one_that_does(monkeypatch):
+    Path("spec.yaml").write_text(STRIBECK % "")
+    outcome = run("solve", "spec.yaml")
+    assert (outcome.exit_code, "[OBS507]" in outcome.stderr) == (4, True)
+    bounds = re.search(r"give `(bounds: \{L1: \S+\})`, with which there is a solution", outcome.stderr)[1]
+    Path("spec.yaml").write_text(STRIBECK % f", {bounds}")
+    assert run("solve", "spec.yaml", "-q").exit_code == 0
+    monkeypatch.setattr("obsdesign.advice.certified", lambda *_: False)
+    Path("spec.yaml").write_text(STRIBECK % "")
+    assert "give `bounds" not in run("solve", "spec.yaml").stderr

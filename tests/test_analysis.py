@@ -217,7 +217,9 @@ def test_the_peak_gain_is_told_from_both_sides():
     peak = content["analysis"]["peak_gain"]  # e' = -2 e - [1, -1] v
     assert peak["least"] == pytest.approx(np.sqrt(2) / 2, rel=1e-4)
     assert peak["least"] <= peak["most"] <= content["guarantee"]["gamma"] * (1 + 1e-9)
-    assert f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)}" in table
+    ends = f"at least {at_least(peak['least'], 4)}, at most {at_most(peak['most'], 4)} by V of the certificate"
+    assert ends in table
+    assert "Of `linf` gamma bounds the same quantity" in run("explain", "peak gain").stdout
 
 
 def test_the_peak_gain_has_a_lower_bound_beside_a_pole_that_is_much_faster():
@@ -236,6 +238,24 @@ def test_the_peak_gain_of_slopes_without_a_bound_is_at_least_that_of_the_member_
     peak = od.solve(od.Spec(system=system, nonlinearities=blocks, observer=observer)).analysis["peak_gain"]
     assert peak["least"] == pytest.approx(1, rel=1e-3)  # e1' = -e1 - k e1 - v, k >= 0
     assert peak["least"] <= peak["most"]
+
+
+RESONANT = """
+obsdesign: 1
+name: Flexible joint, an encoder at the motor
+system: {A: [[0, 1, 0, 0], [-4000, -2.5, 4000, 0], [0, 0, 0, 1], [800, 0, -800, 0]], B: [0, 0, 0, 1], C: [1, 0, 0, 0]}
+observer: {type: l2, alpha: 0.1, gains: {L1: [-2, 0, 0, 0]}}
+"""
+
+
+def test_the_noise_gain_at_a_light_resonance_is_its_peak():
+    content, _ = solved(RESONANT)
+    A, L = np.array([[0, 1, 0, 0], [-4000, -2.5, 4000, 0], [0, 0, 0, 1], [800, 0, -800, 0]]), np.array([2, 0, 0, 0])
+    omega = np.concatenate([np.linspace(0, 100, 20001), np.geomspace(100, 1e4, 5001)])
+    error = A - np.outer(L, [1, 0, 0, 0])
+    sizes = np.abs(np.linalg.solve(1j * omega[:, None, None] * np.eye(4) - error, L[:, None] + 0j))[..., 0]
+    assert -3 < np.linalg.eigvals(error).real.max() < 0
+    assert [*content["observer"]["noise_gain"].values()] == pytest.approx(sizes.max(axis=0), rel=1e-4)
 
 
 def test_the_contraction_from_one_measurement_to_the_next_is_that_of_the_worst_slope():

@@ -194,7 +194,7 @@ def test_a_spec_is_solved_verified_simulated_and_held_against_what_it_expects():
     [
         (GOOD + "expect: {status: infeasible}\n", "certified", 0, True, "expected infeasible, found certified"),
         (GOOD + "expect: {alpha: {verified: 7}}\n", "certified", 0, True, "expected 7.0, found 0.1"),
-        (GOOD + "expect: {beta: 1}\n", "certified", 0, True, "expected 1.0, found nothing"),
+        (GOOD + "expect: {diagnosis.size: 1}\n", "certified", 0, True, "expected 1.0, found nothing"),
         (HIDDEN, "infeasible", 3, None, "no observer makes its error decay"),
         (WRONG, "invalid", 2, None, "alpa"),
         (GOOD.replace("-1", "0").replace("{L1: 5}", "{L1: 5, gamma: 1.0e-9}"), "uncertified", 4, None, ""),

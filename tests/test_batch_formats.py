@@ -229,6 +229,20 @@ def test_formats_are_printed_or_written_and_github_is_told_by_itself(monkeypatch
 
 
 @pytest.mark.usefixtures("here", "at_once")
+def test_a_run_that_cannot_start_and_an_expectation_that_nothing_meets_are_labelled_so():
+    spec = "obsdesign: 1\nsystem: {A: -1, B: 1, C: 1}\nobserver: {type: l2, alpha: 0.1, bounds: {L1: 5}}\n"
+    Path("run.yaml").write_text(f"{spec}simulation: {{horizon: 1, w: 1/(t - t)}}\n")
+    Path("word.yaml").write_text(f"{spec}expect: {{gama: 0.05}}\n")
+    outcome = run("batch", ".", "--simulate", "--jobs", 1)
+    assert outcome.exit_code == 2
+    assert "not as expected: run.yaml:4:" in outcome.stderr
+    assert (
+        "invalid: word.yaml:4:10: expect.gama: unknown entry of guarantee gama; did you mean gamma?" in outcome.stderr
+    )
+    assert "certified:" not in outcome.stderr
+
+
+@pytest.mark.usefixtures("here", "at_once")
 def test_an_expectation_that_does_not_hold_is_labelled_so():
     Path("spec.yaml").write_text(
         "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], C: [1, 0]}\n"

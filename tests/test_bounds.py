@@ -286,7 +286,7 @@ def test_a_level_out_of_reach_within_bounds_is_answered_with_one_that_they_allow
     asked = "objective: {gamma: %s}, bounds: {L1: 10}"
     code, said, _ = solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % 0.05))
     assert code == 3
-    level = float(re.search(r"gamma above (\S+?) is necessary", said)[1]) * (1 + 1e-3)
+    level = float(re.search(r"within the bounds gamma (\S+) is the least that was found", said)[1]) * (1 + 1e-3)
     assert solved(DAMPED % (0.01, "{slope: [0, 1]}", 3, asked % level), "followed")[0] == 0
 
 

@@ -45,9 +45,9 @@ def test_zeros_from_a_disturbance_are_told_only_where_there_is_one():
         (
             "system: {A: [[0, 1], [-2, -3]], B: [[0, 0], [1, 0]], C: [1, 0], D: [0, 1]}\n"
             "observer: {type: l2, alpha: 0.3}",
-            "any gamma > 0 is not promised: y shows some of v too late; "
-            "y determines 1 of the 2 components of v at most; "
-            "`solve` tells the limit of gamma; where that is too large, measure another signal [OBS614]",
+            "Theorem 2 does not promise any gamma > 0, its conditions being sufficient only: y shows some of v too "
+            "late; y determines 1 of the 2 components of v at most; `solve` tells the limit of gamma, which may be 0 "
+            "all the same; where it is too large, measure another signal [OBS614]",
         ),
         (
             "system: {A: -1, C: 1}\nobserver: {type: ekf, Q: 1, R: 1}",

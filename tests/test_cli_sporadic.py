@@ -221,7 +221,7 @@ def test_a_search_over_T2_ends_within_its_range_and_is_proved(objective):
         ("T2: 0.2", "T2: 1.6", "sampling", "every T = 1.5708"),
         ("C: [1, 0]", "C: 0", "detectability", "not seen by any output"),
         (BOUNDS, "  bounds: {L: 1.0e-6}", "bounds", "|L| <= 1e-06"),
-        (BOUNDS, "  bounds: {gamma: 0.5}", "gamma", "the least possible is"),
+        (BOUNDS, "  bounds: {gamma: 0.5}", "gamma", "the least that was found is"),
         (BOUNDS, "  gains: {L: [-20, 3]}", "gains", "these gains"),
     ],
 )

@@ -110,7 +110,7 @@ CASES = [
         BASE[BASE.index(STATES) : BASE.index("disturbance: i")],
         "  dynamics: {a: -a, q: -q}\n  outputs: {y: a}\n",
         "system.dynamics.q",
-        "q is the argument of a nonlinearity; choose another name",
+        "q is kept for the argument of a nonlinearity, of a term of equations too; choose another name",
         place=(4, 21),
     ),
     wrong(

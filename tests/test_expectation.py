@@ -48,6 +48,7 @@ def test_a_name_that_no_result_has_is_refused_with_the_nearest(family, key, expe
     Path("spec.yaml").write_text(f"{TEXTS[family]}expect:\n  {key}: {{verified: 3}}\n")
     outcome = run("check", "spec.yaml")
     assert outcome.exit_code == 2
+    assert (run("solve", "spec.yaml").stderr, Path("spec.gains.json").exists()) == (outcome.stderr, False)
     line = Path("spec.yaml").read_text().count("\n")
     assert outcome.stderr.startswith(f"spec.yaml:{line}:3: expect.")
     assert expected.removesuffix("; did you mean") in outcome.stderr

@@ -45,6 +45,11 @@ def test_every_name_of_a_result_is_explained(name):
     assert ENTRY.search(outcome.stdout) or name in {"spec", "obsdesign"}
 
 
+@pytest.mark.parametrize("name", ["kappa", "lambda", "lambda1", "lambda2", "r", "mu"])
+def test_every_number_that_verify_checks_is_explained(name):
+    assert ENTRY.search(run("explain", name).stdout)
+
+
 def test_names_of_rows_were_found():
     assert {"gamma", "noise gain", "settling", "contraction", "tolerated", "declared"} <= {*rows()}
 

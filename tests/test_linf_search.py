@@ -2,8 +2,10 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from support.linf import CUBIC, SCALAR, arm, family_of, least_gamma
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.errors import UndecidedError
+from obsdesign.families.incremental import design
 from obsdesign.families.incremental.decay import Decay
 from obsdesign.lmi.formula import rational_number
 from obsdesign.reading import loads
@@ -230,3 +233,29 @@ def test_pareto_takes_no_faster_decay_than_a_bound_on_gamma_allows():
     made = solve(loads(NOISY % ", bounds: {gamma: 0.46}"))
     assert made.status == "certified"
     assert float(made.claim.certificate.gamma) <= 0.46
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("provable", [True, False])
+def test_where_the_proof_fails_at_the_best_alpha_of_a_search_others_of_the_curve_are_tried(monkeypatch, provable):
+    claim = design.claim
+
+    def failing(engine, candidate, *rest):
+        return claim(engine, candidate, *rest) if provable and not 1.3 < float(candidate.alpha) < 1.5 else None
+
+    monkeypatch.setattr(design, "claim", failing)
+    Path("spec.yaml").write_text(
+        "obsdesign: 1\nsystem: {A: [[0, 1], [-1, -1]], B: [[0, 0], [1, 0]], C: [1, 0], D: [[0, 0.1]]}\n"
+        "observer: {type: linf, alpha: {min: 0.7, max: 1.6, points: 3}, bounds: {L1: 10}}\n"
+    )
+    outcome = run("solve", "spec.yaml")
+    best = re.search(r"alpha = (\S+) has the least gamma that was found", outcome.stdout)[1]
+    failed = rf"the gains at alpha = {best} fail in rationals"
+    told = re.search(rf"{failed}; alpha = (\S+) is the next with some that hold", outcome.stdout)
+    if not provable:
+        assert (outcome.exit_code, told) == (4, None)
+        return
+    assert outcome.exit_code == 0, outcome.output
+    claimed = json.loads(Path("spec.gains.json").read_text())["guarantee"]["alpha"]
+    assert claimed == pytest.approx(float(told[1]), rel=1e-5)
+    assert run("verify", "spec.gains.json", "-q").exit_code == 0

@@ -282,6 +282,25 @@ def test_a_run_that_is_none_of_this_plant_is_not_shown_though_a_record_has_its_h
         assert said in reported(tmp_path, tmp_path)[0]
 
 
+@pytest.mark.usefixtures("here", "at_once")
+def test_what_an_earlier_batch_left_is_told_and_not_counted():
+    for name in ("kept", "removed"):
+        Path(f"{name}.yaml").write_text(
+            f"obsdesign: 1\nname: {name}\nsystem: {{A: -1, B: 1, C: 1}}\n"
+            "observer: {type: l2, alpha: 0.1, bounds: {L1: 5}}\n"
+        )
+    assert run("batch", ".", "-q", "--jobs", 1).exit_code == 0
+    Path("removed.yaml").unlink()
+    assert run("batch", ".", "-q", "--jobs", 1).exit_code == 0
+    assert run("solve", "kept.yaml", "-o", "results/own.gains.json", "-q").exit_code == 0
+    outcome = run("report", "results")
+    assert outcome.stdout.startswith("2 certified, 1 left over\n")
+    rows = [row.text for row in read(Path("report.html").read_text()).all("tr")]
+    (left,) = (row for row in rows if "left over" in row)
+    assert "results/removed/removed.gains.json" in left
+    assert "no spec of the last batch" in left
+
+
 @pytest.mark.parametrize("text", ["[" * 100_000, "5", '{"specs": 5}', '{"specs": [{"path": 5}]}'])
 def test_a_summary_that_is_none_is_told(folder, tmp_path, text):
     (tmp_path / "small.gains.json").write_bytes((folder / "small.gains.json").read_bytes())

@@ -1,6 +1,9 @@
 """Wrong specs: each is answered in one line for each error, at its place, with what is allowed."""
 
+from pathlib import Path
+
 import pytest
+from support.commands import run
 from support.wrong_specs import problems_of, wrong_in
 
 from obsdesign.reading import loads
@@ -508,3 +511,21 @@ def test_an_unknown_name_is_told_once_with_its_other_places():
     line, column = problem.line, problem.column
     assert f"; also at {line}:{column + 6}, {line}:{column + 14}, " in problem.message
     assert problem.message.endswith(" and 92 more")  # of the hundred that are told of a file
+
+
+@pytest.mark.parametrize(
+    ("system", "said"),
+    [
+        ("A: [[0, 1], [-1, -1]], B: [0, 1, 2]", "B: expected 2 rows (one for each state), found a vector of 3"),
+        ("A: [[0, 1], [-1, -1, 3]], B: [0, 1]", "A[1]: expected a row of 2 like the others, found a row of 3"),
+        ("A: [[0, 1, 0], [-1, -1, 0]], B: [0, 1]", "A: expected a square matrix, found 2x3"),
+    ],
+)
+@pytest.mark.usefixtures("here")
+def test_a_wrong_matrix_makes_no_other_one_wrong(system, said):
+    text = f"obsdesign: 1\nsystem: {{{system}, C: [1, 0]}}\nobserver: {{type: l2, alpha: 0.1}}\n"
+    Path("spec.yaml").write_text(text)
+    outcome = run("check", "spec.yaml")
+    assert outcome.exit_code == 2
+    (line,) = outcome.stderr.splitlines()
+    assert line.endswith(f": system.{said} [OBS209]")

@@ -118,13 +118,33 @@ def test_specs_of_a_folder_that_may_be_listed_but_not_searched_are_told():
 
 
 @pytest.mark.usefixtures("here", "at_once")
-def test_a_link_to_nowhere_is_no_spec_of_a_folder_and_told_where_it_is_given():
+def test_a_spec_of_which_nothing_is_left_is_counted_as_invalid_below_a_folder():
     put("specs/a.yaml")
-    Path("specs/lock.yaml").symlink_to("nobody")
-    assert run("batch", "specs", "-q", "--jobs", 1).exit_code == 0
-    assert list(entries()) == ["specs/a.yaml"]
-    outcome = run("batch", "specs/lock.yaml", "-q", "--jobs", 1)
-    said = "invalid: specs/lock.yaml: cannot be read: No such file or directory [OBS101]\n"
+    Path("specs/gone.yaml").symlink_to("nobody")
+    Path("specs/.#a.yaml").symlink_to("user@host.1234")  # the lock of an editor
+    Path("specs/empty.yaml").write_text("\n")
+    Path("specs/binary.yaml").write_bytes(b"PK\3\4\0\0")
+    Path("specs/wide.yaml").write_bytes("obsdesign: 1\n".encode("utf-16"))
+    put("specs/CAPITAL.YAML")
+    put("specs/foreign.yaml", "name: naïve\n")
+    outcome = run("batch", "specs", "-q", "--jobs", 1)
+    assert outcome.exit_code == 2
+    lost = ["specs/binary.yaml", "specs/empty.yaml", "specs/gone.yaml", "specs/wide.yaml"]
+    assert [line.split(":")[1].strip() for line in outcome.stderr.splitlines()] == lost
+    assert {path: entry["status"] for path, entry in entries().items()} == {
+        **dict.fromkeys(lost, "invalid"),
+        "specs/CAPITAL.YAML": "certified",
+        "specs/a.yaml": "certified",
+    }
+
+
+@pytest.mark.usefixtures("here", "at_once")
+def test_what_is_no_file_is_told_where_it_is_given():
+    outcome = run("batch", "nobody.yaml", "-q", "--jobs", 1)
+    assert (outcome.exit_code, "there is no such file or folder" in outcome.stderr) == (2, True)
+    Path("lock.yaml").symlink_to("nobody")
+    outcome = run("batch", "lock.yaml", "-q", "--jobs", 1)
+    said = "invalid: lock.yaml: cannot be read: No such file or directory [OBS101]\n"
     assert (outcome.exit_code, outcome.stderr) == (2, said)
     os.mkfifo("pipe")
     outcome = run("batch", "pipe")

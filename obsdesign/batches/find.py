@@ -3,6 +3,7 @@
 import glob
 import os
 import re
+from codecs import getincrementaldecoder
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -76,9 +77,10 @@ def find(
 ) -> list[Task]:
     """Specs at and below paths, sorted by their paths, each once with each combination of changes.
 
-    `paths`: folders, of which every *.yaml and *.yml that has a key `obsdesign` or `observer` is taken
-    (hidden folders are left out, links to folders are not followed); files, which are taken as they are; globs of
-    these, ** too. `exclude`: globs, each of a whole path, of a folder of it, or of one name in it.
+    `paths`: folders, of which every *.yaml and *.yml that has a key `obsdesign` or `observer` is taken, and every one
+    that is empty, no text or a link to nowhere (hidden folders are left out, links to folders not followed); files,
+    which are taken as they are; globs of these, ** too. `exclude`: globs, each of a whole path, of a folder of it, or
+    of one name in it.
 
     Raises `UsageError`: there is nothing at a path.
     """
@@ -133,14 +135,27 @@ def shortened(path: str) -> str:
 
 
 def is_spec(path: str) -> bool:
-    """Whether a YAML file means to be a spec, valid or not; what cannot be read may, a link to nowhere not."""
+    """Whether a YAML file means to be a spec, valid or not: by its keys, or since it has none that can be read.
+
+    That is one which is empty, is no text in UTF-8 or cannot be opened: a spec may have been there. A hidden link to
+    nowhere is the lock of an editor.
+    """
     try:
         with open(path, "rb") as file:
-            return bool(SPEC.search(file.read(MOST)))
+            content = file.read(MOST)
     except FileNotFoundError:
-        return False
+        return not os.path.basename(path).startswith(".")
     except OSError:
         return True
+    return bool(SPEC.search(content)) or not content.strip() or not is_text(content)
+
+
+def is_text(content: bytes) -> bool:
+    """Whether the beginning of a file is text in UTF-8."""
+    try:
+        return "\0" not in getincrementaldecoder("utf-8")().decode(content)
+    except UnicodeDecodeError:
+        return False
 
 
 def excluded(path: str, patterns: Iterable[str]) -> bool:

@@ -47,8 +47,8 @@ def complaints(entry: Entry) -> Iterator[str]:
 
 
 def label(entry: Entry, problem: Mapping[str, Any]) -> str:
-    """What a problem makes of a spec: its status, or that it is not as expected."""
-    return "not as expected" if problem["id"] == UNMET else str(entry["status"])
+    """What a problem makes of a spec: its status, or that it is not as expected where it did not end for that."""
+    return "not as expected" if problem["id"] == UNMET or entry["status"] == "certified" else str(entry["status"])
 
 
 def changed(entry: Entry) -> str:

@@ -18,14 +18,14 @@ from math import prod
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array, Float, block_diagonal, identity, in_floats
+from obsdesign.dissipation.frequencies import around, largest, response
+from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.plant import Plant
 
 MOST = 81  # members
 ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of the opposite ones
 STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where there is no upper bound
-FREQUENCIES = 120
 STEPS = 60
 FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
 ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
@@ -199,27 +199,25 @@ class Errors:
         """Largest gain over frequency from n to each estimate; empty where a pole is not stable."""
         if not stable(self.poles):
             return {}
-        gains = [np.linalg.norm(response(A, N, around(A)), axis=2).max(axis=0) for A, _, N in self.systems]
-        return dict(zip(self.plant.states, np.max(gains, axis=0).tolist(), strict=False))
+
+        def gains(A: Array, N: Array) -> Array:
+            return largest(lambda omega: np.linalg.norm(response(A, N, omega), axis=2), around(A))
+
+        found = np.max([gains(A, N) for A, _, N in self.systems], axis=0).tolist()
+        return dict(zip(self.plant.states, found, strict=False))
 
     def energy_gain(self) -> float | None:
         """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""
         if not self.bounded or not stable(self.poles):
             return None
 
-        def gain(A: Array, B: Array, omega: Array) -> Array:
-            return np.asarray(np.linalg.norm(self.H @ response(A, B, omega), 2, axis=(1, 2)))
+        def gain(A: Array, B: Array) -> float:
+            def sizes(omega: Array) -> Array:
+                return np.asarray(np.linalg.norm(self.H @ response(A, B, omega), 2, axis=(1, 2)))[:, None]
 
-        found = 0.0
-        for A, B, _ in self.systems:
-            omega = around(A)
-            sizes = gain(A, B, omega)
-            for _ in range(3):  # a grid about the largest
-                k = int(sizes.argmax())
-                omega = np.linspace(omega[max(k - 1, 0)], omega[min(k + 1, len(omega) - 1)], 41)
-                sizes = gain(A, B, omega)
-            found = max(found, float(sizes.max(initial=0.0)))
-        return found
+            return float(largest(sizes, around(A)).item())
+
+        return max((gain(A, B) for A, B, _ in self.systems), default=0.0)
 
     def peak_gain(self) -> float | None:
         """Integral of the norm of the impulse response from v to z; None as in `energy_gain`."""
@@ -291,20 +289,6 @@ def explicit_steps(poles: Array) -> dict[str, float | None]:
     outside = np.abs(1 + z * (1 + z / 2 * (1 + z / 3 * (1 + z / 4)))) > 1 + INSIDE
     rk4 = np.linspace(0, 4, 4001)[outside.argmax(axis=1) - 1][which] / np.abs(found)
     return {"euler": float(euler.min()), "rk4": float(rk4.min())}
-
-
-def around(A: Array) -> Array:
-    """Frequencies in rad/s around the poles of a matrix, and zero."""
-    poles = np.linalg.eigvals(A)
-    sizes = np.abs(poles[poles != 0]) if (poles != 0).any() else np.ones(1)
-    grid = np.geomspace(sizes.min() / 100, sizes.max() * 100, FREQUENCIES)
-    return np.unique(np.concatenate([[0.0], grid, sizes, np.abs(poles.imag)]))
-
-
-def response(A: Array, B: Array, omega: Array) -> Array:
-    """Responses (i omega I - A)^-1 B at some frequencies, (m, n, nu)."""
-    s = 1j * omega[:, None, None]
-    return np.asarray(np.linalg.solve(s * identity(len(A), A) - A, np.broadcast_to(B, (len(omega), *B.shape))))
 
 
 def area(A: Array, B: Array, H: Array) -> float:

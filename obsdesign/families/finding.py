@@ -10,6 +10,7 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, decay_limit, undetectable
 from obsdesign.spec import Nonlinearity
+from obsdesign.tables.text import at_most
 
 UNDISTURBED = "no disturbance acts on this plant, so that gamma says nothing: the design is for feasibility"
 
@@ -97,6 +98,24 @@ def described(mode: Mode) -> dict[str, Any]:
         "eigenvalue": [mode.eigenvalue.real + 0.0, mode.eigenvalue.imag + 0.0],
         "eigenvector": {name: [entry.real + 0.0, entry.imag + 0.0] for name, entry in mode.along},
     }
+
+
+def enough(least: float, bounded: float | None = None, *, searched: bool = False, exact: bool = True) -> str:
+    """What gamma is necessary, or only the least that was found, over all gains and within bounds if there are any.
+
+    `searched`: whether the former is of a search that may have missed a better one; `exact`: whether the bounds leave
+    the problem convex.
+    """
+    whole = lowest(least, found=searched)
+    if bounded is None:
+        return whole
+    return f"within the bounds {lowest(bounded, found=searched or not exact)}; without them {whole}"
+
+
+def lowest(gamma: float, *, found: bool) -> str:
+    """Least gamma, in words."""
+    least = at_most(gamma)
+    return f"gamma {least} is the least that was found" if found else f"gamma above {least} is necessary"
 
 
 def smaller_class(blocks: Sequence[Nonlinearity], found: Diagnosis) -> str:

@@ -226,13 +226,15 @@ def lay_out(
 
 
 def exogenous_inputs(matrices: Mapping[str, Entries], parts: Sequence[Part], x: Axis, y: Axis) -> Size:
-    """Count the exogenous inputs, from the first matrix that says it; None if that one is wrong."""
-    candidates = [(matrices["B"], x), (matrices["D"], y), *((p.matrices["Dq"], p.q) for p in parts)]
-    for entries, rows in candidates:
+    """Count the exogenous inputs, from the first matrix that says it; None if that one is wrong, or one beside it."""
+    for entries, rows in ((matrices["B"], x), (matrices["D"], y)):
         count = entries.shape(rows.size)[1]
         if count is not None:
             return count if entries.fits(rows, W) else None
-    return 0
+        if not entries.zero and entries.values.size:  # a vector, and no vector fits so many rows, or that is open
+            return None
+    counts = ((part.matrices["Dq"], part.q) for part in parts)
+    return next((count if Dq.fits(q, W) else None for Dq, q in counts if (count := Dq.shape(q.size)[1]) is not None), 0)
 
 
 def read_matrices(reader: Reader, layout: Layout, whole: Mapping[str, Entries], parts: Sequence[Part]) -> Plant[Exact]:

@@ -4,7 +4,7 @@ import base64
 import datetime
 import hashlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from obsdesign import __version__
 from obsdesign.batches.find import SUMMARY
+from obsdesign.batches.record import RECORD
 from obsdesign.batches.summary import opened as summary
 from obsdesign.design import Design
 from obsdesign.disk import below, write_whole
@@ -145,7 +146,10 @@ def report(
 def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
     """Page on a folder; hidden folders are left out."""
     paths = sorted(path for path in map(Path, below(str(folder), (GAINS,))) if not path.name.startswith("."))
-    told = list(without_result(folder / SUMMARY))
+    told, listed = of_batch(folder / SUMMARY)
+    gone = [path for path in paths if listed is not None and path not in listed and of_earlier(path)]
+    paths = [path for path in paths if path not in gone]
+    told += [Missing(str(path), "left over", "no spec of the last batch, see summary.json, gave it") for path in gone]
     if not paths and not told:
         said = f"holds no result: no *{GAINS} in it or below; `obsdesign solve` writes one"
         raise UsageError(Problem(said, str(folder), id="OBS903"))
@@ -157,17 +161,23 @@ def of_folder(folder: Path, progress: Callable[[float, str], None]) -> Report:
     return Report(str(folder), entries, (*(one for one in read if isinstance(one, Missing)), *told))
 
 
-def without_result(path: Path) -> Iterator[Missing]:
-    """Specs of a batch that gave no result file, from its summary; or that this is none, where there is a file."""
+def of_batch(path: Path) -> tuple[list[Missing], set[Path] | None]:
+    """Specs that gave no result file, of a summary, and the files of the others; None: there is none, or it is none."""
     try:
-        specs = summary(str(path))["specs"] if os.path.isfile(path) else []
+        specs = summary(str(path))["specs"] if os.path.isfile(path) else None
     except UsageError as error:
-        yield unread(str(path), error)
-        return
-    for spec in specs:
-        if "gains" not in spec["files"]:
-            said = "; ".join(problem["message"] for problem in spec["problems"])
-            yield Missing(spec["path"], f"no result: {spec['status']}", said)
+        return [unread(str(path), error)], None
+    told = [
+        Missing(spec["path"], f"no result: {spec['status']}", "; ".join(p["message"] for p in spec["problems"]))
+        for spec in specs or ()
+        if "gains" not in spec["files"]
+    ]
+    return told, None if specs is None else {path.parent / spec["files"].get("gains", "") for spec in specs}
+
+
+def of_earlier(path: Path) -> bool:
+    """Whether a batch made a result file: its record stands beside it."""
+    return path.with_name(path.name.removesuffix(GAINS) + RECORD).is_file()
 
 
 @cache

@@ -72,7 +72,7 @@ def meaning(name: str) -> str | None:
     if name == "pi" or name in FUNCTIONS:
         return "is a function or a constant; choose another name"
     if ARGUMENT.fullmatch(name):
-        return "is the argument of a nonlinearity; choose another name"
+        return "is kept for the argument of a nonlinearity, of a term of equations too; choose another name"
     if name.startswith("hat_"):
         return "begins like the name of an estimate; choose another name"
     return None

@@ -66,7 +66,7 @@ def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple
     rows.append(("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE)))
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
-    ends += [] if high is None else [f"at most {at_most(high, 4)}"]
+    ends += [] if high is None else [f"at most {at_most(high, 4)} by V of the certificate"]
     rows += [("peak gain", f"{', '.join(ends)}   sup|z| for sup|v| = 1")] if ends else []
     rows += [("truth", text) for text in truth(found["truth"], claimed)] if "truth" in found else []
     gains = [(UNAIDED[name], gain) for name, gain in found["no_observer"].items() if gain is not None]

@@ -5,9 +5,9 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
+from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.families.finding import hidden_mode
+from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, request_of
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.incremental.theorems import THEOREMS
@@ -20,7 +20,7 @@ from obsdesign.lmi.proof import Formula
 from obsdesign.model.pencil import System, invariant_zeros, text
 from obsdesign.model.structure import accuracy
 from obsdesign.spec import Spec
-from obsdesign.tables.text import at_least, at_most
+from obsdesign.tables.text import at_least
 
 CLOSE = 1e-3  # relative, from the edge of what is feasible to what is suggested
 
@@ -176,7 +176,9 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], larg
 
     `levels`: of gamma, what is asked and the least, over all gains and if there are bounds within them.
     """
-    asked, least = levels["asked"], levels["least"]
+    asked, least, request = levels["asked"], levels["least"], request_of(spec)
+    searched = isinstance(request.alpha, Range) and not family.about.monotone
+    known = "that was found" if searched else "possible"
     failing = [test for test in accuracy(family.plant, family.L2, spec.generator) if not test.holds]
     p = family.plant
     slow = [z for z in invariant_zeros(System(p.A, p.B, p.C, p.D)).values if 0 > z.real >= -float(family.alpha)]
@@ -187,10 +189,10 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], larg
     found: Diagnosis = {
         "id": "OBS604",
         "condition": "gamma",
-        "reason": f"gamma = {asked:g} was asked for, and the least possible is {least:.6g}",
+        "reason": f"gamma = {asked:g} was asked for, and the least {known} is {least:.6g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": f"gamma above {at_most(levels.get('bounded', least))} is necessary",
+        "suggestion": enough(least, levels.get("bounded"), searched=searched, exact=request.bounds.L1 is None),
     }
     if because:
         found["reason"] += f"; {'; '.join(because)}"

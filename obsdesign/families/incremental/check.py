@@ -22,7 +22,8 @@ LOOPS = {
     "observer": "give another L2, or L2: 0",
 }
 LATE = "y shows some of v too late"  # of the rank that Theorem 2 needs
-MORE = "`solve` tells the limit of gamma; where that is too large, measure another signal"
+UNMET = "Theorem 2 does not promise any gamma > 0, its conditions being sufficient only"
+MORE = "`solve` tells the limit of gamma, which may be 0 all the same; where it is too large, measure another signal"
 
 
 def check(spec: Spec, _: Engine) -> list[Finding]:
@@ -71,7 +72,7 @@ def attainable(spec: Spec) -> list[Finding]:
         tests = accuracy(augmented, None if gain is None else in_floats(gain), spec.generator)
         found += [finding(f"any accuracy: {t.name}", t.holds, t.sentence, **t.numbers, id="OBS614") for t in tests]
         missing = "; ".join(LATE if test.name == "rank C B" else test.sentence for test in tests if not test.holds)
-        said = f"any gamma > 0 is not promised: {missing}" if missing else "the conditions for any gamma > 0 hold"
+        said = f"{UNMET}: {missing}" if missing else "the conditions for any gamma > 0 hold"
         found.append(finding("any accuracy", not missing, said, advice=MORE, id="OBS614"))
     if B.shape[1]:
         rank = int(np.linalg.matrix_rank(B))

@@ -1,7 +1,7 @@
 """Searches over the decay rate alpha: the curve of the least gamma, its minimum, and the edge of feasibility."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from obsdesign.lmi.reduce import between
 from obsdesign.lmi.solve import Answer, Status, reduction
 
 EDGE = 1e-6  # relative, of the largest alpha
+FEW, APART = 4, 0.1  # points of a curve and the relative step of their gammas, where a proof fails at the least
 JUMP = 2.0  # ratio of gamma^2 at two points beyond which the scaling of one is not believed at the other
 
 Point = dict[str, Any]  # alpha, status and, where it is optimal, gamma
@@ -140,3 +141,14 @@ class Decay:
 def near(one: float, other: float) -> bool:
     """Whether gamma^2 hardly changes between two points of a curve."""
     return 0 < one <= JUMP * other and other <= JUMP * one
+
+
+def apart(points: Iterable[Point]) -> Iterator[fmpq]:
+    """Alphas of a few points of a curve, each with a gamma that is larger by a step, the first than the least one."""
+    found = sorted((point for point in points if "gamma" in point), key=lambda point: point["gamma"])
+    for _ in range(FEW if found else 0):
+        level = found[0]["gamma"] * (1 + APART)
+        found = [point for point in found if point["gamma"] > level]
+        if not found:
+            return
+        yield rational_number(repr(found[0]["alpha"]))

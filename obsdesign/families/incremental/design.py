@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -22,7 +23,7 @@ from obsdesign.families.finding import UNDISTURBED
 from obsdesign.families.incremental.absence import covers, impossible, why_not
 from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
-from obsdesign.families.incremental.decay import Decay, Point
+from obsdesign.families.incremental.decay import Decay, Point, apart
 from obsdesign.families.incremental.instead import beyond, remedied
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
@@ -59,16 +60,14 @@ class Designer:
         if not self.family.plant.B.shape[1] and self.request.objective in {"min-gamma", "pareto"}:
             self.notes.append(UNDISTURBED)
             self.request = replace(self.request, objective="feasibility")
-        hidden = undetectable(
-            in_floats(self.family.plant), in_floats(self.family.multiplier.member), float(self.lowest)
-        )
-        if hidden:
+        fixed = in_floats(self.family)
+        if undetectable(fixed.plant, fixed.multiplier.member, float(self.lowest)):
             return self.infeasible(self.lowest)
         if self.request.gains:
             return self.analysis(self.searched())
         if self.request.objective == "max-alpha":
             return self.fastest()
-        return self.accurate() or self.at(self.searched())
+        return self.accurate() or self.provable(self.searched())
 
     def accurate(self) -> Outcome | None:
         """Gains in closed form for `objective: {gamma: ..}`, where nothing bounds them and the plant admits them."""
@@ -92,6 +91,16 @@ class Designer:
             f"for gamma = {float(gamma):g}; where the spec limits L1, smaller gains are searched"
         )
         return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
+
+    def provable(self, alpha: fmpq) -> Outcome:
+        """Design at the alpha of a search; where its proof fails, at points of the curve with clearly larger gammas."""
+        first, known, failed = self.at(alpha), self.notes, f"the gains at alpha = {float(alpha):g} fail in rationals"
+        for other in apart(self.points) if first.status is Verdict.UNCERTIFIED else ():
+            self.notes = [*known, f"{failed}; alpha = {float(other):g} is the next with some that hold"]
+            with suppress(UndecidedError):
+                if (made := self.at(other)).status is Verdict.CERTIFIED:
+                    return made
+        return first
 
     # One alpha
 
@@ -124,8 +133,7 @@ class Designer:
         if answer.status is Status.INFEASIBLE:
             return {}, None
         free = self.request.objective in {"feasibility", "max-alpha"}
-        zero = vanishing(self.engine, search, answer)
-        table = zero.table
+        table = (zero := vanishing(self.engine, search, answer)).table
         if answer.status is Status.OPTIMAL or table or zero.instead:
             level = Level.of_all(answer, zero)
             known = {"gamma": level.gamma, "attained": level.attained, **self.kind(alpha)}
@@ -159,9 +167,8 @@ class Designer:
 
     def kind(self, alpha: fmpq) -> dict[str, Any]:
         """Where alpha was searched: at which one a limit of gamma is; the best found, unless a lower alpha has less."""
-        if not self.points:
-            return {}
-        return {"at": {"alpha": float(alpha)}, **({} if self.family.about.monotone else BEST_FOUND)}
+        found = {} if self.family.about.monotone else BEST_FOUND
+        return {"at": {"alpha": float(alpha)}, **found} if self.points else {}
 
     def target(self, search: Incremental, least: Level) -> float:
         """Gamma to be certified, within the slack of the limit; where the objective is not gamma, it is `moderate`."""
@@ -193,9 +200,8 @@ class Designer:
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
         if not made.gains:
-            raise UndecidedError(
-                f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}", id="OBS507"
-            )
+            said = f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}"
+            raise UndecidedError(said, id="OBS507")
         return made
 
     def proved(self, candidates: Iterable[tuple[Incremental, Values | None]], gamma: float) -> Outcome:

@@ -30,12 +30,12 @@ def least_gamma(study: Study) -> Outcome:
     limit = limit_of(study, family)
     asked = math.inf if study.bounds.gamma is None else float(study.bounds.gamma)
     limits: dict[str, Any] = {"limit": {"gamma": limit.gamma, "attained": limit.attained}, "beyond": widened(study)}
+    most = limit.gamma
     if study.restricted:
         answer = settled(study.engine, family, bounded(solve_of(study), study.bounds), study.bounds)
         if answer.status is not Status.OPTIMAL:
             decided, goals = answer.status is Status.INFEASIBLE, {"goal": asked**2, "least": limit.gamma**2}
             return study.out_of_bounds(solve_of, decided=decided, **goals, **limits)
-        most = limit.gamma
         limit = Level.within(answer, Vanishing(limit.table, limit.instead, limit.attained), study.bounds)
         attained = limit.attained or study.closed
         limits["limit_bounded"] = {"gamma": limit.gamma, "attained": attained, **bounded_kind(study.bounds)}
@@ -44,7 +44,8 @@ def least_gamma(study: Study) -> Outcome:
         return study.out_of_bounds(solve_of, decided=decided, goal=asked**2, **limits)
     if asked < limit.gamma:
         slower = study.slower(solve_of, asked**2)
-        reason = out_of_reach(asked, limit.gamma, float(study.declared), slower)
+        levels = {"asked": asked, "least": most, **({"bounded": limit.gamma} if study.restricted else {})}
+        reason = out_of_reach(levels, float(study.declared), slower, exact=study.bounds.L1 is None)
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
     target = min(limit.target(study.slack), asked)
     L, claim = study.first(small_gains(study, family, study.declared, target))

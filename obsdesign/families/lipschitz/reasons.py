@@ -9,7 +9,7 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
-from obsdesign.families.finding import hidden_mode
+from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
@@ -157,15 +157,22 @@ def instead(relaxations: dict[str, dict[str, Any]]) -> str:
     return f"look at relaxation {' or '.join(named)}"
 
 
-def out_of_reach(asked: float, least: float, lipschitz: float, slower: float | None = None) -> Diagnosis:
-    """Answer that gamma is bounded below what is possible; `slower`: a decay at which it is not."""
+def out_of_reach(
+    levels: dict[str, float], lipschitz: float, slower: float | None = None, *, exact: bool = True
+) -> Diagnosis:
+    """Answer that gamma is bounded below what is possible.
+
+    `levels`: of gamma, what is asked and the least, over all gains and if there are bounds within them; `slower`: a
+    decay at which it is possible; `exact`: whether the bounds leave the problem convex.
+    """
+    asked, least = levels["asked"], levels["least"]
     return {
         "id": "OBS604",
         "condition": "gamma",
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
-        "gamma": {"asked": asked, "least": least},
+        "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": f"gamma above {at_most(least)} is necessary"
+        "suggestion": enough(least, levels.get("bounded"), exact=exact)
         + (f", or ask for decay at most {slower:g}" if slower is not None else ""),
     }
 

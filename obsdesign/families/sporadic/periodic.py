@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.dissipation.analysis import FREQUENCIES, INSIDE, Errors, largest_area
+from obsdesign.dissipation.analysis import INSIDE, Errors, largest_area
+from obsdesign.dissipation.frequencies import COUNT, RESONANCE, largest
 from obsdesign.lmi.formula import Array
 
 HALVINGS = 4  # of an interval, in which w is followed
@@ -106,9 +107,12 @@ def stable(Phi: Array) -> bool:
 
 def amplitudes(Phi: Array, Gamma: Array) -> Array:
     """Largest amplitude of each entry of e over frequency, e+ = Phi e + Gamma eta, for a sinusoid with |eta| = 1."""
-    z = np.exp(1j * angles(Phi))[:, None, None]
-    response = np.linalg.solve(z * np.eye(len(Phi)) - Phi, np.broadcast_to(Gamma, (len(z), *Gamma.shape)))
-    return np.asarray(np.linalg.norm(response, axis=2).max(axis=0))
+
+    def sizes(angles: Array) -> Array:
+        z = np.exp(1j * angles)[:, None, None]
+        return np.asarray(np.linalg.norm(np.linalg.solve(z * np.eye(len(Phi)) - Phi, Gamma[None]), axis=2))
+
+    return largest(sizes, angles(Phi))
 
 
 def powers(M: Array, count: int) -> Array:
@@ -122,5 +126,5 @@ def powers(M: Array, count: int) -> Array:
 def angles(Phi: Array) -> Array:
     """Frequencies in rad a sample, about the eigenvalues of a step too."""
     values = np.linalg.eigvals(Phi)
-    near = (np.abs(np.angle(values)) + np.linspace(-2, 2, 9)[:, None] * (1 - np.abs(values))).ravel()
-    return np.unique(np.concatenate([np.linspace(0, np.pi, FREQUENCIES), np.clip(near, 0, np.pi)]))
+    near = (np.abs(np.angle(values)) + RESONANCE[:, None] * (1 - np.abs(values))).ravel()
+    return np.unique(np.concatenate([np.linspace(0, np.pi, COUNT), np.clip(near, 0, np.pi)]))

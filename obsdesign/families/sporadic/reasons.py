@@ -96,14 +96,14 @@ def too_long(T2: float, decay: float, feasible: Mapping[str, float], hints: Sequ
 
 
 def out_of_reach(asked: float, least: float) -> Diagnosis:
-    """Answer that gamma is bounded below what is possible."""
+    """Answer that gamma is bounded below the least that a search over delta found."""
     return {
         "id": "OBS604",
         "condition": "gamma",
-        "reason": f"gamma at most {asked:g} was asked for, and the least possible is {least:.6g}",
+        "reason": f"gamma at most {asked:g} was asked for, and the least that was found is {least:.6g}",
         "gamma": {"asked": asked, "least": least},
         "feasible": {"gamma": least},
-        "suggestion": f"allow gamma above {at_most(least)}",
+        "suggestion": f"allow gamma above {at_most(least)}, the least that was found",
     }
 
 

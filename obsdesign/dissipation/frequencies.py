@@ -1,0 +1,40 @@
+"""Responses of linear systems over frequency, and the largest of what is made of them, in doubles."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from obsdesign.lmi.formula import Array, identity
+
+COUNT = 120
+RESONANCE = np.linspace(-2, 2, 17)  # about the frequency of a pole, in units of its decay
+FINER = 9  # frequencies about a largest gain, in as many rounds as
+REFINEMENTS = 4
+
+
+def around(A: Array) -> Array:
+    """Frequencies in rad/s around the poles of a matrix, and zero."""
+    poles = np.linalg.eigvals(A)
+    sizes = np.abs(poles[poles != 0]) if (poles != 0).any() else np.ones(1)
+    grid = np.geomspace(sizes.min() / 100, sizes.max() * 100, COUNT)
+    near = (np.abs(poles.imag) + RESONANCE[:, None] * np.abs(poles.real)).ravel()
+    return np.unique(np.concatenate([[0.0], grid, sizes, near[near > 0]]))
+
+
+def largest(sizes: Callable[[Array], Array], grid: Array) -> Array:
+    """Largest of each column of sizes at frequencies, on a grid and on finer ones about what is the largest there."""
+    values = sizes(grid)
+    found = values.max(axis=0)
+    for _ in range(REFINEMENTS):
+        tops = np.unique(values.argmax(axis=0))
+        lows, highs = grid[np.maximum(tops - 1, 0)], grid[np.minimum(tops + 1, len(grid) - 1)]
+        grid = np.unique(np.linspace(lows, highs, FINER))
+        values = sizes(grid)
+        found = np.maximum(found, values.max(axis=0))
+    return np.asarray(found)
+
+
+def response(A: Array, B: Array, omega: Array) -> Array:
+    """Responses (i omega I - A)^-1 B at some frequencies, (m, n, nu)."""
+    s = 1j * omega[:, None, None]
+    return np.asarray(np.linalg.solve(s * identity(len(A), A) - A, np.broadcast_to(B, (len(omega), *B.shape))))
