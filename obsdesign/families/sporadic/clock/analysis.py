@@ -169,10 +169,10 @@ class Analysis:
         answer = self.engine.minimise(problem)
         return Found(answer.objective, answer.values) if answer.status is Status.OPTIMAL else Found()
 
-    def solve(self, program: Program, search: Search | None = None) -> tuple[Ending, Array]:
+    def solve(self, program: Program, search: Search) -> tuple[Ending, Array]:
         """One call of the solver, counted."""
         self.engine.solves += 1
-        return (search or Search(call(self.engine.solver, quick=True))).solve(program)
+        return search.solve(program)
 
     def careful(self, program: Program, search: Search) -> tuple[Ending, Array]:
         """One call, and where it breaks down another one with larger constant terms; the more accurate of the two."""
@@ -190,7 +190,7 @@ class Analysis:
     def widest(self, reduced: Reduced) -> tuple[Array, float]:
         """Point of the largest normalised margin, and the margin, by one solve."""
         scaled, T = balance(homogeneous(reduced.program))
-        ending, y = self.solve(with_margin(scaled))
+        ending, y = self.solve(with_margin(scaled), Search(call(self.engine.solver)))
         *z, size = unscaled(T, y[:-1])
         t = float(y[-1])
         broken = ending is Ending.FAILED or not np.isfinite([*z, size, t]).all() or size <= 0

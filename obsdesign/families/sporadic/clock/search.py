@@ -27,7 +27,7 @@ from obsdesign.model.plant import Plant
 COARSE = 3  # degree of the storage function of a descent, at most
 FINE = 4  # .. and segments of that of a convex problem
 WIDER = 4.0  # between bounds on the gain, until gamma settles
-NEARLY = 2.0  # gamma of convex problems, relative to the least that they reach, from which on descents begin
+NEARLY = 1.2  # gamma of convex problems, relative to the least that they reach, from which on descents begin
 SETTLED = 0.03  # relative change of gamma below which it has
 MOST = 8  # .. and bounds that are tried
 SMALLER = (0.25, 0.5, 0.75)  # parts of a gain within which a smaller one is sought
