@@ -301,6 +301,8 @@ def test_what_is_no_whole_batch_is_not_merged():
     assert "is no path of a spec" in refusal("up")
     put("change/summary.json", json.dumps({**content, "specs": [{**altered, "set": [".."]}]}))
     assert "is no path of a spec" in refusal("change")
+    assert "same: its list_sha256 is not that of the specs in these summaries" in refusal("same")
+    put("same/summary.json", json.dumps({key: value for key, value in content.items() if key != "list_sha256"}))
     assert "same: the record of specs/a.yaml is missing; give its folder too" in refusal("same")
 
 
@@ -318,7 +320,9 @@ def test_shards_of_different_specs_are_not_merged():
     old = summary("one")
     del old["list_sha256"]  # by a version that did not write it
     put("one/summary.json", json.dumps(old))
-    assert run("batch", "--merge", "one", "two", "--out", "all", "-q").exit_code == 0
+    outcome = run("batch", "--merge", "one", "two", "--out", "all")
+    assert (outcome.exit_code, Path("all/summary.json").exists()) == (2, False)
+    assert outcome.stderr.startswith("two: its list_sha256 is not that of the specs in these summaries: one is missing")
     assert run("batch", "specs", "--out", "one", "--shard", "1/2", "-q").exit_code == 0
     assert run("batch", "specs", "--out", "two", "--shard", "2/2", "-q").exit_code == 0
     assert run("batch", "--merge", "two", "one", "--out", "all", "-q").exit_code == 0

@@ -668,7 +668,7 @@ def test_a_hidden_mode_is_named():
 
 
 def test_bounds_and_gains_that_will_not_do_are_named():
-    assert out_of_reach(0.1, 0.25, 1.0)["feasible"] == {"gamma": 0.25}
+    assert out_of_reach({"asked": 0.1, "least": 0.25}, 1.0)["feasible"] == {"gamma": 0.25}
     found = too_small(Bounds(L1=rational_number(3), norm="frobenius", floor=rational_number(2)))
     assert found["bounds"] == {"L": 3.0, "P.min": 2.0}
     assert "|L|_F <= 3" in found["reason"]

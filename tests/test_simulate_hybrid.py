@@ -285,7 +285,7 @@ def test_a_sampling_that_makes_no_sense_is_refused(wrong, message):
     [
         ("C: [[1, 0]]", "C: [[1, 0]], gx: [y1, 0]", "y1 needs y1"),
         ("simulation:", "nonlinearities: [{type: {lipschitz: 1}, Bf: [0, 1], Cq: [1, 0]}]\nsimulation:", "has no `f`"),
-        ('w: ["', 'w: ["1/t + ', "no value"),
+        ('w: ["', 'w: ["1/t + ', "no finite value"),
     ],
 )
 def test_a_spec_that_the_observer_has_no_place_for_is_refused(old, new, message):
