@@ -157,11 +157,12 @@ def test_the_genuine_files_are_proved_and_say_for_which_intervals(genuine, reset
         content = json.loads(text)
         assert content["guarantee"]["kind"] == "clock"
         assert "0.1 to 0.2 apart" in content["guarantee"]["statement"]
-        assert {"gamma", "overshoot", "disturbance", "noise", "outage"} <= content["certificate"]["witnesses"].keys()
+        assert {"gamma", "overshoot", "disturbance", "noise"} <= content["certificate"]["witnesses"].keys()
+        assert "outage" in content["certificate"]["witnesses"]["overshoot"]
         assert "delta" not in content["observer"]
     assert json.loads(resets)["observer"].keys() >= {"K"}
     assert not json.loads(resets)["observer"].keys() & {"L", "H"}
-    assert len(json.loads(looks_ahead)["certificate"]["witnesses"]["gamma"]["parts"]) == 2
+    assert json.loads(looks_ahead)["certificate"]["witnesses"]["gamma"]["parts"].keys() == {"2"}
 
 
 # What is claimed falsely

@@ -103,10 +103,11 @@ def ahead(limit, proved):
 
 
 def is_clocked(witnesses):
-    """Whether there is a witness of gamma, and the control values of each P are matrices of exact numbers."""
-    known = [witness for witness in witnesses.values() if "P" in witness]
+    """Whether there is a witness of gamma, and each has matrices of exact numbers, a list of them for each segment."""
     return "gamma" in witnesses and all(
-        is_matrix(value, is_exact) for witness in known for segment in witness["P"] for value in segment
+        len(witness["P"]) == len(witness["knots"]) - 1
+        and all(is_matrix(value, is_exact) for segment in witness["P"] for value in segment)
+        for witness in witnesses.values()
     )
 
 

@@ -159,7 +159,8 @@ class ClockClaim(Proved):
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, the limit it is near to, and the witnesses."""
         witnesses = {name: witness.written() for name, witness in self.witnesses.items()}
-        witnesses |= {"outage": self.outage.written()} if self.outage else {}
+        if self.outage:
+            witnesses["overshoot"]["outage"] = self.outage.written()
         witnesses |= {"T2_max": self.longest.written()} if self.longest else {}
         guarantee = {
             "kind": "clock",

@@ -18,7 +18,7 @@ from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.spec import Spec
 
-WITNESSED = {"overshoot", "disturbance", "noise", "outage", "T2_max"}  # claims with a witness of the same name
+WITNESSED = {"overshoot", "disturbance", "noise", "T2_max"}  # claims with a witness of the same name
 
 
 def read(spec: Spec, file: ResultFile) -> ClockClaim:
@@ -31,8 +31,8 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
     require_asked(file, request, gains, asked, plant.C)
     root = ("certificate", "witnesses")
     named = file.table(*root)
-    if wrong := named.keys() - {*GOALS, "outage", "T2_max"} or {"gamma"} - named.keys():
-        known = ", ".join((*GOALS, "outage", "T2_max"))
+    if wrong := named.keys() - {*GOALS, "T2_max"} or {"gamma"} - named.keys():
+        known = ", ".join((*GOALS, "T2_max"))
         raise file.wrong(".".join((*root, min(wrong))), f"expected gamma, and of {known} those that apply", id="OBS702")
     if missing := (WITNESSED & file.table("guarantee").keys()) - named.keys():
         raise file.wrong(".".join((*root, min(missing))), "missing: the guarantee claims it", id="OBS702")
@@ -51,10 +51,10 @@ def read(spec: Spec, file: ResultFile) -> ClockClaim:
             raise file.wrong("guarantee.T2_max", said, id="OBS702")
         longest = read_witness(file, GOALS["overshoot"], theorem, most, *root, "T2_max")
     overdue = None
-    if "outage" in named:
+    if "outage" in file.table("guarantee") or "outage" in file.table(*root).get("overshoot", {}):
         if "overshoot" not in found:
             raise file.wrong(".".join((*root, "overshoot")), "missing: an outage is one of its V", id="OBS702")
-        overdue = read_outage(file, found["overshoot"], *root, "outage")
+        overdue = read_outage(file, found["overshoot"], *root, "overshoot", "outage")
         require_outage(file, overdue)
     require_segments(file, gains, found.values())
     direct = any([*plant.D.flat, *plant.Df.flat])

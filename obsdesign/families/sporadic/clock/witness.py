@@ -123,7 +123,8 @@ class Witness(Proved):
             "lambda": str(self.theorem.decay),
             **{name: str(value) for name, value in self.ordered.items()},
             "knots": [str(s) for s in clock.knots],
-            **(parts["1"] if len(parts) == 1 else {"parts": parts}),
+            **parts.pop("1"),
+            **({"parts": parts} if parts else {}),
         }
 
 
@@ -176,11 +177,11 @@ def read(file: ResultFile, goal: Goal, theorem: ClockTheorem, T2: fmpq, *keys: s
     knots = tuple(file.numbers(*keys, "knots"))
     if not isinstance(segments, list) or not 1 < len(knots) <= MOST or list(knots) != sorted({*knots, fmpq(0), T2}):
         raise file.wrong(".".join((*keys, "knots")), "expected numbers that rise from 0 to T2", id="OBS702")
-    roots = [keys] if theorem.lookahead == 1 else [(*keys, "parts", str(i + 1)) for i in range(theorem.lookahead)]
-    first = file.at(*roots[0], "P")
+    roots = [keys, *((*keys, "parts", str(i + 1)) for i in range(1, theorem.lookahead))]
+    first = file.at(*keys, "P")
     degree = len(first[0]) - 1 if isinstance(first, list) and first and isinstance(first[0], list) else 0
     if not 1 <= degree <= LARGEST_DEGREE:
-        raise file.wrong(".".join((*roots[0], "P")), "expected a list of matrices for each segment", id="OBS702")
+        raise file.wrong(".".join((*keys, "P")), "expected a list of matrices for each segment", id="OBS702")
     of_goal = goal.theorem(replace(theorem, clock=Clock(knots, degree), decay=file.number(*keys, "lambda")))
     numbers = {name: file.number(*keys, name) for name in NUMBERS if name in place}
     for name in (goal.least, *goal.also):
