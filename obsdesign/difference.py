@@ -92,6 +92,7 @@ def gains_of(file: ResultFile) -> dict[str, Array]:
             exact = file.matrix((len(rows), len(rows[0])), "observer", name)
             found[name] = np.vectorize(approximate, otypes=[float])(exact)
             require_finite(file, f"observer.{name}", found[name])
+            require_finite(file, f"observer.{name}", norm(found[name]))
     return found
 
 
@@ -106,7 +107,7 @@ def of_gains(change: Change) -> Change:
     old, new = change["old"], change["new"]
     norms = [None if gain is None else norm(gain) for gain in (old, new)]
     known = old is not None and new is not None and old.shape == new.shape and norm(old)
-    relative = norm(new - old) / known if known else None
+    relative = finite(norm(new - old) / known) if known else None
     return {"name": change["name"], "old": norms[0], "new": norms[1], "relative": relative}
 
 
@@ -133,7 +134,12 @@ def numbers_of(file: ResultFile) -> dict[str, float]:
 def of_numbers(change: Change) -> Change:
     """Change of a number."""
     old, new = change["old"], change["new"]
-    return {**change, "relative": (new - old) / abs(old) if old and new is not None else None}
+    return {**change, "relative": finite((new - old) / abs(old)) if old and new is not None else None}
+
+
+def finite(x: float | None) -> float | None:
+    """Number, or None where doubles do not hold it."""
+    return x if x is not None and np.isfinite(x) else None
 
 
 def as_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:

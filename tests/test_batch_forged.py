@@ -407,6 +407,19 @@ def test_a_forged_record_of_results_that_are_there_is_not_believed():
     assert entries()["a.yaml"]["up_to_date"] is True
 
 
+def test_what_failed_is_told_as_it_is_found_again_not_as_a_record_says():
+    put("a.yaml", EXPECTING)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 4
+    honest, content = entries()["a.yaml"], json.loads(RECORD.read_text())
+    content["entry"] |= {"exit_code": 3, "problems": [{**content["entry"]["problems"][0], "message": "unobservable"}]}
+    content["entry"]["expected"] = [{**one, "holds": True} for one in content["entry"]["expected"]]
+    RECORD.write_text(json.dumps(content))
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 4
+    entry = entries()["a.yaml"]
+    for part in ("exit_code", "expected", "problems"):
+        assert entry[part] == honest[part]
+
+
 def resolved(**parts):
     """Why a spec is solved again whose result file has other parts, which its record has the hash of."""
     gains, record = Path("results/a/a.gains.json"), json.loads(RECORD.read_text())

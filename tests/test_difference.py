@@ -74,6 +74,10 @@ def test_a_result_without_gains_is_told_too():
         (lambda file: file["guarantee"].update(gamma="1/0"), "is no finite number"),
         (lambda file: file.update(status="\x1b[31m"), "texts of one line"),
         (lambda file: file["observer"].update(L1=[[10**400], [1]]), "observer.L1: is beyond what doubles can hold"),
+        (
+            lambda file: file["observer"].update(L1=[["1.5e308"], ["1.5e308"]]),
+            "observer.L1: is beyond what doubles can",
+        ),
         (lambda file: file["guarantee"].update(gamma=10**400), "guarantee.gamma: is beyond what doubles can hold"),
     ],
 )
@@ -85,6 +89,16 @@ def test_a_file_that_is_wrong_is_refused(change, word):
     assert (outcome.exit_code, outcome.stdout) == (2, "")
     assert word in outcome.stderr
     assert run("diff", "old.json", "cart.yaml").exit_code == 2
+
+
+def test_a_change_beyond_doubles_has_no_part():
+    file = json.loads(Path("old.json").read_text())
+    file["guarantee"]["gamma"] = 1e-320
+    Path("new.json").write_text(json.dumps(file))
+    outcome = run("diff", "new.json", "old.json", "--json")
+    assert outcome.exit_code == 0, outcome.output
+    (change,) = (one for one in json.loads(outcome.stdout)["guarantee"] if one["name"] == "gamma")
+    assert change["relative"] is None
 
 
 def test_another_solver_is_told_with_its_own_version():

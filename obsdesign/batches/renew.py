@@ -30,7 +30,7 @@ from obsdesign.files import ResultFile
 from obsdesign.spec import Spec
 from obsdesign.work import trial
 
-FAILURE = ("exit_code", "as_expected", "expected", "problems")  # parts that may tell of a run that is not repeated
+FAILURE = ("exit_code", "as_expected", "expected", "problems")  # parts that tell what failed, which is found again
 
 
 def renewed(task: Task, out: Path) -> Entry | None:
@@ -43,8 +43,11 @@ def renewed(task: Task, out: Path) -> Entry | None:
         found = parsed(to_bytes(anew(task, record, out)))
     except (ObsdesignError, ValueError):  # files that were altered
         return None
-    left_out = {**VOLATILE, **({} if known["as_expected"] else dict.fromkeys(FAILURE))}
-    return None if differing({**known, **left_out}, {**found, **left_out}) else {**known, "up_to_date": True}
+    failed = () if known["as_expected"] else FAILURE
+    left_out = {**VOLATILE, **dict.fromkeys(failed)}
+    if (failed and found["as_expected"]) or differing({**known, **left_out}, {**found, **left_out}):
+        return None
+    return {**known, **{part: found[part] for part in failed}, "up_to_date": True}
 
 
 def anew(task: Task, record: Mapping[str, Any], out: Path) -> Entry:

@@ -74,5 +74,5 @@ def rows(summary: "Summary") -> Iterator[str]:
     kinds = ", ".join(f"{counts[status]} {status}" for status in STATUSES if counts[status])
     fine, asked = counts["as_expected"], counts["total"] - counts["skipped"]
     said = "all as expected" if fine == asked else f"{asked - fine} not as expected"
-    again = f", {done} up to date, their claims proved anew" if done else ""
+    again = f", {done} up to date: what is proved was proved anew, the rest is as recorded" if done else ""
     yield f"specs {counts['total']}: {kinds or 'none'}; {said}{again}; {summary.time_s:.1f} s; {shown(summary.path)}"
