@@ -147,7 +147,7 @@ class ClockDesigner:
         error = error_system(self.plant.doubles, in_floats(self.Cp), in_floats_of(gains))
         found = {} if error.elapsed else truth(error, self.members, float(self.T1), float(T2), float(decay))
         if (found.get("pattern_limit") or {}).get("T2", math.inf) > float(T2):
-            raise UndecidedError(undecided(self.T1, T2, decay, most), id="OBS507")
+            raise UndecidedError(undecided(self.T1, T2, decay, most, self.request.shape), id="OBS507")
         return Outcome(Verdict.INFEASIBLE, in_floats_of(gains), diagnosis=unstable(found, self.T1, T2, decay, most))
 
     def tolerated(self, analysis: Analysis, T2: fmpq, decay: fmpq) -> float | None:
@@ -198,7 +198,7 @@ class ClockDesigner:
         least = curve.gamma(curve.outside(best), T2, decay)
         wanted = 1 + float(self.request.slack)
         if (cap := self.request.largest_gamma) is not None and float(cap) < least:
-            raise UndecidedError(above_bound(least, float(cap)), id="OBS507")
+            raise UndecidedError(above_bound(least, float(cap), bounded=curve.kappa is not None), id="OBS507")
         target = least * (wanted if self.request.objective in TIGHT else max(wanted, MODERATE))
         if cap is not None:
             target = min(target, float(cap))

@@ -6,10 +6,12 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.sporadic.clock.bernstein import Shape
 from obsdesign.families.sporadic.clock.search import Curve
 from obsdesign.families.sporadic.clock.truth import OF_PLANT
 from obsdesign.tables.text import at_least, at_most
 
+FINER = ((6, 4), (8, 4))  # degree and segments that are advised
 SPARE = 1e-2  # relative, above the least gamma that is found
 CLOSE = 1e-3  # relative, from a limit to what is suggested
 
@@ -40,18 +42,27 @@ def unstable(found: Mapping[str, Any], T1: fmpq, T2: fmpq, decay: fmpq, tolerate
     }
 
 
-def above_bound(least: float, cap: float) -> str:
-    """Say that a bound on gamma is below the least that was found."""
+def finer(shape: Shape) -> list[str]:
+    """Storage functions that may prove more than those of a request, as its key; none where these are of many terms."""
+    known = ((max(d, shape.degree), max(s, shape.segments)) for d, s in FINER)
+    return [
+        f"try `clock: {{degree: {d}, segments: {s}}}`" for d, s in known if (d, s) != (shape.degree, shape.segments)
+    ][:1]
+
+
+def above_bound(least: float, cap: float, *, bounded: bool) -> str:
+    """Say that a bound on gamma is below the least that was found; `bounded`: whether gains are bounded too."""
     said = f"the least gamma that was found is {least:g}, above `bounds.gamma` = {cap:g}"
-    return f"{said}; ask for {at_most(least * (1 + SPARE), 3)} or more, allow larger gains, or try another injection"
+    larger = "allow larger gains" if bounded else "bound the gains, with which another descent begins"
+    return f"{said}; ask for {at_most(least * (1 + SPARE), 3)} or more, {larger}, or try another injection"
 
 
-def undecided(T1: fmpq, T2: fmpq, decay: fmpq, tolerated: float | None) -> str:
+def undecided(T1: fmpq, T2: fmpq, decay: fmpq, tolerated: float | None, shape: Shape) -> str:
     """Say that nothing was proved of given gains, which proves nothing, and what to try."""
     where = f"for intervals from T1 = {float(T1):g} to T2 = {float(T2):g} with decay {float(decay):g}"
     said = f"no storage function of the time left to the next measurement was found for these gains {where}"
-    shorter = f"ask for T2 at most about {at_least(tolerated * (1 - CLOSE), 3)}, or " if tolerated else ""
-    return f"{said}; {shorter}try `clock: {{degree: 6, segments: 4}}`, or a smaller decay"
+    instead = [f"ask for T2 at most about {at_least(tolerated * (1 - CLOSE), 3)}"] if tolerated else []
+    return f"{said}; {', or '.join([*instead, *finer(shape), 'ask for a smaller decay'])}"
 
 
 def nothing_found(curves: Sequence[Curve], T2: fmpq, decay: fmpq, shorter: float | None) -> str:
@@ -60,6 +71,7 @@ def nothing_found(curves: Sequence[Curve], T2: fmpq, decay: fmpq, shorter: float
     bounds = [f"|{'K' if c.name == 'reset' else 'L'}| <= {c.kappa:g}" for c in curves if c.kappa is not None]
     within = f" with {' and '.join(dict.fromkeys(bounds))}" if bounds else ""
     said = f"no gains of injection {names}{within} were found for T2 = {float(T2):g} with decay {float(decay):g}"
-    instead = [f"ask for T2 at most {at_least(shorter, 3)}, for which some were found"] if shorter else []
-    instead += ["allow larger gains"] if bounds else []
+    less = shorter is not None and shorter < float(T2) * (1 - CLOSE)
+    instead = [f"ask for T2 at most {at_least(shorter, 3)}, for which some were found"] if shorter and less else []
+    instead += [*(["allow larger gains"] if bounds else []), *finer(curves[0].shape)]
     return f"{said}; {', or '.join([*instead, 'try another injection or a smaller decay'])}"
