@@ -6,10 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
 from flint import fmpq
 
 from obsdesign.errors import ObsdesignError, Problem, UsageError
@@ -17,13 +15,14 @@ from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
+from obsdesign.model.filtered import filtered
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
+from obsdesign.trial import Simulation
 
-Vector = npt.NDArray[np.float64]
 PROVED = "is proved from f"  # of a type, in a note
 
 
@@ -81,38 +80,6 @@ def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Ran
         first += block.nq
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Measurement noise held constant over each period (s)."""
-
-    type: Literal["uniform", "gaussian"]
-    amplitude: Vector  # (ny,), half width or standard deviation
-    period: float
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """How to try the observer."""
-
-    horizon: float
-    x0: Vector  # (n,) or (n + nm,)
-    xhat0: Vector  # (n + nm,)
-    w: tuple[Expression, ...] | None  # of t and the states; None: v drives the disturbance model
-    v: tuple[Expression, ...] | None  # of t
-    u: tuple[Expression, ...]  # of t and the states
-    noise: Noise | None
-    seed: int
-    points: int
-    sampling: str | Expression = "periodic"  # of measurements at instants; or random, or a law of t
-    period: float | None = None  # s, of the periodic law; None: T2
-    dropout: float = 0.0  # share of these measurements that are lost
-    theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
-    xi0: Mapping[str, fmpq] = field(default_factory=dict)  # coordinates of the observer at t = 0; others are 0
-    constants: Mapping[str, fmpq] = field(default_factory=dict)  # theta of coordinates at t = 0; others are 0
-    events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
-    silent: tuple[str, ...] = ()  # known inputs that are not given, and are zero
-
-
 class Request(Protocol):
     """What is asked of the observer, in the numbers of the spec: what any stage may ask of any family."""
 
@@ -127,6 +94,10 @@ class Request(Protocol):
     @property
     def reconstruct(self) -> bool:
         """Whether w is estimated by pinv(B) L1 (yhat - y)."""
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the estimate of a sample knows the y of that sample; only in discrete time."""
 
     @property
     def gains(self) -> Mapping[str, Array] | None:
@@ -186,6 +157,7 @@ class Spec(metaclass=Called):
     reproduces: tuple[str, ...] = ()  # figures and tables of the source
     changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
+    period: fmpq | None = None  # s, of a plant x+ = A x + ..; None: x' = A x + ..
 
     @contextmanager
     def placed(self) -> Iterator[None]:
@@ -218,6 +190,11 @@ class Spec(metaclass=Called):
     def augmented(self) -> Plant[Exact]:
         """The plant with the disturbance model appended, (10)."""
         return augment(self.plant, self.generator, self.model_states, self.drives)
+
+    @cached_property
+    def posed(self) -> Plant[Exact]:
+        """The plant of whose errors the inequalities are: of filtered estimates not the augmented one."""
+        return filtered(self.augmented) if self.observer.filtered else self.augmented
 
     @property
     def reserved(self) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from obsdesign.simulate.definitions import error
 from obsdesign.simulate.ensemble import spread
 from obsdesign.simulate.scenario import measurement_noise
 from obsdesign.simulate.simulation import follow, initial, system_of
-from obsdesign.spec import Noise
+from obsdesign.trial import Noise
 
 HEAD = """
 obsdesign: 1

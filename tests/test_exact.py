@@ -11,6 +11,7 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import Array, Exact, Inequality, rational
 from obsdesign.lmi.proof import holds, prove
+from obsdesign.model.edge import Edge
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
 
@@ -35,8 +36,8 @@ def test_a_matrix_without_rows_is_proved() -> None:
 
 def refused_by_mypy(exact: Plant[Exact], either: Plant[Array], K: Array) -> None:
     """Structure is judged in doubles; a formula takes either."""
-    undetectable(exact, K)  # type: ignore[arg-type]
-    undetectable(exact.doubles, K)
-    undetectable(either, K)
+    undetectable(exact, K, Edge(0.0))  # type: ignore[arg-type]
+    undetectable(exact.doubles, K, Edge(0.0))
+    undetectable(either, K, Edge(0.0))
     wrong: Plant[Exact] = exact.doubles  # type: ignore[assignment]
     del wrong

@@ -17,7 +17,7 @@ from obsdesign.families.sporadic.observer import holding
 from obsdesign.simulate import Sampling, Schedule
 from obsdesign.simulate.scenario import scenario
 from obsdesign.simulate.system import System
-from obsdesign.spec import Noise
+from obsdesign.trial import Noise
 
 # Not linear, if only beyond where any run goes: by the integrator, not by exponentials.
 IDLE = (

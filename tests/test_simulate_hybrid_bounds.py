@@ -13,7 +13,7 @@ from support.sweep import seeds
 from obsdesign.expressions import parse
 from obsdesign.lmi.formula import printed
 from obsdesign.simulate import Sampling, Schedule
-from obsdesign.spec import Noise
+from obsdesign.trial import Noise
 
 
 def holds(run):

@@ -1,17 +1,18 @@
 """What proves a guarantee, and the proof: no solver is needed, or imported, to hold a certificate against its claim."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from flint import fmpq
+from flint import arb, fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
-from obsdesign.dissipation.guarantee import Quadratic
+from obsdesign.dissipation.guarantee import Quadratic, Sampled
 from obsdesign.dissipation.inequality import LARGE, SMALL, Incremental
 from obsdesign.files import witness
-from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate, below, identity, rational
+from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate, below, identity, printed, rational
 from obsdesign.lmi.proof import Check, Proved, prove
+from obsdesign.lmi.spectrum import lower
 from obsdesign.model import loop
 
 
@@ -20,7 +21,7 @@ class Certificate(Proved):
     """Storage function and scales, in rationals, that prove the level gamma, and what was checked of them."""
 
     theorem: type[Incremental]
-    alpha: fmpq
+    rate: fmpq
     gamma: fmpq
     mu1: fmpq
     mu2: fmpq
@@ -36,7 +37,25 @@ class Certificate(Proved):
     def guarantee(self) -> Quadratic:
         """Guarantee, its numbers in doubles on the safe side."""
         mu1, mu2 = map(approximate, (self.mu1, self.mu2))
-        return self.theorem.about.guarantee(above(self.gamma), below(self.alpha), mu1, mu2, self.P)
+        return self.theorem.about.guarantee(above(self.gamma), self.told, mu1, mu2, self.P)
+
+    def guarantee_at(self, period: fmpq | None) -> Quadratic:
+        """The same of a plant with samples a period (s) apart."""
+        found = self.guarantee
+        return replace(found, period=float(period)) if isinstance(found, Sampled) and period is not None else found
+
+    def decay(self, period: fmpq | None) -> dict[str, float]:
+        """Alpha by its key; of samples rho, and alpha = -ln(rho) / period unless rho is zero, both on the safe side."""
+        if period is None:
+            return {self.theorem.about.pace.key: self.told}
+        alpha = {"alpha": rate_of(self.told, period)} if self.told else {}
+        return {"rho": self.told, **alpha}
+
+    @property
+    def told(self) -> float:
+        """Alpha, or rho, of the claim in doubles, on the safe side."""
+        pace = self.theorem.about.pace
+        return above(pace.told(self.rate)) if pace.sampled else below(self.rate)
 
 
 def certify(
@@ -44,11 +63,11 @@ def certify(
 ) -> Certificate:
     """Check every condition of the claim exactly.
 
-    `family`: plant, multiplier, alpha and both gains, in rationals; `gamma`, `mu1`, `mu2`: the claim, such as |z|_2 <=
+    `family`: plant, multiplier, rate and both gains, in rationals; `gamma`, `mu1`, `mu2`: the claim, such as |z|_2 <=
     gamma |v|_2 from zero error, and the numbers that prove it; `values`: P and the multipliers, in rationals;
     `bounds`: those of the spec on P.
     """
-    P, plant, alpha, zero = values["P"], family.plant, family.alpha, family.about.zero_decay
+    P, plant, rate = values["P"], family.plant, family.rate
     eye, largest, floor = identity(len(P), P), bounds.P, bounds.floor
     bounded = [] if largest is None else [Inequality(SMALL, P - largest * eye)]
     bounded += [] if floor is None else [Inequality(LARGE, floor * eye - P)]
@@ -57,7 +76,7 @@ def certify(
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
     conditions = (
         *proved,
-        Check("decay >= 0" if zero else "alpha > 0", alpha > 0 or (zero and alpha == 0), approximate(alpha)),
+        *paced(family, rate),
         Check("mu1 > 0", mu1 > 0, approximate(mu1)),
         Check("gamma >= 0", gamma >= 0, approximate(gamma)),
         Check("mu2 >= 0", mu2 >= 0, approximate(mu2)),
@@ -65,7 +84,21 @@ def certify(
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
-    return Certificate(type(family), alpha, gamma, mu1, mu2, P, multipliers, conditions)
+    return Certificate(type(family), rate, gamma, mu1, mu2, P, multipliers, conditions)
+
+
+def rate_of(rho: float, period: fmpq) -> float:
+    """Alpha = -ln(rho) / period, rounded down (1/s)."""
+    return max(lower(-arb(printed(rho)).log() / arb(period)), 0.0)
+
+
+def paced(family: Incremental, rate: fmpq) -> tuple[Check, ...]:
+    """That alpha > 0, or that 0 <= rho < 1, or 1 as well; and >= 0 where a theorem is about no decay as well."""
+    pace, rests = family.about.pace, bool(family.about.at_rest)
+    holds, told = rate > 0 or (rests and rate == 0), approximate(pace.told(rate))
+    if not pace.sampled:
+        return (Check(f"{pace.key} {'>=' if rests else '>'} 0", holds, told),)
+    return Check("rho >= 0", rate <= 1, told), Check(f"rho {'<=' if rests else '<'} 1", holds, approximate(rate))
 
 
 def kept(bounds: Bounds, gain: Array, gamma: fmpq | None = None, name: str = "L") -> tuple[Check, ...]:

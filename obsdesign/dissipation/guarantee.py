@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from obsdesign.families.guarantee import (
     Course,
     InputBound,
     Rates,
+    Steps,
     bound,
     envelope,
     largest_output,
@@ -22,6 +23,14 @@ from obsdesign.lmi.formula import Array, Float, approximate, rational
 from obsdesign.lmi.spectrum import extremes, lower, upper
 
 
+class Words(NamedTuple):
+    """What is left of |e(0)|, of V(0), and what a drive {v} has added, in words."""
+
+    once: str
+    twice: str
+    added: str
+
+
 @dataclass(frozen=True)
 class Quadratic(ABC):
     """Numbers of an inequality along the error equations, with V = e' P e."""
@@ -29,17 +38,26 @@ class Quadratic(ABC):
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
     signals: ClassVar[str] = "square integrable"
     symbol: ClassVar[str] = "α"
+    symbol_in_words: ClassVar[str] = "alpha"
 
     gamma: float
-    alpha: float  # 1/s
+    rate: float  # alpha in 1/s, or rho of samples
     mu1: float
     mu2: float
     P: Array  # (n, n), positive definite, in rationals
     reconstruction: InputBound | None = None
 
     @abstractmethod
-    def rates(self) -> Rates:
-        """V' <= -2 alpha V + c |v|^2."""
+    def rates(self) -> Rates | Steps:
+        """V' <= -2 alpha V + c |v|^2, or V+ <= rho^2 V + c |v|^2."""
+
+    @property
+    def words(self) -> Words:
+        """How what is left of the start is written; empty where nothing says that it decays."""
+        a = self.symbol_in_words
+        if not self.rate:
+            return Words("", "", "integral |{v}(s)|^2 ds")
+        return Words(f"exp(-{a} t) ", f"exp(-2 {a} t) ", f"integral exp(-2 {a} (t-s)) |{{v}}(s)|^2 ds")
 
     @abstractmethod
     def bounds(self, course: Course) -> list[Bound]:
@@ -76,12 +94,11 @@ class EnergyGuarantee(Quadratic):
     Where alpha is zero, the inequality is strict.
     """
 
-    rate: ClassVar[str] = "alpha"  # name of alpha
     weight: ClassVar[str] = "/mu1"  # in words; empty where mu1 = 1
 
-    def rates(self) -> Rates:
+    def rates(self) -> Rates | Steps:
         """V' <= -2 alpha V + mu2 |v|^2."""
-        return Rates(self.alpha, self.mu2)
+        return Rates(self.rate, self.mu2)
 
     def bounds(self, course: Course) -> list[Bound]:
         """Check the bounds that the inequality implies.
@@ -99,12 +116,9 @@ class EnergyGuarantee(Quadratic):
         z, v = np.sqrt(course.z2[-1]), np.sqrt(course.v2)
         gain = self.gamma * v[-1]
         V = self.storage(course)
-        decay = np.exp(-self.alpha * course.t) * np.sqrt(high / low) * size[0]
+        decay = np.sqrt(self.rates().left(course.t) * high / low) * size[0]
         ultimate = np.sqrt(self.mu2 / low) * v
-        rate, weight, drive = self.rate, self.weight, course.drive
-        once, twice, since = (
-            (f"exp(-{rate} t) ", f"exp(-2 {rate} t) ", f"exp(-2 {rate} (t-s)) ") if self.alpha else ("", "", "")
-        )
+        weight, drive, words = self.weight, course.drive, self.words
         return [
             bound(
                 f"norm2(z) <= sqrt(lmax(P){weight}) |e(0)| + gamma norm2({drive})",
@@ -113,15 +127,39 @@ class EnergyGuarantee(Quadratic):
             ),
             bound(f"norm2(z) <= sqrt(e(0)' P e(0){weight}) + gamma norm2({drive})", z, np.sqrt(V[0] / self.mu1) + gain),
             tightest(
-                f"|e(t)| <= {once}sqrt(lmax(P)/lmin(P)) |e(0)| + sqrt(mu2/lmin(P)) norm2({drive})",
+                f"|e(t)| <= {words.once}sqrt(lmax(P)/lmin(P)) |e(0)| + sqrt(mu2/lmin(P)) norm2({drive})",
                 course.t,
                 size,
                 decay + ultimate,
             ),
             tightest(
-                f"sqrt(V(e(t))) <= sqrt({twice}V(e(0)) + mu2 integral {since}|{drive}(s)|^2 ds)",
+                f"sqrt(V(e(t))) <= sqrt({words.twice}V(e(0)) + mu2 {words.added.format(v=drive)})",
                 course.t,
                 np.sqrt(V),
                 np.sqrt(envelope(self, course, V)),
             ),
         ]
+
+
+@dataclass(frozen=True)
+class Sampled(Quadratic):
+    """What is other where time is counted in samples: V+ <= rho^2 V + c |v|^2."""
+
+    symbol: ClassVar[str] = "ρ"
+    period: float = 1.0  # s
+
+    @property
+    def words(self) -> Words:
+        """In powers of rho."""
+        if self.rate == 1:
+            return Words("", "", "sum |{v}_j|^2")
+        return Words("rho^k ", "rho^(2 k) ", "sum rho^(2 (k-1-j)) |{v}_j|^2")
+
+
+@dataclass(frozen=True)
+class EnergyOfSteps(Sampled, EnergyGuarantee):
+    """V+ - rho^2 V + mu1 |z|^2 - mu2 |v|^2 <= 0, and gamma^2 = mu2 / mu1."""
+
+    def rates(self) -> Steps:
+        """V+ <= rho^2 V + mu2 |v|^2."""
+        return Steps(self.rate, self.mu2, self.period)

@@ -10,19 +10,20 @@ With e = xihat - xi, V = e' P e and Y = P L1, the inequality (13) says that alon
 
     V' + 2 alpha V + z' W z - m |v|^2 <= 0,    z = H e,
 
-and a family says what W, m and P have to be.
+and a family says what W, m and P have to be. `discrete.Discrete` reads the same for plants x+ = A x + ..
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import Quadratic
+from obsdesign.dissipation.pace import ALPHA, Pace
 from obsdesign.dissipation.shift import free_factor, shifted_plant, square_root
 from obsdesign.lmi.equilibrate import units
 from obsdesign.lmi.formula import (
@@ -37,7 +38,9 @@ from obsdesign.lmi.formula import (
     identity,
     in_floats,
     symmetric,
+    zeros,
 )
+from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -63,14 +66,15 @@ class Theorem:
     gamma: str  # what gamma bounds, in words
     level: str  # when mu1 and mu2 prove gamma, in words
     margin: Callable[[fmpq, fmpq, fmpq], fmpq]  # .. in numbers: what must be >= 0 for gamma, mu1 and mu2
-    statement: str  # guarantee in words for {gamma} and {alpha}, with the observer written out
-    monotone: bool  # whether the least gamma never decreases with alpha
-    zero_decay: bool = False  # whether alpha may be zero: (13) is strict then, and e converges all the same
+    statement: str  # guarantee in words for {gamma} and {rate}, with the observer written out
+    monotone: bool  # whether the least gamma never decreases with the rate
+    pace: Pace = ALPHA
+    at_rest: Literal["", "strict", "weak"] = ""  # how (13) holds for the rate zero, if it may be: strict, e converges
 
 
 @dataclass(frozen=True)
 class Incremental(ABC):
-    """One instance of a family's inequalities: fixed alpha, and each gain given or (None) to be found.
+    """One instance of a family's inequalities: fixed rate, and each gain given or (None) to be found.
 
     Where L2 is found, the unknown is R = lambda L2, block by block; this needs M11 >= 0, which the loop shift
     f -> f - K q provides (`shifted`).
@@ -81,10 +85,10 @@ class Incremental(ABC):
     plant: Plant[Array]
     multiplier: Multiplier
     H: Array  # (nz, n)
-    alpha: Any  # 1/s
+    rate: Any  # alpha, 1/s; of samples 1 - rho
     L1: Array | None = None  # (n, ny)
     L2: Array | None = None  # (nq, ny)
-    still: bool = False  # whether 2 alpha V is left out of (13): what is left sets the units of the unknowns
+    still: bool = False  # whether the rate is taken as zero: what is left of (13) sets the units of the unknowns
 
     @abstractmethod
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
@@ -102,14 +106,13 @@ class Incremental(ABC):
         return Inequality(SMALL, P - largest * self.weights(mu)["mu1"] * self.eye)
 
     def conditions(self, v: Values, weight: Array, supply: Array) -> list[Inequality]:
-        """(13) for the weight of |z|^2 and the supply m, strict for alpha = 0; P > 0; membership of the multiplier."""
+        """(13) for the weight of |z|^2 and the supply m, P > 0, and membership of the multiplier."""
         v = {**v, "Y": self.injected(v)}
-        dissipation = self.dissipation_with_free_L2 if self.L2 is None else self.dissipation
         return [
             Inequality(
                 self.about.decrease,
-                dissipation(v, weight * (self.H.mT @ self.H), supply),
-                strict=self.about.zero_decay and not self.alpha,
+                self.dissipation(v, weight * (self.H.mT @ self.H), supply),
+                strict=self.about.at_rest == "strict" and not self.rate,
             ),
             Inequality("P > 0", -v["P"], strict=True),
             *self.multiplier.inequalities(v),
@@ -120,25 +123,41 @@ class Incremental(ABC):
         return v["Y"] if self.L1 is None else np.asarray(v["P"] @ self.L1)
 
     def dissipation(self, v: Values, Q: Array, m: Array) -> Array:
-        """V' + 2 alpha V + e' Q e - m |v|^2 in (e, f, v), with q = Ge e + Gf f + Gv v."""
+        """V' + 2 alpha V + e' Q e - m |v|^2 in (e, f, v), and in u as well where L2 is free."""
         p, P, Y = self.plant, v["P"], v["Y"]
+        none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
+        rise = np.concatenate([P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1)
+        stored = symmetric([[he(P @ p.A + Y @ p.C) + self.lost * P, rise], [none]])
+        return stored_and_supplied(stored, self.supplied(v, Q, m))
+
+    @property
+    def loss(self) -> Any:
+        """Coefficient of V in (13), in which it is affine: 2 alpha."""
+        return 2 * self.rate
+
+    @property
+    def lost(self) -> Any:
+        """The same, without the rate where only the units are looked at."""
+        return 0 if self.still else self.loss
+
+    def supplied(self, v: Values, Q: Array, m: Array) -> Array:
+        """E' Q e - m |v|^2 + [q; f]' M [q; f] in (e, f, v), with q = Ge e + Gf f + Gv v."""
+        if self.L2 is None:
+            return self.supplied_with_free_L2(v, Q, m)
+        p = self.plant
         M11, M12, M22 = self.multiplier.matrix(v)
         Ge, Gf, Gv = (self.argument(v, *pair) for pair in ((p.Cq, p.C), (p.Dqf, p.Df), (-p.Dq, -p.D)))
         return symmetric(
             [
-                [
-                    he(P @ p.A + Y @ p.C) + self.decay * P + Q + Ge.mT @ M11 @ Ge,
-                    P @ p.Bf + Y @ p.Df + Ge.mT @ (M11 @ Gf + M12),
-                    -(P @ p.B + Y @ p.D) + Ge.mT @ M11 @ Gv,
-                ],
+                [Q + Ge.mT @ M11 @ Ge, Ge.mT @ (M11 @ Gf + M12), Ge.mT @ M11 @ Gv],
                 [Gf.mT @ M11 @ Gf + he(Gf.mT @ M12) + M22, (Gf.mT @ M11 + M12.mT) @ Gv],
                 [Gv.mT @ M11 @ Gv - m * identity(p.B.shape[1], p.B)],
             ]
         )
 
-    def dissipation_with_free_L2(self, v: Values, Q: Array, m: Array) -> Array:
+    def supplied_with_free_L2(self, v: Values, Q: Array, m: Array) -> Array:
         """Same in (e, f, v, u), Remark 3: lambda q = Ge e + Gf f + Gv v, M11 = lambda U U' by a Schur complement."""
-        p, P, Y = self.plant, v["P"], v["Y"]
+        p, P = self.plant, v["P"]
         blocks = self.multiplier.scaled_blocks()
         scale = [v[u.name] for u in self.multiplier.unknowns()]
         M12 = block_diagonal([b.M12 for b in blocks])
@@ -148,22 +167,12 @@ class Incremental(ABC):
         Ge, Gf, Gv = (self.argument(v, *pair) for pair in ((p.Cq, p.C), (p.Dqf, p.Df), (-p.Dq, -p.D)))
         return symmetric(
             [
-                [
-                    he(P @ p.A + Y @ p.C) + self.decay * P + Q,
-                    P @ p.Bf + Y @ p.Df + Ge.mT @ M12,
-                    -(P @ p.B + Y @ p.D),
-                    Ge.mT @ U,
-                ],
+                [Q + zeros(P.shape[-2:], [P]), Ge.mT @ M12, 0, Ge.mT @ U],
                 [he(Gf.mT @ M12) + M22, M12.mT @ Gv, Gf.mT @ U],
                 [-m * identity(p.B.shape[1], p.B), Gv.mT @ U],
                 [-tau],
             ]
         )
-
-    @property
-    def decay(self) -> Any:
-        """Coefficient of V in (13)."""
-        return 0 if self.still else 2 * self.alpha
 
     def argument(self, v: Values, direct: Array, output: Array) -> Array:
         """How a signal reaches q: direct + L2 output; where L2 is free, lambda times that."""
@@ -173,17 +182,22 @@ class Incremental(ABC):
         scales = block_diagonal([v[unknown.name] * np.eye(len(block.M11)) for unknown, block in blocks])
         return np.asarray(scales @ direct + v["R"] @ output)
 
+    @property
+    def edge(self) -> Edge:
+        """What the rate asks of the modes of the error."""
+        return Edge(self.rate, self.about.pace.sampled, self.about.at_rest == "weak")
+
     def slowest_pole(self) -> complex:
         """Slowest pole of the error for given gains and f = K q, K the member of the class; in doubles.
 
-        e' = (A + L1 C) e + (Bf + L1 Df) f~ with f~ = (I - K D)^-1 K (Cq + L2 C) e, D = Dqf + L2 Df.
+        A + L1 C + (Bf + L1 Df) F with f~ = F e = (I - K D)^-1 K (Cq + L2 C) e, D = Dqf + L2 Df.
         """
         p, K = self.plant, self.multiplier.member
         assert self.L1 is not None
         assert self.L2 is not None
         F = np.linalg.solve(np.eye(len(K)) - K @ (p.Dqf + self.L2 @ p.Df), K @ (p.Cq + self.L2 @ p.C))
         poles = np.linalg.eigvals(p.A + self.L1 @ p.C + (p.Bf + self.L1 @ p.Df) @ F)
-        return complex(max(poles, key=lambda pole: pole.real))
+        return complex(min(poles, key=self.edge.of))
 
     # Problems for the solver, in doubles
 
@@ -312,12 +326,16 @@ class Incremental(ABC):
     @property
     def injection(self) -> Injection | None:
         """Y enters (13) as He([I; 0] Y [C Df -D]), where it is unknown."""
-        if self.L1 is not None:
-            return None
+        return (
+            None if self.L1 is not None else Injection("Y", np.eye(self.residual.shape[1], self.plant.n), self.residual)
+        )
+
+    @property
+    def residual(self) -> Array:
+        """[C Df -D], and nothing of u."""
         p = self.plant
         extra = 0 if self.L2 is not None else free_factor(self.multiplier).shape[1]
-        right = np.hstack([p.C, p.Df, -p.D, np.zeros((p.C.shape[0], extra))])
-        return Injection("Y", np.eye(right.shape[1], p.n), right)
+        return np.hstack([p.C, p.Df, -p.D, np.zeros((p.C.shape[0], extra))])
 
     def shifted(self) -> Self:
         """Same problem in doubles for f - K q, K the member of the class: then M11 >= 0, exactly zero where it is.
@@ -326,3 +344,9 @@ class Incremental(ABC):
         """
         p, K = in_floats(self.plant), in_floats(self.multiplier.member)
         return replace(in_floats(replace(self, multiplier=self.multiplier.shifted())), plant=shifted_plant(p, K))
+
+
+def stored_and_supplied(stored: Array, supplied: Array) -> Array:
+    """Sum of a change of V in (e, f, v) and of what is supplied in these and further rows."""
+    further = supplied.shape[-1] - stored.shape[-1]
+    return np.asarray(supplied + symmetric([[stored, 0], [zeros((further, further), [stored])]]))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_down, round_up, significant
@@ -203,10 +202,10 @@ def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds 
     return replace(answer, status=Status.OPTIMAL, objective=0.0)
 
 
-def unbounded(alpha: fmpq, rows: Sequence[tuple[float, float]]) -> UsageError:
+def unbounded(where: str, rows: Sequence[tuple[float, float]]) -> UsageError:
     """Refusal of min-gamma where the infimum is zero."""
     first = (
-        f"the least gamma at alpha = {float(alpha):g} is 0, with a gain that grows without "
+        f"the least gamma at {where} is 0, with a gain that grows without "
         "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
     )
     return tabulated(first, "L1", "gamma", rows)

@@ -25,7 +25,7 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
     steps: dict[str, Any] = {"worst_pole": errors.worst_pole} if gap is None else {}
     most = guarantee.peak(spec.H) if guarantee else None
     steps |= {"largest_step": step, "peak_gain": {"least": errors.least_peak(), "most": most}}
-    unaided = Errors.of(spec.augmented, spec.multiplier, spec.H)
+    unaided = Errors.of(spec.posed, spec.multiplier, spec.H)
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
     return {name: finite(value) for name, value in found.items()}

@@ -47,6 +47,7 @@ class Estimation:
     nonlinearities: tuple[Nonlinearity, ...]  # as the family takes them
     typed: Typed | None = None  # the plant as equations, of a family that takes it so
     as_equations: bool = False  # whether the matrices are those of equations that were split
+    period: fmpq | None = None  # s, of a plant x+ = ..
 
     def refused(self, name: str, kind: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a type does not take, in words; of equations in their terms."""

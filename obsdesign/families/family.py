@@ -46,6 +46,7 @@ class Family:
     equations: bool = False  # the plant is taken as it is typed, not in matrices
     matrices: bool = False  # .. or in matrices, where it is written so
     proves: bool = True  # something can be proved of its observers; else they are there to compare with
+    discrete: bool = False  # plants x+ = .. are taken as well
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
     def part(self, name: str) -> Any:

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from obsdesign.dissipation.pace import Pace
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import Array, Float
+from obsdesign.model.edge import Edge
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import Mode, decay_limit, undetectable
 from obsdesign.spec import Nonlinearity
@@ -50,9 +52,9 @@ def finding(
     return Finding(id, name, bool(holds), bool(decides), sentence, numbers, advice)
 
 
-def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list[Finding]:
-    """Modes that no output shows, and the decay rate that they leave."""
-    limit = decay_limit(plant, K)
+def detectability(plant: Plant[Float], K: Array, edge: Edge, pace: Pace) -> list[Finding]:
+    """Modes that no output shows, and the decay that they leave."""
+    limit, key = decay_limit(plant, K, sampled=pace.sampled), pace.key
     found = [
         finding(
             "detectability",
@@ -62,21 +64,22 @@ def detectability(plant: Plant[Float], K: Array, rate: float, name: str) -> list
             eigenvalue=complex_pair(mode.eigenvalue),
             id="OBS601",
         )
-        for mode in undetectable(plant, K, rate)
+        for mode in undetectable(plant, K, edge)
     ] or [
         finding(
             "detectability",
             True,
-            f"no hidden mode is slower than {name} = {rate:g}{frozen_at(K)}",
+            f"no hidden mode is slower than {pace.said(edge.rate)}{frozen_at(K)}",
             decides=True,
             id="OBS601",
         )
     ]
     if isfinite(limit):
         hidden = "grows" if limit < 0 else "does not decay"
-        none = f"no {name} > 0 can be had: a mode that no output shows {hidden}{frozen_at(K)}"
-        said = f"detectability limits {name} to {limit + 0.0:g}{frozen_at(K)}" if limit > 0 else none
-        found.append(finding("decay", limit > rate, said, decides=True, limit=limit, id="OBS602"))
+        none = f"no {pace.some} can be had: a mode that no output shows {hidden}{frozen_at(K)}"
+        said = f"detectability limits {key} to {pace.told(limit) + 0.0:g}{frozen_at(K)}" if limit > 0 else none
+        allowed = limit > edge.rate or (edge.weak and limit >= edge.rate)
+        found.append(finding("decay", allowed, said, decides=True, limit=pace.told(limit), id="OBS602"))
     return found
 
 
@@ -123,7 +126,7 @@ def smaller_class(blocks: Sequence[Nonlinearity], found: Diagnosis) -> str:
     which = blocks[found["nonlinearity"] - 1].term or f"nonlinearities[{found['nonlinearity'] - 1}]"
     known = {name: value for name, value in found["feasible"].items() if name in {"lipschitz", "slope", "share"}}
     largest = ", ".join(f"{name} {shown(value)}" for name, value in known.items())
-    return f"{which} would be feasible at this alpha with {largest}{found['within']}"
+    return f"{which} would be feasible at this {found.get('rate', 'alpha')} with {largest}{found['within']}"
 
 
 def shown(value: Any) -> str:
@@ -131,29 +134,20 @@ def shown(value: Any) -> str:
     return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else f"{value:.4g}"
 
 
-def hidden_mode(
-    plant: Plant[Float],
-    K: Array,
-    rate: float,
-    symbol: str = "",
-    key: str = "decay",
-    more: str = "",
-) -> Diagnosis:
+def hidden_mode(plant: Plant[Float], K: Array, edge: Edge, pace: Pace, symbol: str = "", more: str = "") -> Diagnosis:
     """Answer that a mode of the plant with f = K q is undetectable at a rate; empty if none is.
 
-    The rate has a `symbol` and a `key` in a spec; `more` may help besides another measurement.
+    The rate has a `symbol` in a sentence; `more` may help besides another measurement.
     """
-    modes = undetectable(plant, K, rate)
+    modes = undetectable(plant, K, edge)
     if not modes:
         return {}
-    limit = decay_limit(plant, K)
+    limit = decay_limit(plant, K, sampled=pace.sampled)
     return {
         "id": "OBS601",
         "condition": "detectability",
-        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {symbol}{rate:g}",
+        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {symbol}{pace.told(edge.rate):g}",
         "mode": described(modes[0]),
-        "feasible": {f"{key}_below": limit} if limit > 0 else {},
-        "suggestion": f"{key} below {limit:g} is necessary"
-        if limit > 0
-        else f"a measurement that shows it is needed{more}",
+        "feasible": {pace.bound: pace.told(limit)} if limit > 0 else {},
+        "suggestion": pace.necessary(limit) if limit > 0 else f"a measurement that shows it is needed{more}",
     }

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.pace import Pace
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, complex_pair, described, finding, smaller_class
 from obsdesign.families.outcome import Diagnosis, Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, rows
 from obsdesign.lmi.formula import Array, block_diagonal, in_floats
 from obsdesign.lmi.proof import Check
+from obsdesign.model.edge import Edge
 from obsdesign.model.frozen import MOST, Hidden, blind, hidden, proved
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.structure import undetectable
@@ -29,9 +31,9 @@ FREE = "free"  # a K that is whatever keeps y = 0
 class Demand:
     """What a request asks of the error of every observer: a decay, for every f of a class."""
 
-    rate: fmpq  # the least that is asked for, 1/s; if it is zero, any decay
+    edge: Edge  # of the least rate that is asked for; if it is zero, any decay
     multiplier: Multiplier
-    key: str  # of the rate in a spec
+    pace: Pace
     gain: str = "L"  # key of the injection in a spec
     largest: fmpq | None = None  # what bounds its norm, unless it is given
     L2: Array | None = None  # None: any
@@ -43,12 +45,12 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     try:
         outcome = design()
     except UndecidedError:
-        if not (found := hidden(spec.augmented, demand.multiplier, demand.rate)):
+        if not (found := hidden(spec.posed, demand.multiplier, demand.edge)):
             raise
         return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis(spec, found, demand))
     if outcome.status is Verdict.CERTIFIED:
         return outcome
-    found = hidden(spec.augmented, demand.multiplier, demand.rate)
+    found = hidden(spec.posed, demand.multiplier, demand.edge)
     if not found:
         return outcome
     known, said = outcome.diagnosis, diagnosis(spec, found, demand)
@@ -66,15 +68,16 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
 def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     """Answer that no observer makes the error decay as it must, with what proves it."""
     named = members(found.member, terms(spec))
-    must = f"at the rate {demand.key} = {float(demand.rate):g}" if demand.rate else "at all"
+    must = f"at the rate {demand.pace.said(demand.edge.rate)}" if demand.edge.rate else "at all"
     chosen = [FREE if K is None else rows(K) for K in found.slopes]
-    if found.decay > 0:
-        instead = f"{demand.key} below {found.decay:g} is necessary"
+    decay = demand.edge.of(found.mode.eigenvalue)
+    if decay > 0:
+        instead = demand.pace.necessary(decay)
     else:
         declared = any(not block.type.endswith("(auto)") for block in spec.nonlinearities)
         tighter = ", or a tighter type of the nonlinearity" if declared and helps(spec, demand) else ""
         instead = f"a measurement that shows it is needed{tighter}"
-    if named and not blind(spec.augmented, demand.rate) and (independent := together(spec)):
+    if named and not blind(spec.posed, demand.edge) and (independent := together(spec)):
         must = f"{must} for every f of the class; the class takes {independent}, so that this member may not occur"
         instead += "; an observer.type that takes the equations as they are has no such class"
     return {
@@ -84,7 +87,7 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
         "mode": described(found.mode),
         **({"member": named} if named else {}),
         "slopes": slopes(found),
-        "feasible": {f"{demand.key}_below": found.decay} if found.decay > 0 else {},
+        "feasible": {demand.pace.bound: demand.pace.told(decay)} if decay > 0 else {},
         "suggestion": instead,
         "proof": "exact",
         "certificate": {"kind": KIND, "members": dict(zip(numbered("f", len(found.slopes)), chosen, strict=True))},
@@ -96,7 +99,7 @@ def sentence(spec: Spec, found: Hidden, demand: Demand) -> str:
     named = members(found.member, terms(spec))
     if not named:
         return found.mode.sentence
-    if always := blind(spec.augmented, demand.rate):
+    if always := blind(spec.posed, demand.edge):
         return f"whatever f is, {always.sentence}"
     more = "" if helps(spec, demand) else ", and at every other member that was tried there is such a mode"
     return f"at {named}, which the types allow, {found.mode.sentence}{more}"
@@ -117,10 +120,10 @@ def together(spec: Spec) -> str:
 
 def helps(spec: Spec, demand: Demand) -> bool:
     """Whether some member of the class, at its ends or within, hides no slow mode: a smaller class may hide none."""
-    blocks, plant = demand.multiplier.blocks, spec.augmented.doubles
+    blocks, plant = demand.multiplier.blocks, spec.posed.doubles
     chosen = product(*((block.member, *block.vertices) for block in blocks))
     tried = (block_diagonal([in_floats(K) for K in each]) for each in islice(chosen, MOST))
-    return any(not undetectable(plant, K, float(demand.rate)) for K in tried)
+    return any(not undetectable(plant, K, demand.edge) for K in tried)
 
 
 def terms(spec: Spec) -> list[str]:
@@ -148,7 +151,7 @@ def slopes(found: Hidden) -> dict[str, Any]:
 
 def findings(spec: Spec, demand: Demand) -> list[Finding]:
     """Finding that a member hides a mode; none where no member is found to."""
-    found = hidden(spec.augmented, demand.multiplier, demand.rate)
+    found = hidden(spec.posed, demand.multiplier, demand.edge)
     if not found:
         return []
     numbers: dict[str, Any] = {"eigenvalue": complex_pair(found.mode.eigenvalue), "slopes": slopes(found)}
@@ -170,7 +173,7 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
         None if table[name] == FREE else file.matrix(shape, *root, name)
         for name, shape in zip(names, shapes, strict=True)
     )
-    found = proved(spec.augmented, demand.multiplier, chosen, demand.rate)
+    found = proved(spec.posed, demand.multiplier, chosen, demand.edge)
     name = "a member of the class hides a mode that does not decay at the rate that is asked for"
     check = Check(name, found is not None, 1.0 if found else -1.0)
     said: dict[str, Any] = diagnosis(spec, found, demand) if found else {"reason": name}

@@ -1,10 +1,11 @@
 """What every guarantee says of a run, and the bounds that come of it."""
 
+import math
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Literal, NamedTuple, NotRequired, Protocol, TypedDict
 
 import numpy as np
-from flint import arb, fmpq_mat
+from flint import arb, fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.lmi.spectrum import extremes, upper
@@ -32,6 +33,38 @@ class Rates(NamedTuple):
 
     alpha: float  # 1/s
     c: float
+
+    def left(self, t: Array) -> Array:
+        """Part of V(0) that is left at some times at most."""
+        return np.asarray(np.exp(-2 * self.alpha * t))
+
+    @property
+    def dampened(self) -> fmpq:
+        """Part of V that is lost in a unit of time, in rationals: V stays below c over this, for |v| <= 1."""
+        return 2 * fmpq(printed(self.alpha))
+
+
+class Steps(NamedTuple):
+    """Numbers of b+ = rho^2 b + c |v|^2, with which V_k <= rho^(2 k) V_0 + b_k."""
+
+    rho: float
+    c: float
+    period: float  # s
+
+    @property
+    def alpha(self) -> float:
+        """Rate of decay in 1/s: rho = exp(-alpha period)."""
+        return math.inf if self.rho == 0 else -math.log(self.rho) / self.period
+
+    def left(self, t: Array) -> Array:
+        """Part of V_0 that is left at most at times of samples."""
+        return np.asarray(self.rho ** (2 * np.round(t / self.period)))
+
+    @property
+    def dampened(self) -> fmpq:
+        """1 - rho^2."""
+        rho = fmpq(printed(self.rho))
+        return 1 - rho * rho
 
 
 @dataclass(frozen=True)
@@ -106,7 +139,7 @@ class Guarantee(Protocol):
     def reconstruction(self) -> InputBound | None:
         """What is proved of an unknown input that is reconstructed, if anything."""
 
-    def rates(self) -> Rates:
+    def rates(self) -> Rates | Steps:
         """Rate at which V decays, and what |v|^2 adds to it."""
 
     def peak(self, H: Array) -> float | None:
@@ -151,12 +184,11 @@ class SampledGuarantee(Guarantee, Protocol):
         """What a bound on V says of |(e, d)|, the length of (e, theta~)."""
 
 
-def largest_output(rates: Rates, P: Array, H: Array) -> float | None:
+def largest_output(rates: Rates | Steps, P: Array, H: Array) -> float | None:
     """Bound on |H e| that follows from e' P e <= V <= c / (2 alpha), P and H in rationals; None where there is none."""
-    if not rates.alpha or not np.isfinite(rates.c):
+    if not rates.dampened or not np.isfinite(rates.c):
         return None
-    c, alpha = printed(rates.c), printed(rates.alpha)
-    return upper((arb(c / (2 * alpha)) * extremes(outputs(P, H))[1]).sqrt())
+    return upper((arb(printed(rates.c) / rates.dampened) * extremes(outputs(P, H))[1]).sqrt())
 
 
 def outputs(P: Array, H: Array) -> Array:
@@ -172,7 +204,7 @@ def largest_outputs(P: Array, H: Array) -> Array:
 
 def envelope(guarantee: Guarantee, course: Course, V: Array) -> Array:
     """Bound on V: exp(-2 alpha t) V(0) + b(t), (M,)."""
-    return np.asarray(np.exp(-2 * guarantee.rates().alpha * course.t) * V[0] + course.b)
+    return np.asarray(guarantee.rates().left(course.t) * V[0] + course.b)
 
 
 def bound(name: str, value: float, limit: float, resolved: float = 0.0) -> Bound:

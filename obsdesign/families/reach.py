@@ -56,7 +56,7 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     """
     outcome = design()
     if outcome.diagnosis.get("condition") == "bounds" and demand.largest is not None:
-        found = needed(spec.augmented, demand.multiplier, demand.rate, demand.L2)
+        found = needed(spec.posed, demand.multiplier, -demand.edge.end, demand.L2)
         if found and found.size > demand.largest:
             proof = diagnosis(spec, found, demand)
             return replace(outcome, status=Verdict.INFEASIBLE, diagnosis={**outcome.diagnosis, **proof})
@@ -82,7 +82,7 @@ def sentence(spec: Spec, found: Needed, demand: Demand) -> str:
     """Member and size in words."""
     member = members(found.slopes, terms(spec))
     at = f"at {member}, which the types allow, " if member else ""
-    rate = f"{demand.key} = {float(demand.rate):g}"
+    rate = demand.pace.said(demand.edge.rate)
     if demand.theorem:
         size = f"|{demand.gain}| at most {float(found.size):g}"
         return f"{at}the inequality of {demand.theorem} has no solution with {size} for {rate}"
@@ -106,7 +106,7 @@ def read(spec: Spec, demand: Demand, file: ResultFile) -> Proof:
         raise file.wrong(
             "diagnosis.certificate.size", "not above the bound of the spec, or the spec has none", id="OBS707"
         )
-    holds = proved(spec.augmented, demand.multiplier, demand.rate, demand.L2, found)
+    holds = proved(spec.posed, demand.multiplier, -demand.edge.end, demand.L2, found)
     name = "a member of the class needs a larger gain"
     if demand.theorem:
         name = f"at a member of the class {demand.theorem} needs a larger gain"

@@ -5,25 +5,27 @@ Equations (2), (10) and (11) of Corless and Chakrabarty (2019).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from math import cos, sin
+from typing import Any
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, Exact, block_diagonal, rational, zeros
+from obsdesign.lmi.formula import Array, Exact, block_diagonal, printed, rational, zeros
 from obsdesign.model.plant import Plant
 
 
 @dataclass(frozen=True)
 class Generator:
-    """Model of the exogenous input w, driven by an unknown v.
+    """Model of the exogenous input w, driven by an unknown v; of samples xm+ in place of xm'.
 
     xm' = Am xm + Bmf f2 + Bm v
     q2  = Cq2 xm + Dq2f f2 + Dq2 v
     w   = Cm xm + Dwf f2 + Dm v
 
     `inverse` holds, for each channel of w that determines its v, the coefficients c of v = c0 w + c1 w' + ..
-    with xm = (w, w', ..); it is None where w does not determine v.
+    with xm = (w, w', ..), or of v_k = c0 w_k + c1 w_{k+1} + ..; it is None where w does not determine v.
     """
 
     Am: Array  # (nm, nm)
@@ -73,27 +75,48 @@ def empty(rows: int, columns: int) -> Array:
     return np.empty((rows, columns), dtype=object)
 
 
-def integrator() -> Generator:
-    """Model w' = v."""
-    return linear(rational([[0]]), rational([[1]]), rational([[1]]), rational([[0]]), (fmpq(0), fmpq(1)))
+def integrator(period: fmpq | None = None) -> Generator:
+    """Model w' = v; of samples w+ = w + period v."""
+    if period is None:
+        return linear(rational([[0]]), rational([[1]]), rational([[1]]), rational([[0]]), (fmpq(0), fmpq(1)))
+    return linear(rational([[1]]), rational([[period]]), rational([[1]]), rational([[0]]), (-1 / period, 1 / period))
 
 
-def double_integrator() -> Generator:
-    """Model w'' = v."""
-    return sinusoid(fmpq(0))
+def double_integrator(period: fmpq | None = None) -> Generator:
+    """Model w'' = v; of samples (w_{k+2} - 2 w_{k+1} + w_k) / period^2 = v_k."""
+    if period is None:
+        return sinusoid(fmpq(0))
+    inverse = tuple(c / (period * period) for c in (fmpq(1), fmpq(-2), fmpq(1)))
+    return second_order([[1, period], [0, 1]], period, inverse)
 
 
-def sinusoid(omega: fmpq) -> Generator:
-    """Model w'' = -omega^2 w + v, omega in rad/s."""
-    Am = rational([[0, 1], [-omega * omega, 0]])
-    inverse = (omega * omega, fmpq(0), fmpq(1))
-    return linear(Am, rational([[0], [1]]), rational([[1, 0]]), rational([[0]]), inverse)
+def sinusoid(omega: fmpq, period: fmpq | None = None) -> Generator:
+    """Model w'' = -omega^2 w + v, omega in rad/s.
+
+    Of samples xm+ = [c, s/omega; -omega s, c] xm + [0; period] v with c = cos(omega period), s = sin(omega period),
+    rounded to doubles: the model is the rounded one. v_k is
+    (w_{k+2} - 2 c w_{k+1} + (c^2 + s^2) w_k) omega / (s period); it needs omega period < pi.
+    """
+    if period is None:
+        inverse = (omega * omega, fmpq(0), fmpq(1))
+        Am = rational([[0, 1], [-omega * omega, 0]])
+        return linear(Am, rational([[0], [1]]), rational([[1, 0]]), rational([[0]]), inverse)
+    c, s = (printed(f(float(omega * period))) for f in (cos, sin))
+    drive = omega / (s * period)
+    inverse = ((c * c + s * s) * drive, -2 * c * drive, drive)
+    return second_order([[c, s / omega], [-omega * s, c]], period, inverse)
 
 
-def bias_and_sinusoid(omega: fmpq) -> Generator:
+def second_order(Am: list[list[Any]], period: fmpq, inverse: tuple[fmpq, ...]) -> Generator:
+    """Linear model of one channel of w in samples, driven through its second state."""
+    Bm = rational([[0], [period]])
+    return linear(rational(Am), Bm, rational([[1, 0]]), rational([[0]]), inverse)
+
+
+def bias_and_sinusoid(omega: fmpq, period: fmpq | None = None) -> Generator:
     """Model w = b + s, b' = v1, s'' = -omega^2 s + v2; w alone does not say how it splits."""
-    Am = rational([[0, 0, 0], [0, 0, 1], [0, -omega * omega, 0]])
-    Bm = rational([[1, 0], [0, 0], [0, 1]])
+    parts = integrator(period), sinusoid(omega, period)
+    Am, Bm = (block_diagonal([getattr(part, name) for part in parts]) for name in ("Am", "Bm"))
     return linear(Am, Bm, rational([[1, 1, 0]]), rational([[0, 0]]), None)
 
 

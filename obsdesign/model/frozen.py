@@ -10,13 +10,14 @@ rationals, and that K is judged at the eigenvectors of what is left. An irration
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice, product, zip_longest
+from itertools import islice, product
 
 import numpy as np
-from flint import arb, ctx, fmpq, fmpq_mat, fmpq_poly
+from flint import arb, ctx, fmpq_mat, fmpq_poly
 
 from obsdesign.lmi.farkas import null_space
 from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, in_floats, rational, zeros
+from obsdesign.model.edge import Edge, polynomial
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.pencil import System
 from obsdesign.model.plant import Plant
@@ -24,7 +25,6 @@ from obsdesign.model.structure import Mode, mode
 
 MOST = 300  # combinations of vertices and free blocks that are looked at
 RATES = 24  # values of lambda that are tried where there is one for each
-NEARLY = 1 - fmpq(1, 10**9)  # part of a decay rate that a mode must not reach: at the rate itself (13) may hold
 DIGITS = 9  # of a direction that is searched in doubles
 BITS = 200  # of a ball
 
@@ -39,11 +39,6 @@ class Hidden:
     member: tuple[Array, ...]  # K of each block along the mode, in doubles
     mode: Mode
 
-    @property
-    def decay(self) -> float:
-        """Rate at which it decays, 1/s."""
-        return -self.mode.eigenvalue.real
-
 
 @dataclass(frozen=True)
 class Motion:
@@ -55,8 +50,8 @@ class Motion:
     F: Array  # (nf, r)
 
 
-def hidden(plant: Plant[Exact], multiplier: Multiplier, rate: fmpq) -> Hidden | None:
-    """Slowest mode that a member of the class is found to hide and that does not decay faster than a rate (1/s).
+def hidden(plant: Plant[Exact], multiplier: Multiplier, edge: Edge) -> Hidden | None:
+    """Slowest mode that a member of the class is found to hide and that does not decay as it must.
 
     The proof is that of `proved`; what is searched are the vertices, what the free blocks do to keep y = 0, and, where
     that is not unique, the directions in which the inequalities of the class leave most room.
@@ -66,12 +61,12 @@ def hidden(plant: Plant[Exact], multiplier: Multiplier, rate: fmpq) -> Hidden | 
     for slopes in islice(product(*choices), MOST):
         system, through = closed(plant, blocks, slopes)
         motion = unseen(plant, system, through) if system else None
-        tried = [slopes] if motion else candidates(plant, blocks, slopes, system, through, rate) if system else ()
-        found += [h for s in tried if (h := proved(plant, multiplier, s, rate))]
-    return min(found, key=lambda h: h.decay, default=None)
+        tried = [slopes] if motion else candidates(plant, blocks, slopes, system, through, edge) if system else ()
+        found += [h for s in tried if (h := proved(plant, multiplier, s, edge))]
+    return min(found, key=lambda h: edge.of(h.mode.eigenvalue), default=None)
 
 
-def proved(plant: Plant[Exact], multiplier: Multiplier, slopes: Slopes, rate: fmpq) -> Hidden | None:
+def proved(plant: Plant[Exact], multiplier: Multiplier, slopes: Slopes, edge: Edge) -> Hidden | None:
     """Prove in rationals, and in balls where lambda is irrational, that a member of the class hides a slow mode.
 
     A fixed K is in the class of its block, [I; K]' M [I; K] >= 0; a free one satisfies [dq; df]' M [dq; df] > 0 with
@@ -82,20 +77,20 @@ def proved(plant: Plant[Exact], multiplier: Multiplier, slopes: Slopes, rate: fm
         return None
     system, through = closed(plant, blocks, slopes)
     motion = unseen(plant, system, through) if system else None
-    if motion is None or hurwitz(polynomial(motion.S + NEARLY * rate * identity(len(motion.S), motion.S))):
+    if motion is None or edge.kept(motion.S):
         return None
     free = [i for i, K in enumerate(slopes) if K is None]
     if not free:
         values = np.linalg.eigvals(in_floats(motion.S))
-        return described(plant, blocks, slopes, motion, complex(max(values, key=lambda s: s.real)))
+        return described(plant, blocks, slopes, motion, complex(min(values, key=edge.of)))
     for value in roots(polynomial(motion.S)):
-        if value + NEARLY * rate >= 0 and all(admitted(blocks, i, motion, value) for i in free):
+        if edge.broken(value) and all(admitted(blocks, i, motion, value) for i in free):
             return described(plant, blocks, slopes, motion, complex(float(value.mid())))
     return None
 
 
-def blind(plant: Plant[Exact], rate: fmpq) -> Mode | None:
-    """Slowest mode with dy = 0 and dq = 0, proved in rationals not to decay at a rate: f plays no part in it.
+def blind(plant: Plant[Exact], edge: Edge) -> Mode | None:
+    """Slowest mode with dy = 0 and dq = 0, proved in rationals not to decay as it must: f plays no part in it.
 
     Then every member of every class hides it, and so does every f.
     """
@@ -103,10 +98,10 @@ def blind(plant: Plant[Exact], rate: fmpq) -> Mode | None:
     none = zeros((len(plant.Bf.T), 0), [plant.A])
     system = System(plant.A, plant.Bf @ none, outputs, direct @ none)
     motion = unseen(plant, system, (zeros((len(none), plant.n), [plant.A]), none))
-    if motion is None or hurwitz(polynomial(motion.S + NEARLY * rate * identity(len(motion.S), motion.S))):
+    if motion is None or edge.kept(motion.S):
         return None
     values, vectors = np.linalg.eig(in_floats(motion.S))
-    slowest = int(np.argmax(values.real))
+    slowest = int(np.argmin([edge.of(value) for value in values]))
     value = complex(values[slowest].real, abs(values[slowest].imag))
     return mode(value, in_floats(motion.V) @ vectors[:, slowest], plant.states)
 
@@ -163,11 +158,11 @@ def candidates(
     slopes: Slopes,
     system: System,
     through: tuple[Array, Array],
-    rate: fmpq,
+    edge: Edge,
 ) -> Iterator[Slopes]:
     """Members K, in rationals, for which a direction of the free f keeps y = 0 with a lambda of a grid."""
     n, free = plant.n, [i for i, K in enumerate(slopes) if K is None]
-    low, high = float(-rate) * (1 - 1e-6), float(np.linalg.norm(in_floats(plant.A)) + 1)
+    low, high = float(edge.end) * (1 - 1e-6), float(np.linalg.norm(in_floats(plant.A)) + 1)
     for value in (rational([[repr(x)]]).item() for x in np.linspace(low, max(high, low + 1), RATES).tolist()):
         pencil = np.block([[system.A - value * identity(n, plant.A), system.B], [system.C, system.D]])
         Z = null_space(pencil).T
@@ -270,30 +265,11 @@ def described(plant: Plant[Exact], blocks: Sequence[Block], slopes: Slopes, moti
     return Hidden(slopes, member, mode(complex(values[nearest].real, abs(values[nearest].imag)), V @ xi, plant.states))
 
 
-def hurwitz(p: fmpq_poly) -> bool:
-    """Whether all roots have negative real parts, by the table of Routh."""
-    falling = p.coeffs()[::-1]
-    upper, lower = falling[0::2], falling[1::2]
-    while lower:
-        if upper[0] * lower[0] <= 0:
-            return False
-        ratio = upper[0] / lower[0]
-        rest = [a - ratio * b for a, b in zip_longest(upper[1:], lower[1:], fillvalue=fmpq(0))]
-        upper, lower = lower, rest
-    return True
-
-
 def roots(p: fmpq_poly) -> list[arb]:
     """Real roots in balls, the largest first."""
     with ctx.workprec(BITS):
         found = [root.real for root, _ in p.numer().complex_roots() if root.imag == 0]
     return sorted(found, key=lambda x: -float(x.mid()))
-
-
-def polynomial(S: Array) -> fmpq_poly:
-    """Characteristic polynomial."""
-    p: fmpq_poly = matrix(S).charpoly()
-    return p
 
 
 def balls(X: Array) -> Array:

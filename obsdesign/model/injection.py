@@ -1,6 +1,7 @@
 """How large an injection must be at least for a decay rate, in rationals, from frozen members f = K q of a class.
 
-With K in place of f the error of an observer follows e' = (A + L C) e, whose poles have to be at -alpha or left of it.
+With K in place of f the error of an observer follows e' = (A + L C) e, whose poles have to be at -alpha or left of it;
+of samples e+ = (A + L C) e, with poles of absolute value rho at most, and -rho stands for alpha in what follows.
 Then for every real s > -alpha, with d = det(sI - A), M = C (sI - A)^-1 and b = |M|_F |L|,
 
     (s + alpha)^n <= det(sI - A - L C) = d det(I - M L) <= |d| (1 + b)^ny,

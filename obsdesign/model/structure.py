@@ -12,6 +12,7 @@ import numpy as np
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.model.disturbance import Generator
+from obsdesign.model.edge import Edge
 from obsdesign.model.pencil import (
     TOLERANCE,
     System,
@@ -24,6 +25,8 @@ from obsdesign.model.pencil import (
     text,
 )
 from obsdesign.model.plant import Plant
+
+ALL = Edge.none(sampled=False)
 
 
 @dataclass(frozen=True)
@@ -43,22 +46,22 @@ class Mode:
         return f"the mode lambda = {number} along {direction} is not seen by any output"
 
 
-def modes(A: Array, C: Array, states: tuple[str, ...], decay: float = inf) -> tuple[Mode, ...]:
-    """Unobservable modes of (A, C) with real part >= -decay, the least stable first.
+def modes(A: Array, C: Array, states: tuple[str, ...], edge: Edge = ALL) -> tuple[Mode, ...]:
+    """Unobservable modes of (A, C) that decay no faster than they must, the slowest first.
 
     These are the eigenvalues at which [A - lambda I; C] has a rank below n (the test of Popov, Belevitch and
     Hautus). The unobservable subspace comes first, from a staircase of singular value decompositions, and
     then the eigenvalues of A on it: so a chain of integrators, whose eigenvalues a rounding error scatters,
     is judged by ranks.
 
-    `A`, `C`, `states`: (n, n) and (ny, n) matrices, and the names of the n states; `decay`: modes that decay faster are
+    `A`, `C`, `states`: (n, n) and (ny, n) matrices, and the names of the n states; `edge`: modes that decay faster are
     left out.
     """
-    return nulled_modes(System(A, np.zeros((len(A), 0)), C, np.zeros((len(C), 0))), states, decay)
+    return nulled_modes(System(A, np.zeros((len(A), 0)), C, np.zeros((len(C), 0))), states, edge)
 
 
-def nulled_modes(system: System, states: tuple[str, ...], decay: float = inf) -> tuple[Mode, ...]:
-    """Modes of x while the one input that can do so keeps the output at zero, the least stable first.
+def nulled_modes(system: System, states: tuple[str, ...], edge: Edge = ALL) -> tuple[Mode, ...]:
+    """Modes of x while the one input that can do so keeps the output at zero, the slowest first.
 
     These are the eigenvalues at which the pencil of the system has no full column rank. Where more than one input keeps
     the output at zero there is no such list, and it is empty.
@@ -71,10 +74,10 @@ def nulled_modes(system: System, states: tuple[str, ...], decay: float = inf) ->
     found = [
         mode(scaling.rate * value, scaling.states * vector, states)
         for value, _ in spectrum(dynamics, max(1.0, float(np.linalg.norm(dynamics))))
-        if value.imag >= 0 and scaling.rate * (value.real + TOLERANCE) >= -decay
+        if value.imag >= 0 and edge.slow(scaling.rate * value, scaling.rate * TOLERANCE)
         for vector in eigenvectors(V, dynamics, value)
     ]
-    return tuple(sorted(found, key=lambda m: -m.eigenvalue.real))
+    return tuple(sorted(found, key=lambda m: edge.of(m.eigenvalue)))
 
 
 def eigenvectors(V: Array, S: Array, value: complex) -> Array:
@@ -117,23 +120,24 @@ def linear(plant: Plant[Float], K: Array) -> System:
     )
 
 
-def undetectable(plant: Plant[Float], K: Array, decay: float = 0.0) -> tuple[Mode, ...]:
-    """Modes that no observer makes decay faster than exp(-decay t), whatever its gains.
+def undetectable(plant: Plant[Float], K: Array, edge: Edge) -> tuple[Mode, ...]:
+    """Modes that no observer makes decay faster than they must, whatever its gains.
 
     The plant with f = K q is one of those that the observer must serve. If v is an unobservable eigenvector
-    of it, then e = v exp(lambda t), df = K dq and dy = 0 satisfy the error equations: no gain acts on this
-    error.
+    of it, then e = v exp(lambda t), or v lambda^k, df = K dq and dy = 0 satisfy the error equations: no gain
+    acts on this error.
 
-    `plant`, `K`: the plant, as a rule augmented, and the (nf, nq) matrix of a linear map in the class of f; `decay`:
-    rate of decay to be reached.
+    `plant`, `K`: the plant, as a rule augmented, and the (nf, nq) matrix of a linear map in the class of f; `edge`:
+    the decay to be reached.
     """
     system = linear(plant, K)
-    return modes(system.A, system.C, plant.states, decay)
+    return modes(system.A, system.C, plant.states, edge)
 
 
-def decay_limit(plant: Plant[Float], K: Array) -> float:
+def decay_limit(plant: Plant[Float], K: Array, *, sampled: bool = False) -> float:
     """Supremum of the rates of decay that detectability allows: infinite if no mode is hidden."""
-    return min((-m.eigenvalue.real for m in undetectable(plant, K, inf)), default=inf)
+    every = Edge.none(sampled=sampled)
+    return min((every.of(m.eigenvalue) for m in undetectable(plant, K, every)), default=inf)
 
 
 @dataclass(frozen=True)
@@ -146,20 +150,20 @@ class Condition:
     numbers: dict[str, Any]
 
 
-def condition1(plant: Plant[Float], Am: Array) -> tuple[Condition, ...]:
-    """Condition 1 at each eigenvalue of Am with Re lambda >= 0; a complex one stands for its conjugate.
+def condition1(plant: Plant[Float], Am: Array, rest: Edge) -> tuple[Condition, ...]:
+    """Condition 1 at each eigenvalue of Am that does not decay; a complex one stands for its conjugate.
 
     With (A, C) and (Am, Cm) detectable it is sufficient for the augmented plant to be detectable (Lemma 3),
     but not necessary: it fails wherever w has more channels than y. So it explains, and `undetectable`
     decides.
 
-    `plant`, `Am`: the plant before augmentation, and the (nm, nm) matrix of its disturbance model.
+    `plant`, `Am`: the plant before augmentation, and the (nm, nm) matrix of its disturbance model; `rest`: no decay.
     """
     scaling = scaled(System(plant.A, plant.B, plant.C, plant.D))
     columns = plant.n + plant.B.shape[1]
     found = []
     for value, _ in spectrum(Am, float(np.linalg.norm(Am))):
-        if value.real >= 0 and value.imag >= 0:
+        if rest.slow(value) and value.imag >= 0:
             rank = split(scaling.system.pencil(value / scaling.rate))[1].shape[1]
             said = f"Condition 1 {'holds' if rank == columns else 'fails'} at lambda = {text(value)}"
             sentence = f"{said}: [A - lambda I, B; C, D] has rank {rank} of {columns}"

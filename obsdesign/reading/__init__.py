@@ -17,7 +17,8 @@ from obsdesign.sections.changes import opened
 from obsdesign.sections.document import compose
 from obsdesign.sections.source import read
 from obsdesign.sections.writing import written
-from obsdesign.spec import Called, Noise, Nonlinearity, Simulation, Spec
+from obsdesign.spec import Called, Nonlinearity, Spec
+from obsdesign.trial import Noise, Simulation
 
 __all__ = [
     "Noise",

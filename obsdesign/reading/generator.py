@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import pi
+
+from flint import fmpq
 
 from obsdesign.model import disturbance
 from obsdesign.model.disturbance import Generator
@@ -10,8 +13,10 @@ from obsdesign.reading.blocks import Block, read_block, read_nonlinearity
 from obsdesign.reading.disturbance_schema import ChannelData, Disturbance, DisturbanceModel
 from obsdesign.reading.plant import Layout, order
 from obsdesign.sections.document import Loc
+from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, Size, counted
 from obsdesign.spec import Nonlinearity
+from obsdesign.tables.text import at_least
 
 MATRICES = ("Am", "Bmf", "Bm", "Cq2", "Dq2f", "Dq2", "Cm", "Dwf", "Dm")
 XM, V = Axis(None, "state of the disturbance model"), Axis(None, "v")
@@ -39,17 +44,22 @@ class Channel:
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
 
 
-MODELS = {  # of the channel {w}, by name
-    "unknown": Channel(disturbance.unknown(), ()),
-    "integrator": Channel(disturbance.integrator(), ("{w}",)),
-    "double-integrator": Channel(disturbance.double_integrator(), ("{w}", "d{w}")),
-}
+def named(name: str, period: fmpq | None) -> Channel:
+    """Model of the channel {w} by its name."""
+    if name == "unknown":
+        return Channel(disturbance.unknown(), ())
+    if name == "integrator":
+        return Channel(disturbance.integrator(period), ("{w}",))
+    return Channel(disturbance.double_integrator(period), ("{w}", "d{w}"))
 
 
 def read_disturbance(
-    reader: Reader, section: str | ChannelData | Sequence[str | ChannelData] | None, layout: Layout
+    reader: Reader,
+    section: str | ChannelData | Sequence[str | ChannelData] | None,
+    layout: Layout,
+    period: fmpq | None = None,
 ) -> Exogenous:
-    """Model of the disturbance; the section is None if its structure is wrong."""
+    """Model of the disturbance, in samples if there is a period; the section is None if its structure is wrong."""
     loc: Loc = ("disturbance",)
     if isinstance(section, Disturbance) and section.type is not None:
         section, loc = section.type, (*loc, "type")
@@ -61,25 +71,29 @@ def read_disturbance(
         key = "system.disturbances" if equations else "system.B or system.D"
         reader.wrong(loc, f"there is no w to generate; give {key}", id="OBS405")
         return Exogenous()
-    channels = read_channels(reader, section, loc, layout)
+    channels = read_channels(reader, section, loc, layout, period)
     if sum(len(channel.generator.Cm) for channel in channels) != layout.w.size:
         return Exogenous()
     return stacked(reader, channels, loc, layout)
 
 
 def read_channels(
-    reader: Reader, section: str | ChannelData | Sequence[str | ChannelData], loc: Loc, layout: Layout
+    reader: Reader,
+    section: str | ChannelData | Sequence[str | ChannelData],
+    loc: Loc,
+    layout: Layout,
+    period: fmpq | None,
 ) -> list[Channel]:
     """Models of the channels of w."""
     w = layout.w
     if isinstance(section, ChannelData) and section.model is not None:
         return [read_model(reader, section.model, (*loc, "model"), w, layout)]
     if isinstance(section, str | ChannelData):
-        return [read_channel(reader, section, loc, layout)] * (w.size or 0)
+        return [read_channel(reader, section, loc, layout, period)] * (w.size or 0)
     if not w.admits(len(section)):
         reader.wrong(loc, f"expected {counted(w.size, 'model')} ({w}), found {len(section)}", id="OBS209")
         return []
-    return [read_channel(reader, item, (*loc, i), layout) for i, item in enumerate(section)]
+    return [read_channel(reader, item, (*loc, i), layout, period) for i, item in enumerate(section)]
 
 
 def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layout) -> Exogenous:
@@ -108,18 +122,29 @@ def stacked(reader: Reader, channels: Sequence[Channel], loc: Loc, layout: Layou
     )
 
 
-def read_channel(reader: Reader, section: str | ChannelData, loc: Loc, layout: Layout) -> Channel:
+def read_channel(reader: Reader, section: str | ChannelData, loc: Loc, layout: Layout, period: fmpq | None) -> Channel:
     """Model of one channel of w."""
     if isinstance(section, str):
-        return MODELS[section]
+        return named(section, period)
     if section.model is not None:
         return read_model(reader, section.model, (*loc, "model"), layout.w.of(1), layout)
     if section.sinusoid is not None:
-        omega = reader.number(section.sinusoid.omega, (*loc, "sinusoid", "omega"), "> 0")
-        return Channel(disturbance.sinusoid(omega), ("{w}", "d{w}"))
+        omega = read_omega(reader, section.sinusoid.omega, (*loc, "sinusoid", "omega"), period)
+        return Channel(disturbance.sinusoid(omega, period), ("{w}", "d{w}"))
     assert section.bias_sinusoid is not None  # the format has exactly one of the three
-    omega = reader.number(section.bias_sinusoid.omega, (*loc, "bias+sinusoid", "omega"), "> 0")
-    return Channel(disturbance.bias_and_sinusoid(omega), ("{w}.bias", "{w}.sine", "d{w}.sine"))
+    omega = read_omega(reader, section.bias_sinusoid.omega, (*loc, "bias+sinusoid", "omega"), period)
+    return Channel(disturbance.bias_and_sinusoid(omega, period), ("{w}.bias", "{w}.sine", "d{w}.sine"))
+
+
+def read_omega(reader: Reader, text: str, loc: Loc, period: fmpq | None) -> fmpq:
+    """Frequency of a sinusoid, which samples show up to half their rate."""
+    omega = reader.number(text, loc, "> 0")
+    if period is None or float(omega * period) < pi * (1 - 1e-6):
+        return omega
+    most = at_least(pi / float(period), 4)
+    said = f"{described(text)} rad/s is too fast for samples {float(period):g} s apart, which show less than {most}"
+    reader.wrong(loc, f"{said}; give a slower sinusoid, or a shorter system.period", id="OBS208")
+    return fmpq(1, 2) / period
 
 
 def read_model(reader: Reader, section: DisturbanceModel, loc: Loc, w: Axis, layout: Layout) -> Channel:

@@ -33,14 +33,29 @@ EVERYWHERE = "everywhere"
 SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
 
-DISCRETE = "belongs to discrete time, which is not available in this version: the plant is x' = A x + .."
+TIMES = ("continuous", "discrete")
 
 
 class Signals(Section):
     """Names of the signals of a plant, however it is written."""
 
-    hints: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("Ts", "ts", "dt", "period", "time", "sample-time", "discretise"), DISCRETE
+    hints: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("Ts", "ts", "dt", "sample-time", "sampling"), "is called period here, beside time: discrete"),
+        "discretise": "is not available in this version; give the matrices of the samples, with time: discrete",
+    }
+
+    time: str = key(
+        OneOf("time", TIMES),
+        "discrete: the plant is x+ = A x + .., + the next sample, and `dynamics` give that",
+        default="continuous",
+        example="discrete",
+    )
+    period: str | None = key(
+        ENTRY,
+        "of the samples, > 0; required where anything of the spec is in seconds",
+        unit="s",
+        otherwise="1, or none in continuous time",
+        example="0.01",
     )
 
     states: list[str] | None = key(

@@ -14,6 +14,7 @@ from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
+from obsdesign.reading.period import read_period
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
 from obsdesign.reading.schema import File, Weight, read_file
@@ -52,15 +53,15 @@ def resolve(document: Document) -> Spec:
         reader.wrong(("obsdesign",), said, id="OBS207")
     read_parameters(reader, file.parameters)
     plant = read_system(reader, file, family)
-    layout = plant.layout
-    exogenous = read_disturbance(reader, file.disturbance, layout)
+    layout, period = plant.layout, read_period(reader, file, family)
+    exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
     H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
     observer = None
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
-        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, as_equations=split)
+        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
@@ -95,6 +96,7 @@ def resolve(document: Document) -> Spec:
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
+        period=period,
     )
 
 
@@ -149,8 +151,8 @@ def read_observer(
     plant: Reading,
     exogenous: Exogenous,
     H: Array,
-    *,
     as_equations: bool,
+    period: fmpq | None,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
@@ -158,7 +160,7 @@ def read_observer(
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
     problem = Estimation(
-        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations
+        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period
     )
     return family.request(reader, section, problem), blocks
 

@@ -16,7 +16,8 @@ from obsdesign.sections.document import Loc
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, counted
 from obsdesign.sections.words import unknown
-from obsdesign.spec import Noise, Simulation, Vector, numbered
+from obsdesign.spec import numbered
+from obsdesign.trial import Noise, Simulation, Vector
 
 MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output
 MAX_POINTS = 10**6

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from obsdesign.families.guarantee import Rates
 from obsdesign.lmi.formula import Array
 from obsdesign.simulate.integrate import GROWS, HUGE, Trajectory, Vector
 from obsdesign.simulate.scenario import Stretch
@@ -56,7 +57,8 @@ class Exact:
         sizes = np.abs(self.Q).max(initial=0.0), np.abs(self.F).max(initial=0.0)
         self.weight = 2.0 ** round(float(np.log2(sizes[1] / sizes[0]))) if all(sizes) else 1.0
         self.Q *= self.weight
-        self.alpha, self.supply = system.guarantee.rates() if system.guarantee else (0.0, 0.0)
+        rates = system.guarantee.rates() if system.guarantee else Rates(0.0, 0.0)
+        self.alpha, self.supply = rates.alpha, rates.c
 
     def held(self, t: Vector) -> Array:
         """Held signals, and |v|^2, at instants, one row each."""

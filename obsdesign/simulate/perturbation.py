@@ -21,7 +21,8 @@ from obsdesign.simulate.groups import span
 from obsdesign.simulate.program import UNIT, Program, needs, reach
 from obsdesign.simulate.scenario import measurement_noise, noise_samples
 from obsdesign.simulate.simulation import system_of
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Spec
+from obsdesign.trial import Simulation
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.expressions.algebra import identical
 from obsdesign.families import FAMILIES
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Spec
+from obsdesign.trial import Simulation
 
 ZERO = Expression.number(0)
 LONGEST = 60  # characters of a value in a message

@@ -14,7 +14,8 @@ from obsdesign.lmi.formula import Array, Float, identity, zeros
 from obsdesign.model.disturbance import augment, with_inputs
 from obsdesign.model.equations import Equations
 from obsdesign.simulate.sampling import Sampling, Schedule, schedule
-from obsdesign.spec import Noise, Simulation, Spec
+from obsdesign.spec import Spec
+from obsdesign.trial import Noise, Simulation
 
 Vector = Float
 NOISE_SAMPLES = 1_000_000

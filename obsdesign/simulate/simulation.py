@@ -14,7 +14,8 @@ from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.scenario import received, scenario
 from obsdesign.simulate.sizes import sizes
 from obsdesign.simulate.system import System
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Spec
+from obsdesign.trial import Simulation
 
 RTOL = 1e-8
 RTOL_NOISE = 1e-6  # every noise sample is a restart, and more digits would be digits of the noise

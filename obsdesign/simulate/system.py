@@ -9,7 +9,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.families.guarantee import Guarantee, SampledGuarantee
+from obsdesign.families.guarantee import Guarantee, Rates, SampledGuarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float, rational_number
 from obsdesign.simulate.definitions import Definitions, after, error, event, measured, mismatch, noise, rate
@@ -62,11 +62,11 @@ class System:
         made.define(Z2, Expression.squares(self.z))
         made.define(V2, Expression.squares(plant.exogenous))
         made.made |= {event(name): condition for name, condition in scenario.events.items()}
-        alpha, c = guarantee.rates() if guarantee else (0.0, 0.0)
+        rates = guarantee.rates() if guarantee else Rates(0.0, 0.0)
         made.made |= {
             rate(INTEGRALS[0]): {Z2: fmpq(1)},
             rate(INTEGRALS[1]): {V2: fmpq(1)},
-            rate(INTEGRALS[2]): {V2: rational_number(c), INTEGRALS[2]: rational_number(-2 * alpha)},
+            rate(INTEGRALS[2]): {V2: rational_number(rates.c), INTEGRALS[2]: rational_number(-2 * rates.alpha)},
         }
         self.estimated = {
             name: w for name, w in zip(scenario.inputs, scenario.w, strict=True) if name in observer.estimates

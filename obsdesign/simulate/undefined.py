@@ -6,7 +6,8 @@ import numpy as np
 
 from obsdesign.expressions import Expression
 from obsdesign.sections.changes import opened
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Spec
+from obsdesign.trial import Simulation
 
 Found = tuple[str, str]  # key of the spec, and what is wrong there
 

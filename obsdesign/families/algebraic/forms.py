@@ -109,6 +109,7 @@ class Request:
     drive: ClassVar[str] = "v"
     restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False
     gains: ClassVar[Mapping[str, Array] | None] = None
 
     type: str

@@ -13,7 +13,8 @@ from obsdesign.families.algebraic.immersion import on_manifold
 from obsdesign.families.algebraic.scheme import Plant, less
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import printed
-from obsdesign.spec import Simulation, Spec
+from obsdesign.spec import Spec
+from obsdesign.trial import Simulation
 
 
 def observer(spec: Spec, form: Form) -> Observer:

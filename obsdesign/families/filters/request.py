@@ -44,6 +44,7 @@ class FilterRequest:
     drive: ClassVar[str] = "w"
     restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False
     gains: ClassVar[None] = None
 
 

@@ -8,9 +8,9 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import enough, hidden_mode
-from obsdesign.families.incremental.request import Request, request_of
+from obsdesign.families.incremental.request import Request, posed, request_of
+from obsdesign.families.incremental.samples import explicit
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
-from obsdesign.families.incremental.theorems import THEOREMS
 from obsdesign.families.outcome import Diagnosis, Proof
 from obsdesign.files import ResultFile
 from obsdesign.lmi.faces import refutation
@@ -47,7 +47,7 @@ def refuted(family: Incremental, gamma: fmpq | None, multipliers: Mapping[str, A
 
 
 def impossible(family: Incremental) -> bool:
-    """Whether it is proved that no gain has any gamma at this alpha, whatever a solver says; L2 must be given."""
+    """Whether it is proved that no gain has any gamma at this rate, whatever a solver says; L2 must be given."""
     return family.L2 is not None and refutation(*question(family)) is not None
 
 
@@ -60,7 +60,10 @@ def absence(family: Incremental, known: dict[str, Any]) -> Diagnosis:
     if found is None:
         return {"proof": "numerical"}
     level = {} if gamma is None else {"gamma": str(gamma)}
-    return {"proof": "exact", "certificate": {**found.written(), "alpha": str(family.alpha), **level}}
+    return {
+        "proof": "exact",
+        "certificate": {**found.written(), family.about.pace.key: str(family.about.pace.told(family.rate)), **level},
+    }
 
 
 def read(spec: Spec, file: ResultFile) -> Proof:
@@ -69,9 +72,10 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     Raises `UsageError`: the file holds no dual certificate: its verdict is numerical or structural; or it is malformed.
     """
     root = ("diagnosis", "certificate")
-    request, alpha = request_of(spec).printed(), file.number(*root, "alpha")
-    given = {"L1": None, "L2": request.L2} | dict(request.gains or {})
-    family = THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, given["L1"], given["L2"])
+    request = request_of(spec).printed()
+    pace = request.pace
+    rate = pace.told(file.number(*root, pace.key))
+    family = posed(spec, rate)
     if family.L2 is None:
         raise file.wrong(
             "diagnosis.certificate", "a certificate is for a given L2, and the spec leaves it free", id="OBS707"
@@ -84,78 +88,84 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     if gamma is not None and request.level is not None and gamma < request.level:
         raise file.unasked((request.level, None), *root, "gamma")
     if not covers(request, family, gamma):
-        raise file.unasked(ends(request.alpha), *root, "alpha")
+        raise file.unasked(request.told, *root, pace.key)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
-    words = f"Theorem 1 has no solution at alpha = {approximate(alpha)!r}{level}"
-    words += ", nor at a larger alpha" if falls(family, gamma) else ""
+    words = f"Theorem 1 has no solution at {pace.key} = {approximate(pace.told(rate))!r}{level}"
+    words += f", nor at {pace.stronger}" if falls(family, gamma) else ""
     given_level = () if gamma is None else ("gamma",)
-    return Proof(words, refutation.checks, used=("kind", "alpha", *given_level, "multipliers", "checks"))
+    return Proof(words, refutation.checks, used=("kind", pace.key, *given_level, "multipliers", "checks"))
 
 
 def falls(family: Incremental, gamma: fmpq | None) -> bool:
-    """Whether what has no solution at an alpha has none at a larger one.
+    """Whether what has no solution at a rate has none at a larger one.
 
-    So it is for any gamma (2 alpha m may grow with alpha), and for a given one where alpha has no other part in it.
+    So it is for any gamma (2 alpha m may grow with alpha), and for a given one where the rate has no other part in it.
     """
     return gamma is None or family.about.monotone
 
 
 def covers(request: Request, family: Incremental, gamma: fmpq | None) -> bool:
-    """Whether no solution at the alpha of a family means that there is none at any alpha that is asked for."""
-    low, high = ends(request.alpha)
-    return family.alpha == low and (low == high or falls(family, gamma))
+    """Whether no solution at the rate of a family means that there is none at any rate that is asked for."""
+    low, high = ends(request.rate)
+    return family.rate == low and (low == high or falls(family, gamma))
 
 
-def why_not(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:
+def why_not(spec: Spec, family: Incremental, largest: float | None, known: dict[str, Any]) -> Diagnosis:
     """Reasons that hold whatever the gains, the most telling first.
 
-    `spec`, `family`: the problem, at the alpha that is infeasible, in rationals; `largest_alpha`: the largest alpha
+    `spec`, `family`: the problem, at the rate that is infeasible, in rationals; `largest`: the largest rate
     that is feasible, if one was found; `known`: what the design knows already, such as a bound that was too tight.
 
     Returns `reason` in one sentence, `condition` that fails, data of it, `feasible` and a `suggestion`; `proof` is
     "exact" where `certificate` proves that no P, no gain and no multiplier satisfy the inequalities of the family at
-    this alpha (and at a gamma that was asked for), or else "numerical".
+    this rate (and at a gamma that was asked for), or else "numerical".
     """
     gamma = printed(known["gamma"]["asked"]) if "gamma" in known else None
     whole = covers(request_of(spec).printed(), family, gamma)
     proof = absence(family, known) if whole else {"proof": "numerical"}
-    return {**reason(spec, family, largest_alpha, known), **proof}
+    return {**reason(spec, family, largest, known), **proof}
 
 
-def reason(spec: Spec, family: Incremental, largest_alpha: float | None, known: dict[str, Any]) -> Diagnosis:
+def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[str, Any]) -> Diagnosis:
     """Answer without its proof."""
-    fixed, alpha = in_floats(family), float(family.alpha)
-    named = ("alpha = ", "alpha", ", or another model of w")
-    if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, alpha, *named):
+    fixed, pace = in_floats(family), family.about.pace
+    named = (f"{pace.key} = ", ", or another model of w")
+    if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, fixed.edge, pace, *named):
         return hidden
     if "gamma" in known:
-        return out_of_reach(spec, fixed, known["gamma"], largest_alpha)
+        return out_of_reach(spec, fixed, known["gamma"], largest)
     if known:
         id = "OBS611" if "bounds" in known else "OBS609"
         return {"id": id, "condition": next(iter(known)), "reason": str(next(iter(known.values()))), **known} | {
             "suggestion": "look at new gains: leave `gains` out"
         }
-    structural = too_stiff(fixed) or failing_passivity(spec, fixed)
-    if structural:
-        return structural
-    if largest_alpha is not None:
+    if told := structural(spec, fixed):
+        return told
+    if largest is not None:
         return {
             "id": "OBS602",
             "condition": "decay",
-            "reason": f"alpha = {alpha:g} is too fast: there is a solution only up to alpha = {largest_alpha:.5g}"
+            "reason": f"{pace.said(family.rate)} is too fast: there is a solution only up to {pace.said(largest, 5)}"
             + within_bounds(spec),
-            "feasible": {"alpha": largest_alpha},
-            "suggestion": f"ask for alpha at most {at_least(largest_alpha * (1 - 1e-4), 5)}{other(family)}",
+            "feasible": {pace.key: pace.told(largest)},
+            "suggestion": f"ask for {pace.slower(largest * (1 - 1e-4), 5)}{other(family)}",
         }
     return {
         "id": "OBS603",
         "condition": "inequality",
-        "reason": f"Theorem 1 has no solution at alpha = {alpha:g}, nor at any smaller alpha that was tried"
+        "reason": f"Theorem 1 has no solution at {pace.said(family.rate)}, nor at {pace.weaker} that was tried"
         + within_bounds(spec),
         "feasible": {},
         "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
+
+
+def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
+    """What rules every gain out without a solver, where it does; a family in doubles."""
+    if family.about.pace.sampled:
+        return explicit(spec, family)
+    return too_stiff(family) or failing_passivity(spec, family)
 
 
 def within_bounds(spec: Spec) -> str:
@@ -171,21 +181,22 @@ def other(family: Incremental) -> str:
     return "" if family.L2 is None else "; so may another L2, or `L2: free`"
 
 
-def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], largest_alpha: float | None) -> Diagnosis:
+def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], largest: float | None) -> Diagnosis:
     """Answer that gamma is below what is possible, and which condition of arbitrary accuracy fails.
 
     `levels`: of gamma, what is asked and the least, over all gains and if there are bounds within them.
     """
     asked, least, request = levels["asked"], levels["least"], request_of(spec)
-    searched = isinstance(request.alpha, Range) and not family.about.monotone
+    searched = isinstance(request.rate, Range) and not family.about.monotone
     known = "that was found" if searched else "possible"
-    failing = [test for test in accuracy(family.plant, family.L2, spec.generator) if not test.holds]
-    p = family.plant
-    slow = [z for z in invariant_zeros(System(p.A, p.B, p.C, p.D)).values if 0 > z.real >= -float(family.alpha)]
+    p, pace = family.plant, family.about.pace
+    failing = [] if pace.sampled else [t for t in accuracy(p, family.L2, spec.generator) if not t.holds]
+    zeros = () if pace.sampled else invariant_zeros(System(p.A, p.B, p.C, p.D)).values
+    slow = [z for z in zeros if 0 > z.real >= -float(family.rate)]
     because = [test.sentence for test in failing]
     if slow:
         at = ", ".join(text(z) for z in slow if z.imag >= 0)
-        because.append(f"the zero at lambda = {at} of v to y is no faster than alpha = {float(family.alpha):g}")
+        because.append(f"the zero at lambda = {at} of v to y is no faster than {pace.said(family.rate)}")
     found: Diagnosis = {
         "id": "OBS604",
         "condition": "gamma",
@@ -199,7 +210,7 @@ def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], larg
         found["accuracy"] = [{"name": test.name, "sentence": test.sentence, **test.numbers} for test in failing]
     if slow:
         found["zeros"] = [[z.real, z.imag] for z in slow]
-    if largest_alpha is not None:
-        found["feasible"]["alpha"] = largest_alpha
-        found["suggestion"] += f", or alpha at most {at_least(largest_alpha * (1 - CLOSE), 4)}, with which there is one"
+    if largest is not None:
+        found["feasible"][pace.key] = pace.told(largest)
+        found["suggestion"] += f", or {pace.slower(largest * (1 - CLOSE))}, with which there is one"
     return found

@@ -63,7 +63,7 @@ class Accurate:
 
 def accurate(engine: Engine, family: Incremental) -> Accurate | None:
     """Solution of the conditions for a family in rationals, with the smallest Y; None if none was found."""
-    alpha = float(family.alpha)
+    alpha = float(family.rate)
     for ratio in FASTER if family.about.monotone else BARELY:
 
         def optimum(search: Incremental, rate: float = ratio * alpha) -> Values | None:
@@ -97,7 +97,7 @@ def solution(engine: Engine, family: Incremental, rate: float) -> Values | None:
 def conditions(family: Incremental, rate: float) -> Problem:
     """(20) and (25) for P >= I, minimising its trace; in doubles."""
     p, nv = family.plant, family.plant.B.shape[1]
-    undisturbed = replace(family, alpha=rate, plant=p.undisturbed)
+    undisturbed = replace(family, rate=rate, plant=p.undisturbed)
     none = np.zeros((1, 1))
 
     def inequalities(v: Values) -> list[Inequality]:

@@ -3,15 +3,14 @@
 from typing import Any
 
 import numpy as np
-from flint import fmpq
 
-from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import Finding, complex_pair, detectability, finding, frozen_at
-from obsdesign.families.incremental.request import request_of
-from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
-from obsdesign.families.incremental.theorems import THEOREMS
+from obsdesign.families.incremental.absence import structural
+from obsdesign.families.incremental.request import posed, request_of
 from obsdesign.lmi.formula import in_floats
+from obsdesign.model.edge import Edge
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import invariant_zeros
 from obsdesign.model.structure import accuracy, condition1, linear
@@ -29,13 +28,13 @@ MORE = "`solve` tells the limit of gamma, which may be 0 all the same; where it 
 def check(spec: Spec, _: Engine) -> list[Finding]:
     """Detectability, Condition 1, zeros, arbitrary accuracy and loops."""
     plant, multiplier = spec.plant.doubles, in_floats(spec.multiplier)
-    augmented = spec.augmented.doubles
+    augmented = spec.posed.doubles
     K = multiplier.member
     request = request_of(spec)
-    alpha, _ = ends(request.alpha)
-    findings = detectability(augmented, K, float(alpha), "alpha")
+    family = posed(spec)
+    findings = detectability(augmented, K, in_floats(family).edge, request.pace)
     nf = plant.Bf.shape[1]
-    tests = condition1(plant, in_floats(spec.generator.Am))
+    tests = condition1(plant, in_floats(spec.generator.Am), Edge(0, request.pace.sampled))
     findings += [finding(test.name, test.holds, test.sentence, **test.numbers, id="OBS614") for test in tests]
     for name, system in (("w to y", linear(plant, K[:nf, : len(plant.Cq)])), ("v to y", linear(augmented, K))):
         if not system.B.shape[1]:  # nothing drives the plant
@@ -44,7 +43,7 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
         numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
         said = f"{name}{frozen_at(K)}: {zeros.sentence}"
         findings.append(finding(f"zeros, {name}", zeros.left_invertible, said, **numbers, id="OBS614"))
-    findings += [*slopes(spec, alpha), *attainable(spec)]
+    findings += [*slopes(spec, family), *attainable(spec)]
     loops = {"plant": augmented.Dqf}
     if (L2 := request.feedback) is not None:
         loops["observer"] = augmented.Dqf + in_floats(L2) @ augmented.Df
@@ -55,11 +54,9 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     return findings
 
 
-def slopes(spec: Spec, alpha: fmpq) -> list[Finding]:
+def slopes(spec: Spec, family: Incremental) -> list[Finding]:
     """What nonlinearities without an upper slope bound rule out."""
-    request = request_of(spec)
-    family = in_floats(THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, request.feedback))
-    answer = too_stiff(family) or failing_passivity(spec, family)
+    answer = structural(spec, in_floats(family))
     return [finding(answer["condition"], False, answer["reason"], decides=True, id=answer["id"])] if answer else []
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
@@ -22,8 +22,8 @@ from obsdesign.families.incremental.reconstruction import (
     reconstructed,
     slopes,
 )
-from obsdesign.families.incremental.request import Request, request_of
-from obsdesign.families.incremental.theorems import THEOREMS, Linf
+from obsdesign.families.incremental.request import Request, posed, request_of
+from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
@@ -47,20 +47,21 @@ class Claim(Proved):
         more = self.reconstruction.conditions() if self.reconstruction else ()
         return (*self.certificate.checks, *self.asked, *more)
 
-    def guarantee(self, spec: Spec) -> Quadratic:  # noqa: ARG002
+    def guarantee(self, spec: Spec) -> Quadratic:
         """Guarantee in doubles."""
         bound = self.reconstruction.bound if self.reconstruction else None
-        return replace(self.certificate.guarantee, reconstruction=bound)
+        return replace(self.certificate.guarantee_at(spec.period), reconstruction=bound)
 
-    def headline(self, spec: Spec) -> str:
+    def headline(self, spec: Spec) -> str:  # noqa: ARG002
         """Claim in one line."""
-        gamma, alpha = at_most(self.certificate.gamma), at_least(self.certificate.alpha)
-        return f"gamma {gamma}, {THEOREMS[spec.observer.type].about.gamma}; decay rate {alpha} 1/s"
+        gamma, about, rate = at_most(self.certificate.gamma), self.certificate.theorem.about, self.certificate.rate
+        decay = f"rho {at_most(1 - rate)}" if about.pace.sampled else f"decay rate {at_least(rate)} 1/s"
+        return f"gamma {gamma}, {about.gamma}; {decay}"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee of the family in words, and where it holds."""
         g = self.certificate.guarantee
-        said = THEOREMS[spec.observer.type].about.statement.format(gamma=repr(g.gamma), alpha=repr(g.alpha))
+        said = self.certificate.theorem.about.statement.format(gamma=repr(g.gamma), rate=repr(g.rate))
         bound = self.reconstruction.bound if self.reconstruction else None
         if bound:
             rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""
@@ -71,7 +72,7 @@ class Claim(Proved):
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved and the limit it is near to, and the witness."""
         g = self.certificate.guarantee
-        guarantee = {"gamma": g.gamma, "alpha": g.alpha, "mu1": g.mu1, "mu2": g.mu2, **limits}
+        guarantee = {"gamma": g.gamma, **self.certificate.decay(spec.period), "mu1": g.mu1, "mu2": g.mu2, **limits}
         certificate = self.certificate.written()
         certificate["checks"] += listed(self.asked)
         if self.reconstruction:
@@ -85,9 +86,9 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, checked: the guarantee, and the bound on the reconstruction of w if one is claimed."""
     gains = read_gains(spec, file)
     require_request(spec, file, gains)
-    kind = THEOREMS[spec.observer.type]
-    family = kind(spec.augmented, spec.multiplier, spec.H, file.number("guarantee", "alpha"), gains["L1"], gains["L2"])
     request = request_of(spec)
+    rate = request.pace.told(file.number("guarantee", request.pace.key))
+    family = posed(spec, rate, gains["L1"], gains["L2"])
     bounds = NO_BOUNDS if request.gains else request.bounds
     certificate = read_certificate(file, family, ("guarantee",), ("certificate",), bounds)
     claim = Claim(certificate, asked=held(request, gains["L1"], certificate.gamma))
@@ -103,7 +104,7 @@ def held(request: Request, L1: Array, gamma: fmpq) -> tuple[Check, ...]:
 
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
     """Exact gains of a file."""
-    plant = spec.augmented
+    plant = spec.posed
     shapes = {"L1": (plant.n, len(plant.C)), "L2": (len(plant.Cq), len(plant.C))}
     return {name: file.matrix(shape, "observer", name) for name, shape in shapes.items()}
 
@@ -134,18 +135,18 @@ def read_reconstruction(spec: Spec, file: ResultFile, family: Incremental) -> Re
     certificates = {}
     for name, level in levels(family).items():
         path = (*root, "levels", name)
-        certificates[name] = read_certificate(file, replace(level, alpha=file.number(*path, "alpha")), path, path)
+        certificates[name] = read_certificate(file, replace(level, rate=file.number(*path, "alpha")), path, path)
     c_w, c_w_rate, c_x_rate = (file.number("guarantee", "reconstruction", key) for key in ("w", "w_rate", "x_rate"))
     return reconstructed(family, certificates, proofs, (c_w, c_w_rate, c_x_rate))
 
 
 def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) -> None:
-    """Hold the claim against what the spec asks: the family, alpha, given gains, the statement."""
+    """Hold the claim against what the spec asks: the family, the decay, given gains, the statement."""
     request = request_of(spec).printed()
     if file.at("observer", "type") != request.type:
         raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
     gamma = file.number("guarantee", "gamma")
-    file.require_asked(ends(request.alpha), "guarantee", "alpha")
+    file.require_asked(request.told, "guarantee", request.pace.key)
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in gains.items():
         if name in given and (given[name] != found).any():

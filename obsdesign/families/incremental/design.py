@@ -12,12 +12,11 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.claim import best_claim, claim
-from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import doubles, norm, searchable, sized, small_gains, within
+from obsdesign.dissipation.gain import doubles, searchable, small_gains
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scaling import scaling
-from obsdesign.dissipation.zero import Level, settled, silent_gains, unbounded, vanishing
+from obsdesign.dissipation.zero import silent_gains
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED
 from obsdesign.families.incremental.absence import covers, impossible, why_not
@@ -25,18 +24,17 @@ from obsdesign.families.incremental.accuracy import accurate
 from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point, apart
 from obsdesign.families.incremental.instead import beyond, remedied
+from obsdesign.families.incremental.limits import FLAT, Limits
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
-from obsdesign.families.incremental.request import request_of
-from obsdesign.families.incremental.theorems import THEOREMS, Linf
-from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict, bounded_kind
+from obsdesign.families.incremental.request import posed, request_of
+from obsdesign.families.incremental.theorems import Linf
+from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.reach import judged
-from obsdesign.lmi.formula import Values, in_floats, rational_number
+from obsdesign.lmi.formula import Values, in_floats
 from obsdesign.lmi.solve import Status
 from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
-
-FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
 
 class Designer:
@@ -45,15 +43,19 @@ class Designer:
     def __init__(self, spec: Spec, engine: Engine) -> None:
         self.spec, self.engine = spec, engine
         self.request = request_of(spec).printed()
-        alpha = self.request.alpha
-        self.range = alpha if isinstance(alpha, Range) else None
-        self.lowest: fmpq = alpha.low if isinstance(alpha, Range) else alpha
-        given = self.request.gains or {}
-        kind, L2 = THEOREMS[self.request.type], given.get("L2", self.request.L2)
-        self.family = kind(spec.augmented, spec.multiplier, spec.H, self.lowest, given.get("L1"), L2)
+        rate = self.request.rate
+        self.range = rate if isinstance(rate, Range) else None
+        self.lowest: fmpq = rate.low if isinstance(rate, Range) else rate
+        self.family = posed(spec)
         self.decay = Decay(engine, self.family, replace(self.request.bounds, gamma=self.request.level))
+        self.pace = self.family.about.pace
         self.notes: list[str] = []
         self.points: list[Point] = []
+
+    @property
+    def limits(self) -> Limits:
+        """The least gamma over all gains and within the bounds."""
+        return Limits(self.engine, self.family.about, self.request, self.points, self.notes)
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
@@ -61,7 +63,7 @@ class Designer:
             self.notes.append(UNDISTURBED)
             self.request = replace(self.request, objective="feasibility")
         fixed = in_floats(self.family)
-        if undetectable(fixed.plant, fixed.multiplier.member, float(self.lowest)):
+        if undetectable(fixed.plant, fixed.multiplier.member, fixed.edge):
             return self.infeasible(self.lowest)
         if self.request.gains:
             return self.analysis(self.searched())
@@ -72,13 +74,13 @@ class Designer:
     def accurate(self) -> Outcome | None:
         """Gains in closed form for `objective: {gamma: ..}`, where nothing bounds them and the plant admits them."""
         gamma, outputs = self.request.gamma, [in_floats(self.family).H]
-        if gamma is None or self.request.bounds.restricted:
+        if gamma is None or self.request.bounds.restricted or self.pace.sampled:
             return None
         if self.request.reconstruct:
             inverse = left_inverse(self.family.plant.B)
             outputs += [in_floats(inverse @ self.family.plant.A), in_floats(inverse)]
         grid = self.range.grid() if self.range else (self.lowest,)
-        found = [solution for alpha in grid if (solution := accurate(self.engine, replace(self.family, alpha=alpha)))]
+        found = [solution for rate in grid if (solution := accurate(self.engine, replace(self.family, rate=rate)))]
         if not found:
             return None
         best = min(found, key=lambda solution: float(np.linalg.norm(solution.L1(float(gamma), outputs), 2)))
@@ -92,107 +94,40 @@ class Designer:
         )
         return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
 
-    def provable(self, alpha: fmpq) -> Outcome:
-        """Design at the alpha of a search; where its proof fails, at points of the curve with clearly larger gammas."""
-        first, known, failed = self.at(alpha), self.notes, f"the gains at alpha = {float(alpha):g} fail in rationals"
-        for other in apart(self.points) if first.status is Verdict.UNCERTIFIED else ():
-            self.notes = [*known, f"{failed}; alpha = {float(other):g} is the next with some that hold"]
+    def provable(self, rate: fmpq) -> Outcome:
+        """Design at the rate of a search; where its proof fails, at points of the curve with clearly larger gammas."""
+        first, known, failed = self.at(rate), self.notes, f"the gains at {self.pace.said(rate)} fail in rationals"
+        for other in map(self.pace.found, apart(self.points) if first.status is Verdict.UNCERTIFIED else ()):
+            self.notes = [*known, f"{failed}; {self.pace.said(other)} is the next with some that hold"]
             with suppress(UndecidedError):
                 if (made := self.at(other)).status is Verdict.CERTIFIED:
                     return made
         return first
 
-    # One alpha
+    # One rate
 
-    def at(self, alpha: fmpq) -> Outcome:
-        """Design for one alpha: the limit, the bounded limit, gains, proof."""
-        family = replace(self.family, alpha=alpha)
+    def at(self, rate: fmpq) -> Outcome:
+        """Design for one rate: the limit, the bounded limit, gains, proof."""
+        family = replace(self.family, rate=rate)
         search = searchable(family)
         self.engine.report(0.7, "limit")
-        limits, level = self.limits(search, alpha)
+        limits, level = self.limits.at(search, rate)
         if level is None and not limits:
-            return self.infeasible(alpha)
+            return self.infeasible(rate)
         if level is None:
-            return self.out_of_bounds(alpha, limits)
-        target = self.target(search, level)
+            return self.out_of_bounds(rate, limits)
+        target = self.limits.target(search, level)
         if self.request.bounds.gamma is not None:
             target = min(target, float(self.request.bounds.gamma))
         if target < level.gamma:
             most, restricted = limits["limit"].get("gamma", 0.0), self.request.bounds.restricted
             if target >= most and restricted:
-                return self.out_of_bounds(alpha, limits, level.gamma)
+                return self.out_of_bounds(rate, limits, level.gamma)
             levels = {"asked": target, "least": most, **({"bounded": level.gamma} if restricted else {})}
-            return self.infeasible(alpha, {"gamma": levels, **limits})
+            return self.infeasible(rate, {"gamma": levels, **limits})
         self.engine.report(0.8, "smallest gain")
         made = self.gains(family, target)
         return replace(made, **limits, search=self.search, notes=tuple(self.notes))
-
-    def limits(self, search: Incremental, alpha: fmpq) -> tuple[dict[str, Any], Level | None]:
-        """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
-        answer = self.engine.minimise(search.least_gamma())
-        if answer.status is Status.INFEASIBLE:
-            return {}, None
-        free = self.request.objective in {"feasibility", "max-alpha"}
-        table = (zero := vanishing(self.engine, search, answer)).table
-        if answer.status is Status.OPTIMAL or table or zero.instead:
-            level = Level.of_all(answer, zero)
-            known = {"gamma": level.gamma, "attained": level.attained, **self.kind(alpha)}
-            limits: dict[str, Any] = {"limit": self.best(known)}
-        elif free or self.request.bounds.restricted:
-            level, limits = Level(0.0), {"limit": {"attained": False}}
-            if not free:
-                self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
-        else:
-            said = f"neither gains nor a proof that there are none were found at alpha = {float(alpha):g}"
-            raise UndecidedError(f"{said}: {answer.reason}", id="OBS507")
-        if not self.request.bounds.restricted:
-            if table and self.request.objective in {"min-gamma", "pareto"}:
-                raise unbounded(alpha, table)
-            return limits, level
-        bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
-        if bounded.status is not Status.OPTIMAL:
-            if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
-                raise unbounded(alpha, table)
-            return limits, None
-        level = Level.within(bounded, zero, self.request.bounds)
-        kind = {**self.kind(alpha), **bounded_kind(self.request.bounds)}
-        return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
-
-    def best(self, limit: dict[str, Any]) -> dict[str, Any]:
-        """Limit at one alpha of a search; where it is the best that was found, the least of the whole curve."""
-        least = min((p for p in self.points if "gamma" in p), key=lambda point: point["gamma"], default=None)
-        if least is None or self.family.about.monotone or least["gamma"] * (1 + FLAT) >= limit["gamma"]:
-            return limit
-        return {**limit, "gamma": least["gamma"], "at": {"alpha": least["alpha"]}}
-
-    def kind(self, alpha: fmpq) -> dict[str, Any]:
-        """Where alpha was searched: at which one a limit of gamma is; the best found, unless a lower alpha has less."""
-        found = {} if self.family.about.monotone else BEST_FOUND
-        return {"at": {"alpha": float(alpha)}, **found} if self.points else {}
-
-    def target(self, search: Incremental, least: Level) -> float:
-        """Gamma to be certified, within the slack of the limit; where the objective is not gamma, it is `moderate`."""
-        bounds = self.request.bounds
-        if self.request.gamma is not None:
-            return float(self.request.gamma)
-        if self.request.objective in {"feasibility", "max-alpha"}:
-            if bounds.gamma is not None:
-                return float(bounds.gamma)
-            easy = max(self.moderate(search), least.instead or 0.0)
-            least = max(least, Level(easy), key=lambda level: level.gamma)
-        if least.attained:
-            self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
-        return least.target(float(self.request.slack))
-
-    def moderate(self, search: Incremental) -> float:
-        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
-        wide = self.engine.widest(search.witness(None))
-        if wide.status is not Status.OPTIMAL:
-            raise UndecidedError(f"no solution was found for alpha = {search.alpha:g}: {wide.reason}", id="OBS507")
-        size = 2 * norm(wide.values, self.request.bounds)
-        answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
-        level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
-        return math.sqrt(max(level, 0.0)) if search.plant.B.shape[1] else 1.0  # without a disturbance any gamma holds
 
     def gains(self, family: Incremental, gamma: float) -> Outcome:
         """Gains of small norm that reach gamma, or else one that keeps v from the error, rounded and proved."""
@@ -200,7 +135,7 @@ class Designer:
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
         if not made.gains:
-            said = f"no gain was found for gamma = {gamma:g} at alpha = {float(family.alpha):g}"
+            said = f"no gain was found for gamma = {gamma:g} at {self.pace.said(family.rate)}"
             raise UndecidedError(said, id="OBS507")
         return made
 
@@ -233,14 +168,17 @@ class Designer:
     @property
     def search(self) -> Search | None:
         """Points that were looked at, if any were."""
-        return Search("alpha", tuple(self.points)) if self.points else None
+        if not self.points:
+            return None
+        told = ({**self.limits.place(point["rate"]), **point} for point in self.points)
+        return Search(self.pace.key, tuple({k: v for k, v in point.items() if k != "rate"} for point in told))
 
-    # Many alphas
+    # Many rates
 
     def searched(self) -> fmpq:
-        """Alpha of the shipped design: the number that is asked for, or one of the range.
+        """Rate of the shipped design: the number that is asked for, or one of the range.
 
-        Where the least gamma never decreases with alpha, min-gamma takes the lower end; where alpha competes with it,
+        Where the least gamma never decreases with it, min-gamma takes the lower end; where the rate competes with it,
         the minimum of the curve, or the fastest decay where the curve is flat there. Pareto takes the fastest decay
         within the slack of the least gamma.
         """
@@ -249,86 +187,87 @@ class Designer:
             return self.lowest
         self.points = list(self.decay.curve(self.range.grid()))
         if not monotone and objective != "pareto":
-            self.points = sorted([*self.points, *self.decay.lowest(self.points)], key=lambda point: point["alpha"])
+            self.points = sorted([*self.points, *self.decay.lowest(self.points)], key=lambda point: point["rate"])
         if not any("gamma" in point for point in self.points):
             return self.lowest
-        best = self.points[0]["alpha"]
+        best = self.points[0]["rate"]
         if objective == "pareto" or not monotone:
             best = self.decay.fastest(self.points, float(self.request.slack) if objective == "pareto" else FLAT)
         self.notes.append(self.decay.choice(self.points, best, pareto=objective == "pareto"))
-        return rational_number(repr(best))
+        return self.pace.found(best)
 
     def fastest(self) -> Outcome:
-        """Largest alpha by bisection on feasibility; the shipped one is within the slack of it."""
+        """Largest rate by bisection on feasibility; the shipped one is within the slack of it."""
         low, high = (self.range.low, self.range.high) if self.range else (self.lowest, self.lowest)
         feasible, unknown = self.decay.feasible(low)
         if not feasible:
             if unknown and not self.request.bounds.restricted:
-                raise UndecidedError(f"feasibility at alpha = {float(low):g} was not decided", id="OBS507")
+                raise UndecidedError(f"feasibility at {self.pace.said(low)} was not decided", id="OBS507")
             gamma = in_floats(self.request.bounds).gamma
             return self.out_of_bounds(low, {}, gamma) if unknown else self.infeasible(low)
         attained, _ = self.decay.feasible(high)
         limit = float(high) if attained else self.decay.largest(float(low), float(high))
         if attained:
-            self.notes.append(f"every alpha of the range is feasible, up to {float(high):g}")
-        shipped = max(limit / (1 + float(self.request.slack)), float(low))
-        alpha = high if attained and not self.request.slack else rational_number(str(round_down(shipped, 6)))
-        made = self.at(max(alpha, low))
-        return replace(made, limit={"alpha": limit, "attained": attained} if made.limit else {})
+            self.notes.append(f"the whole range is feasible, up to {self.pace.said(high)}")
+        slack = self.request.slack
+        shipped = max(self.pace.within(limit, float(slack)), float(low))
+        rate = high if attained and not slack else self.pace.found(self.pace.rounded(shipped, 6))
+        made = self.at(max(rate, low))
+        return replace(made, limit={**self.limits.place(limit), "attained": attained} if made.limit else {})
 
     # Analysis
 
-    def analysis(self, alpha: fmpq) -> Outcome:
+    def analysis(self, rate: fmpq) -> Outcome:
         """Certify given gains, for the least gamma that they achieve."""
-        family = replace(self.family, alpha=alpha)
+        family = replace(self.family, rate=rate)
         slowest = in_floats(family).slowest_pole()
-        if slowest.real > -float(alpha):
-            change = f"grows at the rate {slowest.real:.6g}"
-            if slowest.real <= 0:
-                change = f"decays at the rate {-slowest.real:.6g} only"
-            return self.infeasible(alpha, {"gains": f"for an f that the types allow, an error {change}"})
+        if family.edge.of(slowest) < rate:
+            change = f"for an f that the types allow, an error {self.pace.only(family.edge.of(slowest))}"
+            return self.infeasible(rate, {"gains": change})
         status, certificate = best_claim(self.engine, family)
         if status is Status.INFEASIBLE:
-            return self.infeasible(alpha, {"gains": "no storage function of Theorem 1 proves these gains"})
+            return self.infeasible(rate, {"gains": "no storage function of Theorem 1 proves these gains"})
         proved = certificate is not None and certificate.holds
         verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
         made = Outcome(verdict, doubles(family), Claim(certificate) if certificate else None)
         made = self.completed(family, made)
         limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-        limits = self.best({**known, "attained": False, **self.kind(alpha)}) if known else {"attained": False}
+        limits = (
+            self.limits.best({**known, "attained": False, **self.limits.kind(rate)}) if known else {"attained": False}
+        )
         return replace(made, limit=limits, search=self.search, notes=tuple(self.notes))
 
     # Answers without gains
 
     def absent(self) -> Outcome | None:
-        """Answer that there are no gains, where that is proved at every alpha that is asked for."""
-        family = replace(self.family, alpha=self.lowest)
+        """Answer that there are no gains, where that is proved at every rate that is asked for."""
+        family = replace(self.family, rate=self.lowest)
         return self.infeasible(self.lowest) if covers(self.request, family, None) and impossible(family) else None
 
-    def infeasible(self, alpha: fmpq, known: dict[str, Any] | None = None) -> Outcome:
+    def infeasible(self, rate: fmpq, known: dict[str, Any] | None = None) -> Outcome:
         """Answer with the reason, in the terms of the model."""
         self.engine.report(0.9, "diagnosis")
-        none = known and not self.request.gains and impossible(replace(self.family, alpha=alpha))
+        none = known and not self.request.gains and impossible(replace(self.family, rate=rate))
         found = {} if none or not known else known
         limits = {name: found[name] for name in ("limit", "limit_bounded") if name in found}
         found = {name: value for name, value in found.items() if name not in limits}
-        largest = self.decay.largest_below(alpha) if not found or "gamma" in found else None
-        diagnosis = why_not(self.spec, replace(self.family, alpha=alpha), largest, found)
+        largest = self.decay.largest_below(rate) if not found or "gamma" in found else None
+        diagnosis = why_not(self.spec, replace(self.family, rate=rate), largest, found)
         if not found and diagnosis["condition"] != "detectability":
-            diagnosis = remedied(self.spec, self.decay, alpha, largest, diagnosis)
+            diagnosis = remedied(self.spec, self.decay, rate, largest, diagnosis)
         return Outcome(Verdict.INFEASIBLE, diagnosis=diagnosis, search=self.search, notes=tuple(self.notes), **limits)
 
-    def out_of_bounds(self, alpha: fmpq, limits: dict[str, Any], reached: float | None = None) -> Outcome:
+    def out_of_bounds(self, rate: fmpq, limits: dict[str, Any], reached: float | None = None) -> Outcome:
         """Answer that nothing within the bounds was found, with what would do instead.
 
         `reached`: least gamma within the bounds, where a smaller one is asked for.
         """
-        if impossible(replace(self.family, alpha=alpha)):
-            return self.infeasible(alpha)
+        if impossible(replace(self.family, rate=rate)):
+            return self.infeasible(rate)
         self.engine.report(0.9, "diagnosis")
-        decided, found = beyond(self.decay, alpha, limits.get("limit", {}).get("gamma"), reached)
-        decided = decided and covers(self.request, replace(self.family, alpha=alpha), self.decay.bounds.gamma)
+        decided, found = beyond(self.decay, rate, limits.get("limit", {}).get("gamma"), reached)
+        decided = decided and covers(self.request, replace(self.family, rate=rate), self.decay.bounds.gamma)
         return judged(found, decided=decided, search=self.search, notes=tuple(self.notes), **limits)
 
 

@@ -5,8 +5,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from obsdesign.dissipation.guarantee import Quadratic
-from obsdesign.families.guarantee import Bound, Course, Rates, bound, envelope, tightest
+from obsdesign.dissipation.guarantee import Quadratic, Sampled
+from obsdesign.families.guarantee import Bound, Course, Rates, Steps, bound, envelope, tightest
 from obsdesign.lmi.formula import Array
 
 
@@ -65,10 +65,11 @@ class PeakGuarantee(Quadratic):
 
     norm: ClassVar[Literal["norm2", "sup"]] = "sup"
     signals: ClassVar[str] = "bounded"
+    supply: ClassVar[str] = "2 alpha mu1"  # of V', for |v| = 1
 
-    def rates(self) -> Rates:
+    def rates(self) -> Rates | Steps:
         """V' <= -2 alpha V + 2 alpha mu1 |v|^2."""
-        return Rates(self.alpha, 2 * self.alpha * self.mu1)
+        return Rates(self.rate, 2 * self.rate * self.mu1)
 
     def bounds(self, course: Course) -> list[Bound]:
         """Check the bounds that both inequalities imply.
@@ -83,7 +84,7 @@ class PeakGuarantee(Quadratic):
         """
         V = self.storage(course)
         largest_V = self.spectrum[1] * (course.e[0] @ course.e[0])
-        left = np.exp(-2 * self.alpha * course.t)
+        left, words = self.rates().left(course.t), self.words
         gain = self.gamma * course.v_sup
 
         def peak(start: float) -> Array:
@@ -92,7 +93,7 @@ class PeakGuarantee(Quadratic):
         late = course.late()
         still = not course.e[0].any()
         zero = [tightest("|z(t)| <= gamma sup|v| from zero error", course.t, course.z, gain)] if still else []
-        rate = "exp(-2 alpha t)"
+        rate = words.twice.strip()
         return [
             *(
                 tightest(
@@ -102,16 +103,27 @@ class PeakGuarantee(Quadratic):
             ),
             *zero,
             tightest(
-                "last fifth: |z(t)| <= gamma sup|v| + sqrt(mu2 V(e(0))) exp(-alpha t)",
+                f"last fifth: |z(t)| <= gamma sup|v| + sqrt(mu2 V(e(0))) {words.once.strip()}",
                 course.t[late],
                 course.z[late],
                 (gain + np.sqrt(self.mu2 * V[0] * left))[late],
                 float(course.z.max()),
             ),
             tightest(
-                f"sqrt(V(e(t))) <= sqrt({rate} V(e(0)) + 2 alpha mu1 integral exp(-2 alpha (t-s)) |v(s)|^2 ds)",
+                f"sqrt(V(e(t))) <= sqrt({words.twice}V(e(0)) + {self.supply} {words.added.format(v='v')})",
                 course.t,
                 np.sqrt(V),
                 np.sqrt(envelope(self, course, V)),
             ),
         ]
+
+
+@dataclass(frozen=True)
+class PeakOfSteps(Sampled, PeakGuarantee):
+    """V+ <= rho^2 V + (1 - rho^2) mu1 |v|^2 and |z|^2 <= mu2 V, and gamma^2 = mu1 mu2."""
+
+    supply: ClassVar[str] = "(1 - rho^2) mu1"
+
+    def rates(self) -> Steps:
+        """V+ <= rho^2 V + (1 - rho^2) mu1 |v|^2."""
+        return Steps(self.rate, (1 - self.rate**2) * self.mu1, self.period)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.decimals import round_down, round_up
+from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable
 from obsdesign.errors import UsageError
 from obsdesign.families.finding import smaller_class
@@ -22,22 +22,21 @@ from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import printed
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.spec import Spec
-from obsdesign.tables.text import at_least
 
 MORE = 0.05  # relative, above the least gamma over all gains, of a level that is tried with larger gains
 
 
-def beyond(decay: Decay, alpha: fmpq, limit: float | None, reached: float | None) -> tuple[bool, Diagnosis]:
-    """Answer that nothing within bounds was found at alpha, and whether that is decided.
+def beyond(decay: Decay, rate: fmpq, limit: float | None, reached: float | None) -> tuple[bool, Diagnosis]:
+    """Answer that nothing within bounds was found at a rate, and whether that is decided.
 
     `limit`: least gamma over all gains, if it is known; `reached`: least gamma within the bounds, which is too large.
     """
     bounds, level = decay.bounds, None if decay.bounds.gamma is None else float(decay.bounds.gamma)
-    solve = least(decay.engine, searchable(replace(decay.family, alpha=alpha)))
+    solve = least(decay.engine, searchable(replace(decay.family, rate=rate)))
     above = level is not None and limit is not None and limit > level
     raised = round_up(limit * (1 + MORE), 4) if above and limit else level
     size = least_size(solve, bounds, np.inf if raised is None else (raised * (1 - ROOM)) ** 2)
-    slower, enough, hints = decay.largest_below(alpha), {}, []
+    slower, enough, hints = decay.largest_below(rate), {}, []
     if size and above:
         hints = [f"allow |L1| up to {size:g} and ask for gamma at least {raised:g}, with which there is one"]
     elif size:
@@ -46,8 +45,9 @@ def beyond(decay: Decay, alpha: fmpq, limit: float | None, reached: float | None
     if reached:
         enough["gamma"] = round_up(reached * (1 + CLOSE), 4), f"{inside} gamma at least"
     if slower:
-        enough["alpha"] = round_down(slower * (1 - CLOSE), 4), f"{inside} alpha at most"
-    where = f"at alpha = {float(alpha):g}" + ("" if level is None else f" for gamma = {level:g}")
+        pace, side = decay.pace, "least" if decay.pace.sampled else "most"
+        enough[pace.key] = pace.told(pace.rounded(slower * (1 - CLOSE), 4)), f"{inside} {pace.key} at {side}"
+    where = f"at {decay.pace.said(rate)}" + ("" if level is None else f" for gamma = {level:g}")
     found = too_tight(bounds.words("L1"), where, enough, hints)
     if size and above:
         found["feasible"]["together"] = {"L1": size, "gamma": raised}
@@ -55,47 +55,50 @@ def beyond(decay: Decay, alpha: fmpq, limit: float | None, reached: float | None
     return above or excluded(solve, bounds, goal), found
 
 
-def remedied(spec: Spec, decay: Decay, alpha: fmpq, largest: float | None, diagnosis: Diagnosis) -> Diagnosis:
+def remedied(spec: Spec, decay: Decay, rate: fmpq, largest: float | None, diagnosis: Diagnosis) -> Diagnosis:
     """Diagnosis with what was tried and would do: other noise where that is in the way, and a smaller class of f."""
     within = within_bounds(spec)
     quiet = diagnosis["suggestion"] == QUIET
-    hints = list(quieter(decay, alpha, largest, within)) if quiet else [diagnosis["suggestion"]]
+    hints = list(quieter(decay, rate, largest, within)) if quiet else [diagnosis["suggestion"]]
 
     def feasible(multiplier: Multiplier) -> bool:
-        return solvable(replace(decay, family=replace(decay.family, multiplier=multiplier)), alpha)
+        return solvable(replace(decay, family=replace(decay.family, multiplier=multiplier)), rate)
 
-    found = {**largest_class(spec, feasible), "within": within}
+    found = {**largest_class(spec, feasible), "within": within, "rate": decay.pace.key}
     if "nonlinearity" in found:
         hints.append(smaller_class(spec.nonlinearities, found))
         more = {**diagnosis["feasible"], **found["feasible"]}
         diagnosis = {**diagnosis, "nonlinearity": found["nonlinearity"], "within": within, "feasible": more}
     if quiet and largest:
-        diagnosis = {**diagnosis, "feasible": {**diagnosis["feasible"], "alpha": largest}}
-    return {**diagnosis, "suggestion": "; ".join(hints) or f"a smaller alpha, D = 0 and `L2: free` will not do{within}"}
+        diagnosis = {**diagnosis, "feasible": {**diagnosis["feasible"], decay.pace.key: decay.pace.told(largest)}}
+    return {
+        **diagnosis,
+        "suggestion": "; ".join(hints) or f"{decay.pace.weaker}, D = 0 and `L2: free` will not do{within}",
+    }
 
 
-def quieter(decay: Decay, alpha: fmpq, largest: float | None, within: str) -> Iterator[str]:
+def quieter(decay: Decay, rate: fmpq, largest: float | None, within: str) -> Iterator[str]:
     """What would do where noise in y forbids the injection that a steep f needs.
 
-    `largest`: the largest alpha with a solution, if one was found.
+    `largest`: the largest rate with a solution, if one was found.
     """
-    if largest and solvable(decay, printed(largest)):
-        yield f"ask for alpha at most {at_least(largest * (1 - CLOSE), 4)}, with which there is a solution{within}"
+    if largest and solvable(decay, decay.pace.found(largest)):
+        yield f"ask for {decay.pace.slower(largest * (1 - CLOSE))}, with which there is a solution{within}"
     plant = decay.family.plant
     silent = replace(decay.family, plant=replace(plant, D=printed(np.zeros(plant.D.shape))))
     for family, words in ((silent, ""), (replace(silent, L2=None), " with `L2: free`")):
-        if solvable(replace(decay, family=family), alpha):
+        if solvable(replace(decay, family=family), rate):
             yield f"leave noise out of y (D = 0){words}, with which there is a solution{within}"
             return
 
 
-def solvable(decay: Decay, alpha: fmpq) -> bool:
+def solvable(decay: Decay, rate: fmpq) -> bool:
     """Whether there is a solution: a solver finds one, and it is not proved that there is none.
 
     None where the class does not allow a free L2.
     """
-    family = replace(decay.family, alpha=alpha)
+    family = replace(decay.family, rate=rate)
     try:
-        return decay.feasible(alpha)[0] and not impossible(family)
+        return decay.feasible(rate)[0] and not impossible(family)
     except UsageError:
         return False

@@ -50,7 +50,7 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
 
 def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
     """Error systems of the observer."""
-    return Errors.of(spec.augmented, spec.multiplier, spec.H, gains["L1"], gains["L2"])
+    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"])
 
 
 def reconstructed(spec: Spec, L1: Array, estimates: tuple[str, ...]) -> Named:

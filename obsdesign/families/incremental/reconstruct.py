@@ -68,7 +68,7 @@ def best_level(engine: Engine, level: Linf) -> Certificate | None:
     best = min([*points, *decay.lowest(points)], key=lambda point: point.get("gamma", math.inf))
     if "gamma" not in best:
         return None
-    return best_claim(engine, replace(level, alpha=rational_number(repr(best["alpha"]))))[1]
+    return best_claim(engine, replace(level, rate=rational_number(repr(best["rate"]))))[1]
 
 
 def slope_proof(engine: Engine, slope: Slope) -> SlopeProof | None:

@@ -172,7 +172,13 @@ class Reconstructed:
     def written(self) -> dict[str, Any]:
         """Witness and checks, as a result file holds them."""
         levels = {
-            name: {key: approximate(getattr(level, key)) for key in ("gamma", "alpha", "mu1", "mu2")} | level.written()
+            name: {
+                "gamma": approximate(level.gamma),
+                "alpha": approximate(level.rate),
+                "mu1": approximate(level.mu1),
+                "mu2": approximate(level.mu2),
+                **level.written(),
+            }
             for name, level in self.levels.items()
         }
         slopes = {
@@ -187,7 +193,7 @@ class Reconstructed:
         """Constants in doubles, rounded up, with the sum of the storage functions and the slowest of their rates."""
         w, w_rate, x_rate = map(above, self.constants)
         storages = [level.guarantee for level in self.levels.values()]
-        alpha = min(storage.alpha for storage in storages)
+        alpha = min(storage.rate for storage in storages)
         return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.doubles for storage in storages], axis=0))
 
 

@@ -4,20 +4,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
-from flint import fmpq, fmpq_mat
+from flint import arb, fmpq, fmpq_mat
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
+from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.pace import ALPHA, RHO, Pace
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
-from obsdesign.lmi.formula import Array, printed
+from obsdesign.families.incremental.theorems import theorem
+from obsdesign.lmi.formula import Array, printed, rational_number
+from obsdesign.lmi.spectrum import lower, upper
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec
+from obsdesign.tables.text import at_least, at_most
 
 Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
-ALPHA = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
-RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha
+SEARCHED = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
+RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha or of rho
+STEPS = Range(fmpq(1, 100_000), fmpq(1), points=25, log=True)  # .. of 1 - rho
+ESTIMATES = ("predicted", "filtered")
+DIGITS = 6  # of a rho that follows from alpha
 
 
 class Level(Section):
@@ -61,6 +69,18 @@ class Observer(asked.ObserverSection):
         otherwise="searched from 0.001 to 1000",
         example="{min: 0.01, max: 2.0, points: 25, log: true}",
     )
+    rho: str | asked.Interval | None = key(
+        asked.SEARCHED,
+        "decay a sample, |e_k| <= c rho^k, in (0, 1], or in [0, 1) for linf; of plants in discrete time",
+        otherwise="1 for l2, and searched in [0, 1) for linf",
+        example="0.95",
+    )
+    estimate: str = key(
+        OneOf("estimate", ESTIMATES),
+        "in discrete time: predicted, xhat_k knows y_0 .. y_{k-1}; or filtered, it knows y_k as well",
+        default="predicted",
+        example="filtered",
+    )
     objective: Objective | Level = key(
         Either(
             "an objective, or {gamma: a number}",
@@ -96,18 +116,26 @@ class Request:
 
     type: str
     L2: Array | None  # (nq, ny); None: free
-    alpha: fmpq | Range
+    rate: fmpq | Range  # alpha; of samples 1 - rho
     objective: Objective | Literal["gamma"] = "min-gamma"
     gamma: fmpq | None = None  # the level to reach, for objective "gamma"
     slack: fmpq = SLACK
     bounds: Bounds = NO_BOUNDS
     gains: Mapping[str, Array] | None = None  # analysis of these instead of a design
     reconstruct: bool = False  # w by pinv(B) L1 (yhat - y)
+    pace: Pace = ALPHA
+    filtered: bool = False  # whether the estimate of a sample knows its y
 
     @property
     def feedback(self) -> Array | None:
         """L2 of the gains that are analyzed, or of the design; None: free."""
         return self.gains["L2"] if self.gains else self.L2
+
+    @property
+    def told(self) -> tuple[fmpq, fmpq]:
+        """Least and largest alpha that are asked for, or rho."""
+        low, high = sorted(map(self.pace.told, ends(self.rate)))
+        return low, high
 
     @property
     def level(self) -> fmpq | None:
@@ -122,10 +150,11 @@ class Request:
 
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""
-        low, high = map(printed, ends(self.alpha))
+        told = self.pace.told
+        low, high = (told(printed(told(end))) for end in ends(self.rate))
         return replace(
             self,
-            alpha=replace(self.alpha, low=low, high=high) if isinstance(self.alpha, Range) else low,
+            rate=replace(self.rate, low=low, high=high) if isinstance(self.rate, Range) else low,
             L2=None if self.L2 is None else printed(self.L2),
             gamma=None if self.gamma is None else printed(self.gamma),
             gains=self.gains and {name: printed(matrix) for name, matrix in self.gains.items()},
@@ -144,7 +173,9 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
     request = Request(
         type=section.type,
         L2=L2,
-        alpha=read_alpha(reader, section),
+        rate=read_rate(reader, section, problem.period),
+        pace=ALPHA if problem.period is None else RHO,
+        filtered=section.estimate == "filtered",
         objective=objective,
         gamma=gamma,
         slack=asked.read_slack(reader, section.slack),
@@ -158,8 +189,12 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
         asked.note_unused(reader, section, ("L2", "objective", "slack", "bounds"), asked.AS_GIVEN)
     elif objective == "gamma":
         asked.note_unused(reader, section, ("slack",), "the level is what objective.gamma says")
-    if objective == "max-alpha" and isinstance(section.alpha, asked.Interval) and section.alpha.points:
-        reader.unused.append("observer.alpha.points has no effect: max-alpha halves the range, without a grid")
+    for name, written in (("alpha", section.alpha), ("rho", section.rho)):
+        if objective == "max-alpha" and isinstance(written, asked.Interval) and written.points:
+            reader.unused.append(f"observer.{name}.points has no effect: max-alpha halves the range, without a grid")
+    if request.filtered:
+        for where, said in problem.refused("Df", "estimate: filtered"):
+            reader.wrong(where, f"{said}; predicted estimates take it", id="OBS406")
     if request.reconstruct:
         require_reconstructible(reader, request, problem)
     return request
@@ -168,6 +203,9 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
 def require_reconstructible(reader: Reader, request: Request, problem: asked.Estimation) -> None:
     """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
     loc: Loc = ("observer", "reconstruct")
+    if problem.period is not None:
+        reader.wrong(loc, "is for continuous time; of samples take a disturbance model, as integrator", id="OBS503")
+        return
     if request.type != "linf":
         reader.wrong(loc, f"not available for type {request.type}; it needs type linf", id="OBS503")
         return
@@ -183,17 +221,78 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
             reader.wrong(loc, said, id="OBS503")
 
 
-def read_alpha(reader: Reader, section: Observer) -> fmpq | Range:
-    """Decay rate, or where to search it."""
+def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | Range:
+    """Decay rate, alpha or 1 - rho, or where to search it."""
+    if period is not None:
+        return read_steps(reader, section, period)
+    if section.rho is not None:
+        said = "is the decay a sample, of a plant with time: discrete; in continuous time give alpha (1/s)"
+        reader.wrong(("observer", "rho"), said, at_key=True, id="OBS213")
+    if section.estimate != ESTIMATES[0]:
+        said = "is of a plant with time: discrete; in continuous time there is no next sample"
+        reader.wrong(("observer", "estimate"), said, at_key=True, id="OBS213")
     loc: Loc = ("observer", "alpha")
     if section.alpha is None:
         reader.notes.append(
-            f"observer.alpha is not given and is searched from {float(ALPHA.low):g} to {float(ALPHA.high):g}"
+            f"observer.alpha is not given and is searched from {float(SEARCHED.low):g} to {float(SEARCHED.high):g}"
         )
-        return ALPHA
-    if section.objective in RANGED and not isinstance(section.alpha, asked.Interval):
-        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}", id="OBS215")
+        return SEARCHED
+    require_range(reader, section, section.alpha, loc)
     return asked.read_searched(reader, section.alpha, loc, "> 0")
+
+
+def read_steps(reader: Reader, section: Observer, period: fmpq) -> fmpq | Range:
+    """1 - rho, of rho or of alpha, or where to search it."""
+    loc: Loc = ("observer", "rho")
+    if section.rho is not None and section.alpha is not None:
+        said = "stands beside observer.alpha, and both say how fast the error decays; leave one of them out"
+        reader.wrong(loc, said, at_key=True, id="OBS206")
+    if section.alpha is not None:
+        require_range(reader, section, section.alpha, ("observer", "alpha"))
+        alpha = asked.read_searched(reader, section.alpha, ("observer", "alpha"), "> 0")
+        if isinstance(alpha, Range):
+            return replace(alpha, low=step(alpha.low, period), high=step(alpha.high, period))
+        return step(alpha, period)
+    if section.rho is None:
+        if section.type == "l2" and section.objective not in RANGED:
+            return fmpq(0)
+        reader.notes.append(f"observer.rho is not given and is searched from 0 to {float(1 - STEPS.low):g}")
+        return STEPS
+    require_range(reader, section, section.rho, loc)
+    if isinstance(section.rho, asked.Interval):
+        found = asked.read_range(reader, section.rho, loc, ">= 0")
+        ends = {"min": found.low, "max": found.high}
+        for name, value in ends.items():
+            require_rho(reader, section, value, (*loc, name))
+        return replace(found, low=1 - found.high, high=1 - found.low, log=True and found.high < 1)
+    rho = reader.number(section.rho, loc, ">= 0")
+    require_rho(reader, section, rho, loc)
+    return 1 - rho
+
+
+def require_rho(reader: Reader, section: Observer, rho: fmpq, loc: Loc) -> None:
+    """Refuse a rho outside (0, 1], or [0, 1) for linf."""
+    open_end, allowed = (rho == 1, "[0, 1)") if section.type == "linf" else (rho == 0, "(0, 1]")
+    if rho > 1 or open_end:
+        said = f"{float(rho):g} is not allowed; give a number in {allowed}, what is left of the error after a sample"
+        reader.wrong(loc, said, id="OBS208")
+
+
+def require_range(reader: Reader, section: Observer, written: str | asked.Interval, loc: Loc) -> None:
+    """Refuse a number where the objective needs a range."""
+    if section.objective in RANGED and not isinstance(written, asked.Interval):
+        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}", id="OBS215")
+
+
+def step(alpha: fmpq, period: fmpq) -> fmpq:
+    """1 - rho of alpha (1/s), rounded up to 6 digits, so that rho = exp(-alpha period) is proved at least.
+
+    Below rho = .5 rho is rounded down to 6 digits.
+    """
+    rho = (-arb(alpha * period)).exp()
+    if rho > fmpq(1, 2):
+        return rational_number(at_most(upper(1 - rho), DIGITS))
+    return 1 - rational_number(at_least(lower(rho), DIGITS))
 
 
 def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
@@ -205,11 +304,24 @@ def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
     return Bounds(gain, norm, P, gamma)
 
 
+def posed(spec: Spec, rate: fmpq | None = None, L1: Array | None = None, L2: Array | None = None) -> Incremental:
+    """Inequality of a spec in rationals, at the least rate that is asked for or another; gains: those of the request.
+
+    L2 is that of the request where it is not given.
+    """
+    request = request_of(spec).printed()
+    given, kind = request.gains or {}, theorem(request.type, sampled=request.pace.sampled)
+    rate = ends(request.rate)[0] if rate is None else rate
+    L1 = given.get("L1") if L1 is None else L1
+    L2 = given.get("L2", request.L2) if L2 is None else L2
+    return kind(spec.posed, spec.multiplier, spec.H, rate, L1, L2)
+
+
 def demand(spec: Spec) -> Demand:
     """Decay at the least alpha that is asked for, for every f of its type."""
     request = request_of(spec).printed()
     largest = None if request.gains else request.bounds.L1
-    return Demand(ends(request.alpha)[0], spec.multiplier, "alpha", "L1", largest, request.feedback)
+    return Demand(posed(spec).edge, spec.multiplier, request.pace, "L1", largest, request.feedback)
 
 
 def request_of(spec: Spec) -> Request:
@@ -220,6 +332,6 @@ def request_of(spec: Spec) -> Request:
 
 SECTION = Observer
 RESULTS = {
-    "guarantee": ("gamma", "alpha", "mu1", "mu2", "reconstruction", "limit", "limit_bounded"),
-    "observer": ("L1", "L2", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+    "guarantee": ("gamma", "gamma_v", "alpha", "rho", "mu1", "mu2", "reconstruction", "limit", "limit_bounded"),
+    "observer": ("L1", "L2", "estimate", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
 }

@@ -56,7 +56,7 @@ def failing_passivity(spec: Spec, family: Incremental) -> Diagnosis | None:
 
     Bf must have full column rank, and M12 an inverse; nothing is said otherwise, nor where L2 is free and not forced.
     """
-    p, alpha = family.plant, float(family.alpha)
+    p, alpha = family.plant, float(family.rate)
     for i, block, rows, columns in stiff_blocks(family):
         Bf = p.Bf[:, columns]
         if np.linalg.matrix_rank(Bf) < Bf.shape[1] or np.linalg.matrix_rank(block.M12) < len(block.M12):
@@ -117,7 +117,7 @@ def slow_injection(
     must: str, family: Incremental, block: Scaled, rows: slice, columns: slice, smallest: float
 ) -> Diagnosis:
     """Answer that the errors along Bf, which y does not show at once, decay too slowly."""
-    p, alpha = family.plant, float(family.alpha)
+    p, alpha = family.plant, float(family.rate)
     Bf, Cq = p.Bf[:, columns], p.Cq[rows]
     needed = "(Cq + L2 C)(A + alpha I) Bf >= 0"
     found: Diagnosis = {"id": "OBS605", "condition": "passivity", "value": smallest, "feasible": {}}
@@ -160,7 +160,7 @@ def allowed(mode: Mode) -> str:
 
 def too_stiff(family: Incremental) -> Diagnosis | None:
     """Modes that remain for steep slopes and are slower than alpha."""
-    mode, alpha = slowest(family), float(family.alpha)
+    mode, alpha = slowest(family), float(family.rate)
     if mode is None or -mode.eigenvalue.real >= alpha:
         return None
     limit = -mode.eigenvalue.real

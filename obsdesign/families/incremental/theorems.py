@@ -1,8 +1,12 @@
-"""The inequalities of each family of observers with the gains L1 and L2."""
+"""The inequalities of each family of observers with the gains L1 and L2, in continuous time and of samples."""
 
-from obsdesign.dissipation.guarantee import EnergyGuarantee
+from dataclasses import replace
+
+from obsdesign.dissipation.discrete import EQUATIONS_OF_SAMPLES, Discrete
+from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental, Theorem
-from obsdesign.families.incremental.guarantee import PeakGuarantee
+from obsdesign.dissipation.pace import RHO
+from obsdesign.families.incremental.guarantee import PeakGuarantee, PeakOfSteps
 from obsdesign.lmi.formula import Array, Inequality, Values
 
 
@@ -29,7 +33,7 @@ class L2(Incremental):
         level="mu2 <= gamma^2 mu1",
         margin=lambda gamma, mu1, mu2: gamma * gamma * mu1 - mu2,
         statement="norm2(z) <= sqrt(e0' P e0 / mu1) + {gamma} norm2(v), "
-        f"and |e(t)| <= sqrt(cond(P)) exp(-{{alpha}} t) |e0| where v = 0; for {EQUATIONS}",
+        f"and |e(t)| <= sqrt(cond(P)) exp(-{{rate}} t) |e0| where v = 0; for {EQUATIONS}",
         monotone=True,
     )
 
@@ -71,7 +75,7 @@ class Linf(Incremental):
         gamma="sup|z| <= gamma sup|v| from zero error",
         level="mu1 mu2 <= gamma^2",
         margin=lambda gamma, mu1, mu2: gamma * gamma - mu1 * mu2,
-        statement="(P1) |e(t)| <= sqrt(cond(P)) exp(-{alpha} t) |e0| where v = 0; "
+        statement="(P1) |e(t)| <= sqrt(cond(P)) exp(-{rate} t) |e0| where v = 0; "
         "(P2) e' P e <= max(e0' P e0, mu1 sup|v|^2) at all times; "
         "(P3) |z(t)| <= {gamma} sup|v| from e0 = 0; (P4) limsup |z(t)| <= {gamma} sup|v| from every e0; "
         f"for {EQUATIONS}",
@@ -81,11 +85,57 @@ class Linf(Incremental):
     def theorem(self, v: Values) -> tuple[Inequality, ...]:
         """(13a), (13b), P > 0 and membership of the multiplier."""
         output = Inequality("|z|^2 <= mu2 V", self.H.mT @ self.H - v["mu2"] * v["P"])
-        return (*self.conditions(v, 0 * v["mu1"], 2 * self.alpha * v["mu1"]), output)
+        return (*self.conditions(v, 0 * v["mu1"], self.loss * v["mu1"]), output)
 
     def weights(self, mu: Array) -> Values:
         """mu1 = mu and mu2 = 1, so that P >= H'H and (13a) is linear in mu."""
         return {"mu1": mu, "mu2": ONE}
 
 
+class DiscreteL2(Discrete, L2):
+    """L2 observers of plants x+ = A x + Bf f(q) + gx + B w, by our own derivation.
+
+        V+ - rho^2 V + mu1 |z|^2 - mu2 |v|^2 <= 0,    0 < rho <= 1,    gamma = sqrt(mu2 / mu1),
+
+    so that sum |z|^2 <= V_0 / mu1 + gamma^2 sum |v|^2 over any first samples, and |e_k| <= sqrt(cond P) rho^k |e_0|
+    where v = 0. At rho = 1 only z -> 0 follows.
+    """
+
+    about = replace(
+        L2.about,
+        guarantee=EnergyOfSteps,
+        decrease="V+ - rho^2 V + mu1 |z|^2 - mu2 |v|^2 <= 0",
+        statement="sum |z|^2 <= e0' P e0 / mu1 + {gamma}^2 sum |v|^2 over any first samples, "
+        f"and |e_k| <= sqrt(cond(P)) {{rate}}^k |e0| where v = 0; for {EQUATIONS_OF_SAMPLES}",
+        pace=RHO,
+        at_rest="weak",
+    )
+
+
+class DiscreteLinf(Discrete, Linf):
+    """L-infinity observers of plants x+ = A x + Bf f(q) + gx + B w, by our own derivation.
+
+        V+ <= rho^2 V + (1 - rho^2) mu1 |v|^2,    |z|^2 <= mu2 V,    0 <= rho < 1,    gamma = sqrt(mu1 mu2),
+
+    so that V_k <= max(V_0, mu1 sup|v|^2), with P1 to P4 of `Linf` in samples. The best rho may be 0, with dead beat.
+    """
+
+    about = replace(
+        Linf.about,
+        guarantee=PeakOfSteps,
+        decrease="V+ - rho^2 V - (1 - rho^2) mu1 |v|^2 <= 0",
+        statement="(P1) |e_k| <= sqrt(cond(P)) {rate}^k |e0| where v = 0; "
+        "(P2) e' P e <= max(e0' P e0, mu1 sup|v|^2) at all samples; "
+        "(P3) |z_k| <= {gamma} sup|v| from e0 = 0; (P4) limsup |z_k| <= {gamma} sup|v| from every e0; "
+        f"for {EQUATIONS_OF_SAMPLES}",
+        pace=RHO,
+    )
+
+
 THEOREMS: dict[str, type[Incremental]] = {family.about.name: family for family in (L2, Linf)}
+DISCRETE: dict[str, type[Incremental]] = {family.about.name: family for family in (DiscreteL2, DiscreteLinf)}
+
+
+def theorem(name: str, *, sampled: bool) -> type[Incremental]:
+    """Theorem of a family, for a plant in continuous time or of samples."""
+    return (DISCRETE if sampled else THEOREMS)[name]

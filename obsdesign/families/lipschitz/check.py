@@ -7,12 +7,14 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, detectability, finding
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.lmi.formula import in_floats
+from obsdesign.model.edge import Edge
 from obsdesign.spec import Spec
 
 SMALLER = "declare a smaller constant, on a `region`, or describe f by a slope and use type l2"
@@ -22,9 +24,9 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:
     """Detectability at the decay that is asked for, constants that no gain can exceed, sigma(H), and L D = B."""
     request = request_of(spec)
     decay, _ = ends(request.decay)
-    plant, K = spec.augmented.doubles, in_floats(spec.multiplier.member)
-    found = detectability(plant, K, float(decay), "decay")
-    unit = Lipschitz.of(spec.augmented, spec.multiplier, proportions(request.lipschitz), spec.H, decay)
+    plant, K = spec.posed.doubles, in_floats(spec.multiplier.member)
+    found = detectability(plant, K, Edge(float(decay)), DECAY)
+    unit = Lipschitz.of(spec.posed, spec.multiplier, proportions(request.lipschitz), spec.H, decay)
     most = ceiling(unit) if all(f.holds for f in found) else None
     levels = request.objective != "max-lipschitz"
     if most is not None:
@@ -64,7 +66,7 @@ def attenuation(spec: Spec, request: LipschitzRequest) -> list[Finding]:
     size = float(np.linalg.norm(in_floats(spec.H), 2))
     needed = request.relaxation == "abbaszadeh" and request.objective != "max-lipschitz"
     said = f"sigma(H) = {size:.6g}, and Theorems 3 and 4 (relaxation abbaszadeh) need it to be below 1"
-    free = cancels(spec.augmented)
+    free = cancels(spec.posed)
     exact = "and gamma = 0 is possible with that gain if it also converges" if free else "so that gamma > 0"
     return [
         finding("sigma(H)", size < 1, said, decides=needed, sigma=size, id="OBS608"),

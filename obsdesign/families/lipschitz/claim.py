@@ -59,7 +59,7 @@ class Claim(Proved):
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
-        gamma, decay = at_most(self.certificate.gamma), at_least(self.certificate.alpha)
+        gamma, decay = at_most(self.certificate.gamma), at_least(self.certificate.rate)
         level = f", gamma {gamma}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
         more = f"; constants up to {at_least(self.admissible.lipschitz)} are tolerated" if self.admissible else ""
         return f"Lipschitz constant {at_least(self.lipschitz)}{level}; decay rate {decay} 1/s{more}"
@@ -76,7 +76,7 @@ class Claim(Proved):
         """Claim in words, with norms over [0, T] for every T, and with the observer written out."""
         g, drive = self.certificate.guarantee, spec.observer.drive if spec.disturbed else ""
         level = f"norm2(z) <= sqrt(e0' P e0) + {g.gamma!r} norm2({drive}), and "
-        decays = f"|e(t)| <= sqrt(cond(P)) exp(-{g.alpha!r} t) |e0|" if g.alpha else "e(t) -> 0"
+        decays = f"|e(t)| <= sqrt(cond(P)) exp(-{g.rate!r} t) |e0|" if g.rate else "e(t) -> 0"
         said = f"{level}{decays} where {drive} = 0" if drive else decays
         every = f"for every f with {bounds('f', shared(self.lipschitz, spec))}"
         parts = [f"{said}; for {EQUATIONS}", every, *self.beyond(spec)]
@@ -101,7 +101,7 @@ class Claim(Proved):
             "lipschitz": below(self.lipschitz),
             **({"constants": constants} if len(constants) > 1 else {}),
             **({"gamma": g.gamma} if spec.disturbed else {}),
-            "decay": g.alpha,
+            "decay": g.rate,
             **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
             **({"admissible": below(more.lipschitz)} if more else {}),
             "margin": self.margin(spec),
@@ -161,7 +161,7 @@ def held(request: LipschitzRequest, L: Array, certificate: Certificate, *, distu
 
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
     """Exact gain of a file."""
-    plant = spec.augmented
+    plant = spec.posed
     return {"L": file.matrix((plant.n, len(plant.C)), "observer", "L")}
 
 
@@ -184,7 +184,7 @@ def read_certificate(
     bounds: Bounds = NO_BOUNDS,
 ) -> Certificate:
     """Certificate of a constant and a decay rate, with gamma, mu1 and mu2, P and multipliers where they stand."""
-    plant = spec.augmented
+    plant = spec.posed
     constants = [lipschitz * share for share in proportions(request_of(spec).lipschitz)]
     family = Lipschitz.of(plant, spec.multiplier, constants, spec.H, decay, L)
     values = {"P": file.matrix((plant.n, plant.n), *witness, "P")}

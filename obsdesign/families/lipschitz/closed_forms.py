@@ -66,7 +66,7 @@ class Unseen:
         p = unit.plant
         rows = np.linalg.norm(p.C, axis=1, keepdims=True)
         N, M = split(p.C / np.where(rows > 0, rows, 1))
-        A = p.A + unit.alpha * np.eye(p.n)
+        A = p.A + unit.rate * np.eye(p.n)
         return cls(N.T @ A @ N, np.asarray(np.linalg.qr(M.T @ A @ N, mode="r")))
 
     @property
@@ -127,7 +127,7 @@ class Core:
     def of(cls, unit: Lipschitz) -> "Core":
         """For a family in doubles; its Df is zero."""
         p, none, blocks = unit.plant, np.zeros, unit.multiplier.scaled_blocks()
-        balanced = scaled(System(p.A + unit.alpha * np.eye(p.n), none((p.n, 0)), p.C, none((len(p.C), 0))))
+        balanced = scaled(System(p.A + unit.rate * np.eye(p.n), none((p.n, 0)), p.C, none((len(p.C), 0))))
         columns = np.split(p.Bf / balanced.states[:, None], np.cumsum([b.nf for b in blocks])[:-1], axis=1)
         sizes = [float(np.linalg.norm(B, 2)) or 1.0 for B in columns]
         rows = [size * part * balanced.states for size, part in zip(sizes, arguments(unit), strict=True)]

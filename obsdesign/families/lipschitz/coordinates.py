@@ -78,12 +78,12 @@ def scaling(spec: Spec, engine: Engine, T: Sequence[str] | None = None) -> dict[
     entry that is not positive. Raises `UndecidedError`: no Lipschitz constant of f could be proved.
     """
     view = StateFunction.of(spec, engine)
-    ones = (fmpq(1),) * spec.augmented.n
+    ones = (fmpq(1),) * spec.posed.n
     identity = view.scaled(ones)
     chosen = given(T, len(ones)) if T else view.best(identity)
     return {
         "relaxation": view.relaxation,
-        "decay": float(view.unit.alpha),
+        "decay": float(view.unit.rate),
         "identity": identity.report(),
         "scaled": view.scaled(chosen).report(),
         "edge": not T and bool(max(max(t, 1 / t) for t in chosen) >= LARGEST),
@@ -118,7 +118,7 @@ class StateFunction:
     @classmethod
     def of(cls, spec: Spec, engine: Engine) -> "StateFunction":
         """View of a spec."""
-        plant, n = spec.augmented, spec.augmented.n
+        plant, n = spec.posed, spec.posed.n
         if (plant.Dqf != 0).any() or (plant.Df != 0).any() or not plant.Bf.size:
             raise UsageError(
                 "f is not of the states alone, or is in y (Dqf, Df), which --scaling cannot take", id="OBS406"
@@ -217,7 +217,7 @@ def whole(spec: Spec) -> tuple[Matrix, dict[str, Range]]:
     for k, block in enumerate(spec.nonlinearities, start=1):
         f = restriction(block)
         require_continuous(f)
-        after = spec.augmented.Cq.shape[0] - before - f.nq
+        after = spec.posed.Cq.shape[0] - before - f.nq
         J += [[zero] * before + [renamed(g, f.box, k) for g in row] + [zero] * after for row in f.jacobian]
         box |= {f"f{k}.{name}": limits for name, limits in f.box.items()}
         before += f.nq

@@ -46,7 +46,7 @@ def design(spec: Spec, engine: Engine) -> Outcome:
         ]
         return all(lower < share for lower, share in zip(known, shares, strict=True))
 
-    return design_lipschitz(spec.augmented, spec.multiplier, spec.H, request, engine, tolerable)
+    return design_lipschitz(spec.posed, spec.multiplier, spec.H, request, engine, tolerable)
 
 
 def design_lipschitz(

@@ -23,4 +23,4 @@ def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
 
 def as_incremental(spec: Spec, gains: Mapping[str, Array]) -> dict[str, Array]:
     """Gains L1 and L2 of the same observer."""
-    return {"L1": -gains["L"], "L2": np.zeros((len(spec.augmented.Cq), len(spec.augmented.C)))}
+    return {"L1": -gains["L"], "L2": np.zeros((len(spec.posed.Cq), len(spec.posed.C)))}

@@ -128,7 +128,7 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Ou
     curves = []
     for i, decay in enumerate(decays):
         study.engine.report(i / len(decays), f"decay = {float(decay):.4g}")
-        curves.append(list(curve(replace(study, unit=replace(study.unit, alpha=decay)), weights)))
+        curves.append(list(curve(replace(study, unit=replace(study.unit, rate=decay)), weights)))
     search = searched(study, [spot.point(study.bounds) for spots in curves for spot in spots])
     candidates = next((spots for spots in curves if any(spot.proved for spot in spots)), [])
     if not candidates:
@@ -167,7 +167,7 @@ def solve_of(study: Study) -> Solve:
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
     """Points of one decay, corners marked."""
-    decay = float(study.unit.alpha)
+    decay = float(study.unit.rate)
     if study.obstacle():
         yield from (Spot(float(weight), decay) for weight in weights)
         return

@@ -37,7 +37,7 @@ def gate(
     `relaxation`: one of `RELAXATIONS`; `tolerable`: whether f may have no larger constant than one.
     """
     fixed = in_floats(unit)  # f = 0 is in the class
-    found = hidden_mode(fixed.plant, fixed.multiplier.member, fixed.alpha)
+    found = hidden_mode(fixed.plant, fixed.multiplier.member, fixed.edge, fixed.about.pace)
     if found or request.objective == "max-lipschitz":
         return found
     declared = float(max(request.lipschitz))
@@ -115,7 +115,7 @@ def too_large(
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
-    slower = largest_for_gamma(engine, replace(unit, alpha=0 * unit.alpha), relaxation).value if unit.alpha else 0.0
+    slower = largest_for_gamma(engine, replace(unit, rate=0 * unit.rate), relaxation).value if unit.rate else 0.0
     if slower > declared:
         hints.append("look at a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
     return {**found, "suggestion": ", or ".join(hints) or "f has a larger constant, and one more state will not do"}
@@ -206,9 +206,9 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
     """
     fixed = in_floats(family)
     pole = fixed.slowest_pole()
-    slow = pole.real >= -fixed.alpha
+    slow = pole.real >= -fixed.rate
     if slow:
-        short = f"too slow for the decay {fixed.alpha:g}" if pole.real < 0 else "and does not decay"
+        short = f"too slow for the decay {fixed.rate:g}" if pole.real < 0 else "and does not decay"
         reason = f"without f the slowest pole of the error is {text(pole)}, {short}"
     else:
         reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"

@@ -38,6 +38,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import EnergyGuarantee
 from obsdesign.dissipation.inequality import ONE
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.formula import (
     Array,
@@ -68,7 +69,7 @@ ATTENUATES = "[H'H + c I, P B - F D; ., -mu I] <= 0"
 class LipschitzGuarantee(EnergyGuarantee):
     """V' + 2 decay V + |z|^2 - gamma^2 |v|^2 <= 0: that of the energy, with mu1 = 1, in the words of the paper."""
 
-    rate: ClassVar[str] = "decay"
+    symbol_in_words: ClassVar[str] = "decay"
     weight: ClassVar[str] = ""
     symbol: ClassVar[str] = "decay"
 
@@ -82,7 +83,8 @@ class Lipschitz(L2):
         guarantee=LipschitzGuarantee,
         decrease="V' + 2 decay V + |z|^2 - mu |w|^2 <= 0",
         level="mu <= gamma^2",
-        zero_decay=True,
+        pace=DECAY,
+        at_rest="strict",
     )
     power: ClassVar[int] = 2  # xi of `converging` is the constant to minus this
 
@@ -130,7 +132,7 @@ class Lipschitz(L2):
         (block,) = self.multiplier.scaled_blocks()
         Cq = self.plant.Cq
         forced = self.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
-        decrease = Inequality(self.about.decrease, forced, strict=not self.alpha)
+        decrease = Inequality(self.about.decrease, forced, strict=not self.rate)
         return [decrease, Inequality("P > 0", -v["P"], strict=True)]
 
 
@@ -163,7 +165,7 @@ class Unstructured(Lipschitz):
     def convergence(self, v: Values, a: Array) -> Inequality:
         """X < -a I."""
         p, P, Y = self.plant, v["P"], self.injected(v)  # Y = -F
-        return Inequality(CONVERGES, he(P @ p.A + Y @ p.C) + 2 * self.alpha * P + a * self.eye, strict=True)
+        return Inequality(CONVERGES, he(P @ p.A + Y @ p.C) + 2 * self.rate * P + a * self.eye, strict=True)
 
     def attenuation(self, v: Values, c: Array) -> Inequality:
         """[H'H + c I, P B - F D; ., -mu I] <= 0, for the weight mu1 of H'H and the supply mu2."""

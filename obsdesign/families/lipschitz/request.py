@@ -8,10 +8,12 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
 from obsdesign.lmi.formula import Array, identity, printed
 from obsdesign.model.disturbance import augment
+from obsdesign.model.edge import Edge
 from obsdesign.nonlinearities import combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.sections.document import Loc, dotted
@@ -99,6 +101,7 @@ class LipschitzRequest:
     """
 
     reconstruct: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False
 
     type: str
     lipschitz: tuple[fmpq, ...]  # declared constant of each block of f
@@ -261,8 +264,8 @@ def demand(spec: Spec) -> Demand:
     request, sizes = request_of(spec), [(block.nq, block.nf) for block in spec.multiplier.blocks]
     part = 0 if request.objective == "max-lipschitz" else 1
     assumed = combine(lipschitz(part * k, *size) for k, size in zip(request.lipschitz, sizes, strict=True))
-    largest, none = None if request.gains else request.bounds.L1, 0 * (spec.augmented.Cq @ spec.augmented.C.T)
-    return Demand(printed(ends(request.decay)[0]), assumed, "decay", "L", largest, none)
+    largest, none = None if request.gains else request.bounds.L1, 0 * (spec.posed.Cq @ spec.posed.C.T)
+    return Demand(Edge(printed(ends(request.decay)[0])), assumed, DECAY, "L", largest, none)
 
 
 def request_of(spec: Spec) -> LipschitzRequest:

@@ -36,7 +36,7 @@ class Stretch:
     def scale(self) -> float:
         """Constant of f that is as large as the dynamics are fast, so that units do not matter."""
         p, whole = self.family.plant, self.family.lipschitz
-        rate = float(np.linalg.norm(p.A + self.family.alpha * self.family.eye, 2))
+        rate = float(np.linalg.norm(p.A + self.family.rate * self.family.eye, 2))
         return rate / whole if rate and whole else 1.0
 
     def objective(self, constant: float) -> float:

@@ -72,7 +72,7 @@ class Study:
     @property
     def closed(self) -> bool:
         """Whether a gain within bounds attains a positive limit: at the decay 0 the inequality is strict."""
-        return bool(self.unit.alpha > 0)
+        return bool(self.unit.rate > 0)
 
     @property
     def disturbed(self) -> bool:
@@ -156,20 +156,20 @@ class Study:
         above = goal < least
         gamma = round_up(math.sqrt(least) * (1 + MORE), 4) if above else None
         size = least_size(solve_of(self), self.bounds, (gamma * (1 - ROOM)) ** 2 if gamma else goal)
-        found = too_small(self.bounds, float(self.unit.alpha), size, self.slower(solve_of, goal), gamma)
+        found = too_small(self.bounds, float(self.unit.rate), size, self.slower(solve_of, goal), gamma)
         return judged(found, decided=decided or above, **known)
 
     def slower(self, solve_of: Callable[["Study"], Solve], goal: float) -> float | None:
         """Smaller decay, about the largest, at which the objective is at most a goal; None if 0 will not do either."""
 
         def reaches(decay: float) -> bool:
-            study = replace(self, unit=replace(self.unit, alpha=rational_number(repr(decay))))
+            study = replace(self, unit=replace(self.unit, rate=rational_number(repr(decay))))
             answer = bounded(solve_of(study), self.bounds)
             return answer.status is Status.OPTIMAL and answer.objective <= goal
 
-        if not self.unit.alpha or not reaches(0.0):
+        if not self.unit.rate or not reaches(0.0):
             return None
-        return round_down(edge(reaches, 0.0, float(self.unit.alpha), CLOSE) * (1 - CLOSE), 4)
+        return round_down(edge(reaches, 0.0, float(self.unit.rate), CLOSE) * (1 - CLOSE), 4)
 
     def first(self, candidates: Iterable[tuple[Array, Claim | None]]) -> tuple[Array | None, Claim | None]:
         """The first gain with a proof; or else the last one, without."""
@@ -188,4 +188,4 @@ class Study:
 
 def recast(unit: Lipschitz, kind: type[K], L: Array | None = None) -> K:
     """Same problem in another relaxation, for a gain in rationals, or any."""
-    return kind(unit.plant, unit.multiplier, unit.H, unit.alpha, None if L is None else -L, unit.L2)
+    return kind(unit.plant, unit.multiplier, unit.H, unit.rate, None if L is None else -L, unit.L2)

@@ -52,7 +52,7 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
 
 def hides(unit: Lipschitz) -> bool:
     """Whether a mode is undetectable at the rate of a family in doubles."""
-    return bool(undetectable(unit.plant, unit.multiplier.member, unit.alpha))
+    return bool(undetectable(unit.plant, unit.multiplier.member, unit.edge))
 
 
 def theorem2(engine: Engine, unit: Lipschitz) -> Supremum:
@@ -64,10 +64,10 @@ def theorem2(engine: Engine, unit: Lipschitz) -> Supremum:
     if not unseen.order:
         return Supremum(inf, closed=EVERY)
     if unseen.order == 1:
-        attained = fixed.alpha > 0 and not unseen.W.any()
+        attained = fixed.rate > 0 and not unseen.W.any()
         return Supremum(unseen.closed, attained, "(|w| - nu'w) / 2, C nu = 0, w = (A + decay I) nu")
     answer = optimum(engine, unseen.problem())
-    return Supremum(max(-answer.objective / 2, 0.0), fixed.alpha > 0 and unseen.regular(answer.values))
+    return Supremum(max(-answer.objective / 2, 0.0), fixed.rate > 0 and unseen.regular(answer.values))
 
 
 def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
@@ -77,7 +77,7 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     core = Core.of(unit)
     if not core.shares:
         return Supremum(inf, closed=EVERY)
-    attainable = unit.alpha > 0 and len(unit.multiplier.blocks) == 1
+    attainable = unit.rate > 0 and len(unit.multiplier.blocks) == 1
     if len(core.shares) == len(core.system.A) == 1:
         value, decays = core.closed
         return Supremum(value, attainable and decays, "least size of a linear f that hides a mode")

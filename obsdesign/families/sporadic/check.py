@@ -2,10 +2,12 @@
 
 from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import Pace
 from obsdesign.families.finding import Finding, detectability, finding
 from obsdesign.families.sporadic.reasons import hiding_interval
 from obsdesign.families.sporadic.request import request_of
 from obsdesign.lmi.formula import in_floats
+from obsdesign.model.edge import Edge
 from obsdesign.spec import Spec
 
 
@@ -18,6 +20,6 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     seen = f"no interval up to T2 = {T2:g} hides the difference of two modes"
     seen += " with f = K q at the ends of the types" if multiplier.blocks else ""
     return [
-        *detectability(plant.doubles, in_floats(multiplier.member), decay, "lambda_t"),
+        *detectability(plant.doubles, in_floats(multiplier.member), Edge(decay), Pace("lambda_t")),
         finding("sampling", not hiding, hiding.get("reason", seen), decides=True, id="OBS610"),
     ]

@@ -15,6 +15,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import BEST_FOUND, Diagnosis, Outcome, Search, Verdict
@@ -29,6 +30,7 @@ from obsdesign.families.sporadic.request import RANGED, SporadicRequest
 from obsdesign.families.sporadic.study import Made, Point, Scheme, Study, schemes, within_slack
 from obsdesign.families.sporadic.units import SPEC, units
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
+from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -53,7 +55,7 @@ class Designer:
         """Gates that need no solver, then the objective."""
         plant, multiplier = self.setting.plant, self.setting.multiplier
         T2, decay = float(self.T2.low), float(self.decay.low)
-        hidden = hidden_mode(plant.doubles, in_floats(multiplier.member), decay, "lambda_t = ")
+        hidden = hidden_mode(plant.doubles, in_floats(multiplier.member), Edge(decay), DECAY, "lambda_t = ")
         if hidden:
             return self.completed(Outcome(Verdict.INFEASIBLE, diagnosis=hidden))
         if hiding := hiding_interval(plant, multiplier, decay, T2):

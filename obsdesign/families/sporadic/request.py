@@ -7,11 +7,13 @@ from typing import ClassVar
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
 from obsdesign.families.sporadic.clock.bernstein import FARTHEST, LARGEST_DEGREE, MOST_SEGMENTS, SHAPE, Shape
 from obsdesign.families.sporadic.section import CLOCK, INJECTIONS, ClockSection, SporadicObjective, SporadicObserver
 from obsdesign.lmi.formula import Array, printed
+from obsdesign.model.edge import Edge
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec
@@ -29,6 +31,7 @@ class SporadicRequest:
     """The `observer` section of a spec for the family whose measurements arrive sporadically."""
 
     reconstruct: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False
 
     type: str
     T1: fmpq  # s, shortest interval between measurements
@@ -286,7 +289,8 @@ def demand(spec: Spec) -> Demand:
     """Decay at the least decay that is asked for, for every f of its type."""
     request, none = request_of(spec), 0 * (spec.augmented.Cq @ spec.augmented.C.T)
     largest = None if request.gains or request.clocked else request.largest_gain
-    return Demand(printed(ends(request.decay)[0]), spec.multiplier, "decay", "L", largest, none, "Theorem 2")
+    edge = Edge(printed(ends(request.decay)[0]))
+    return Demand(edge, spec.multiplier, DECAY, "L", largest, none, "Theorem 2")
 
 
 def request_of(spec: Spec) -> SporadicRequest:

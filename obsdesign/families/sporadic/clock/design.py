@@ -17,6 +17,7 @@ from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import UNDISTURBED, hidden_mode
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Verdict
@@ -37,6 +38,7 @@ from obsdesign.families.sporadic.study import within_slack
 from obsdesign.families.sporadic.theorem import tied_gain
 from obsdesign.families.sporadic.units import units
 from obsdesign.lmi.formula import Array, Exact, in_floats, printed
+from obsdesign.model.edge import Edge
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
@@ -85,7 +87,7 @@ class ClockDesigner:
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
         member, (T2, decay) = in_floats(self.multiplier.member), self.lowest
-        if hidden := hidden_mode(self.plant.doubles, member, float(decay), "lambda_t = "):
+        if hidden := hidden_mode(self.plant.doubles, member, Edge(float(decay)), DECAY, "lambda_t = "):
             return Outcome(Verdict.INFEASIBLE, diagnosis=hidden)
         hiding = hiding_interval(self.plant, self.multiplier, float(decay), float(T2))
         if hiding and hiding["interval"] >= float(self.T1):

@@ -1,0 +1,52 @@
+"""Observers of plants x+ = A x + Bf f(q) + gx + B w, + the next sample: a second reading of the same inequality.
+
+With e+ = Ne e + Nf f~ + Nv v and V = e' P e the inequality (13) becomes
+
+    V+ - rho^2 V + z' W z - m |v|^2 <= 0,    rho = 1 - rate,
+
+N' P N - .. <= 0 for given gains, N = [Ne Nf Nv]. For an L1 that is to be found P N = P [A Bf -B] + Y [C Df -D] stands
+in rows of its own, by the complement of Schur on -P, which is an equivalence for P > 0.
+
+Other than in continuous time, projecting Y out leaves two inequalities: the part without these rows has to be negative
+as well, so that P has a floor, and L2 matters for the least gamma even where M22 < 0.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from obsdesign.dissipation.inequality import EQUATIONS, Incremental, stored_and_supplied
+from obsdesign.lmi.formula import Array, Injection, Values, symmetric, zeros
+
+EQUATIONS_OF_SAMPLES = EQUATIONS.replace("xihat' =", "xihat+ =")
+
+
+class Discrete(Incremental):
+    """What is other of a family where time is counted in samples."""
+
+    @property
+    def loss(self) -> Any:
+        """1 - rho^2, in which the inequality is affine."""
+        return self.rate * (2 - self.rate)
+
+    def dissipation(self, v: Values, Q: Array, m: Array) -> Array:
+        """V+ - rho^2 V + e' Q e - m |v|^2 in (e, f, v), in u where L2 is free, and in + where L1 is to be found."""
+        p, P, Y = self.plant, v["P"], v["Y"]
+        none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
+        left = symmetric([[(self.lost - 1) * P, 0], [none]])
+        S = stored_and_supplied(left, self.supplied(v, Q, m))
+        if self.L1 is not None:
+            N = np.hstack([p.A + self.L1 @ p.C, p.Bf + self.L1 @ p.Df, -(p.B + self.L1 @ p.D)])
+            return stored_and_supplied(N.mT @ P @ N, S)
+        NP = np.concatenate([P @ p.A + Y @ p.C, P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1).mT
+        below = zeros((*NP.shape[:-2], S.shape[-1] - NP.shape[-2], p.n), [P])  # rows of u
+        return symmetric([[S, np.concatenate([NP, below], axis=-2)], [-P]])
+
+    @property
+    def injection(self) -> Injection | None:
+        """Y enters (13) as He([0; I] Y [C Df -D 0]), I in the rows of V+, where it is unknown."""
+        if self.L1 is not None:
+            return None
+        n, rows = self.plant.n, self.residual.shape[1]
+        right = np.hstack([self.residual, np.zeros((len(self.residual), n))])
+        return Injection("Y", np.eye(rows + n, n, -rows), right)

@@ -1,0 +1,108 @@
+"""The least gamma at one decay rate, over all gains and within bounds, and the level that is to be certified."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flint import fmpq
+
+from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.gain import norm, sized, within
+from obsdesign.dissipation.inequality import Incremental, Theorem
+from obsdesign.dissipation.pace import Pace
+from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
+from obsdesign.errors import UndecidedError
+from obsdesign.families.incremental.decay import Point
+from obsdesign.families.incremental.request import Request
+from obsdesign.families.outcome import BEST_FOUND, bounded_kind
+from obsdesign.lmi.solve import Status
+
+FLAT = 1e-5  # relative difference of two gammas that are taken as equal
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is asked, at which rates gamma is known, and what a user is told."""
+
+    engine: Engine
+    about: Theorem
+    request: Request
+    points: Sequence[Point]
+    notes: list[str]
+
+    @property
+    def pace(self) -> Pace:
+        """How the rate is told."""
+        return self.about.pace
+
+    def at(self, search: Incremental, rate: fmpq) -> tuple[dict[str, Any], Level | None]:
+        """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
+        answer = self.engine.minimise(search.least_gamma())
+        if answer.status is Status.INFEASIBLE:
+            return {}, None
+        free = self.request.objective in {"feasibility", "max-alpha"}
+        table = (zero := vanishing(self.engine, search, answer)).table
+        if answer.status is Status.OPTIMAL or table or zero.instead:
+            level = Level.of_all(answer, zero)
+            known = {"gamma": level.gamma, "attained": level.attained, **self.kind(rate)}
+            limits: dict[str, Any] = {"limit": self.best(known)}
+        elif free or self.request.bounds.restricted:
+            level, limits = Level(0.0), {"limit": {"attained": False}}
+            if not free:
+                self.notes.append(f"the least gamma over all gains was not found: {answer.reason}")
+        else:
+            said = f"neither gains nor a proof that there are none were found at {self.pace.said(rate)}"
+            raise UndecidedError(f"{said}: {answer.reason}", id="OBS507")
+        if not self.request.bounds.restricted:
+            if table and self.request.objective in {"min-gamma", "pareto"}:
+                raise unbounded(self.pace.said(rate), table)
+            return limits, level
+        bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
+        if bounded.status is not Status.OPTIMAL:
+            if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
+                raise unbounded(self.pace.said(rate), table)
+            return limits, None
+        level = Level.within(bounded, zero, self.request.bounds)
+        kind = {**self.kind(rate), **bounded_kind(self.request.bounds)}
+        return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
+
+    def best(self, limit: dict[str, Any]) -> dict[str, Any]:
+        """Limit at one rate of a search; where it is the best that was found, the least of the whole curve."""
+        least = min((p for p in self.points if "gamma" in p), key=lambda point: point["gamma"], default=None)
+        if least is None or self.about.monotone or least["gamma"] * (1 + FLAT) >= limit["gamma"]:
+            return limit
+        return {**limit, "gamma": least["gamma"], "at": self.place(least["rate"])}
+
+    def kind(self, rate: fmpq) -> dict[str, Any]:
+        """Where the rate was searched: at which one a limit is; the best found, unless a lower rate has less."""
+        found = {} if self.about.monotone else BEST_FOUND
+        return {"at": self.place(rate), **found} if self.points else {}
+
+    def place(self, rate: Any) -> dict[str, float]:
+        """Alpha of a rate, or rho, by its key."""
+        return {self.pace.key: float(self.pace.told(self.pace.found(float(rate))))}
+
+    def target(self, search: Incremental, least: Level) -> float:
+        """Gamma to be certified, within the slack of the limit; where the objective is not gamma, it is `moderate`."""
+        bounds = self.request.bounds
+        if self.request.gamma is not None:
+            return float(self.request.gamma)
+        if self.request.objective in {"feasibility", "max-alpha"}:
+            if bounds.gamma is not None:
+                return float(bounds.gamma)
+            easy = max(self.moderate(search), least.instead or 0.0)
+            least = max(least, Level(easy), key=lambda level: level.gamma)
+        if least.attained:
+            self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
+        return least.target(float(self.request.slack))
+
+    def moderate(self, search: Incremental) -> float:
+        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
+        wide = self.engine.widest(search.witness(None))
+        if wide.status is not Status.OPTIMAL:
+            raise UndecidedError(f"no solution was found for {self.pace.said(search.rate)}: {wide.reason}", id="OBS507")
+        size = 2 * norm(wide.values, self.request.bounds)
+        answer = self.engine.minimise(search.least_gamma(sized(self.request.bounds, size)))
+        level = answer.objective if answer.status is Status.OPTIMAL else wide.values["mu"].item()
+        return math.sqrt(max(level, 0.0)) if search.plant.B.shape[1] else 1.0  # without a disturbance any gamma holds

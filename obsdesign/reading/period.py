@@ -1,0 +1,46 @@
+"""Time of a spec: continuous, or counted in samples that are a period apart."""
+
+from collections.abc import Iterator
+
+from flint import fmpq
+
+from obsdesign.families import FAMILIES, Family
+from obsdesign.reading.schema import File
+from obsdesign.sections.document import Loc
+from obsdesign.sections.values import Reader
+
+LOC: Loc = ("system", "period")
+TIMED = ("alpha", "decay")  # keys of an observer that are in 1/s
+
+
+def read_period(reader: Reader, file: File, family: Family | None) -> fmpq | None:
+    """Period of the samples in s; None in continuous time."""
+    system = file.system
+    if system is None:
+        return None
+    if system.time != "discrete":
+        if system.period is not None:
+            said = "goes with time: discrete; in continuous time, leave it out, or take type sporadic for sampled y"
+            reader.wrong(LOC, said, at_key=True, id="OBS213")
+        return None
+    if family is not None and not family.discrete:
+        taken = ", ".join(name for name, one in FAMILIES.items() if one.discrete)
+        said = f"discrete is not available for type {' or '.join(family.names)}; take {taken}"
+        reader.wrong(("system", "time"), said, id="OBS406")
+    if system.period is not None:
+        return reader.number(system.period, LOC, "> 0")
+    if why := next(in_seconds(file), ""):
+        said = f"is missing, and {why}; give system.period in s"
+        reader.wrong(("system",), said, at_key=True, id="OBS205")
+    return fmpq(1)
+
+
+def in_seconds(file: File) -> Iterator[str]:
+    """What of a spec is in seconds."""
+    for name in TIMED:
+        if getattr(file.observer, name, None) is not None:
+            yield f"observer.{name} is in 1/s"
+    if file.disturbance not in (None, "unknown"):
+        yield "the disturbance model is driven per second"
+    if file.simulation is not None:
+        yield "simulation.horizon is in s"

@@ -1,0 +1,45 @@
+"""How an observer is tried: the section `simulation:` of a spec, read."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from flint import fmpq
+
+from obsdesign.expressions import Expression
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Measurement noise held constant over each period (s)."""
+
+    type: Literal["uniform", "gaussian"]
+    amplitude: Vector  # (ny,), half width or standard deviation
+    period: float
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How to try the observer."""
+
+    horizon: float
+    x0: Vector  # (n,) or (n + nm,)
+    xhat0: Vector  # (n + nm,)
+    w: tuple[Expression, ...] | None  # of t and the states; None: v drives the disturbance model
+    v: tuple[Expression, ...] | None  # of t
+    u: tuple[Expression, ...]  # of t and the states
+    noise: Noise | None
+    seed: int
+    points: int
+    sampling: str | Expression = "periodic"  # of measurements at instants; or random, or a law of t
+    period: float | None = None  # s, of the periodic law; None: T2
+    dropout: float = 0.0  # share of these measurements that are lost
+    theta0: Vector | None = None  # (ny,), the correction before the first of them; None: zero
+    xi0: Mapping[str, fmpq] = field(default_factory=dict)  # coordinates of the observer at t = 0; others are 0
+    constants: Mapping[str, fmpq] = field(default_factory=dict)  # theta of coordinates at t = 0; others are 0
+    events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
+    silent: tuple[str, ...] = ()  # known inputs that are not given, and are zero
