@@ -11,6 +11,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.decimals import round_down, round_up
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import ALPHA, DECAY, RHO
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
@@ -208,11 +209,11 @@ def within_reach(spec: Spec, diagnosis: Diagnosis, engine: Engine) -> Iterator[s
 def slower(diagnosis: Diagnosis) -> Iterator[Change]:
     """Rates below that of a mode which no gain makes faster."""
     feasible = diagnosis.get("feasible", {})
-    named = {"alpha_below": "alpha", "decay_below": "decay"}
-    named |= {"alpha": "alpha"} if diagnosis["condition"] == "zero dynamics" else {}
-    for key, limit in ((key, feasible[name]) for name, key in named.items() if name in feasible):
-        for value in (round_down(limit * (1 - room), 3) for room in ROOM):
-            yield f"ask for {key} at most {value:g}", {key: printed(value)}
+    named = {pace.bound: (key, pace) for key, pace in (("rate", ALPHA), ("decay", DECAY), ("rate", RHO))}
+    named |= {"alpha": ("rate", ALPHA)} if diagnosis["condition"] == "zero dynamics" else {}
+    for key, pace, limit in ((*named[name], feasible[name]) for name in named if name in feasible):
+        for rate in (pace.found(pace.rounded(pace.told(limit) * (1 - room), 3)) for room in ROOM):
+            yield f"ask for {pace.slower(float(rate), 3)}", {key: rate}
 
 
 def larger(request: Any, diagnosis: Diagnosis) -> Iterator[Change]:

@@ -44,7 +44,7 @@ def asked(plant, family="l2", gamma="0.1", L2="0", **further):
 
 def family_of(spec, alpha=None):
     request = spec.observer
-    alpha = request.alpha if alpha is None else alpha
+    alpha = request.rate if alpha is None else alpha
     return THEOREMS[request.type](spec.augmented, spec.multiplier, spec.H, alpha, None, request.L2)
 
 
@@ -83,7 +83,7 @@ def test_any_gamma_is_certified_and_the_gain_grows_as_its_inverse_square(plant, 
         sizes.append(np.linalg.norm(made.gains["L1"], 2))
         for slope in PLANTS[plant][2]:
             A, B = error_system(spec, made.gains, slope)
-            assert np.linalg.eigvals(A).real.max() < -float(spec.observer.alpha)
+            assert np.linalg.eigvals(A).real.max() < -float(spec.observer.rate)
             assert norm_infinity(A, B) <= float(gamma)
     assert sizes[1] == pytest.approx(100 * sizes[0], rel=0.02)
 
@@ -111,7 +111,7 @@ def test_the_conditions_of_the_theorem_hold_for_its_solution(plant, family, L2):
     """Written out by hand: (20) at the faster rate, (25a), (25b), and (25c) in its linear and its printed form."""
     spec = asked(plant, family, L2=L2)
     solution = accurate(Engine(), family_of(spec))
-    p, alpha = in_floats(solution.family.plant), float(spec.observer.alpha)
+    p, alpha = in_floats(solution.family.plant), float(spec.observer.rate)
     P, Y, F = (solution.values[name] for name in ("P", "Y", "F"))
     L2_ = in_floats(solution.family.L2)
     size = np.abs(P).max()
@@ -156,7 +156,7 @@ def test_a_zero_in_the_right_half_plane_is_a_floor(family, monkeypatch):
 
 def test_the_bearing_and_other_plants_without_a_matching_output_do_not_admit_it():
     bearing = shipped("corless2019-magnetic-bearing")
-    for alpha in (fmpq(1, 100), bearing.observer.alpha, fmpq(5)):
+    for alpha in (fmpq(1, 100), bearing.observer.rate, fmpq(5)):
         assert accurate(Engine(), family_of(bearing, alpha)) is None
 
 

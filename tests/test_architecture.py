@@ -27,6 +27,7 @@ LAYERS = (
     ("families",),
     ("constants",),
     ("spec",),
+    ("trial",),
     ("nonlinearities", "dissipation"),
     ("families.guarantee", "families.observer"),
     ("model",),

@@ -48,7 +48,7 @@ def diagnosed(text, **request):
 def feasible(spec):
     """Whether the inequality of a spec has a solution with another multiplier."""
     r = spec.observer
-    family = THEOREMS[r.type](spec.augmented, spec.multiplier, spec.H, r.alpha, None, r.L2)
+    family = THEOREMS[r.type](spec.augmented, spec.multiplier, spec.H, r.rate, None, r.L2)
 
     def decide(multiplier):
         return widest(in_floats(replace(family, multiplier=multiplier)).feasible()).status is Status.OPTIMAL
@@ -151,7 +151,7 @@ def test_an_unstable_zero_is_named():
 
 def test_a_bound_that_is_too_tight_is_not_claimed_to_be_proved():
     spec = loads(f"{BEARING}observer: {{type: l2, L2: 0, alpha: 0.71}}\n")
-    family = L2(spec.augmented, spec.multiplier, spec.H, spec.observer.alpha, None, spec.observer.L2)
+    family = L2(spec.augmented, spec.multiplier, spec.H, spec.observer.rate, None, spec.observer.L2)
     assert absence(family, {})["proof"] == "exact"
     assert absence(family, {"bounds": "no gain within the bounds"}) == {"proof": "numerical"}
 

@@ -10,6 +10,7 @@ from support.commands import run
 from support.sweep import SWEEP
 
 from obsdesign.lmi.formula import in_floats
+from obsdesign.model.edge import Edge
 from obsdesign.model.frozen import hidden, proved
 from obsdesign.model.structure import undetectable
 from obsdesign.reading import loads
@@ -108,7 +109,7 @@ def test_members_of_every_kind_of_class_are_found_and_proved(plant):
     for block, slope in zip(spec.multiplier.blocks, found["slopes"].values(), strict=True):
         K[row : row + block.nf, column : column + block.nq] = slope
         row, column = row + block.nf, column + block.nq
-    seen = undetectable(spec.augmented.doubles, K)
+    seen = undetectable(spec.augmented.doubles, K, Edge(0.0))
     assert any(abs(m.eigenvalue - complex(real, imaginary)) < 1e-6 for m in seen)
 
 
@@ -134,8 +135,8 @@ def test_a_rate_below_that_of_the_hidden_mode_is_not_ruled_out():
     assert "alpha below 0.5 is necessary" in found["suggestion"]
     for alpha in ("0.4", "{min: 0.4, max: 2}"):
         spec = loads(stable % alpha)
-        assert hidden(spec.augmented, spec.multiplier, fmpq(2, 5)) is None
-        assert proved(spec.augmented, spec.multiplier, (None,), fmpq(2, 5)) is None
+        assert hidden(spec.augmented, spec.multiplier, Edge(fmpq(2, 5))) is None
+        assert proved(spec.augmented, spec.multiplier, (None,), Edge(fmpq(2, 5))) is None
 
 
 def test_certified_designs_have_no_member_that_hides_a_mode():
@@ -146,11 +147,11 @@ def test_certified_designs_have_no_member_that_hides_a_mode():
         Path("random.yaml").write_text(text)
         code = run("solve", "random.yaml", "-q").exit_code
         spec = loads(text)
-        found = hidden(spec.augmented, spec.multiplier, fmpq(1, 10))
+        found = hidden(spec.augmented, spec.multiplier, Edge(fmpq(1, 10)))
         certified += code == 0
         assert code == 3 if found else code in (0, 3)
         if found:
-            modes = undetectable(spec.augmented.doubles, in_floats(found.member[0]), 0.1)
+            modes = undetectable(spec.augmented.doubles, in_floats(found.member[0]), Edge(0.1))
             assert any(abs(m.eigenvalue - found.mode.eigenvalue) < 1e-6 for m in modes)
     assert certified
 

@@ -57,7 +57,7 @@ def tanks(slope="[0.2, 1.5]", **changed):
 def family_of(spec, alpha=None):
     """The problem of a spec in rationals, with L1 to be found."""
     return L2(
-        spec.augmented, spec.multiplier, spec.H, spec.observer.alpha if alpha is None else alpha, None, spec.observer.L2
+        spec.augmented, spec.multiplier, spec.H, spec.observer.rate if alpha is None else alpha, None, spec.observer.L2
     )
 
 
@@ -79,7 +79,7 @@ def exactly(gain):
 
 def certified_family(spec, made):
     gains = {name: exactly(gain) for name, gain in made.gains.items()}
-    return replace(family_of(spec, made.claim.certificate.alpha), **gains)
+    return replace(family_of(spec, made.claim.certificate.rate), **gains)
 
 
 # The magnetic bearing
@@ -114,7 +114,7 @@ def test_the_least_mu2_of_the_bearing_in_closed_form(injection):
 
 def test_the_least_gamma_of_the_bearing_never_decreases_with_alpha():
     family = family_of(bearing())
-    levels = [least_mu2(replace(family, alpha=rational_number(repr(float(a))))) for a in np.geomspace(0.01, 40, 25)]
+    levels = [least_mu2(replace(family, rate=rational_number(repr(float(a))))) for a in np.geomspace(0.01, 40, 25)]
     assert all(b >= a * (1 - 1e-4) for a, b in pairwise(levels))
     assert levels[-1] > 10 * levels[0]
 
@@ -146,14 +146,14 @@ def test_the_fastest_decay_of_the_bearing():
     made = solve(bearing("{min: 0.1, max: 200}", objective="max-alpha"))
     assert made.status == "certified"
     assert made.limit == {"alpha": pytest.approx(55, rel=1e-4), "attained": False}
-    assert made.limit["alpha"] / 1.05 * (1 - 1e-5) <= float(made.claim.certificate.alpha) < 55
+    assert made.limit["alpha"] / 1.05 * (1 - 1e-5) <= float(made.claim.certificate.rate) < 55
 
 
 def test_a_range_of_alpha_that_is_feasible_throughout_is_attained():
     made = solve(bearing("{min: 0.1, max: 5}", objective="max-alpha", slack=0))
     assert made.status == "certified"
     assert made.limit == {"alpha": 5, "attained": True}
-    assert made.claim.certificate.alpha == 5
+    assert made.claim.certificate.rate == 5
 
 
 def test_feasibility_is_certified_at_some_gamma():
@@ -271,7 +271,7 @@ def test_every_frozen_slope_keeps_the_guarantee(name):
     for _ in range(20):
         slopes = [drawn(rng, *interval) for interval in SLOPES[name]]
         A, B = error_system(plant, made.gains["L1"], made.gains["L2"], slopes)
-        faster = A + proof.alpha * np.eye(len(A))
+        faster = A + proof.rate * np.eye(len(A))
         assert np.linalg.eigvals(faster).real.max() <= 1e-6
         assert peak_gain(A, B, H) <= proof.gamma
         assert peak_gain(faster, B, H) <= proof.gamma * (1 + 1e-6)
@@ -282,7 +282,7 @@ def test_the_frozen_slopes_of_a_wrong_class_break_the_guarantee():
     spec, made = solved("noisy-output")
     plant, proof = in_floats(spec.augmented), made.claim.certificate.guarantee
     A, B = error_system(plant, made.gains["L1"], made.gains["L2"], [-30.0])
-    unstable = np.linalg.eigvals(A).real.max() > -proof.alpha
+    unstable = np.linalg.eigvals(A).real.max() > -proof.rate
     assert unstable or peak_gain(A, B, in_floats(spec.H)) > proof.gamma
 
 
@@ -385,8 +385,8 @@ def test_a_free_injection_is_certified_for_the_nonlinearity_before_the_loop_shif
     rng, plant, proof = np.random.default_rng(2), in_floats(spec.augmented), made.claim.certificate.guarantee
     for _ in range(20):
         A, B = error_system(plant, made.gains["L1"], made.gains["L2"], [drawn(rng, *i) for i in intervals])
-        assert peak_gain(A + proof.alpha * np.eye(len(A)), B, in_floats(spec.H)) <= proof.gamma
-        assert np.linalg.eigvals(A).real.max() <= -proof.alpha
+        assert peak_gain(A + proof.rate * np.eye(len(A)), B, in_floats(spec.H)) <= proof.gamma
+        assert np.linalg.eigvals(A).real.max() <= -proof.rate
 
 
 def test_a_free_injection_is_never_worse_than_none():
@@ -429,7 +429,7 @@ def test_a_certificate_does_not_survive_a_change(name, factor):
     assert proof_of(family, proof).holds
     assert not proof_of(replace(family, L1=rational_number(factor) * family.L1), proof).holds
     assert not proof_of(family, proof, P=-proof.P).holds
-    assert not proof_of(replace(family, alpha=family.alpha * 100), proof).holds
+    assert not proof_of(replace(family, rate=family.rate * 100), proof).holds
     assert not certify(family, proof.gamma / 2, proof.mu1, proof.mu2, {"P": proof.P, **proof.multipliers}).holds
     for scale in proof.multipliers:
         assert not proof_of(family, proof, **{scale: -proof.multipliers[scale]}).holds

@@ -88,7 +88,7 @@ def test_the_best_decay_of_a_scalar_error_is_half_its_slowest_pole(a, k):
     made = solve(loads(SCALAR % (a, k, "alpha: {min: 0.001, max: 10, log: true}")))
     assert made.status == "certified"
     assert made.limit["gamma"] == pytest.approx(1 / (a - k), rel=1e-4)
-    assert float(made.claim.certificate.alpha) == pytest.approx((a - k) / 2, rel=0.02)
+    assert float(made.claim.certificate.rate) == pytest.approx((a - k) / 2, rel=0.02)
     assert made.claim.certificate.guarantee.gamma <= 1.05 / (a - k) * (1 + 1e-4)
 
 
@@ -142,7 +142,7 @@ def test_every_frozen_slope_keeps_the_guarantee(spec):
     ratios = []
     for slope in (-0.4, 0, 0.35, 1.1):
         A, B = error_system(plant, made.gains["L1"], made.gains["L2"], slope)
-        assert np.linalg.eigvals(A).real.max() <= -proof.alpha * (1 - 1e-9)
+        assert np.linalg.eigvals(A).real.max() <= -proof.rate * (1 - 1e-9)
         ratios.append(peak_gains(A, B, H).max() / proof.gamma)
         assert np.linalg.norm(H @ np.linalg.solve(A, B)) <= proof.gamma
     assert 0.01 < max(ratios) <= 1
@@ -157,7 +157,7 @@ def proved_by_fractions(spec, certificate, gains, slope=("-2/5", "11/10")):
     A, B, C, D, Bf, Df, Cq, Dqf, Dq, H = map(fractions, (p.A, p.B, p.C, p.D, p.Bf, p.Df, p.Cq, p.Dqf, p.Dq, spec.H))
     L1, L2, P = map(fractions, (gains["L1"], gains["L2"], certificate.P))
     lam, (low, high) = fractions(certificate.multipliers["lambda1"]).item(), fractions(slope)
-    alpha, mu1, mu2, gamma = fractions([certificate.alpha, certificate.mu1, certificate.mu2, certificate.gamma])
+    alpha, mu1, mu2, gamma = fractions([certificate.rate, certificate.mu1, certificate.mu2, certificate.gamma])
     rate = np.hstack([A + L1 @ C, Bf + L1 @ Df, -(B + L1 @ D)])
     q = np.hstack([Cq + L2 @ C, Dqf + L2 @ Df, -(Dq + L2 @ D)])
     e, f, v = np.split(fractions(np.eye(len(A) + 2, dtype=int)), [len(A), len(A) + 1])
@@ -206,7 +206,7 @@ def test_a_certificate_does_not_survive_a_change(arm_made, change):
     def scaled(name, value):
         return change.get(name, fmpq(1)) * value
 
-    family = replace(family_of(spec), alpha=scaled("alpha", proof.alpha), L1=scaled("L1", exact["L1"]), L2=exact["L2"])
+    family = replace(family_of(spec), rate=scaled("alpha", proof.rate), L1=scaled("L1", exact["L1"]), L2=exact["L2"])
     values = {"P": scaled("P", proof.P), "lambda1": scaled("lambda1", proof.multipliers["lambda1"])}
     assert not certify(family, *(scaled(k, getattr(proof, k)) for k in ("gamma", "mu1", "mu2")), values).holds
     same = replace(family_of(spec), L1=exact["L1"], L2=exact["L2"])

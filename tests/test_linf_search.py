@@ -51,7 +51,7 @@ def test_the_curve_is_in_the_answer_with_the_points_of_the_search():
     assert {0.1, 0.55, 1.0, 1.45, 1.9} < set(alphas)
     for point in made.search.points:
         assert point["gamma"] == pytest.approx(1 / math.sqrt(4 * point["alpha"] * (2 - point["alpha"])), rel=1e-4)
-    assert f"alpha = {float(made.claim.certificate.alpha):g}" in made.notes[1]
+    assert f"alpha = {float(made.claim.certificate.rate):g}" in made.notes[1]
 
 
 JUMP = """
@@ -75,7 +75,7 @@ def test_a_point_of_a_curve_beside_a_jump_is_what_it_is_by_itself():
     family = family_of(loads(JUMP))
     grid = [rational_number(a) for a in ("0.316228", "0.517947")]
     levels = [p["gamma"] for p in Decay(Engine(), family).curve(grid)]
-    assert levels[1] == pytest.approx(least_gamma(replace(family, alpha=grid[1])), rel=1e-3)
+    assert levels[1] == pytest.approx(least_gamma(replace(family, rate=grid[1])), rel=1e-3)
 
 
 # Bounds
@@ -226,7 +226,7 @@ def test_a_limit_that_is_the_best_found_is_the_best_of_its_curve(bounds, limit):
     best = min(made.search.points, key=lambda point: point["gamma"])
     known = getattr(made, limit)
     assert (known["gamma"], known["at"], known["kind"]) == (best["gamma"], {"alpha": best["alpha"]}, "best-found")
-    assert float(made.claim.certificate.alpha) > best["alpha"]
+    assert float(made.claim.certificate.rate) > best["alpha"]
 
 
 def test_pareto_takes_no_faster_decay_than_a_bound_on_gamma_allows():
@@ -241,7 +241,7 @@ def test_where_the_proof_fails_at_the_best_alpha_of_a_search_others_of_the_curve
     claim = design.claim
 
     def failing(engine, candidate, *rest):
-        return claim(engine, candidate, *rest) if provable and not 1.3 < float(candidate.alpha) < 1.5 else None
+        return claim(engine, candidate, *rest) if provable and not 1.3 < float(candidate.rate) < 1.5 else None
 
     monkeypatch.setattr(design, "claim", failing)
     Path("spec.yaml").write_text(

@@ -552,7 +552,7 @@ def kept(problem, gamma, size, rng):
     p, L1 = problem.plant, np.linalg.solve(answer.values["P"], answer.values["Y"])
     A = p.A + L1 @ p.C
     error = A + np.array(list(perturbations(rng, A, size, 60)))
-    decays = np.linalg.eigvals(error).real < -problem.alpha
+    decays = np.linalg.eigvals(error).real < -problem.rate
     return decays.all() and attenuates(error, p.B + L1 @ p.D, problem.H, gamma).all()
 
 

@@ -10,6 +10,7 @@ from support.plants import plant, zeros
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import DECAY
 from obsdesign.dissipation.zero import Level
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.finding import hidden_mode
@@ -75,7 +76,7 @@ def test_theorems_3_and_4_admit_no_constant_where_sigma_of_H_is_one_even_if_ever
 
 def test_where_no_decay_will_do_none_is_suggested():
     family = in_floats(unit(plant(np.diag([1, -1]), [[0, 1]])))
-    unstable = hidden_mode(family.plant, family.multiplier.member, family.alpha)
+    unstable = hidden_mode(family.plant, family.multiplier.member, family.edge, DECAY)
     assert unstable["feasible"] == {}
     assert "a measurement that shows it is needed" in unstable["suggestion"]
 

@@ -347,7 +347,7 @@ def test_a_surface_has_no_points_where_the_closed_form_forbids_them():
     made = design(DEGENERATE, "0.4167", weight=Range(fmpq(1, 2), fmpq(9, 10), 3), **{**CURVE, "decay": decays})
     assert [point["status"] for point in made.search.points] == ["certified"] * 6 + ["infeasible"] * 3
     assert {"weight", "decay", "status"} == set(made.search.points[-1])
-    assert float(made.claim.certificate.alpha) == 0
+    assert float(made.claim.certificate.rate) == 0
     constants = [point["lipschitz"] for point in made.search.points[:6]]
     assert all(slow > fast for slow, fast in zip(constants[:3], constants[3:], strict=True))
 

@@ -75,7 +75,7 @@ def families(spec, made):
     """The families of the levels, by name, for the gains that were made."""
     L1, L2 = (rational(np.vectorize(repr, otypes=[object])(made.gains[name])) for name in ("L1", "L2"))
     L2 = L2.reshape(len(spec.augmented.Cq), len(spec.augmented.C))
-    return levels(Linf(spec.augmented, spec.multiplier, spec.H, made.claim.certificate.alpha, L1, L2))
+    return levels(Linf(spec.augmented, spec.multiplier, spec.H, made.claim.certificate.rate, L1, L2))
 
 
 # Closed forms
@@ -323,12 +323,12 @@ def test_a_level_does_not_survive_a_change():
     spec, made = made_of(LOOP % "slope: [0, 0.9]")
     for name, unsearched in families(spec, made).items():
         level = bound_of(made).levels[name]
-        family, values = replace(unsearched, alpha=level.alpha), {"P": level.P, **level.multipliers}
+        family, values = replace(unsearched, rate=level.rate), {"P": level.P, **level.multipliers}
         assert certify(family, level.gamma, level.mu1, level.mu2, values).holds
         assert not certify(family, level.gamma * fmpq(9, 10), level.mu1, level.mu2, values).holds
         assert not certify(family, level.gamma, level.mu1, level.mu2 * fmpq(9, 10), values).holds
         assert not certify(family, level.gamma, level.mu1, level.mu2, {**values, "P": -level.P}).holds
-        assert not certify(replace(family, alpha=family.alpha * 10), level.gamma, level.mu1, level.mu2, values).holds
+        assert not certify(replace(family, rate=family.rate * 10), level.gamma, level.mu1, level.mu2, values).holds
 
 
 def test_the_statement_says_the_bound_and_the_file_holds_it(tmp_path):

@@ -78,7 +78,7 @@ DESIGNS = {
 def design(mu2: float) -> tuple[dict[str, np.ndarray], EnergyGuarantee]:
     L1, upper, _ = DESIGNS[mu2]
     P = np.triu(upper) + np.triu(upper, 1).T
-    return {"L1": np.array(L1), "L2": L2}, EnergyGuarantee(gamma=mu2**0.5, alpha=0.71, mu1=1.0, mu2=mu2, P=P)
+    return {"L1": np.array(L1), "L2": L2}, EnergyGuarantee(gamma=mu2**0.5, rate=0.71, mu1=1.0, mu2=mu2, P=P)
 
 
 def bearing(**changes: object) -> Spec:
@@ -130,7 +130,7 @@ def test_small_errors_are_found_behind_large_states():
 
 def test_a_false_guarantee_is_reported_as_violated():
     gains_of_bearing, guarantee = design(0.08)
-    run = simulate(load(BEARING), gains_of_bearing, replace(guarantee, mu2=1e-8, gamma=1e-4, alpha=3.0))
+    run = simulate(load(BEARING), gains_of_bearing, replace(guarantee, mu2=1e-8, gamma=1e-4, rate=3.0))
     assert not all(b["holds"] for b in run.summary["bounds"])
 
 
@@ -242,7 +242,7 @@ def test_a_discontinuous_w_is_integrated_exactly(read):
 
 def test_a_jump_of_a_model_state_jumps_the_error_and_voids_the_bounds(read):
     spec = read(SWITCHED.replace("simulation", "disturbance: integrator\nsimulation"))
-    guarantee = EnergyGuarantee(gamma=1, alpha=0.1, mu1=1, mu2=1, P=np.eye(2))
+    guarantee = EnergyGuarantee(gamma=1, rate=0.1, mu1=1, mu2=1, P=np.eye(2))
     run = simulate(spec, gains(-3, -4), guarantee)
     before, after = np.searchsorted(run.t, [1.1 - 1e-9, 1.1 + 1e-9])
     assert run.w_error[after, 0] - run.w_error[before - 1, 0] == pytest.approx(-1, abs=0.1)
@@ -342,7 +342,7 @@ simulation: {horizon: 1, x0: [1, 0], w: [1], points: 101, seed: %d,
 
 @pytest.mark.parametrize("kind", ["uniform", "gaussian"])
 def test_noise_is_repeated_by_its_seed_and_not_covered_by_the_guarantee(read, kind):
-    guarantee = EnergyGuarantee(gamma=1, alpha=0.1, mu1=1, mu2=1, P=np.eye(3))
+    guarantee = EnergyGuarantee(gamma=1, rate=0.1, mu1=1, mu2=1, P=np.eye(3))
     one, same, other = (simulate(read(NOISY % (s, kind)), gains(-4, 1, -3), guarantee) for s in (1, 1, 2))
     assert (one.y == same.y).all()
     assert (one.e == same.e).all()

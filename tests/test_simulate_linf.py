@@ -34,7 +34,7 @@ def certificate(a: float = RATE, alpha: float = RATE / 2, scale: float = 1.0) ->
     """What is exact for e' = -a e - w, z = e, with mu1 = 1: P = 4 alpha (a - alpha), mu2 = 1 / P; false below."""
     P = 4 * alpha * (a - alpha)
     mu2 = scale / P
-    return PeakGuarantee(gamma=mu2**0.5, alpha=alpha, mu1=1.0, mu2=mu2, P=np.array([[P]]))
+    return PeakGuarantee(gamma=mu2**0.5, rate=alpha, mu1=1.0, mu2=mu2, P=np.array([[P]]))
 
 
 def tried(spec: Spec, guarantee: PeakGuarantee | None, L1: float = 1 - RATE):
@@ -58,7 +58,7 @@ def test_the_error_of_an_undisturbed_run_decays_within_its_bound_and_no_faster_t
     kept = tried(scalar("0", x0=2), certificate(alpha=RATE - 1e-6)).summary
     assert all(b["holds"] for b in kept["bounds"])
     assert kept["ratio"] is None
-    false = replace(certificate(), alpha=RATE + 0.1)
+    false = replace(certificate(), rate=RATE + 0.1)
     assert not all(b["holds"] for b in tried(scalar("0", x0=2), false).summary["bounds"])
 
 
@@ -108,7 +108,7 @@ def test_the_bounds_hold_with_a_certificate_from_a_lyapunov_equation(F, x0, B, w
     reach = X @ np.array(B)
     P = min(2 * alpha / max(reach @ reach, 1e-3), 1e3) * X  # -s I + s^2 X B B' X / (2 alpha) <= 0
     mu2 = np.linalg.norm(np.linalg.inv(P), 2)
-    guarantee = PeakGuarantee(gamma=mu2**0.5, alpha=alpha, mu1=1.0, mu2=mu2, P=P)
+    guarantee = PeakGuarantee(gamma=mu2**0.5, rate=alpha, mu1=1.0, mu2=mu2, P=P)
     text = f"system: {{A: {A.tolist()}, B: [[{B[0]}], [{B[1]}]], C: [[1, 0]]}}\n"
     spec = loads(f'{HEAD}{text}simulation: {{horizon: 4, x0: {list(x0)}, w: ["{w}"], points: 41}}')
     run = simulate(spec, {"L1": L1, "L2": NO_L2}, guarantee)

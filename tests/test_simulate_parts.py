@@ -56,7 +56,7 @@ def test_the_jacobian_is_the_derivative_of_the_flow(text):
         "L1": random.normal(size=(plant.n, 2)),
         "L2": 0.3 * random.normal(size=(len(plant.Cq), 2)),
     }
-    guarantee = EnergyGuarantee(gamma=1, alpha=0.3, mu1=1, mu2=1, P=np.eye(plant.n))
+    guarantee = EnergyGuarantee(gamma=1, rate=0.3, mu1=1, mu2=1, P=np.eye(plant.n))
     acting = replace(scenario(spec, spec.simulation, sampled=False), noise=np.ones((1, 2)))
     observer = FAMILIES["l2"].observer(spec, gains)
     system = System(acting, observer, spec.H.astype(float), guarantee)

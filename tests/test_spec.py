@@ -290,7 +290,7 @@ def test_a_request_is_read_in_full():
   gains: {L1: [1, 2]}""",
     ).observer
     assert request.L2 is None
-    assert request.alpha == Range(fmpq(1, 100), fmpq(2), 7, log=True)
+    assert request.rate == Range(fmpq(1, 100), fmpq(2), 7, log=True)
     assert (request.objective, request.gamma, request.slack) == ("gamma", fmpq(1, 100), fmpq(1, 10))
     assert (request.bounds.L1, request.bounds.norm, request.bounds.P, request.bounds.gamma) == (
         10,

@@ -133,7 +133,7 @@ def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
 def bounded_problem(spec):
     """Least gamma of a spec within its bound on L1, or within 2000."""
     request = spec.observer
-    alpha = request.alpha.low if isinstance(request.alpha, Range) else request.alpha
+    alpha = request.rate.low if isinstance(request.rate, Range) else request.rate
     gain = request.gains["L2"] if request.gains else request.L2
     family = searchable(L2(spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
     bounds = request.bounds if request.bounds.L1 is not None else Bounds(L1=fmpq(2000))

@@ -13,11 +13,13 @@ from support.sweep import examples
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import in_floats, rational
 from obsdesign.model.disturbance import augment, double_integrator, integrator, sinusoid, stack, unknown
+from obsdesign.model.edge import Edge
 from obsdesign.model.pencil import System, invariant_zeros
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import accuracy, condition1, decay_limit, linear, modes, stiff_modes, undetectable
 from obsdesign.nonlinearities.slope import slope
 
+REST = Edge(0.0)
 NO_NONLINEARITY = np.zeros((0, 0))
 
 
@@ -73,7 +75,7 @@ TWO_INTEGRATORS = stack([integrator(), integrator()])
 def test_a_constant_force_and_a_constant_sensor_bias_cannot_be_told_apart_from_the_position():
     # x' = w1, y = x + w2: a bias of y is a constant shift of x
     p = augmented(plant([[0]], [[1, 0]], [[1]], [[0, 1]]), TWO_INTEGRATORS)
-    (mode,) = undetectable(p, NO_NONLINEARITY)
+    (mode,) = undetectable(p, NO_NONLINEARITY, REST)
     assert mode.eigenvalue == 0
     assert dict(mode.along) == pytest.approx({"x1": 0.5**0.5, "m2": -(0.5**0.5)})
     assert mode.sentence == "the mode lambda = 0 along x1 (0.71), m2 (-0.71) is not seen by any output"
@@ -82,7 +84,7 @@ def test_a_constant_force_and_a_constant_sensor_bias_cannot_be_told_apart_from_t
 
 def test_the_bearing_sees_every_mode():
     p = augmented(BEARING, TWO_INTEGRATORS)
-    assert undetectable(p, np.zeros((1, 1))) == ()
+    assert undetectable(p, np.zeros((1, 1)), REST) == ()
     assert decay_limit(p, np.zeros((1, 1))) == inf
 
 
@@ -90,9 +92,9 @@ def test_a_stable_hidden_mode_limits_the_decay_to_its_own():
     A, C = np.diag([-0.3, -2.0, 1.0]), np.array([[0.0, 0.0, 1.0]])
     p = in_floats(plant(A, np.zeros((3, 1)), C, [[0]]))
     assert decay_limit(p, NO_NONLINEARITY) == pytest.approx(0.3, rel=1e-12)
-    assert undetectable(p, NO_NONLINEARITY) == ()
-    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, 0.3)] == pytest.approx([-0.3])
-    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, 5.0)] == pytest.approx([-0.3, -2.0])
+    assert undetectable(p, NO_NONLINEARITY, REST) == ()
+    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, Edge(0.3))] == pytest.approx([-0.3])
+    assert [m.eigenvalue for m in undetectable(p, NO_NONLINEARITY, Edge(5.0))] == pytest.approx([-0.3, -2.0])
 
 
 def test_two_hidden_modes_with_one_eigenvalue_are_reported_along_their_own_states():
@@ -134,7 +136,7 @@ def test_a_hidden_chain_of_integrators_is_not_called_stable_by_rounding():
     for _ in range(20):
         Q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
         A = Q @ np.diag(np.ones(5), 1) @ Q.T
-        (mode,) = modes(A, np.zeros((1, 6)), names("x", 6), decay=0.0)
+        (mode,) = modes(A, np.zeros((1, 6)), names("x", 6), edge=REST)
         assert mode.eigenvalue == 0
 
 
@@ -179,9 +181,9 @@ def test_modes_agree_with_exact_ranks(seed):
 def test_a_known_slope_moves_the_modes_of_the_plant():
     # x2' = -x2 + f(x2), slope in [2, 3]: the member f = 2 q makes it x2' = x2, and nothing sees x2
     p = in_floats(plant([[-1, 0], [0, -1]], np.zeros((2, 1)), [[1, 0]], [[0]], Bf=[[0], [1]], Cq=[[0, 1]]))
-    assert undetectable(p, np.zeros((1, 1))) == ()
+    assert undetectable(p, np.zeros((1, 1)), REST) == ()
     K = in_floats(slope([(fmpq(2), fmpq(3))], 1, 1).member)
-    (mode,) = undetectable(p, K)
+    (mode,) = undetectable(p, K, REST)
     assert mode.eigenvalue == pytest.approx(1)
     assert decay_limit(p, K) == pytest.approx(-1)
 
@@ -205,14 +207,14 @@ def test_the_linear_plant_of_a_member_solves_the_loop(seed):
 def test_a_member_without_a_solution_of_the_loop_is_an_error_about_dqf():
     p = in_floats(plant([[0]], [[1]], [[1]], [[0]], Bf=[[1]], Cq=[[1]], Dqf=[["0.5"]]))
     with pytest.raises(UsageError, match=r"^Dqf: .* no unique solution"):
-        undetectable(p, np.array([[2.0]]))
+        undetectable(p, np.array([[2.0]]), REST)
 
 
 # Condition 1 and Lemma 3
 
 
 def test_condition_1_holds_for_the_bearing_at_the_eigenvalue_of_the_integrators():
-    (test,) = condition1(in_floats(BEARING), in_floats(TWO_INTEGRATORS.Am))
+    (test,) = condition1(in_floats(BEARING), in_floats(TWO_INTEGRATORS.Am), REST)
     assert test.holds
     assert test.sentence == "Condition 1 holds at lambda = 0: [A - lambda I, B; C, D] has rank 5 of 5"
 
@@ -221,27 +223,27 @@ def test_condition_1_fails_at_the_frequency_of_a_zero():
     # y = x2' - w hides nothing but a sinusoid at the zero of w -> y: (s^2 + 4) / (s + 1)^2
     p = plant([[0, 1], [-1, -2]], [[0], [1]], [[3, -2]], [[1]])
     assert invariant_zeros(in_floats(System(p.A, p.B, p.C, p.D))).values == pytest.approx((2j, -2j))
-    (test,) = condition1(in_floats(p), in_floats(sinusoid(fmpq(2)).Am))
+    (test,) = condition1(in_floats(p), in_floats(sinusoid(fmpq(2)).Am), REST)
     assert test.numbers["eigenvalue"] == pytest.approx([0, 2])
     assert not test.holds
     assert test.sentence == "Condition 1 fails at lambda = 0 + 2j: [A - lambda I, B; C, D] has rank 2 of 3"
-    (mode,) = undetectable(augmented(p, sinusoid(fmpq(2))), NO_NONLINEARITY)
+    (mode,) = undetectable(augmented(p, sinusoid(fmpq(2))), NO_NONLINEARITY, REST)
     assert mode.eigenvalue == pytest.approx(2j)
-    assert undetectable(augmented(p, sinusoid(fmpq(3))), NO_NONLINEARITY) == ()
+    assert undetectable(augmented(p, sinusoid(fmpq(3))), NO_NONLINEARITY, REST) == ()
 
 
 def test_condition_1_says_nothing_of_stable_or_absent_disturbance_models():
     p = in_floats(BEARING)
-    assert condition1(p, np.array([[-1.0]])) == ()
-    assert condition1(p, in_floats(unknown().Am)) == ()
+    assert condition1(p, np.array([[-1.0]]), REST) == ()
+    assert condition1(p, in_floats(unknown().Am), REST) == ()
 
 
 def test_condition_1_is_only_sufficient():
     # two disturbances, one output: it cannot hold, yet a constant and a sinusoid are told apart
     p = plant([[-1]], [[1, 1]], [[1]], [[0, 0]])
     model = stack([integrator(), sinusoid(fmpq(2))])
-    assert not any(t.holds for t in condition1(in_floats(p), in_floats(model.Am)))
-    assert undetectable(augmented(p, model), NO_NONLINEARITY) == ()
+    assert not any(t.holds for t in condition1(in_floats(p), in_floats(model.Am), REST))
+    assert undetectable(augmented(p, model), NO_NONLINEARITY, REST) == ()
 
 
 def full_rank_at(value, *matrices):
@@ -265,19 +267,19 @@ def test_lemma_3_detectable_pairs_and_condition_1_make_the_augmented_plant_detec
     model = stack([[integrator(), double_integrator(), sinusoid(fmpq(1))][i] for i in rng.integers(0, 3, nw)])
     p = plant(A, B, C, D)
     exact = in_floats(p)
-    tests = condition1(exact, in_floats(model.Am))
+    tests = condition1(exact, in_floats(model.Am), REST)
     for t in tests:
         if t.numbers["eigenvalue"] == [0, 0]:
             assert t.holds == full_rank_at(0, A, B, C, D)
-    if not modes(exact.A, exact.C, p.states, decay=0.0) and all(t.holds for t in tests):
-        assert undetectable(augmented(p, model), NO_NONLINEARITY) == ()
+    if not modes(exact.A, exact.C, p.states, edge=REST) and all(t.holds for t in tests):
+        assert undetectable(augmented(p, model), NO_NONLINEARITY, REST) == ()
 
 
 def test_a_plant_is_read_as_it_is_and_not_changed():
     p = in_floats(BEARING)
     before = replace(p, A=p.A.copy(), C=p.C.copy())
-    undetectable(p, np.zeros((1, 1)))
-    condition1(p, np.zeros((1, 1)))
+    undetectable(p, np.zeros((1, 1)), REST)
+    condition1(p, np.zeros((1, 1)), REST)
     assert np.array_equal(p.A, before.A)
     assert np.array_equal(p.C, before.C)
 

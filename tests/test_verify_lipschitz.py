@@ -231,7 +231,7 @@ def test_a_simulation_gets_the_gain_with_the_sign_of_the_paper_and_the_guarantee
     assert spec.observer.lipschitz == (fmpq(3, 10), fmpq(1, 10))
     assert gains.keys() == {"L"}
     np.testing.assert_array_equal(gains["L"], L)
-    assert (guarantee.rate, guarantee.gamma, guarantee.alpha, guarantee.mu1) == ("decay", 0.72, 0.05, 1)
+    assert (guarantee.symbol_in_words, guarantee.gamma, guarantee.rate, guarantee.mu1) == ("decay", 0.72, 0.05, 1)
     assert np.linalg.eigvalsh(guarantee.doubles).min() > 0
 
 

@@ -33,7 +33,7 @@ class Discrete(Incremental):
         """V+ - rho^2 V + e' Q e - m |v|^2 in (e, f, v), in u where L2 is free, and in + where L1 is to be found."""
         p, P, Y = self.plant, v["P"], v["Y"]
         none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
-        left = symmetric([[(self.lost - 1) * P, 0], [none]])
+        left = symmetric([[((0 if self.still else self.loss) - 1) * P, 0], [none]])
         S = stored_and_supplied(left, self.supplied(v, Q, m))
         if self.L1 is not None:
             N = np.hstack([p.A + self.L1 @ p.C, p.Bf + self.L1 @ p.Df, -(p.B + self.L1 @ p.D)])

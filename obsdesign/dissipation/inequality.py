@@ -127,18 +127,13 @@ class Incremental(ABC):
         p, P, Y = self.plant, v["P"], v["Y"]
         none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
         rise = np.concatenate([P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1)
-        stored = symmetric([[he(P @ p.A + Y @ p.C) + self.lost * P, rise], [none]])
+        stored = symmetric([[he(P @ p.A + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
         return stored_and_supplied(stored, self.supplied(v, Q, m))
 
     @property
     def loss(self) -> Any:
         """Coefficient of V in (13), in which it is affine: 2 alpha."""
         return 2 * self.rate
-
-    @property
-    def lost(self) -> Any:
-        """The same, without the rate where only the units are looked at."""
-        return 0 if self.still else self.loss
 
     def supplied(self, v: Values, Q: Array, m: Array) -> Array:
         """E' Q e - m |v|^2 + [q; f]' M [q; f] in (e, f, v), with q = Ge e + Gf f + Gv v."""

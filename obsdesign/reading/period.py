@@ -20,7 +20,7 @@ def read_period(reader: Reader, file: File, family: Family | None) -> fmpq | Non
         return None
     if system.time != "discrete":
         if system.period is not None:
-            said = "goes with time: discrete; in continuous time, leave it out, or take type sporadic for sampled y"
+            said = "goes with time: discrete; leave it out, or, where only y is sampled, take another observer.type"
             reader.wrong(LOC, said, at_key=True, id="OBS213")
         return None
     if family is not None and not family.discrete:

@@ -48,9 +48,7 @@ def resolve(document: Document) -> Spec:
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
         reader.stop()
-    if file.obsdesign is not None and file.obsdesign != FORMAT:
-        said = f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}"
-        reader.wrong(("obsdesign",), said, id="OBS207")
+    require_format(reader, file)
     read_parameters(reader, file.parameters)
     plant = read_system(reader, file, family)
     layout, period = plant.layout, read_period(reader, file, family)
@@ -98,6 +96,13 @@ def resolve(document: Document) -> Spec:
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
         period=period,
     )
+
+
+def require_format(reader: Reader, file: File) -> None:
+    """Refuse a format that this version does not know."""
+    if file.obsdesign is not None and file.obsdesign != FORMAT:
+        said = f"format {described(file.obsdesign)} is not known; this version reads format {FORMAT}"
+        reader.wrong(("obsdesign",), said, id="OBS207")
 
 
 def judge_parameters(reader: Reader) -> None:

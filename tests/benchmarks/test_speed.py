@@ -28,7 +28,7 @@ ALPHAS = np.geomspace(0.1, 5, 25)
 @pytest.fixture(scope="module")
 def bearing():
     spec = load(str(BEARING))
-    return searchable(L2(spec.augmented, spec.multiplier, spec.H, spec.observer.alpha, None, spec.observer.L2))
+    return searchable(L2(spec.augmented, spec.multiplier, spec.H, spec.observer.rate, None, spec.observer.L2))
 
 
 def curve(family):

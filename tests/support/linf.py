@@ -42,7 +42,7 @@ def arm(L2="[[0.2]]", alpha="0.2", D=0, Dqf=0, Dq=0, Df=0, disturbance="unknown"
 
 def family_of(spec, alpha=None):
     """The problem of a spec in rationals, with L1 to be found."""
-    alpha = spec.observer.alpha if alpha is None else rational_number(repr(float(alpha)))
+    alpha = spec.observer.rate if alpha is None else rational_number(repr(float(alpha)))
     return Linf(spec.augmented, spec.multiplier, spec.H, alpha, None, spec.observer.L2)
 
 

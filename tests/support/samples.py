@@ -77,14 +77,10 @@ def implicit_euler() -> str:
     """K4: a friction without an upper slope, by implicit Euler with steps of .1 s."""
     det = 1 + 0.1 * 0.1 + 0.1 * 0.1
     S = [[(1 + 0.1 * 0.1) / det, 0.1 / det], [-0.1 / det, 1 / det]]
+    b1, b2 = 0.1 * S[0][1], 0.1 * S[1][1]
     return f"""
-        system: {{time: discrete, A: {S}, C: [[1, 0]], B: [[{0.1 * S[0][1]!r}, 0], [{0.1 * S[1][1]!r}, 0]], D: [[0, .1]]}}
-        nonlinearities:
-          - type: monotone
-            Bf: [{-0.1 * S[0][1]!r}, {-0.1 * S[1][1]!r}]
-            Cq: {S[1]}
-            Dqf: [[{-0.1 * S[1][1]!r}]]
-            Dq: [[{0.1 * S[1][1]!r}, 0]]
+        system: {{time: discrete, A: {S}, C: [[1, 0]], B: [[{b1!r}, 0], [{b2!r}, 0]], D: [[0, .1]]}}
+        nonlinearities: [{{type: monotone, Bf: [{-b1!r}, {-b2!r}], Cq: {S[1]}, Dqf: [[{-b2!r}]], Dq: [[{b2!r}, 0]]}}]
         """
 
 

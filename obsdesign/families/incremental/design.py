@@ -221,7 +221,7 @@ class Designer:
         """Certify given gains, for the least gamma that they achieve."""
         family = replace(self.family, rate=rate)
         slowest = in_floats(family).slowest_pole()
-        if family.edge.of(slowest) < rate:
+        if family.edge.of(slowest) < float(rate):
             change = f"for an f that the types allow, an error {self.pace.only(family.edge.of(slowest))}"
             return self.infeasible(rate, {"gains": change})
         status, certificate = best_claim(self.engine, family)
