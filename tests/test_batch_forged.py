@@ -493,6 +493,8 @@ def test_other_programs_are_told_what_is_as_recorded():
     (case,) = ElementTree.fromstring(told("junit")).iter("testcase")
     assert [(child.tag, child.text) for child in case] == [("system-out", said)]
     assert told("github") == f"::notice file=a.yaml,title=obsdesign as recorded::{said}\n"
+    for _ in range(2):  # the second replaces what the first has written
+        assert run("batch", "a.yaml", "-q", "--format", "github", "--output-file", "told.txt").exit_code == 0
     content = json.loads(told("sarif"))
     jsonschema.Draft7Validator(schema()).validate(content)
     (run_of,) = content["runs"]
