@@ -15,6 +15,10 @@ from obsdesign.sections.scalars import described
 
 Change = dict[str, Any]
 ROUNDING = 1e-9  # relative: a change below it is none
+NORMS = {  # of z in a statement, which gamma bounds, with the words for it
+    "the energy norm2(z)": re.compile(r"norm2\(z\)|\|z\|_2 <="),
+    "the peak sup|z|": re.compile(r"\|z\(t\)\| <= \S+ sup\|"),
+}
 FIGURES = re.compile(r"[-+]?\d[\d.]*([eE][-+]?\d+|/\d+)?")  # what is meant as a number; an equation is not
 
 
@@ -23,9 +27,10 @@ def diff(old: str | os.PathLike[str], new: str | os.PathLike[str]) -> dict[str, 
 
     Returns `status`: of both; `solver`: name and version; `spec`: values of keys, as texts, None where there is none;
     `gains`: spectral norms of those of both, and `relative`, the norm of the difference over that of the old one;
-    `guarantee`: its numbers, and `relative`, the difference over the old one. What is the same, numbers to within
-    rounding, is left out, `relative` is None where it has no
-    meaning. Raises `UsageError`: a file is no result, or the spec in it was altered.
+    `guarantee`: its numbers, and `relative`, the difference over the old one; `notes`: why numbers do not compare. What
+    is the same, numbers to within rounding, is left out, `relative` is None where it has no meaning.
+
+    Raises `UsageError`: a file is no result, or the spec in it was altered.
     """
     before, after = (ResultFile.open(os.fspath(path)) for path in (old, new))
     return {
@@ -34,6 +39,7 @@ def diff(old: str | os.PathLike[str], new: str | os.PathLike[str]) -> dict[str, 
         "spec": [*changes(keys_of(before), keys_of(after), "path")],
         "gains": [*map(of_gains, changes(gains_of(before), gains_of(after), "name"))],
         "guarantee": [*map(of_numbers, changes(numbers_of(before), numbers_of(after), "name"))],
+        "notes": [*notes(before, after)],
     }
 
 
@@ -131,6 +137,20 @@ def numbers_of(file: ResultFile) -> dict[str, float]:
     return found
 
 
+def notes(before: ResultFile, after: ResultFile) -> Iterator[str]:
+    """Why numbers of two results do not compare: gammas that bound different norms, as the statements say them."""
+    norms = [norm_of(file) for file in (before, after) if "gamma" in numbers_of(file)]
+    if len(norms) == 2 and None not in norms and norms[0] != norms[1]:
+        yield f"these gammas bound different norms, {norms[0]} and {norms[1]}: neither is better for being smaller"
+
+
+def norm_of(file: ResultFile) -> str | None:
+    """Which norm of z the gamma of a file bounds, by its statement; None where that does not say it."""
+    claimed = file.content.get("guarantee")
+    said = str(claimed.get("statement", "")) if isinstance(claimed, Mapping) else ""
+    return next((name for name, words in NORMS.items() if words.search(said)), None)
+
+
 def of_numbers(change: Change) -> Change:
     """Change of a number."""
     old, new = change["old"], change["new"]
@@ -155,7 +175,7 @@ def as_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:
                 "" if one["relative"] is None else f"   ({apart(one) if part == 'gains' else percent(one['relative'])})"
             )
             rows.append((part, f"{label} {side(one['old'])} -> {side(one['new'])}{by}"))
-    return rows
+    return [*rows, *(("note", said) for said in found["notes"])]
 
 
 def apart(change: Change) -> str:

@@ -42,7 +42,7 @@ KINDS = {
     "summaries": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"tool":.*"list_sha256":')),
     "JUnit XML": Kind((), marked(rb'<\?xml[^>]*>\s*<testsuites\ name="obsdesign"')),
     "SARIF": Kind((".json",), marked(rb'\{.*"driver":\s*\{\s*"name":\ "obsdesign"')),
-    "annotations": Kind((), marked(rb"::error\ [^\n]*title=obsdesign\ ")),
+    "annotations": Kind((), marked(rb"::(?:error|notice)\ [^\n]*title=obsdesign\ ")),
 }
 ENDINGS = {*(end for kind in KINDS.values() for end in kind.endings), ".pdf", ".jpg", ".jpeg", ".eps"}
 STRAY = re.compile(r"\.obsdesign-staged-(\d{1,10})-\w+")
@@ -165,6 +165,12 @@ def require_ending(path: str, kind: str) -> None:
     if not ends_as(path, kind):
         said = f"{kind} are written here, whose names end with {' or '.join(KINDS[kind].endings)}"
         raise UsageError(Problem(said, path, id="OBS904"))
+
+
+def require_two(first: str, second: str, what: str) -> None:
+    """Refuse one file for two outputs, by whatever paths, for one of them would be lost; raises `UsageError`."""
+    if is_regular(first) and os.path.realpath(first) == os.path.realpath(second):
+        raise UsageError(Problem(f"{what} cannot be one file; name another for one of them", second, id="OBS904"))
 
 
 def require_writable(paths: Mapping[str, str], read: Collection[str] = ()) -> dict[str, str]:

@@ -6,11 +6,13 @@ from typing import Any
 
 from obsdesign.errors import Problem
 from obsdesign.families import FAMILIES
+from obsdesign.families.agreement import HELD
 from obsdesign.sections.changes import opened
 from obsdesign.sections.words import unknown
 from obsdesign.spec import Spec
 
 RUN = "simulation"  # the summary of a run
+PROVED, NUMERICAL, CLAIMED = "proved", "numerical", "not verified"  # what an entry of a file rests on
 FILE = {  # parts of a result file, each with the names that it has in every family; none: any
     "status": (),
     **dict.fromkeys(("name", "spec", "certificate", "diagnosis", "search", "solver", "analysis", "split"), ()),
@@ -64,6 +66,22 @@ def at(content: Mapping[str, Any], path: str) -> Any:
         except (KeyError, IndexError, TypeError, ValueError):
             return None
     return value
+
+
+def rests_on(key: str, content: Mapping[str, Any], proved: bool, unproved: Sequence[str]) -> str:
+    """What an entry of a result rests on, by the dotted name that a spec has for it.
+
+    `proved`: whether the claim of the result was proved anew; `unproved`: paths of what is not proved then.
+    """
+    names = [name for name in re.findall(r"[^.\[\]]+", key) if not name.isdecimal()]
+    names = names if names[0] in (*content, RUN) else ["guarantee", *names]
+    if names[0] == RUN:
+        return NUMERICAL
+    if not proved:
+        return CLAIMED
+    path = ".".join(names) + "."
+    computed = any(path.startswith(f"{one}.") or f"{one}.".startswith(path) for one in unproved)
+    return PROVED if names[0] in ("status", *HELD) and not computed else NUMERICAL
 
 
 def meets(found: Any, expected: Any) -> bool:

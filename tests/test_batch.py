@@ -33,7 +33,7 @@ observer: {type: l2, alpha: 0.1, objective: {gamma: 1.0e-300}}
 """
 EXPECTED = "expect: {status: infeasible}\n"
 WRONG = "obsdesign: 1\nsystem: {A: [[-1]], C: [[1]]}\nobserver: {type: l2, alpa: 0.1}\n"
-VOLATILE = {"created", "time_s", "up_to_date", "why"}
+VOLATILE = {"created", "time_s", "up_to_date", "why", "recorded"}
 
 
 def put(path, text=GOOD):
@@ -284,7 +284,19 @@ def test_a_batch_gives_a_table_a_summary_and_one_folder_a_spec():
         **dict.fromkeys(["refuted", "uncertified", "invalid", "timeout", "memory", "crashed", "skipped"], 0),
     }
     assert list(content["specs"][0]) == [
-        *("path", "set", "sha256", "status", "exit_code", "as_expected", "verified", "up_to_date", "why", "expected"),
+        *(
+            "path",
+            "set",
+            "sha256",
+            "status",
+            "exit_code",
+            "as_expected",
+            "verified",
+            "up_to_date",
+            "why",
+            "expected",
+            "recorded",
+        ),
         *("guarantee", "problems", "files", "time_s"),
     ]
     assert content["specs"][2]["files"]["csv"] == "specs/good/good.run.csv"

@@ -4,10 +4,13 @@ import json
 import os
 from hashlib import sha256
 from pathlib import Path
+from xml.etree import ElementTree
 
+import jsonschema
 import pytest
 from support.commands import run
 from test_batch import GOOD, entries, put
+from test_batch_formats import schema
 
 pytestmark = pytest.mark.usefixtures("here", "at_once")
 RECORD = Path("results/a/a.record.json")
@@ -439,6 +442,133 @@ def test_a_forged_result_whose_hash_is_in_its_record_is_solved_again():
     for parts in ({"spec": changed}, {"guarantee": better}, {"guarantee": []}, {"status": "infeasible"}):
         assert resolved(**parts) == "its result does not prove what its record says"
     assert resolved() is None
+
+
+LIMITED = GOOD + "expect: {status: certified, gamma: {verified: 0.177967}, limit.gamma: {verified: 1.0e-3}}\n"
+NOT_AGAIN = "as recorded, not found again"
+
+
+def forged_limit():
+    """A result whose limit is the one that its spec expects, which nothing proves, with a record that says so."""
+    put("a.yaml", LIMITED)
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 4
+    assert entries()["a.yaml"]["recorded"] == []  # found just now
+    gains, record = Path("results/a/a.gains.json"), json.loads(RECORD.read_text())
+    content = json.loads(gains.read_text())
+    content["guarantee"]["limit"]["gamma"] = 1e-3
+    gains.write_text(json.dumps(content))
+    record["hashes"]["gains"] = sha256(gains.read_bytes()).hexdigest()
+    expected = [{**one, "found": 1e-3, "holds": True} for one in record["entry"]["expected"][2:]]
+    expected = [*record["entry"]["expected"][:2], *expected]
+    record["entry"] |= {"as_expected": True, "exit_code": 0, "expected": expected, "problems": [], "recorded": []}
+    RECORD.write_text(json.dumps(record))
+
+
+def test_an_expectation_that_a_recorded_number_meets_is_told_as_recorded_until_it_is_computed():
+    forged_limit()
+    outcome = run("batch", "a.yaml", "--jobs", 1)
+    assert outcome.exit_code == 0
+    entry = entries()["a.yaml"]
+    assert (entry["as_expected"], entry["up_to_date"], entry["recorded"]) == (True, True, ["limit.gamma"])
+    first, last = outcome.stdout.splitlines()
+    assert first.endswith(f"  ({NOT_AGAIN}: limit.gamma)")
+    said = "; 1 expectation of 1 result is held against what is recorded, not found again: --force computes it; "
+    assert said in last
+    assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0
+    assert entries("all")["a.yaml"]["recorded"] == ["limit.gamma"]
+    outcome = run("batch", "a.yaml", "--jobs", 1, "--force")
+    assert (outcome.exit_code, entries()["a.yaml"]["recorded"]) == (4, [])
+    assert "recorded" not in outcome.stdout
+
+
+def test_other_programs_are_told_what_is_as_recorded():
+    forged_limit()
+
+    def told(form):
+        outcome = run("batch", "a.yaml", "--jobs", 1, "-q", "--format", form)
+        assert outcome.exit_code == 0
+        return outcome.stdout
+
+    said = f"{NOT_AGAIN}: limit.gamma"
+    (case,) = ElementTree.fromstring(told("junit")).iter("testcase")
+    assert [(child.tag, child.text) for child in case] == [("system-out", said)]
+    assert told("github") == f"::notice file=a.yaml,title=obsdesign as recorded::{said}\n"
+    for _ in range(2):  # the second replaces what the first has written
+        assert run("batch", "a.yaml", "-q", "--format", "github", "--output-file", "told.txt").exit_code == 0
+    content = json.loads(told("sarif"))
+    jsonschema.Draft7Validator(schema()).validate(content)
+    (run_of,) = content["runs"]
+    assert run_of["results"] == []
+    (invocation,) = run_of["invocations"]
+    assert [one["message"]["text"] for one in invocation["toolExecutionNotifications"]] == [said]
+    assert json.loads(told("json"))["specs"][0]["recorded"] == ["limit.gamma"]
+
+
+def test_an_expectation_on_what_is_proved_or_run_again_is_not_told_as_recorded():
+    proved = "status: certified, gamma: {verified: 0.177967}, observer.type: l2, simulation.status: finished"
+    put("a.yaml", f"{GOOD}expect: {{{proved}}}\n")
+    put("b.yaml", GOOD + "expect: {alpha: {verified: 0.1}, limit.attained: true, analysis.poles: {verified: 1}}\n")
+    for computed in ([], ["limit.attained", "analysis.poles"]):
+        outcome = run("batch", "a.yaml", "b.yaml", "-q", "--jobs", 1)
+        assert entries()["a.yaml"]["expected"], outcome.output
+        assert {path: entry["recorded"] for path, entry in entries().items()} == {"a.yaml": [], "b.yaml": computed}
+        assert entries()["b.yaml"]["up_to_date"] is bool(computed)
+
+
+def test_a_record_of_old_says_nothing_of_what_is_recorded_and_stays_up_to_date():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    for path, place in ((RECORD, "entry"), (Path("results/summary.json"), "specs")):
+        content = json.loads(path.read_text())
+        del (content[place] if place == "entry" else content[place][0])["recorded"]
+        path.write_text(json.dumps(content))
+    assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    assert (entries()["a.yaml"]["up_to_date"], entries()["a.yaml"]["recorded"]) == (True, [])
+
+
+LOST = {"as_expected": False, "verified": None, "guarantee": {}, "files": {}, "expected": []}
+
+
+def test_a_forged_record_of_a_spec_that_is_fine_and_claims_nothing_is_not_believed():
+    for parts in (
+        {"status": "invalid", "exit_code": 2, "problems": [PROBLEM], **LOST},
+        {"status": "skipped", "exit_code": None, **LOST, "as_expected": None},
+    ):
+        put("a.yaml")
+        assert run("batch", "a.yaml", "-q", "--jobs", 1, "--force").exit_code == 0
+        record = json.loads(RECORD.read_text())
+        record["entry"] |= parts
+        RECORD.write_text(json.dumps({**record, "hashes": {}}))
+        assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+        assert (entries()["a.yaml"]["status"], entries()["a.yaml"]["up_to_date"]) == ("certified", False)
+
+
+def test_why_a_spec_is_invalid_is_told_as_it_is_found_again():
+    put("a.yaml", "obsdesign: [")
+    put("b.yaml", GOOD + "expect: {gama: 1}\n")
+    assert run("batch", "a.yaml", "b.yaml", "-q", "--jobs", 1).exit_code == 2
+    honest = entries()
+    for path in (RECORD, Path("results/b/b.record.json")):
+        record = json.loads(path.read_text())
+        record["entry"] |= {"problems": [PROBLEM], "exit_code": 3}
+        path.write_text(json.dumps(record))
+    assert run("batch", "a.yaml", "b.yaml", "-q", "--jobs", 1).exit_code == 2
+    for path, entry in entries().items():
+        assert (entry["problems"], entry["exit_code"]) == (honest[path]["problems"], 2)
+        assert (entry["up_to_date"], entry["recorded"]) == (True, [])
+
+
+def test_that_a_spec_is_undecided_without_a_result_is_told_as_recorded():
+    put("a.yaml")
+    assert run("batch", "a.yaml", "-q", "--jobs", 1).exit_code == 0
+    record = json.loads(RECORD.read_text())
+    record["entry"] |= {"status": "uncertified", "exit_code": 4, "problems": [PROBLEM], **LOST}
+    RECORD.write_text(json.dumps({**record, "hashes": {}}))
+    outcome = run("batch", "a.yaml", "--jobs", 1)
+    assert (outcome.exit_code, entries()["a.yaml"]["recorded"]) == (4, ["status"])
+    assert f"({NOT_AGAIN}: status)" in outcome.stdout
+    assert run("batch", "a.yaml", "-q", "--jobs", 1, "--force").exit_code == 0
 
 
 LISTED = "its list_sha256 is not that of the specs in these summaries: one is missing, or was changed"

@@ -395,6 +395,20 @@ def test_no_output_replaces_what_is_read():
 
 
 @pytest.mark.usefixtures("sketched")
+def test_samples_and_figure_are_not_one_file_and_no_figure_is_printed(gains):
+    Path("link").symlink_to("same")
+    for other in ("same", "./same", str(Path("same").absolute()), "link"):
+        outcome = run("simulate", gains, "-o", "same", "--plot", other)
+        said = f"{other}: samples and figure cannot be one file; name another for one of them [OBS904]\n"
+        assert (outcome.exit_code, outcome.stdout, outcome.stderr) == (2, "", said)
+        assert not Path("same").exists()
+    outcome = run("simulate", gains, "-q", "-o", "-", "--plot", "-")
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert outcome.stderr == "--plot -: a figure is not printed; name a file [OBS904]\n"
+    assert run("simulate", gains, "-q", "-o", "/dev/null", "--plot", "/dev/null").exit_code == 0
+
+
+@pytest.mark.usefixtures("sketched")
 def test_no_output_replaces_a_file_of_another_kind(spec, gains):
     """A spec, a result, samples, a figure or a page that is there gives way only to one of its kind, empty or not."""
     assert run("simulate", gains, "-o", "b.csv", "--plot", "b.png", "-q").exit_code == 0

@@ -30,7 +30,7 @@ def difference():
 
 def test_the_same_is_no_difference():
     solved()
-    nothing = {key: [] for key in ("solver", "spec", "gains", "guarantee")}
+    nothing = {key: [] for key in ("solver", "spec", "gains", "guarantee", "notes")}
     assert difference() == {"status": ["certified", "certified"], **nothing}
     assert run("diff", "old.json", "new.json").stdout.split() == ["status", "certified"]
 
@@ -143,3 +143,32 @@ def test_equations_of_a_guarantee_are_no_numbers():
     assert json.loads(Path("old.json").read_text())["guarantee"]["coordinates"][1]["phi"][:1].isdigit()
     assert run("diff", "old.json", "old.json").stdout.split() == ["status", "certified"]
     assert [one["name"] for one in difference()["guarantee"]] == ["rates.xi1", "coordinates[0].lambda"]
+
+
+SMALL = "obsdesign: 1\nsystem: {A: [[0, 1], [-2, -3]], B: [0, 1], C: [1, 0]}\nobserver: %s\n"
+OF_NORMS = {
+    "energy": "{type: l2, alpha: 0.3, bounds: {L1: 9}}",
+    "peak": "{type: linf, alpha: 0.3, bounds: {L1: 9}}",
+    "sampled": "{type: sporadic, T1: 0.05, T2: 0.1, delta: 9}",
+}
+
+
+def test_gammas_that_bound_different_norms_are_told_so():
+    for name, observer in OF_NORMS.items():
+        Path(f"{name}.yaml").write_text(SMALL % observer)
+        assert run("solve", f"{name}.yaml", "-q", "-o", f"{name}.json").exit_code == 0
+    energy, peak = "the energy norm2(z)", "the peak sup|z|"
+    for old, new, norms in (
+        ("energy", "peak", (energy, peak)),
+        ("peak", "sampled", (peak, energy)),
+        ("energy", "sampled", None),
+        ("peak", "peak", None),
+    ):
+        files = f"{old}.json", f"{new}.json"
+        told = json.loads(run("diff", *files, "--json").stdout)["notes"]
+        assert bool(told) == bool(norms)
+        shown = [line for line in run("diff", *files).stdout.splitlines() if line.startswith("note")]
+        assert [line.split(maxsplit=1)[1] for line in shown] == told
+        for said in told:
+            start = f"these gammas bound different norms, {norms[0]} and {norms[1]}: "
+            assert said.startswith(start)

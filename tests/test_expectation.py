@@ -96,6 +96,26 @@ def test_an_expectation_that_compares_nothing_does_not_hold(expected, said):
     assert outcome.exit_code == (2 if "[OBS205]" in said else 0)
 
 
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        ("note: [a]", "expect.gamma.note: expected text; found a list [OBS204]"),
+        ("note: {a: b}", "expect.gamma.note: expected text; found a mapping [OBS204]"),
+        ("note: true", "expect.gamma.note: expected text; found true [OBS204]"),
+        ("rtol: [1]", "expect.gamma.rtol: expected a number or arithmetic; found a list [OBS204]"),
+        ("rtol: true", "expect.gamma.rtol: expected a number or arithmetic; found true [OBS204]"),
+        ("atol: {a: 1}", "expect.gamma.atol: expected a number or arithmetic; found a mapping [OBS204]"),
+        ("atol: -1", "expect.gamma.atol: -1 is not allowed; give a number >= 0 [OBS208]"),
+        ("printed: {a: 1}", "expect.gamma.printed: expected a number, text or a list, found a mapping [OBS204]"),
+    ],
+)
+def test_an_entry_of_an_expectation_of_another_type_is_refused_in_one_line(record, said):
+    Path("spec.yaml").write_text(f"{TEXTS['l2']}expect: {{gamma: {{verified: 1, {record}}}}}\n")
+    outcome = run("solve", "spec.yaml", "-q")
+    assert (outcome.exit_code, outcome.stdout, outcome.stderr.count("\n")) == (2, "", 1)
+    assert outcome.stderr.endswith(f": {said}\n")
+
+
 @pytest.mark.parametrize("expected", ["limit.attained: false", "alpha: {verified: 0.3}", "observer.type: l2"])
 def test_an_expectation_that_holds_says_nothing(expected):
     Path("spec.yaml").write_text(f"{TEXTS['l2']}expect: {{{expected}}}\n")

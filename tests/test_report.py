@@ -234,6 +234,10 @@ def test_a_folder_lists_every_result_and_what_gave_none(pages):
     assert rows.keys() == {"Small", "Drag", "Hidden", "Front", "late.yaml"}
     assert "no result: timeout" in rows["late.yaml"].text
     assert "after 600 s" in rows["late.yaml"].text
+    heads = [cell.text for cell in next(table.all("thead")).all("th")]
+    told = dict(zip(heads[1:], (cell.text for cell in rows["late.yaml"].all("td")), strict=True))
+    assert (told["further, proved"], told["why it is not shown"][:19]) == ("", "summary.json says: ")
+    assert all(len(list(row.all("td"))) == len(heads) - 1 for row in rows.values())
     links = {name: next(row.all("a")).attributes["href"] for name, row in rows.items() if name != "late.yaml"}
     sheets = {e.attributes["id"]: next(e.all("h1")).text for e in root.all("article")}
     assert {name: sheets[link[1:]] for name, link in links.items()} == {name: name for name in links}

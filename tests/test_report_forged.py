@@ -9,7 +9,11 @@ from support.bounded import soon
 from support.commands import run
 from support.forging import with_text
 from support.page import read
-from test_report import altered, solved
+from test_report import SMALL, altered, reported, solved, summarised, texts
+
+from obsdesign.batches.find import Task
+from obsdesign.batches.record import entry_of
+from obsdesign.errors import Problem
 
 SPEC = """
 obsdesign: 1
@@ -235,3 +239,34 @@ def test_a_spec_without_a_name_has_that_of_its_path(tmp_path, monkeypatch):
     altered(path, name="other's")
     outcome = run("verify", path, "other.yaml")
     assert "name: is not that of the spec in the file; expected plain [OBS703]" in outcome.stderr
+
+
+def test_what_a_summary_says_of_a_spec_without_a_result_stands_under_nothing_that_is_proved(tmp_path):
+    solved(tmp_path, SMALL)
+    problem = Problem("proved: gamma 1e-9, certified", "forged.yaml", id="OBS508")
+    claims = entry_of(Task("forged.yaml"), "certified", 0, problem, as_expected=True, verified=True)
+    summarised(tmp_path, claims, entry_of(Task("late.yaml"), "timeout", 4, problem))
+    page, outcome = reported(tmp_path, tmp_path)
+    assert outcome.stdout.startswith("1 certified, 1 no result, 1 no result: timeout\n")
+    (table,) = (e for e in read(page).all("table") if e.attributes.get("class") == "results")
+    heads = [cell.text.strip() for cell in next(table.all("thead")).all("th")][1:]
+    rows = list(next(table.all("tbody")).all("tr"))[1:]
+    forged, late = ({head: cell.text for head, cell in zip(heads, row.all("td"), strict=True)} for row in rows)
+    said = "summary.json says certified, but names no result file: nothing of it is proved"
+    assert (forged.pop("why it is not shown"), forged.pop("status")) == (said, "no result")
+    assert late.pop("why it is not shown") == "summary.json says: proved: gamma 1e-9, certified"
+    assert late.pop("status") == "no result: timeout"
+    assert {*forged.values(), *late.values()} == {""}
+
+
+def test_points_of_a_search_are_told_as_recorded(genuine, tmp_path):
+    content = json.loads(genuine.read_text())
+    point = {"alpha": 0.5, "gamma": 1e-9, "status": "certified", "certified": {"gamma": 1e-9}}
+    path = tmp_path / "small.gains.json"
+    path.write_text(json.dumps({**content, "search": {**content["search"], "points": [point]}}))
+    root = read(reported(path, tmp_path)[0])
+    heads = [head for head in texts(root, "th") if "certified" in head or "status" in head]
+    assert heads == ["gamma, certified when designed, as recorded", "status, as recorded"]
+    assert any(
+        said.startswith("The points, and their statuses, are as the file records them.") for said in texts(root, "p")
+    )

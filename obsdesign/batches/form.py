@@ -95,6 +95,7 @@ FORM: Mapping[str, Callable[[Any], bool]] = {
     "up_to_date": lambda value: isinstance(value, bool),
     "why": lambda value: value is None or is_text(value),
     "expected": of_each(is_expectation),
+    "recorded": of_each(is_text),
     "guarantee": by_name(is_name, is_number),
     "problems": of_each(is_problem),
     "files": by_name(lambda name: name in KINDS, is_text),
@@ -106,7 +107,7 @@ def sound(value: Any) -> Entry | None:
     """Entry in the order of a summary; None where it is none."""
     if not isinstance(value, dict):
         return None
-    entry = {"set": [], **value}  # which a summary without changes need not have
+    entry = {"set": [], "recorded": [], **value}  # which a summary without changes, and one of old, need not have
     whole = entry.keys() >= FORM.keys() and all(holds(entry[key]) for key, holds in FORM.items())
     return {key: entry[key] for key in FORM} if whole else None
 

@@ -15,8 +15,8 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from obsdesign import __version__
 from obsdesign.batches.form import Entry
 from obsdesign.batches.record import LIMITS
-from obsdesign.batches.summary import Summary
-from obsdesign.batches.table import changed, label, sentence, shown
+from obsdesign.batches.summary import INTERRUPTED, Summary
+from obsdesign.batches.table import changed, label, remark, sentence, shown
 from obsdesign.errors import unheeded
 
 NO_ANSWER = ("invalid", "crashed", *LIMITS)  # statuses that are errors, not failures, of a test
@@ -42,6 +42,8 @@ def junit(summary: Summary) -> Iterator[str]:
             first = said.partition("\n")[0]
             kinds_of = [label(entry, problem) for problem in entry["problems"]] or [entry["status"]]
             SubElement(case, kind, {"type": kinds_of[0], "message": first}).text = said
+        if entry["recorded"]:
+            SubElement(case, "system-out").text = in_xml(remark(entry))
         yield tostring(case, encoding="unicode") + "\n"
     yield "</testsuite>\n</testsuites>\n"
 
@@ -64,7 +66,7 @@ def in_xml(text: str) -> str:
 
 
 def github(summary: Summary) -> Iterator[str]:
-    """Workflow commands that GitHub shows at the file, line and column of each problem."""
+    """Workflow commands that GitHub shows at the file, line and column of each problem; notices of what is recorded."""
     for entry, problem in unexpected(summary):
         place = {"file": problem.get("file", entry["path"]), "line": problem.get("line"), "col": problem.get("column")}
         title = f"obsdesign {label(entry, problem)} {problem['id']}"
@@ -72,6 +74,9 @@ def github(summary: Summary) -> Iterator[str]:
         told = ",".join(f"{key}={in_property(str(value))}" for key, value in properties.items() if value)
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)
         yield f"::error {told}::{in_message(said + changed(entry))}\n"
+    for entry in believed(summary):
+        told = f"file={in_property(entry['path'])},title=obsdesign as recorded"
+        yield f"::notice {told}::{in_message(remark(entry) + changed(entry))}\n"
 
 
 def unexpected(summary: Summary) -> Iterator[tuple[Entry, dict[str, Any]]]:
@@ -79,6 +84,11 @@ def unexpected(summary: Summary) -> Iterator[tuple[Entry, dict[str, Any]]]:
     for entry in summary.specs:
         if entry["as_expected"] is False:
             yield from ((entry, problem) for problem in entry["problems"])
+
+
+def believed(summary: Summary) -> Iterator[Entry]:
+    """Every spec of which an expectation is held against what is recorded, not found again."""
+    return (entry for entry in summary.specs if entry["recorded"])
 
 
 def in_message(text: str) -> str:
@@ -92,7 +102,10 @@ def in_property(text: str) -> str:
 
 
 def sarif(summary: Summary) -> Iterator[str]:
-    """SARIF 2.1.0: a result for each problem of a spec that is not as expected, at its place."""
+    """SARIF 2.1.0: a result for each problem of a spec that is not as expected, at its place.
+
+    What is held against a record, and not found again, is a notification of the run: it is no alert.
+    """
     results: list[dict[str, Any]] = []
     for entry, problem in unexpected(summary):
         said = ": ".join(part for part in (problem.get("key"), problem["message"]) if part)
@@ -106,7 +119,21 @@ def sarif(summary: Summary) -> Iterator[str]:
         )
     rules = [{"id": rule} for rule in sorted({result["ruleId"] for result in results})]
     driver = {"name": "obsdesign", "version": __version__, "rules": rules}
-    run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "results": results}
+    told = [
+        {
+            "level": "note",
+            "message": {"text": remark(entry) + shown(changed(entry))},
+            "locations": [{"physicalLocation": {"artifactLocation": {"uri": uri(entry["path"])}}}],
+        }
+        for entry in believed(summary)
+    ]
+    invocation = {"executionSuccessful": summary.exit_code != INTERRUPTED, "toolExecutionNotifications": told}
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",
+        "results": results,
+        **({"invocations": [invocation]} if told else {}),
+    }
     yield json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1, ensure_ascii=False) + "\n"
 
 

@@ -37,12 +37,16 @@ def perform(task: Task, options: Options) -> Result:
         result.entry |= told(design)
         tried(design, options, result)
     except ObsdesignError as error:
-        solved = "gains" in result.files
-        result.entry |= {"exit_code": error.exit_code, "as_expected": False}
-        result.entry |= {} if solved else {"status": failure(error)}
-        result.entry["problems"] += [written(placed(one, task)) for one in error.problems]
+        result.entry |= ended_by(error, result.entry, task, solved="gains" in result.files)
     result.entry["time_s"] = round(time.perf_counter() - started, 4)
     return result
+
+
+def ended_by(error: ObsdesignError, entry: Mapping[str, Any], task: Task, *, solved: bool) -> dict[str, Any]:
+    """What an entry says of an error that ended its spec, which has a status of its own where it was solved."""
+    status = {} if solved else {"status": failure(error)}
+    problems = [*entry["problems"], *(written(placed(one, task)) for one in error.problems)]
+    return {**status, "exit_code": error.exit_code, "as_expected": False, "problems": problems}
 
 
 def placed(problem: Problem, task: Task) -> Problem:

@@ -27,8 +27,7 @@ installed = cache(version)  # of a package, whose files are read for it
 LARGEST = 2**30  # bytes of a file that is read back
 WITH_GAINS = EXIT.keys() - {"uncertified"}  # statuses that hold only with a result file: an undecided spec has none
 LIMITS = ("timeout", "memory")  # options that end a spec, and the statuses that it ends with
-CLAIMED = ("as_expected", "files", "guarantee")  # parts of an entry that say that something was achieved
-VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None}  # what may differ between two runs
+VOLATILE: Entry = {"time_s": 0.0, "up_to_date": False, "why": None, "recorded": []}  # may differ between two runs
 BROKEN = {"crashed": "it crashed", "timeout": "it was late", "memory": "it lacked memory"}  # what another try may give
 
 
@@ -73,6 +72,7 @@ def entry_of(task: Task, status: str, exit_code: int | None, *problems: Problem,
         "up_to_date": False,
         "why": None,
         "expected": [],
+        "recorded": [],
         "guarantee": {},
         "problems": [written(problem) for problem in problems],
         "files": {},

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from obsdesign.batches.find import titled
 from obsdesign.batches.form import STATUSES, Entry
 from obsdesign.errors import LOGGED, NOT_ONE_LINE
+from obsdesign.sections.values import counted
 from obsdesign.tables.text import safe
 
 if TYPE_CHECKING:
@@ -27,12 +28,18 @@ def shown(text: str) -> str:
 
 
 def line(entry: Entry, width: int = 0) -> str:
-    """One spec: whether it is as expected, its status, its path, what is guaranteed, s it took."""
+    """One spec: whether it is as expected, its status, its path, what is guaranteed, s it took, what is as recorded."""
     told = ", ".join(f"{name} {safe(name, value)}" for name, value in islice(entry["guarantee"].items(), NUMBERS))
     path = title(entry)
     time = "up to date" if entry["up_to_date"] else f"{entry['time_s']:.1f} s" if entry["time_s"] else ""
     parts = (MARKS[entry["as_expected"]], f"{entry['status']:{COLUMN}}", f"{path:{width}}", f"{time:>10}", told)
-    return "  ".join(parts).rstrip()
+    mark = f"  ({remark(entry)})" if entry["recorded"] else ""
+    return "  ".join(parts).rstrip() + mark
+
+
+def remark(entry: Entry) -> str:
+    """Which expectations of a result that is up to date nothing proves again, nor refutes."""
+    return f"as recorded, not found again: {shown(', '.join(entry['recorded']))}"
 
 
 def title(entry: Entry) -> str:
@@ -66,13 +73,22 @@ def sentence(problem: Mapping[str, Any]) -> str:
 def rows(summary: "Summary") -> Iterator[str]:
     """Table of a batch, and a last line on all of it."""
     width = min(max((len(title(entry)) for entry in summary.specs), default=0), LONGEST)
-    done = 0
+    done, believed = 0, list[int]()
     for entry in summary.specs:
         done += bool(entry["up_to_date"])
+        believed += [len(entry["recorded"])] if entry["recorded"] else []
         yield line(entry, width)
     counts = summary.counts
     kinds = ", ".join(f"{counts[status]} {status}" for status in STATUSES if counts[status])
     fine, asked = counts["as_expected"], counts["total"] - counts["skipped"]
     said = "all as expected" if fine == asked else f"{asked - fine} not as expected"
     again = f", {done} up to date: what is proved was proved anew, the rest is as recorded" if done else ""
+    again += f"; {as_recorded(sum(believed), len(believed))}" if believed else ""
     yield f"specs {counts['total']}: {kinds or 'none'}; {said}{again}; {summary.time_s:.1f} s; {shown(summary.path)}"
+
+
+def as_recorded(expectations: int, results: int) -> str:
+    """How many expectations, of how many results, are held against what nobody proves again; and what would."""
+    held = f"{counted(expectations, 'expectation')} of {counted(results, 'result')}"
+    verb = "is" if expectations == 1 else "are"
+    return f"{held} {verb} held against what is recorded, not found again: --force computes it"

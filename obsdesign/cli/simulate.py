@@ -9,7 +9,7 @@ from obsdesign.cli.program import AsJson, Changes, PlotAll, Quiet, Solver, Timeo
 from obsdesign.cli.sources import RESULTS, SPECS, Answer, each, found, require_apart, require_one
 from obsdesign.cli.steps import as_text, drawn, failing, interruptible, progress, ran, run_text, stem, taken
 from obsdesign.disk import require_ending
-from obsdesign.errors import one_line
+from obsdesign.errors import UsageError, one_line
 from obsdesign.watch import limited
 
 
@@ -28,10 +28,12 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Simulate plant and observer; write the samples and a figure."""
-    from obsdesign.disk import newest, require_writable, write_all
+    from obsdesign.disk import newest, require_two, require_writable, write_all
 
     require_ending(output, "samples")
     require_ending(plot, "figures")
+    if plot == "-":
+        raise UsageError("--plot -: a figure is not printed; name a file", id="OBS904")
     with limited(timeout):
         if not sources:
             sources = [newest()]
@@ -44,6 +46,7 @@ def simulate(
         def answer(source: str) -> Answer:
             name = stem(source)
             paths = output or f"{name}.run.csv", plot or f"{name}.run.png"
+            require_two(*paths, "samples and figure")
             kinds = dict(zip(paths, ("samples", "figures"), strict=True))
             kept = require_writable(kinds, read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)

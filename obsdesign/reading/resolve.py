@@ -21,6 +21,7 @@ from obsdesign.reading.schema import File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc, dotted
+from obsdesign.sections.forms import ENTRY, TEXT
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import nearest, unknown
@@ -199,8 +200,11 @@ def read_record(reader: Reader, name: str, value: Any, loc: Loc) -> Any:
     """One entry of an expectation."""
     if name not in RECORD:
         reader.wrong(loc, unknown("key", name, RECORD, {}), at_key=True, id="OBS201")
-    if name in TOLERANCES and isinstance(value, str):
-        return float(reader.number(value, loc, ">= 0"))
+    if name in TOLERANCES:
+        text = ENTRY.read(reader, value, loc)
+        return None if text is None else float(reader.number(text, loc, ">= 0"))
+    if name == "note":
+        return TEXT.read(reader, value, loc)
     return read_plain(reader, value, loc)
 
 

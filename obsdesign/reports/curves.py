@@ -10,7 +10,8 @@ from obsdesign.reports.chart import BOTTOM, FARTHEST, HEIGHT, LEFT, NEAREST, RIG
 from obsdesign.tables.design import QUANTITIES
 
 LEVELS = 9
-CERTIFIED = "certified when it was designed"  # of gains that are not in the file, so that nothing is proved anew
+CERTIFIED = "certified when designed, as recorded"  # of gains that are not in the file: nothing is proved anew
+STATUS = "status, as recorded"
 LABELS = {"alpha": "decay rate α [1/s]", "decay": "decay rate [1/s]", "gamma": "gain γ", "T2": "T2 [s]"}
 SPREAD = 30  # ratio from which on an axis is logarithmic
 Point = Mapping[str, Any]
@@ -137,7 +138,7 @@ def bounds(grid: Any) -> Any:
 
 
 def table(search: Mapping[str, Any]) -> Table | None:
-    """All points, with what became of them."""
+    """All points, with what became of them as the file records it."""
     rows, over, found = [], parameters(search), quantities(search)
     named = any(name for name, _ in groups(search))
     for name, group in groups(search):
@@ -146,7 +147,7 @@ def table(search: Mapping[str, Any]) -> Table | None:
             cells = ["" if value is None else f"{value:.6g}" for value in numbers]
             rows.append((*([name] if named else []), *cells, str(point.get("status", ""))))
     header = (*(["curve"] if named else []), *over, *(f"{key}, limit" for key in found))
-    return Table((*header, *(f"{key}, {CERTIFIED}" for key in found), "status"), tuple(rows)) if rows else None
+    return Table((*header, *(f"{key}, {CERTIFIED}" for key in found), STATUS), tuple(rows)) if rows else None
 
 
 def parts(point: Point, over: Sequence[str], found: Sequence[str]) -> tuple[tuple[Point, Sequence[str]], ...]:

@@ -1,24 +1,22 @@
 """What a spec expects of its result, as a page shows it: what was found, and whether that is proved."""
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from obsdesign.design import Design
-from obsdesign.expectation import RUN
-from obsdesign.families.agreement import HELD, numerical
+from obsdesign.expectation import CLAIMED, PROVED, rests_on
+from obsdesign.families.agreement import numerical
 from obsdesign.families.outcome import Proof
 
-PROVED, NUMERICAL, CLAIMED = "proved", "numerical", "not verified"  # what an entry of a file rests on
 Row = dict[str, Any]
 
 
 def rows_of(design: Design, proof: Proof | None, summary: Mapping[str, Any]) -> list[Row]:
     """Every expectation, with what a paper prints, what was found, what that rests on, and whether it is met."""
-    unproved = numerical(design.result, design.spec)
+    unproved, proved = numerical(design.result, design.spec), bool(proof and proof.holds)
     found = []
     for row in design.expected(summary):
-        rests, record = rests_on(row["key"], design.result, proof, unproved), design.spec.expect[row["key"]]
+        rests, record = rests_on(row["key"], design.result, proved, unproved), design.spec.expect[row["key"]]
         told = record if isinstance(record, Mapping) else {}
         found.append(
             {
@@ -31,19 +29,6 @@ def rows_of(design: Design, proof: Proof | None, summary: Mapping[str, Any]) -> 
             }
         )
     return found
-
-
-def rests_on(key: str, content: Mapping[str, Any], proof: Proof | None, unproved: Sequence[str]) -> str:
-    """What an entry of a result rests on, by the dotted name that a spec has for it."""
-    names = [name for name in re.findall(r"[^.\[\]]+", key) if not name.isdecimal()]
-    names = names if names[0] in (*content, RUN) else ["guarantee", *names]
-    if names[0] == RUN:
-        return NUMERICAL
-    if not proof or not proof.holds:
-        return CLAIMED
-    path = ".".join(names) + "."
-    computed = any(path.startswith(f"{one}.") or f"{one}.".startswith(path) for one in unproved)
-    return PROVED if names[0] in ("status", *HELD) and not computed else NUMERICAL
 
 
 def in_all(rows: Sequence[Row]) -> str:

@@ -4,7 +4,7 @@ import base64
 import datetime
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from obsdesign import __version__
 from obsdesign.batches.find import SUMMARY
-from obsdesign.batches.record import RECORD
+from obsdesign.batches.record import RECORD, WITH_GAINS
 from obsdesign.batches.summary import opened as summary
 from obsdesign.design import Design
 from obsdesign.disk import below, write_whole
@@ -167,12 +167,17 @@ def of_batch(path: Path) -> tuple[list[Missing], set[Path] | None]:
         specs = summary(str(path))["specs"] if os.path.isfile(path) else None
     except UsageError as error:
         return [unread(str(path), error)], None
-    told = [
-        Missing(spec["path"], f"no result: {spec['status']}", "; ".join(p["message"] for p in spec["problems"]))
-        for spec in specs or ()
-        if "gains" not in spec["files"]
-    ]
+    told = [without_result(spec) for spec in specs or () if "gains" not in spec["files"]]
     return told, None if specs is None else {path.parent / spec["files"].get("gains", "") for spec in specs}
+
+
+def without_result(spec: Mapping[str, Any]) -> Missing:
+    """What a summary says of a spec that gave no result file; a status that holds only with one is none."""
+    if spec["status"] in WITH_GAINS:
+        said = f"{SUMMARY} says {spec['status']}, but names no result file: nothing of it is proved"
+        return Missing(spec["path"], "no result", said)
+    said = "; ".join(problem["message"] for problem in spec["problems"])
+    return Missing(spec["path"], f"no result: {spec['status']}", f"{SUMMARY} says: {said or 'nothing'}")
 
 
 def of_earlier(path: Path) -> bool:
