@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.dissipation.analysis import Errors
+from obsdesign.dissipation.modes import modes
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer, injected
 from obsdesign.lmi.formula import Array, printed
@@ -50,7 +51,7 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
 
 def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
     """Error systems of the observer."""
-    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"])
+    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"], modes(spec.period))
 
 
 def reconstructed(spec: Spec, L1: Array, estimates: tuple[str, ...]) -> Named:
