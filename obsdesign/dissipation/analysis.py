@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class Errors:
     L1: Array
     L2: Array
     modes: Modes = field(default=EXPONENTIALS, kw_only=True)
+    channels: tuple[Array, Array] | None = field(default=None, kw_only=True)  # of v: those at k, those at k + 1
 
     @classmethod
     def of(
@@ -53,12 +55,12 @@ class Errors:
         H: Array,
         L1: Array | None = None,
         L2: Array | None = None,
-        modes: Modes = EXPONENTIALS,
+        **time: Any,
     ) -> "Errors":
-        """Of a plant and z = H e; without a gain it is zero."""
+        """Of a plant and z = H e; without a gain it is zero. `time`: `modes` and `channels`, if not the usual ones."""
         p = plant.doubles
         L1, L2 = (np.zeros(C.shape) if L is None else in_floats(L) for L, C in ((L1, p.C.T), (L2, p.Cq @ p.C.T)))
-        return cls(p, multiplier, in_floats(H), L1, L2, modes=modes)
+        return cls(p, multiplier, in_floats(H), L1, L2, **time)
 
     @property
     def gap(self) -> float | None:
@@ -220,11 +222,26 @@ class Errors:
         """
         with np.errstate(all="ignore"):
             found = [
-                largest_area(*self.modes.impulse(A, B, self.H))
+                largest_area(*self.impulse(A, B))
                 for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
                 if self.modes.decay(poles, ROUNDING).all()
             ]
         return max((peak for peak in found if np.isfinite(peak)), default=None)
+
+    def impulse(self, A: Array, B: Array) -> tuple[Array, Array]:
+        """Response of z to an impulse of each v itself, where some of v is taken at k and some at the next sample.
+
+        What v does at k is seen a sample later than what v does at k + 1.
+        """
+        h, widths = self.modes.impulse(A, B, self.H)
+        if self.channels is None:
+            return h, widths
+        now, late = self.channels
+        soon, h = h[: now.sum()], h[now.sum() :]
+        found = np.zeros((len(now), *h.shape[1:]))
+        found[now, :, 1:] = np.concatenate([soon[..., :-2], soon[..., -2:].sum(axis=-1, keepdims=True)], axis=-1)
+        found[late] += h
+        return found, widths
 
 
 def members(multiplier: Multiplier) -> list[Array]:

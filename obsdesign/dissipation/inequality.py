@@ -179,8 +179,9 @@ class Incremental(ABC):
 
     @property
     def edge(self) -> Edge:
-        """What the rate asks of the modes of the error."""
-        return Edge(self.rate, self.about.pace.sampled, self.about.at_rest == "weak")
+        """What the rate asks of the modes of the error: of samples one at the very rate may do, unless (13) is strict."""
+        sampled = self.about.pace.sampled
+        return Edge(self.rate, sampled, sampled and bool(self.rate or self.about.at_rest == "weak"))
 
     def slowest_pole(self) -> complex:
         """Slowest pole of the error for given gains and f = K q, K the member of the class; in doubles.

@@ -7,6 +7,7 @@ from typing import Any
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.modes import modes
 from obsdesign.families.guarantee import Guarantee
+from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
 
@@ -25,11 +26,17 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
     if not errors.modes.sampled:
         most = math.inf if gap is None else gap
         steps["largest_step"] = {name: h and min(h, most) for name, h in errors.largest_step.items()}
-    steps["peak_gain"] = {"least": errors.least_peak(), "most": guarantee.peak(spec.H) if guarantee else None}
+    steps["peak_gain"] = {"least": errors.least_peak(), "most": most_peak(spec, guarantee)}
     unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
     return {name: finite(value) for name, value in found.items()}
+
+
+def most_peak(spec: Spec, guarantee: Guarantee | None) -> float | None:
+    """What a guarantee says of sup|z| for sup|v| = 1, of v itself where estimates are filtered; None: nothing."""
+    most = guarantee.peak(spec.H) if guarantee else None
+    return most and most * math.sqrt(gain_of(spec.augmented, peaks=True) if spec.observer.filtered else 1)
 
 
 def finite(value: Any) -> Any:

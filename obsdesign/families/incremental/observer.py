@@ -12,6 +12,7 @@ from obsdesign.families.observer import Copy, Observer, injected
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.disturbance import with_inputs
 from obsdesign.model.equations import Named, linear
+from obsdesign.model.filtered import channels
 from obsdesign.spec import Spec
 
 
@@ -51,7 +52,9 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
 
 def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
     """Error systems of the observer."""
-    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"], modes(spec.period))
+    taken = channels(spec.augmented) if spec.observer.filtered else None
+    time = {"modes": modes(spec.period), "channels": taken}
+    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"], **time)
 
 
 def reconstructed(spec: Spec, L1: Array, estimates: tuple[str, ...]) -> Named:
