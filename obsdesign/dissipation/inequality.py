@@ -179,7 +179,7 @@ class Incremental(ABC):
 
     @property
     def edge(self) -> Edge:
-        """What the rate asks of the modes of the error: of samples one at the very rate may do, unless (13) is strict."""
+        """What the rate asks of modes of the error: of samples one at that very rate may do, unless (13) is strict."""
         sampled = self.about.pace.sampled
         return Edge(self.rate, sampled, sampled and bool(self.rate or self.about.at_rest == "weak"))
 

@@ -9,7 +9,7 @@ from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, posed, request_of
-from obsdesign.families.incremental.samples import explicit
+from obsdesign.families.incremental.samples import obstacle
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.outcome import Diagnosis, Proof
 from obsdesign.files import ResultFile
@@ -164,7 +164,7 @@ def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[s
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
     """What rules every gain out without a solver, where it does; a family in doubles."""
     if family.about.pace.sampled:
-        return explicit(spec, family)
+        return obstacle(spec, family)
     return too_stiff(family) or failing_passivity(spec, family)
 
 
