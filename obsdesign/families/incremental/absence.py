@@ -7,6 +7,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.pace import Pace
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, posed, request_of
 from obsdesign.families.incremental.samples import obstacle
@@ -91,7 +92,7 @@ def read(spec: Spec, file: ResultFile) -> Proof:
         raise file.unasked(request.told, *root, pace.key)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
-    words = f"Theorem 1 has no solution at {pace.key} = {approximate(pace.told(rate))!r}{level}"
+    words = f"{subject(pace)} has no solution at {pace.key} = {approximate(pace.told(rate))!r}{level}"
     words += f", nor at {pace.stronger}" if falls(family, gamma) else ""
     given_level = () if gamma is None else ("gamma",)
     return Proof(words, refutation.checks, used=("kind", pace.key, *given_level, "multipliers", "checks"))
@@ -154,11 +155,16 @@ def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[s
     return {
         "id": "OBS603",
         "condition": "inequality",
-        "reason": f"Theorem 1 has no solution at {pace.said(family.rate)}, nor at {pace.weaker} that was tried"
+        "reason": f"{subject(pace)} has no solution at {pace.said(family.rate)}, nor at {pace.weaker} that was tried"
         + within_bounds(spec),
         "feasible": {},
         "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
     }
+
+
+def subject(pace: Pace) -> str:
+    """What has no solution, at the beginning of a sentence; that of samples is of no paper."""
+    return "the inequality" if pace.sampled else "Theorem 1"
 
 
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:

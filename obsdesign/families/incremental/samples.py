@@ -15,11 +15,12 @@ import numpy as np
 from obsdesign.dissipation.analysis import ball_of
 from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.inequality import Incremental
-from obsdesign.families.finding import Finding, finding
+from obsdesign.families.finding import Finding, described, finding, outside
 from obsdesign.families.incremental.request import Request
-from obsdesign.families.incremental.stiffness import block_name, stiff_blocks
+from obsdesign.families.incremental.stiffness import block_name, steep_blocks
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import Array
+from obsdesign.model.structure import modes
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least
 
@@ -40,22 +41,29 @@ def obstacle(spec: Spec, family: Incremental) -> Diagnosis | None:
 
 
 def explicit(spec: Spec, family: Incremental) -> Diagnosis | None:
-    """A block without an upper slope bound, which no loop and no output involves: no gain serves it.
+    """A block without an upper slope bound that acts on its argument a sample later only, Gf = 0: L1 has to cancel it.
 
-    With M11 = M22 = 0 and Gf = 0 the block (f, f) of the inequality is Nf' P Nf <= 0, and Nf = Bf + L1 Df = Bf.
+    With M11 = M22 = 0 the block (f, f) of the inequality is Nf' P Nf <= 0, so that Nf = Bf + L1 Df = 0, which Df = 0
+    rules out; and where some L1 does, the error that is left must decay.
 
     It is no conservatism: a pole of the error goes to infinity with the slope, for every pair of gains, unless
     Ge (zI - Ne)^-1 Nf = 0.
     """
-    for i, *_ in stiff_blocks(family):
-        return {
-            "id": "OBS605",
-            "condition": "explicit",
-            "reason": f"{block_name(spec, i)} has no upper slope bound, and acts on the next sample alone: of an error "
-            "that it multiplies by a slope without bound no gain makes a contraction",
-            "feasible": {},
-            "suggestion": INSTEAD,
-        }
+    p = family.plant
+    for i, _, _, columns in steep_blocks(family):
+        Bf, Df = p.Bf[:, columns], p.Df[:, columns]
+        Gf = p.Dqf[:, columns] if family.L2 is None else p.Dqf[:, columns] + family.L2 @ Df
+        if Gf.any() or (family.L2 is None and Df.any()):
+            continue
+        L1 = -Bf @ np.linalg.pinv(Df)
+        steep = f"{block_name(spec, i)} has no upper slope bound, and acts on its argument in the next sample only"
+        found: Diagnosis = {"id": "OBS605", "condition": "explicit", "feasible": {}, "suggestion": INSTEAD}
+        if (np.abs(Bf + L1 @ Df) > ROUNDING * np.abs(Bf).max()).any():
+            return {**found, "reason": f"{steep}: no gain makes a contraction of an error that such a slope multiplies"}
+        left = modes(p.A + L1 @ p.C, (np.eye(len(Df)) - Df @ np.linalg.pinv(Df)) @ p.C, p.states, family.edge)
+        if left and len(family.multiplier.blocks) == 1:
+            hides = f"L1 has to cancel it, after which {left[0].sentence}{outside(family.edge, family.about.pace)}"
+            return {**found, "reason": f"{steep}: {hides}", "mode": described(left[0])}
     return None
 
 
