@@ -29,6 +29,7 @@ from obsdesign.families.incremental.limits import FLAT, Limits
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import posed, request_of
+from obsdesign.families.incremental.samples import at_the_edge
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.reach import judged
@@ -66,6 +67,7 @@ class Designer:
         fixed = in_floats(self.family)
         if undetectable(fixed.plant, fixed.multiplier.member, fixed.edge):
             return self.infeasible(self.lowest)
+        at_the_edge(fixed)
         if self.request.gains:
             return self.analysis(self.searched())
         if self.request.objective == "max-alpha":

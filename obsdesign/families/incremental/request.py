@@ -225,6 +225,8 @@ def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | 
     """Decay rate, alpha or 1 - rho, or where to search it."""
     if period is not None:
         return read_steps(reader, section, period)
+    if not reader.clean(("system",)):
+        return SEARCHED
     if section.rho is not None:
         said = "is the decay a sample, of a plant with time: discrete; in continuous time give alpha (1/s)"
         reader.wrong(("observer", "rho"), said, at_key=True, id="OBS213")
