@@ -12,6 +12,7 @@ from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, empty
+from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.period import read_period
@@ -51,8 +52,9 @@ def resolve(document: Document) -> Spec:
         reader.stop()
     require_format(reader, file)
     read_parameters(reader, file.parameters)
-    plant = read_system(reader, file, family)
-    layout, period = plant.layout, read_period(reader, file, family)
+    period = read_period(reader, file, family)
+    plant, continuous = discretised(reader, file.system, read_system(reader, file, family), period)
+    layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
     H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
@@ -68,7 +70,7 @@ def resolve(document: Document) -> Spec:
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
-    return Spec(
+    made = Spec(
         name=file.name or named_by(document.path),
         source=file.source or "",
         description=(file.description or "").strip(),
@@ -96,7 +98,9 @@ def resolve(document: Document) -> Spec:
         unused=tuple(reader.unused),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
         period=period,
+        continuous=continuous,
     )
+    return with_defect(reader, file, made)
 
 
 def require_format(reader: Reader, file: File) -> None:
