@@ -56,7 +56,7 @@ def term(plant: Plant[Exact], block: Nonlinearity, i: int, first: int) -> dict[s
     """One nonlinearity, and the `term` of the equations that it is, if it is one."""
     q, f = slice(first, first + block.nq), slice(i, i + block.multiplier.member.shape[0])
     written = [side.text for side in block.f or ()]
-    enters = {key: getattr(plant, key)[:, f] for key in ("Bf", "Df")}
+    enters = {key: getattr(plant, key)[:, f] for key in ["Bf", "Df"]}
     one = f.stop - f.start == 1
     sides = {key: column(M[:, 0]) if one else rows(M) for key, M in enters.items()}
     own = dict(zip(arguments(block.nq)[-block.nq :] if block.nq > 1 else ("q",), block.region or (), strict=False))
