@@ -179,9 +179,9 @@ class Incremental(ABC):
 
     @property
     def edge(self) -> Edge:
-        """What the rate asks of modes of the error: of samples one at that very rate may do, unless (13) is strict."""
+        """What the rate asks of the modes of the error."""
         sampled = self.about.pace.sampled
-        return Edge(self.rate, sampled, sampled and bool(self.rate or self.about.at_rest == "weak"))
+        return Edge(self.rate, sampled, sampled and self.about.at_rest != "strict")
 
     def slowest_pole(self) -> complex:
         """Slowest pole of the error for given gains and f = K q, K the member of the class; in doubles.

@@ -33,12 +33,12 @@ def bearing():
 
 def curve(family):
     """Least gamma^2 on a grid of alpha, as `solve` computes it."""
-    low = reduction(replace(family, alpha=ALPHAS[0]).least_gamma())
-    high = reduction(replace(family, alpha=ALPHAS[-1]).least_gamma(), low)
+    low = reduction(replace(family, rate=ALPHAS[0]).least_gamma())
+    high = reduction(replace(family, rate=ALPHAS[-1]).least_gamma(), low)
     start, found = None, []
     for alpha in ALPHAS:
         weight = (alpha - ALPHAS[0]) / (ALPHAS[-1] - ALPHAS[0])
-        answer = minimise(replace(family, alpha=alpha).least_gamma(), start=start, reduced=between(low, high, weight))
+        answer = minimise(replace(family, rate=alpha).least_gamma(), start=start, reduced=between(low, high, weight))
         start = answer.values
         found.append(answer.objective)
     return found

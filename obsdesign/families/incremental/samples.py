@@ -1,4 +1,4 @@
-"""What f and v rule out of observers in discrete time, whatever the gains.
+"""What f, v and modes at the very rate rule out of observers in discrete time, whatever the gains.
 
 With V+ = |N|^2_P in (e, f, v), N = [Ne Nf Nv], the inequality asks of its diagonal, besides what continuous time does,
 
@@ -8,6 +8,7 @@ With V+ = |N|^2_P in (e, f, v), N = [Ne Nf Nv], the inequality asks of its diago
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +16,13 @@ import numpy as np
 from obsdesign.dissipation.analysis import ball_of
 from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, described, finding, outside
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.incremental.stiffness import block_name, steep_blocks
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.lmi.formula import Array
-from obsdesign.model.structure import modes
+from obsdesign.model.structure import modes, undetectable
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least
 
@@ -30,9 +32,11 @@ INSTEAD = (
 )
 STRUCTURE = "say by Bf and Cq where f acts and what it reads, instead of every state through every state"
 SMALLER = "declare a smaller constant, or a slope on a region"
-SLOWER = "measure what makes the floor lower, or ask for a larger gamma"
+LOUDER = "measure what makes the floor lower, or ask for a larger gamma"
 ROUNDING = 1e-9  # relative
 DIGITS = 12  # of what is computed in doubles
+SLOWER = 1e-3  # of rho, that is suggested
+NONE = 1e-9  # of z along a mode of length 1
 
 
 def obstacle(spec: Spec, family: Incremental) -> Diagnosis | None:
@@ -159,10 +163,41 @@ def floor(spec: Spec, request: Request, family: Incremental) -> list[Finding]:
     told = f"no gain has a gamma below {at_least(float(f'{least:.{DIGITS}g}'))}"
     said = f"{told}: v reaches z in the next sample, where L1 takes from it what D shows at most"
     said += f", and gamma = {asked:g} was asked for" if beyond else ""
-    return [finding("floor of gamma", not beyond, said, decides=True, advice=SLOWER, floor=least, id="OBS619")]
+    return [finding("floor of gamma", not beyond, said, decides=True, advice=LOUDER, floor=least, id="OBS619")]
 
 
 def largest(request: Request) -> float:
     """Largest factor of gamma in the floor: rho of l2, or sqrt(1 - rho^2) of linf, of those that are asked for."""
     rhos = [float(request.pace.told(end)) for end in ends(request.rate)]
     return max(rhos) if request.type == "l2" else max(np.sqrt(1 - rho * rho) for rho in rhos)
+
+
+def at_the_edge(family: Incremental) -> Diagnosis:
+    """Answer that a mode which no output shows decays at the very rate that is asked for, and z shows it; else empty.
+
+    V+ - rho^2 V cannot be negative along it, so that z has to be zero there. Where it is, the inequality holds without
+    any margin at best, and nothing is decided.
+
+    `family`: in doubles. Raises `UndecidedError`: there is such a mode, and z does not show it.
+    """
+    if not family.edge.weak:
+        return {}
+    p, pace = family.plant, family.about.pace
+    for mode in undetectable(p, family.multiplier.member, replace(family.edge, weak=False)):
+        entries, here = dict(mode.along), pace.said(family.rate)
+        z = family.H @ np.array([entries.get(name, 0) for name in p.states])
+        if not family.about.monotone or np.abs(z).max(initial=0.0) <= NONE:
+            slower = "leave it out of the plant" if not family.rate else f"ask for {pace.slower(family.rate - SLOWER)}"
+            said = f"{mode.sentence}, and decays at {here} itself, where nothing is decided: {slower}, or measure it"
+            raise UndecidedError(said, id="OBS507")
+        slower = pace.necessary(family.edge.of(mode.eigenvalue))
+        return {
+            "id": "OBS601",
+            "condition": "detectability",
+            "reason": f"{mode.sentence}, and z shows it: at {here} itself that is too slow",
+            "mode": described(mode),
+            "feasible": {pace.bound: abs(mode.eigenvalue)} if family.rate else {},
+            "suggestion": f"{f'{slower}; or ' if family.rate else ''}a measurement that shows it, or a performance "
+            "without it, is needed",
+        }
+    return {}
