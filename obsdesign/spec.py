@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from flint import fmpq
 
@@ -207,13 +207,14 @@ class Spec(metaclass=Called):
 
         Raises `UsageError` if a nonlinearity has no f.
         """
+        time: Literal["continuous", "discrete"] = "continuous" if self.period is None else "discrete"
         if self.typed:
             taken = {"t", *plant.states, *self.inputs, *plant.outputs}
             exogenous = tuple(free(name, taken) for name in plant.exogenous)
             driven = dict(zip(self.plant.exogenous, map(Expression.variable, exogenous), strict=False))
             further = zip(plant.outputs[len(self.plant.outputs) :], driven.values(), strict=False)
             made = self.typed.equations.substituted(driven, exogenous=exogenous)
-            return replace(made, outputs={**made.outputs, **dict(further)})
+            return replace(made, outputs={**made.outputs, **dict(further)}, time=time)
         width = len(plant.Cq)
         blocks: list[tuple[tuple[Expression, ...], int]] = []
         for i, block in enumerate(self.nonlinearities):
@@ -227,7 +228,7 @@ class Spec(metaclass=Called):
             (*g, *[Expression.number(0)] * (rows - len(g)))
             for g, rows in ((self.gx, plant.n), (self.gq, width), (self.gy, len(plant.C)))
         ]
-        return from_matrices(plant, blocks, known, self.inputs)
+        return replace(from_matrices(plant, blocks, known, self.inputs), time=time)
 
     @cached_property
     def multiplier(self) -> Multiplier:

@@ -14,7 +14,7 @@ from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
 from obsdesign.plot.hybrid import draw_distance, draw_injection, draw_intervals
 from obsdesign.plot.panels import CURVES, Signals, draw_errors, draw_storage
 from obsdesign.plot.signals import Curve, Estimate
-from obsdesign.tables.text import at_least, at_most
+from obsdesign.tables.text import at_most
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,8 +141,8 @@ def promises(run: "Run") -> Iterator[str]:
 
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
-    alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {at_least(alpha)} 1/s" if alpha else "e → 0 without a disturbance"
+    rate = guarantee.rates().told
+    decays = f"{guarantee.symbol} = {rate}" if rate else "e → 0 without a disturbance"
     if run.summary["gamma"] is None:
         return decays
     return f"γ = {at_most(guarantee.gamma)} from zero error, {decays}"
