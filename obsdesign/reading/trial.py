@@ -82,10 +82,13 @@ def read_simulation(
         xi0=read_values(reader, section.xi0 or {}, (*loc, "xi0")),
         constants=read_values(reader, constants, (*loc, "theta0")),
         events=read_events(reader, section.events, layout),
-        silent=tuple(
-            name for name in called if section.u is None or (isinstance(section.u, dict) and name not in section.u)
-        ),
+        silent=tuple(name for name in called if not given(section.u, name)),
     )
+
+
+def given(written: schema.Signals | None, name: str) -> bool:
+    """Whether a signal is given: by its name, or with all in a list."""
+    return written is not None and (not isinstance(written, dict) or name in written)
 
 
 def read_horizon(reader: Reader, written: str, period: fmpq | None) -> fmpq:
