@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import ObsdesignError, Problem, UsageError
@@ -15,7 +16,7 @@ from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
-from obsdesign.model.filtered import filtered
+from obsdesign.model.filtered import channels, filtered
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
@@ -278,10 +279,13 @@ class Spec(metaclass=Called):
         named = {*x, *self.plant.exogenous}.issuperset(self.H_names)
         z = f"error of the estimated {', '.join(self.H_names if named else x)}"
         modelled = len(self.generator.Am) > 0
-        w, v = (", ".join(names) for names in (self.plant.exogenous, self.drives))
-        driven = (
-            f"{self.observer.drive}: {v}, which drives the model of {w}" if modelled else f"{self.observer.drive}: {w}"
-        )
+        modelled = len(self.generator.Am) > 0
+        v = self.drives if modelled else self.plant.exogenous
+        driven = f"{self.observer.drive}: {', '.join(v)}"
+        if modelled:
+            driven += f", which drives the model of {', '.join(self.plant.exogenous)}"
+        if self.observer.filtered and (late := channels(self.augmented)[1]).any():
+            driven += f"; {', '.join(np.array(v)[late])} at the next sample"
         return f"z: {z if named else f'H e, e the {z}'}; {driven}"
 
     @property

@@ -68,8 +68,7 @@ def thinned(run: "Run") -> "Run":
     most = run.spec.simulation.points if run.spec.simulation else len(run.t)
     if run.spec.period is None or len(run.t) <= most:
         return run
-    kept = np.unique(np.linspace(0, len(run.t) - 1, most).astype(int))
-    return replace(run, **vars(run.rows(kept)))
+    return replace(run, **vars(run.rows(np.arange(0, len(run.t), -(-len(run.t) // most)))))
 
 
 def named(what: str, shown: Sequence[Any], every: Sequence[Any]) -> str:

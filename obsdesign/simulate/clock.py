@@ -40,6 +40,10 @@ class Clock:
         """Instants of the samples after that at t, (.., 3), by the names TIMES[1:]."""
         return self.at(self.number(t)[..., None] + np.arange(1, len(TIMES)))
 
+    def named(self, t: float) -> dict[str, float]:
+        """Instants of the sample at t and of those after it, by their names."""
+        return dict(zip(TIMES, (t, *self.times(t).tolist()), strict=True))
+
 
 def clock_of(spec: Spec, horizon: float) -> Clock | None:
     """Samples of a run; None in continuous time."""

@@ -97,10 +97,14 @@ class Scenario:
         states = {ahead(name): plant.dynamics[name] for name in plant.states[: self.integrated]}
         return states | {ahead(name): later(side) for name, side in now.items()}
 
+    def xm(self, t: float) -> Vector:
+        """Known states of the disturbance model at an instant, (nm,); empty where they are not known."""
+        times = self.clock.named(t) if self.clock else {"t": t}
+        return np.array([signal.scalar([*times])(*times.values()) for signal in self.known])
+
     def steps_of_xm(self, before: float, after: float) -> Vector:
         """Jump of the known xm at a break, (nm,); zero where it is no more than rounding."""
-        xm = [e.scalar(["t"]) for e in self.known]
-        low, high = (np.array([signal(t) for signal in xm]) for t in (before, after))
+        low, high = map(self.xm, (before, after))
         step = high - low
         return np.where(np.abs(step) > JUMP * (1 + np.abs(low)), step, 0.0)
 

@@ -166,7 +166,7 @@ class System:
         acting = self.scenario
         x = np.zeros(len(acting.plant.states))
         x[: len(x0)] = x0
-        x[acting.integrated :] = [signal.scalar(["t"])(0.0) for signal in acting.known]
+        x[acting.integrated :] = acting.xm(0.0)
         copied = [i for i, name in enumerate(acting.plant.states) if error(name) in self.copied]
         s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:

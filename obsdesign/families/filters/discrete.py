@@ -45,7 +45,8 @@ def filter_of_samples(spec: Spec, request: FilterRequest) -> Observer:
     posterior = dict(zip((*x, *v), corrected, strict=True))
     F = signals.matrix("F", x, (*x, *v), jacobian(f, (*x, *v), posterior))
     following = times(F, cov, F.T)
-    known = {hats[name]: posterior[name] for name in x} if request.filtered else {}
+    corrects = request.estimate == "filtered"
+    known = {hats[name]: posterior[name] for name in x} if corrects else {}
     _, w = split(copy.outputs, len(outputs))
     modeled = zip(spec.plant.exogenous, w.values(), spec.generator.Dm, strict=True)
     return Observer(
@@ -60,8 +61,11 @@ def filter_of_samples(spec: Spec, request: FilterRequest) -> Observer:
         inputs=spec.inputs,
         outputs=outputs,
         algebraic={**copy.algebraic, **signals.sides},
-        initial={**begun(spec, hats, request), **{name: numbers(request.P0)[at] for at, name in names.items()}},
-        twins=twins(copy, (*plant.algebraic, *(() if request.filtered else x))),
+        initial={
+            **(begun(spec, hats) if corrects else {}),
+            **{name: numbers(request.P0)[at] for at, name in names.items()},
+        },
+        twins=twins(copy, (*plant.algebraic, *(() if corrects else x))),
     )
 
 
@@ -89,9 +93,9 @@ def conditioned(
     return r[ny:], T[ny:, ny:]
 
 
-def begun(spec: Spec, hats: Mapping[str, str], request: FilterRequest) -> dict[str, Expression]:
-    """Where the prediction begins, of filtered estimates: these are no copy of the state then."""
-    if not request.filtered or spec.simulation is None:
+def begun(spec: Spec, hats: Mapping[str, str]) -> dict[str, Expression]:
+    """Where the prediction begins of filtered estimates, which are no copy of the state: at xhat0."""
+    if spec.simulation is None:
         return {}
     values = zip((*spec.plant.states, *spec.model_states), printed(spec.simulation.xhat0), strict=True)
     return {hats[name]: Expression.number(value) for name, value in values}

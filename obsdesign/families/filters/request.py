@@ -52,10 +52,11 @@ class FilterRequest:
     Q: Array  # over what drives the augmented plant
     R: Array  # (ny, ny)
     P0: Array  # (n + nm, n + nm)
-    filtered: bool = False  # whether the estimate of a sample knows its y
+    estimate: str = ESTIMATES[0]
     drive: ClassVar[str] = "w"
     restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False  # there is no inequality, whose v would be in part that of the next sample
     gains: ClassVar[None] = None
 
 
@@ -76,11 +77,10 @@ def request(reader: Reader, section: FilterSection, problem: Estimation) -> Filt
     Q = read_weight(reader, section.Q, "Q", Axis(nv, "disturbance"), names[0], 0.0)
     R = read_weight(reader, section.R, "R", problem.outputs, names[1], 0.0, positive=True)
     P0 = read_weight(reader, section.P0, "P0", problem.states, names[2], 1.0)
-    filtered = section.estimate == "filtered"
-    if filtered and problem.period is None:
-        said = "goes with time: discrete; in continuous time every estimate knows y"
+    if section.estimate != ESTIMATES[0] and problem.period is None:
+        said = "is of a plant with time: discrete; in continuous time there is no next sample"
         reader.wrong(("observer", "estimate"), said, at_key=True, id="OBS213")
-    return FilterRequest(section.type, Q, R, P0, filtered)
+    return FilterRequest(section.type, Q, R, P0, section.estimate)
 
 
 def read_weight(
