@@ -279,7 +279,6 @@ class Spec(metaclass=Called):
         named = {*x, *self.plant.exogenous}.issuperset(self.H_names)
         z = f"error of the estimated {', '.join(self.H_names if named else x)}"
         modelled = len(self.generator.Am) > 0
-        modelled = len(self.generator.Am) > 0
         v = self.drives if modelled else self.plant.exogenous
         driven = f"{self.observer.drive}: {', '.join(v)}"
         if modelled:
