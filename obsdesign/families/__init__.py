@@ -23,7 +23,7 @@ FAMILIES: dict[str, Family] = {  # by observer.type
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
         Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
         Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),
-        Family(("ekf",), "obsdesign.families.filters", equations=True, matrices=True, proves=False),
+        Family(("ekf",), "obsdesign.families.filters", equations=True, matrices=True, proves=False, discrete=True),
     )
     for name in family.names
 }
