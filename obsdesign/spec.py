@@ -81,6 +81,19 @@ def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Ran
         first += block.nq
 
 
+@dataclass(frozen=True)
+class Continuous:
+    """A continuous plant that one in samples stands for."""
+
+    plant: Plant[Exact]
+    gx: tuple[Expression, ...]
+    gy: tuple[Expression, ...]
+    gq: tuple[Expression, ...]
+    method: str
+    defect: fmpq | None = None  # bound on how far the samples are from those of the model
+    rates: tuple[fmpq, fmpq] = (fmpq(0), fmpq(0))  # with sup|q_i'| and sup|w'|
+
+
 class Request(Protocol):
     """What is asked of the observer, in the numbers of the spec: what any stage may ask of any family."""
 
@@ -159,6 +172,7 @@ class Spec(metaclass=Called):
     changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
     period: fmpq | None = None  # s, of a plant x+ = A x + ..; None: x' = A x + ..
+    continuous: Continuous | None = None  # plant that this one in samples stands for
 
     @contextmanager
     def placed(self) -> Iterator[None]:

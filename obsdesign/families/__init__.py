@@ -17,7 +17,7 @@ ALGEBRAIC = "obsdesign.families.algebraic"
 FAMILIES: dict[str, Family] = {  # by observer.type
     name: family
     for family in (
-        Family(("l2", "linf"), "obsdesign.families.incremental", discrete=True, refutes=True),
+        Family(("l2", "linf"), "obsdesign.families.incremental", discrete=True, defects=("linf",), refutes=True),
         Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
         Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True),
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),

@@ -11,7 +11,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
-from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
+from obsdesign.dissipation.zero import Level, settled, sizes, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
@@ -19,6 +19,8 @@ from obsdesign.families.outcome import BEST_FOUND, bounded_kind
 from obsdesign.lmi.solve import Status
 
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
+NEAR = 1e-6  # relative, above a limit, where the size of a gain tells whether one attains it
+FINITE = 100.0  # .. in sizes of the plant
 
 
 @dataclass(frozen=True)
@@ -57,15 +59,33 @@ class Limits:
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(self.pace.said(rate), table)
-            return limits, level
+            return self.attained(search, limits), level
         bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
         if bounded.status is not Status.OPTIMAL:
             if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
                 raise unbounded(self.pace.said(rate), table)
-            return limits, None
+            return self.attained(search, limits), None
         level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(rate), **bounded_kind(self.request.bounds)}
+        limits = self.attained(search, limits, level.gamma)
         return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
+
+    def attained(self, search: Incremental, limits: dict[str, Any], bounded: float = math.inf) -> dict[str, Any]:
+        """Limits with whether a finite gain attains the one over all gains, in samples, as far as doubles tell.
+
+        In continuous time gains grow without bound as gamma comes near its infimum, unless v is kept from the error.
+
+        `bounded`: least gamma within bounds.
+        """
+        gamma = limits["limit"].get("gamma")
+        if not self.pace.sampled or not gamma:
+            return limits
+        finite = bounded <= gamma * (1 + NEAR)
+        if not finite:
+            near = self.engine.widest(search.witness(gamma * (1 + NEAR)))
+            optimal = near.status is Status.OPTIMAL
+            finite = optimal and norm(near.values, self.request.bounds) <= FINITE * sizes(search)[0]
+        return {**limits, "limit": {**limits["limit"], "attained": finite}}
 
     def best(self, limit: dict[str, Any]) -> dict[str, Any]:
         """Limit at one rate of a search; where it is the best that was found, the least of the whole curve."""

@@ -225,6 +225,8 @@ def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | 
     """Decay rate, alpha or 1 - rho, or where to search it."""
     if period is not None:
         return read_steps(reader, section, period)
+    if not reader.clean(("system",)):
+        return SEARCHED
     if section.rho is not None:
         said = "is the decay a sample, of a plant with time: discrete; in continuous time give alpha (1/s)"
         reader.wrong(("observer", "rho"), said, at_key=True, id="OBS213")
@@ -330,8 +332,19 @@ def request_of(spec: Spec) -> Request:
     return spec.observer
 
 
-SECTION = Observer
+SECTION, LIMITS = Observer, ("limit", "limit_bounded")
 RESULTS = {
-    "guarantee": ("gamma", "gamma_v", "alpha", "rho", "mu1", "mu2", "reconstruction", "limit", "limit_bounded"),
+    "guarantee": (
+        "gamma",
+        "gamma_v",
+        "alpha",
+        "rho",
+        "at_samples",
+        "mu1",
+        "mu2",
+        "reconstruction",
+        "limit",
+        "limit_bounded",
+    ),
     "observer": ("L1", "L2", "estimate", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
 }
