@@ -45,7 +45,8 @@ def least_gamma(study: Study) -> Outcome:
     if asked < limit.gamma:
         slower = study.slower(solve_of, asked**2)
         levels = {"asked": asked, "least": most, **({"bounded": limit.gamma} if study.restricted else {})}
-        reason = out_of_reach(levels, float(study.declared), slower, exact=study.bounds.L1 is None)
+        said = "" if slower is None else study.unit.about.pace.slower(slower)
+        reason = out_of_reach(levels, float(study.declared), said, exact=study.bounds.L1 is None)
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
     target = min(limit.target(study.slack), asked)
     L, claim = study.first(small_gains(study, family, study.declared, target))

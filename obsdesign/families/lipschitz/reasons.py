@@ -9,6 +9,7 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import DECAY, Pace
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
@@ -32,7 +33,7 @@ def gate(
 ) -> Diagnosis:
     """Answer that no gain will do, from closed forms where there are any; empty if nothing stands in the way.
 
-    `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least decay
+    `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least rate
     that is asked for; `request`: objective and declared constants: max-lipschitz needs detectability only;
     `relaxation`: one of `RELAXATIONS`; `tolerable`: whether f may have no larger constant than one.
     """
@@ -115,9 +116,11 @@ def too_large(
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
-    slower = largest_for_gamma(engine, replace(unit, rate=0 * unit.rate), relaxation).value if unit.rate else 0.0
-    if slower > declared:
-        hints.append("look at a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
+    eased = largest_for_gamma(engine, replace(unit, rate=0 * unit.rate), relaxation).value if unit.rate else 0.0
+    if eased > declared:
+        pace = unit.about.pace
+        at_rest = f" (for {pace.told(0)} the supremum is {eased:.8g})" if isfinite(eased) else ""
+        hints.append(f"look at {pace.weaker}{at_rest}")
     return {**found, "suggestion": ", or ".join(hints) or "f has a larger constant, and one more state will not do"}
 
 
@@ -157,13 +160,11 @@ def instead(relaxations: dict[str, dict[str, Any]]) -> str:
     return f"look at relaxation {' or '.join(named)}"
 
 
-def out_of_reach(
-    levels: dict[str, float], lipschitz: float, slower: float | None = None, *, exact: bool = True
-) -> Diagnosis:
+def out_of_reach(levels: dict[str, float], lipschitz: float, slower: str = "", *, exact: bool = True) -> Diagnosis:
     """Answer that gamma is bounded below what is possible.
 
     `levels`: of gamma, what is asked and the least, over all gains and if there are bounds within them; `slower`: a
-    decay at which it is possible; `exact`: whether the bounds leave the problem convex.
+    decay or rho at which it is possible, in words; `exact`: whether the bounds leave the problem convex.
     """
     asked, least = levels["asked"], levels["least"]
     return {
@@ -172,29 +173,31 @@ def out_of_reach(
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": enough(least, levels.get("bounded"), exact=exact)
-        + (f", or ask for decay at most {slower:g}" if slower is not None else ""),
+        "suggestion": enough(least, levels.get("bounded"), exact=exact) + (f", or ask for {slower}" if slower else ""),
     }
 
 
 def too_small(
     bounds: Bounds,
-    decay: float = 0.0,
+    pace: Pace = DECAY,
+    rate: float = 0.0,
     size: float | None = None,
     slower: float | None = None,
     gamma: float | None = None,
 ) -> Diagnosis:
     """Answer that nothing within the bounds on L and P was found.
 
-    `size`: a bound on |L| that will do, with a larger `gamma` if there is one; `slower`: a decay for which these do.
+    `pace`, `rate`: the decay that is asked for; `size`: a bound on |L| that will do, with a larger `gamma` if there is
+    one; `slower`: a rate for which these do.
     """
     asked = {"L": bounds.L1, "P.min": bounds.floor}
     enough = {"L": (size, "allow |L| up to")} if size and not gamma else {}
     if slower is not None:
-        enough["decay"] = slower, "within the bounds ask for decay at most"
+        end = "least" if pace.sampled else "most"
+        enough[pace.key] = pace.told(slower), f"within the bounds ask for {pace.key} at {end}"
     together = f"allow |L| up to {size or 0:g} and gamma up to {gamma or 0:g}, with which there is one"
     hints = [together] if size and gamma else []
-    found = too_tight(bounds.words("L"), f"for the decay {decay:g}", enough, hints)
+    found = too_tight(bounds.words("L"), f"for {pace.said(rate)}", enough, hints)
     return {**found, "bounds": {name: float(bound) for name, bound in asked.items() if bound is not None}}
 
 
@@ -206,9 +209,10 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
     """
     fixed = in_floats(family)
     pole = fixed.slowest_pole()
-    slow = pole.real >= -fixed.rate
+    pace, actual = fixed.about.pace, fixed.edge.of(pole)
+    slow = fixed.edge.slow(pole)
     if slow:
-        short = f"too slow for the decay {fixed.rate:g}" if pole.real < 0 else "and does not decay"
+        short = f"too slow for {pace.said(fixed.rate)}" if actual > 0 else "and does not decay"
         reason = f"without f the slowest pole of the error is {text(pole)}, {short}"
     else:
         reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"
@@ -218,7 +222,7 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         "condition": "gains",
         "reason": reason,
         "pole": [pole.real, pole.imag],
-        "feasible": {"lipschitz": tolerated} if smaller else {"decay_below": -pole.real} if pole.real < 0 else {},
+        "feasible": {"lipschitz": tolerated} if smaller else {pace.bound: pace.told(actual)} if actual > 0 else {},
         "suggestion": (f"declare a constant up to {at_least(tolerated)}, or " if smaller else "")
         + "look at new gains: leave `gains` out",
     }

@@ -1,18 +1,30 @@
 """Suprema of the Lipschitz constant over all gains, without the gain; a closed form wherever there is one."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import inf, sqrt
 
 import numpy as np
 from flint import fmpq_mat
 
+from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
-from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, regular, unstructured
+from obsdesign.families.lipschitz.closed_forms import (
+    ZERO,
+    Core,
+    Unseen,
+    arguments,
+    least_undetecting,
+    regular,
+    unstructured,
+)
 from obsdesign.families.lipschitz.relaxations import Lipschitz
+from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
+from obsdesign.model.pencil import split
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
 
@@ -30,6 +42,7 @@ class Supremum:
 
 GAMMA = "-h + sqrt(h^2 + 2 (1 - h) g - 1), h = sigma(H)^2, g = "
 EVERY, NONE = "every constant will do", "a mode is undetectable"
+TURNED = "rho / |Cq Bf|, for an f that turns from one sample to the next"
 
 
 def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Supremum:
@@ -42,6 +55,8 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
     or "norm-bound" or "abbaszadeh", which are the same here: Theorems 1 and 2. Raises `UndecidedError`: the reduced
     problem was not solved.
     """
+    if unit.about.pace.sampled:
+        return of_samples(engine, in_floats(unit))
     if relaxation == "s-procedure":
         return by_scales(engine, in_floats(unit))
     limit, whole = theorem2(engine, unit), in_floats(unit).lipschitz
@@ -88,6 +103,33 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     return Supremum(value, attainable and regular(answer.values["P"]))
 
 
+def of_samples(engine: Engine, unit: Lipschitz) -> Supremum:
+    """S-procedure of samples: gains stay finite as a rule, so that the problem with the gain will do."""
+    if hides(unit):
+        return Supremum(0.0, closed=NONE)
+    stretch = Stretch(engine, unit.undisturbed())
+    answer = solved(stretch.least(NO_BOUNDS))
+    value, most = stretch.constant(answer), turned(unit)
+    if value == inf:
+        return Supremum(inf, closed=EVERY)
+    attained = stretch.convex and unit.rate > 0 and regular(answer.values["P"])
+    met = value >= most * (1 - ACCURACY)
+    return Supremum(most if met else value, attained, TURNED if met else "")
+
+
+def turned(unit: Lipschitz) -> float:
+    """Constant beyond which no gain of samples will do for an f(k, q): rho / |Cq Bf Z|, Df Z = 0; in doubles.
+
+    From one sample to the next such an f may turn its difference so that |Cq e+| >= l |Cq Nf| |Cq e|, Nf = Bf + L1 Df.
+    It is so of each block, by itself.
+    """
+    p, edges = unit.plant, np.cumsum([0, *(b.nf for b in unit.multiplier.scaled_blocks())])
+    parts = zip(arguments(unit), pairwise(edges), strict=True)
+    moved = ((Cq, p.Bf[:, i:j] @ split(p.Df[:, i:j] / (np.linalg.norm(p.Df) or 1))[0]) for Cq, (i, j) in parts)
+    sizes = [float(np.linalg.norm(Cq @ Bf, 2)) if Bf.size else 0.0 for Cq, Bf in moved]
+    return float(unit.edge.end) / max(sizes) if max(sizes) > ZERO * unit.lipschitz else inf
+
+
 def widened(engine: Engine, core: Core, value: float) -> float:
     """Largest constant of several blocks over their scales, from that for equal scales.
 
@@ -112,7 +154,11 @@ def widened(engine: Engine, core: Core, value: float) -> float:
 
 def optimum(engine: Engine, problem: Problem) -> Answer:
     """Optimum of a reduced problem. Raises `UndecidedError`: it was not solved."""
-    answer = engine.minimise(problem, precise=True)
+    return solved(engine.minimise(problem, precise=True))
+
+
+def solved(answer: Answer) -> Answer:
+    """Answer that is an optimum. Raises `UndecidedError`: it is none."""
     if answer.status is not Status.OPTIMAL:
         raise UndecidedError(
             "the largest Lipschitz constant over all gains was not found: its problem was not solved", id="OBS507"
@@ -142,13 +188,12 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
 def ceiling(unit: Lipschitz) -> float | None:
     """Constant of a linear f that makes a mode undetectable at the rate of `unit`, whatever the gain and the method.
 
-    The minimum of sigma_min((A - s I) N) over real s >= -beta, N an orthonormal basis of ker C; only where f is any
-    function of x with a constant, and None otherwise, or where there is no such f.
+    The minimum of sigma_min((A - s I) N) over real s >= -beta, or |s| >= rho, N an orthonormal basis of ker C; only
+    where f is any function of x with a constant, and None otherwise, or where there is no such f.
     """
     fixed = in_floats(unit)
-    if not unstructured(fixed) or not Unseen.of(fixed).order:
-        return None
-    return least_undetecting(fixed) / fixed.lipschitz
+    least = least_undetecting(fixed) if unstructured(fixed) else inf
+    return None if least == inf else least / fixed.lipschitz
 
 
 def cancels(plant: Plant[Exact]) -> bool:
