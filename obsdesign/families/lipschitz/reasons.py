@@ -16,7 +16,7 @@ from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
-from obsdesign.lmi.formula import in_floats, rational
+from obsdesign.lmi.formula import identity, in_floats
 from obsdesign.model.pencil import text
 from obsdesign.tables.text import at_least, at_most
 
@@ -44,7 +44,7 @@ def gate(
     declared = float(max(request.lipschitz))
     if relaxation == "abbaszadeh":
         found = without_constant(unit, declared, request.objective) or printed_theorems(engine, unit, declared)
-    return found or too_large(engine, unit, declared, relaxation, tolerable)
+    return found or too_large(engine, unit, request, relaxation, tolerable)
 
 
 def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:
@@ -91,9 +91,10 @@ def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagno
 
 
 def too_large(
-    engine: Engine, unit: Lipschitz, declared: float, relaxation: str, tolerable: Callable[[float], bool]
+    engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str, tolerable: Callable[[float], bool]
 ) -> Diagnosis:
     """Answer that the declared constant is not below the largest; empty if it is."""
+    declared = float(max(request.lipschitz))
     supremum = largest_for_gamma(engine, unit, relaxation)
     if declared < supremum.value:
         return {}
@@ -112,7 +113,7 @@ def too_large(
         found["ceiling"] = most
     rivals = others(engine, unit, declared, relaxation)
     hints = [f"look at a constant below {at_least(supremum.value, 8)}"] if tolerable(supremum.value) else []
-    hints += measured(engine, unit, declared, relaxation)
+    hints += measured(engine, unit, request, relaxation)
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
@@ -124,15 +125,15 @@ def too_large(
     return {**found, "suggestion": ", or ".join(hints) or "f has a larger constant, and one more state will not do"}
 
 
-def measured(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> list[str]:
+def measured(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str) -> list[str]:
     """State that would do if it were measured as well, with the supremum then; nothing if none of the first does."""
-    p = unit.plant
+    p, seen = unit.plant, identity(unit.plant.n, unit.plant.A)
+    shown = (p.A, p.Bf, p.B) if request.filtered else (seen, 0 * p.Bf, 0 * p.B)  # of the state, in C, Df and D
     for i in range(min(p.n, STATES)):
-        C, Df, D = (np.vstack([X, X[:1] * 0]) for X in (p.C, p.Df, p.D))
-        C[-1, i] = 1
-        more = replace(unit, plant=replace(p, C=rational(C), Df=rational(Df), D=rational(D)))
+        C, Df, D = (np.vstack([X, row[i : i + 1]]) for X, row in zip((p.C, p.Df, p.D), shown, strict=True))
+        more = replace(unit, plant=replace(p, C=C, Df=Df, D=D), L2=0 * (p.Cq @ C.mT))
         supremum = largest_for_gamma(engine, more, relaxation).value
-        if supremum > declared:
+        if supremum > float(max(request.lipschitz)):
             said = f"the supremum is {supremum:.8g}" if isfinite(supremum) else "every constant will do"
             return [f"look at {p.states[i]} as another measurement, with which {said}"]
     return []
