@@ -18,7 +18,11 @@ import numpy as np
 from obsdesign.dissipation.inequality import EQUATIONS, Incremental, stored_and_supplied
 from obsdesign.lmi.formula import Array, Injection, Values, symmetric, zeros
 
-EQUATIONS_OF_SAMPLES = EQUATIONS.replace("xihat' =", "xihat+ =")
+PREDICTED = EQUATIONS.replace("xihat' =", "xihat+ =")
+FILTERED = (
+    "xibar = A xihat + Bf f(t, y, qhat) + gx, yhat = C xibar + gy+, xihat+ = xibar + L1 (yhat - y+), "
+    "qhat = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y+), e = xihat - xi, z = H e"
+)
 
 
 class Discrete(Incremental):

@@ -180,7 +180,8 @@ class Incremental(ABC):
     @property
     def edge(self) -> Edge:
         """What the rate asks of the modes of the error."""
-        return Edge(self.rate, self.about.pace.sampled, self.about.at_rest == "weak")
+        sampled = self.about.pace.sampled
+        return Edge(self.rate, sampled, sampled and self.about.at_rest != "strict")
 
     def slowest_pole(self) -> complex:
         """Slowest pole of the error for given gains and f = K q, K the member of the class; in doubles.

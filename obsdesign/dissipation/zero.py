@@ -10,7 +10,7 @@ import numpy as np
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_down, round_up, significant
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import DIGITS, gain, limit_of, size_of, sized
+from obsdesign.dissipation.gain import DIGITS, gain, limit_of, norm, size_of, sized
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.equilibrate import units
@@ -30,6 +30,8 @@ ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
 SHARE = 1e-3  # .. and that is certified in its place
 UNRESOLVED = 0.1  # share of what gamma can fall to, below which it is rounding
 HALF = -0.4 * math.log(10)  # of log gamma in a decade of gain: |L1| is of the order of 1 / gamma^2 at most
+NEAR = (1e-6, 1e-3)  # relative, above a limit, where sizes of gains are compared
+FLAT = 3.0  # ratio of these up to which they do not grow
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 
 
@@ -200,6 +202,22 @@ def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds 
     if not attained:
         return answer
     return replace(answer, status=Status.OPTIMAL, objective=0.0)
+
+
+def reached(engine: Engine, family: Incremental, level: Level, bounds: Bounds) -> Level:
+    """Level with whether a finite gain attains it, in samples, as far as doubles tell: gains stop growing there.
+
+    In continuous time they grow without bound as gamma comes near its infimum, unless v is kept from the error. Where
+    the inequality is strict, it does not hold for the infimum.
+    """
+    strict = family.about.at_rest == "strict" and not family.rate
+    if not family.about.pace.sampled or strict or level.attained or not level.gamma:
+        return level
+    near, far = (engine.widest(family.witness(level.gamma * (1 + room))) for room in NEAR)
+    if near.status is not Status.OPTIMAL or far.status is not Status.OPTIMAL:
+        return level
+    small, large = (norm(answer.values, bounds) for answer in (far, near))
+    return replace(level, attained=large <= FLAT * max(small, 1.0))
 
 
 def unbounded(where: str, rows: Sequence[tuple[float, float]]) -> UsageError:

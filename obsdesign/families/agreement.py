@@ -26,7 +26,8 @@ HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # c
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
-POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "ceiling")  # what is never negative
+POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "rho", "ceiling")  # what is never negative
+LEAST = ("gamma", "rho")  # less is better
 CLOSE = 1e-3  # relative: how well what is computed in doubles is met again
 BETTER = 1e-6  # relative: how much better than its limit a number may be, by rounding
 
@@ -183,7 +184,7 @@ def require_limit(file: ResultFile, name: str) -> None:
         return
     for key in (limit.keys() & proved.keys()) - {"kind"}:
         best, reached = (approximate(file.number(*path, key)) for path in (("guarantee", name), ("guarantee",)))
-        beyond = best - reached if key == "gamma" else reached - best
+        beyond = best - reached if key in LEAST else reached - best
         if beyond > BETTER * abs(best):
             raise file.wrong(f"guarantee.{name}.{key}", f"{best:g} is no limit: {reached:g} is proved", id="OBS705")
 

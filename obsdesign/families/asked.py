@@ -49,16 +49,16 @@ class Estimation:
     as_equations: bool = False  # whether the matrices are those of equations that were split
     period: fmpq | None = None  # s, of a plant x+ = ..
 
-    def refused(self, name: str, kind: str) -> Iterator[tuple[Loc, str]]:
-        """Where D, Df, Dq or Dqf is not zero, which a type does not take, in words; of equations in their terms."""
+    def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
+        """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""
         plant = self.plant
         if plant is None or not getattr(plant, name).any():
             return
         if not self.as_equations:
-            yield ("system", name) if name == "D" else ("nonlinearities",), f"{name} must be zero for type {kind}"
+            yield ("system", name) if name == "D" else ("nonlinearities",), f"{name} must be zero for {taker}"
             return
         for place, what in disturbed(plant) if name == "D" else entering(plant, self.nonlinearities, name):
-            yield place, f"holds {what}, which type {kind} does not take"
+            yield place, f"holds {what}, which {taker} does not take"
 
 
 def disturbed(plant: Plant[Exact]) -> Iterator[tuple[Loc, str]]:

@@ -121,12 +121,15 @@ def lowest(gamma: float, *, found: bool) -> str:
     return f"gamma {least} is the least that was found" if found else f"gamma above {least} is necessary"
 
 
-def smaller_class(blocks: Sequence[Nonlinearity], found: Diagnosis) -> str:
-    """Suggestion of the class of a `nonlinearity` that would be `feasible`, as far as it is so `within` bounds."""
+def smaller_class(blocks: Sequence[Nonlinearity], found: Diagnosis, key: str) -> str:
+    """Suggestion of the class of a `nonlinearity` that would be `feasible`, as far as it is so `within` bounds.
+
+    `key`: of the rate.
+    """
     which = blocks[found["nonlinearity"] - 1].term or f"nonlinearities[{found['nonlinearity'] - 1}]"
     known = {name: value for name, value in found["feasible"].items() if name in {"lipschitz", "slope", "share"}}
     largest = ", ".join(f"{name} {shown(value)}" for name, value in known.items())
-    return f"{which} would be feasible at this {found.get('rate', 'alpha')} with {largest}{found['within']}"
+    return f"{which} would be feasible at this {key} with {largest}{found['within']}"
 
 
 def shown(value: Any) -> str:

@@ -56,7 +56,7 @@ def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outco
     known, said = outcome.diagnosis, diagnosis(spec, found, demand)
     feasible = said["feasible"] | known.get("feasible", {})
     if "nonlinearity" in known:
-        said["suggestion"] += f"; {smaller_class(spec.nonlinearities, known)}"
+        said["suggestion"] += f"; {smaller_class(spec.nonlinearities, known, demand.pace.key)}"
     elif known.get("feasible") and known["condition"] != said["condition"]:
         said["reason"] += f"; {known['reason']}"
         said["suggestion"] = known["suggestion"]

@@ -74,7 +74,9 @@ def read_rate(
 
 
 def refuse_samples(reader: Reader, section: RateSection, name: str) -> None:
-    """Refuse what only samples have."""
+    """Refuse what only samples have; where the section `system` is wrong, nothing is known of its time."""
+    if not reader.clean(("system",)):
+        return
     if section.rho is not None:
         said = f"is the decay a sample, of a plant with time: discrete; in continuous time give {name} (1/s)"
         reader.wrong(("observer", "rho"), said, at_key=True, id="OBS213")

@@ -1,5 +1,6 @@
 """Time of a spec: continuous, or counted in samples that are a period apart."""
 
+import re
 from collections.abc import Iterator
 
 from flint import fmpq
@@ -10,6 +11,7 @@ from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
 
 LOC: Loc = ("system", "period")
+TIME = re.compile(r"(?<![a-zA-Z])(s|ms|us|min|h)(?![a-zA-Z])")  # in a unit
 TIMED = ("alpha", "decay")  # keys of an observer that are in 1/s
 
 
@@ -30,7 +32,7 @@ def read_period(reader: Reader, file: File, family: Family | None) -> fmpq | Non
     if system.period is not None:
         return reader.number(system.period, LOC, "> 0")
     if why := next(in_seconds(file), ""):
-        said = f"is missing, and {why}; give system.period in s"
+        said = f"period is missing, and {why}; give system.period in s"
         reader.wrong(("system",), said, at_key=True, id="OBS205")
     return fmpq(1)
 
@@ -42,5 +44,6 @@ def in_seconds(file: File) -> Iterator[str]:
             yield f"observer.{name} is in 1/s"
     if file.disturbance not in (None, "unknown"):
         yield "the disturbance model is driven per second"
-    if file.simulation is not None:
-        yield "simulation.horizon is in s"
+    for name, unit in (file.system.units if file.system else {}).items():
+        if TIME.search(unit):
+            yield f"the unit of {name} is {unit}"

@@ -9,7 +9,7 @@ from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, posed, request_of
-from obsdesign.families.incremental.samples import explicit
+from obsdesign.families.incremental.samples import at_the_edge, explicit
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.outcome import Diagnosis, Proof
 from obsdesign.files import ResultFile
@@ -22,6 +22,7 @@ from obsdesign.model.structure import accuracy
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least
 
+TIGHTER, MEASURED = "a tighter type of the nonlinearity or another measurement", "another measurement"
 CLOSE = 1e-3  # relative, from the edge of what is feasible to what is suggested
 
 
@@ -131,7 +132,7 @@ def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[s
     """Answer without its proof."""
     fixed, pace = in_floats(family), family.about.pace
     named = (f"{pace.key} = ", ", or another model of w")
-    if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, fixed.edge, pace, *named):
+    if hidden := hidden_mode(fixed.plant, fixed.multiplier.member, fixed.edge, pace, *named) or at_the_edge(fixed):
         return hidden
     if "gamma" in known:
         return out_of_reach(spec, fixed, known["gamma"], largest)
@@ -154,11 +155,15 @@ def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[s
     return {
         "id": "OBS603",
         "condition": "inequality",
-        "reason": f"Theorem 1 has no solution at {pace.said(family.rate)}, nor at {pace.weaker} that was tried"
-        + within_bounds(spec),
+        "reason": f"Theorem 1 has no solution at {pace.said(family.rate)}{no_slower(family)}" + within_bounds(spec),
         "feasible": {},
-        "suggestion": "a tighter type of the nonlinearity or another measurement may make it feasible" + other(family),
+        "suggestion": f"{TIGHTER if spec.nonlinearities else MEASURED} may make it feasible" + other(family),
     }
+
+
+def no_slower(family: Incremental) -> str:
+    """That slower decays were tried, if there are any."""
+    return f", nor at {family.about.pace.weaker} that was tried" if family.rate else ""
 
 
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:

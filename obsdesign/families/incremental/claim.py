@@ -9,9 +9,11 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
+from obsdesign.dissipation.discrete import FILTERED, PREDICTED
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families import samples
 from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruction import (
     SLOPE,
@@ -29,8 +31,11 @@ from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate
 from obsdesign.lmi.proof import Check, Proved
+from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
+
+MORE = ", of v one sample more"
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,7 @@ class Claim(Proved):
     def statement(self, spec: Spec) -> str:
         """Guarantee of the family in words, and where it holds."""
         g = self.certificate.guarantee
-        said = self.certificate.theorem.about.statement.format(gamma=repr(g.gamma), rate=repr(g.rate))
+        said = self.certificate.theorem.about.statement.format(rate=repr(g.rate), **self.words(spec))
         bound = self.reconstruction.bound if self.reconstruction else None
         if bound:
             rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""
@@ -69,10 +74,35 @@ class Claim(Proved):
             said += f"; limsup |what - w| <= {constants}, what = pinv(B) L1 (yhat - y)"
         return "; ".join([said, *spec.provisos])
 
+    def words(self, spec: Spec) -> dict[str, str]:
+        """Gamma for v itself and the equations of the observer, of plants in discrete time; else gamma."""
+        if spec.period is None:
+            return {"gamma": repr(self.certificate.guarantee.gamma)}
+        if not spec.observer.filtered:
+            return {"gamma": repr(self.certificate.guarantee.gamma), "equations": PREDICTED, "more": "", "times": ""}
+        times = "2 " if self.factor(spec) == 2 else ""
+        return {"gamma": repr(self.gamma_v(spec)), "equations": FILTERED, "more": MORE, "times": times}
+
+    def factor(self, spec: Spec) -> int:
+        """Square of gamma_v over gamma."""
+        return gain_of(spec.augmented, peaks=self.certificate.guarantee.norm == "sup")
+
+    def gamma_v(self, spec: Spec) -> float:
+        """What gamma of filtered estimates, for v = (v_b at k, v_d at k + 1), says of v itself, rounded up."""
+        return samples.gamma_of_v(spec, self.certificate.gamma, self.certificate.guarantee.norm)
+
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved and the limit it is near to, and the witness."""
         g = self.certificate.guarantee
-        guarantee = {"gamma": g.gamma, **self.certificate.decay(spec.period), "mu1": g.mu1, "mu2": g.mu2, **limits}
+        of_v = {"gamma_v": self.gamma_v(spec)} if spec.observer.filtered else {}
+        guarantee = {
+            "gamma": g.gamma,
+            **of_v,
+            **self.certificate.decay(spec.period),
+            "mu1": g.mu1,
+            "mu2": g.mu2,
+            **limits,
+        }
         certificate = self.certificate.written()
         certificate["checks"] += listed(self.asked)
         if self.reconstruction:
@@ -146,6 +176,7 @@ def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) ->
     if file.at("observer", "type") != request.type:
         raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
     gamma = file.number("guarantee", "gamma")
+    samples.require(spec, file)
     file.require_asked(request.told, "guarantee", request.pace.key)
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in gains.items():
@@ -161,4 +192,4 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
         return {}
     P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
     gains = {name: outcome.gains[name].tolist() for name in ("L1", "L2")}
-    return {**gains, **figures(errors(spec, outcome.gains), P)}
+    return {**samples.written(spec), **gains, **figures(errors(spec, outcome.gains), P)}

@@ -11,6 +11,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
+from obsdesign.dissipation.certificate import rate_of
 from obsdesign.dissipation.claim import best_claim, claim
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, searchable, small_gains
@@ -28,6 +29,7 @@ from obsdesign.families.incremental.limits import FLAT, Limits
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import posed, request_of
+from obsdesign.families.incremental.samples import at_the_edge
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.reach import judged
@@ -65,6 +67,7 @@ class Designer:
         fixed = in_floats(self.family)
         if undetectable(fixed.plant, fixed.multiplier.member, fixed.edge):
             return self.infeasible(self.lowest)
+        at_the_edge(fixed)
         if self.request.gains:
             return self.analysis(self.searched())
         if self.request.objective == "max-alpha":
@@ -213,7 +216,12 @@ class Designer:
         shipped = max(self.pace.within(limit, float(slack)), float(low))
         rate = high if attained and not slack else self.pace.found(self.pace.rounded(shipped, 6))
         made = self.at(max(rate, low))
-        return replace(made, limit={**self.limits.place(limit), "attained": attained} if made.limit else {})
+        return replace(made, limit={**self.told(limit), "attained": attained} if made.limit else {})
+
+    def told(self, rate: float) -> dict[str, float]:
+        """Alpha of a limit; of samples rho, and alpha that follows from it."""
+        place, period = self.limits.place(rate), self.spec.period
+        return {**place, "alpha": rate_of(place["rho"], period)} if period and place["rho"] > 0 else place
 
     # Analysis
 

@@ -64,9 +64,9 @@ def remedied(spec: Spec, decay: Decay, rate: fmpq, largest: float | None, diagno
     def feasible(multiplier: Multiplier) -> bool:
         return solvable(replace(decay, family=replace(decay.family, multiplier=multiplier)), rate)
 
-    found = {**largest_class(spec, feasible), "within": within, "rate": decay.pace.key}
+    found = {**largest_class(spec, feasible), "within": within}
     if "nonlinearity" in found:
-        hints.append(smaller_class(spec.nonlinearities, found))
+        hints.append(smaller_class(spec.nonlinearities, found, decay.pace.key))
         more = {**diagnosis["feasible"], **found["feasible"]}
         diagnosis = {**diagnosis, "nonlinearity": found["nonlinearity"], "within": within, "feasible": more}
     if quiet and largest:

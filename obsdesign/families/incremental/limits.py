@@ -11,7 +11,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
-from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
+from obsdesign.dissipation.zero import Level, reached, settled, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
@@ -44,7 +44,7 @@ class Limits:
         free = self.request.objective in {"feasibility", "max-alpha"}
         table = (zero := vanishing(self.engine, search, answer)).table
         if answer.status is Status.OPTIMAL or table or zero.instead:
-            level = Level.of_all(answer, zero)
+            level = reached(self.engine, search, Level.of_all(answer, zero), self.request.bounds)
             known = {"gamma": level.gamma, "attained": level.attained, **self.kind(rate)}
             limits: dict[str, Any] = {"limit": self.best(known)}
         elif free or self.request.bounds.restricted:
@@ -93,7 +93,7 @@ class Limits:
                 return float(bounds.gamma)
             easy = max(self.moderate(search), least.instead or 0.0)
             least = max(least, Level(easy), key=lambda level: level.gamma)
-        if least.attained:
+        if least.attained and not least.gamma:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
 

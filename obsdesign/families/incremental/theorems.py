@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from obsdesign.dissipation.discrete import EQUATIONS_OF_SAMPLES, Discrete
+from obsdesign.dissipation.discrete import Discrete
 from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.dissipation.inequality import EQUATIONS, ONE, Incremental, Theorem
 from obsdesign.dissipation.pace import RHO
@@ -105,8 +105,8 @@ class DiscreteL2(Discrete, L2):
         L2.about,
         guarantee=EnergyOfSteps,
         decrease="V+ - rho^2 V + mu1 |z|^2 - mu2 |v|^2 <= 0",
-        statement="sum |z|^2 <= e0' P e0 / mu1 + {gamma}^2 sum |v|^2 over any first samples, "
-        f"and |e_k| <= sqrt(cond(P)) {{rate}}^k |e0| where v = 0; for {EQUATIONS_OF_SAMPLES}",
+        statement="sum |z|^2 <= e0' P e0 / mu1 + {gamma}^2 sum |v|^2 over any first samples{more}, "
+        "and |e_k| <= sqrt(cond(P)) {rate}^k |e0| where v = 0; for {equations}",
         pace=RHO,
         at_rest="weak",
     )
@@ -125,9 +125,9 @@ class DiscreteLinf(Discrete, Linf):
         guarantee=PeakOfSteps,
         decrease="V+ - rho^2 V - (1 - rho^2) mu1 |v|^2 <= 0",
         statement="(P1) |e_k| <= sqrt(cond(P)) {rate}^k |e0| where v = 0; "
-        "(P2) e' P e <= max(e0' P e0, mu1 sup|v|^2) at all samples; "
+        "(P2) e' P e <= max(e0' P e0, {times}mu1 sup|v|^2) at all samples; "
         "(P3) |z_k| <= {gamma} sup|v| from e0 = 0; (P4) limsup |z_k| <= {gamma} sup|v| from every e0; "
-        f"for {EQUATIONS_OF_SAMPLES}",
+        "for {equations}",
         pace=RHO,
     )
 

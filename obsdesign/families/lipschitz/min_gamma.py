@@ -7,7 +7,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest
-from obsdesign.dissipation.zero import Level, Vanishing, settled, tabulated, vanishing
+from obsdesign.dissipation.zero import Level, Vanishing, reached, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
@@ -52,7 +52,7 @@ def least_gamma(study: Study) -> Outcome:
     L, claim = study.first(small_gains(study, family, study.declared, target))
     if L is None:
         raise UndecidedError(f"no gain was found for gamma = {target:g}", id="OBS507")
-    notes = (CANCELS,) if limit.attained and cancels(study.unit.plant) else ()
+    notes = (CANCELS,) if limit.attained and not limit.gamma and cancels(study.unit.plant) else ()
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
 
 
@@ -79,7 +79,7 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
         )
     if answer.status is not Status.OPTIMAL and not rows and not zero.instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}", id="OBS507")
-    return Level.of_all(answer, zero)
+    return reached(study.engine, family, Level.of_all(answer, zero), study.bounds)
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:

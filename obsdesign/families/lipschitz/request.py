@@ -278,7 +278,7 @@ def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: asked.
         said = "no nonlinear term acts on a state" if problem.as_equations else "Bf or Cq is zero, and f does not act"
         reader.wrong(place, f"{said}; for a linear plant use type l2", id="OBS406")
     for name in ABSENT:
-        for where, said in problem.refused(name, "lipschitz"):
+        for where, said in problem.refused(name, "type lipschitz"):
             reader.wrong(where, f"{said}; {INSTEAD}", id="OBS406")
     if any((getattr(augmented, name) != 0).any() and not (getattr(plant, name) != 0).any() for name in ABSENT):
         reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}", id="OBS406")

@@ -27,7 +27,8 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
         drive = "v" if "norm2(v)" in statement or "|v|^2" in statement else "w"
         rows += [("gamma", gamma_text({**claimed, "gamma": claimed.get("gamma_v", claimed["gamma"])}, meaning(drive)))]
     if "rho" in claimed:
-        return [*rows, ("rho", f"{at_most(claimed['rho'])} a sample, {rate_text(claimed['alpha'], 'e_k -> 0')}")]
+        rate, resting = f" a sample, {at_least(claimed['alpha'])} 1/s", "   e_k -> 0 without a disturbance"
+        return [*rows, ("rho", f"{at_most(claimed['rho'])}{rate if claimed['rho'] < 1 else resting}")]
     return [*rows, ("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
 
 

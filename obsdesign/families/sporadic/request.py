@@ -222,7 +222,7 @@ def require_sampled(reader: Reader, problem: asked.Estimation, *, clocked: bool)
     for name in ("D", "Df") if clocked else ABSENT:
         if name == "D" and modelled and not through(problem):
             continue
-        for place, said in problem.refused(name, "sporadic"):
+        for place, said in problem.refused(name, "type sporadic"):
             reader.wrong(place, f"{said}{INSTEAD if name == 'D' else ''}", id="OBS406")
 
 
