@@ -10,7 +10,8 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, detectability, finding
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, S_PROCEDURE, Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
-from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma, turned
+from obsdesign.families.lipschitz.samples import echo
+from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.edge import Edge
 from obsdesign.spec import Spec
@@ -33,22 +34,23 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:
         below = declared < most
         said = f"a linear f of the constant {most:.6g} hides a mode, and the declared one is {declared:g}"
         found.append(finding("ceiling", below, said, decides=levels, advice=SMALLER, ceiling=most, id="OBS607"))
-    if request.pace.sampled:
-        found += next_sample(unit, request)
     if all(f.stands for f in found):
         found += suprema(engine, unit, request)
+    if request.pace.sampled:
+        found += returning(unit, request)
     return [*found, *(attenuation(spec, request) if plant.B.shape[1] else [])]
 
 
-def next_sample(unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:
-    """What one sample of an f that turns from each to the next rules out, whatever the gain."""
-    most, declared = turned(in_floats(unit)), float(max(request.lipschitz))
-    if not isfinite(most):
+def returning(unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:
+    """What f rules out, whatever the gain, where it comes back to its argument before y can tell."""
+    found = echo(in_floats(unit))
+    if found is None:
         return []
-    said = f"l |Cq Bf| <= rho is necessary, so that l is at most {most:.8g}, and the declared one is {declared:g}"
-    levels, known = request.objective != "max-lipschitz", "" if request.filtered else "take estimate: filtered, "
-    numbers: dict[str, Any] = {"decides": levels, "advice": f"{STRUCTURE}, {known}or take {INSTEAD}", "supremum": most}
-    return [finding("next sample", declared <= most, said, **numbers, id="OBS607")]
+    declared, levels = float(max(request.lipschitz)), request.objective != "max-lipschitz"
+    known = "" if request.filtered else "take estimate: filtered, "
+    said = f"no gain tolerates more than {found.most:.8g} = {found.sentence}, and the declared one is {declared:g}"
+    numbers: dict[str, Any] = {"decides": levels, "advice": f"{STRUCTURE}, {known}or take {INSTEAD}"}
+    return [finding("echo", declared <= found.most, said, **numbers, supremum=found.most, id="OBS607")]
 
 
 def suprema(engine: Engine, unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:

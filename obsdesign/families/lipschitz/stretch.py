@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
 from obsdesign.dissipation.scan import edge, strides
@@ -50,10 +50,11 @@ class Stretch:
 
     def least(self, bounds: Bounds, start: Values | None = None) -> Answer:
         """Least objective within the bounds on L1 and (Theorem 1) P >= t I."""
-        if not self.convex:
-            return self.bisected(bounds)
-        answer = self.engine.minimise(self.problem(bounds), start)
-        return self.bisected(bounds) if answer.status is Status.UNDECIDED else answer
+        return self.engine.minimise(self.problem(bounds), start) if self.convex else self.bisected(bounds)
+
+    def best(self) -> Answer:
+        """Least objective over all gains, as accurate as can be."""
+        return self.engine.minimise(self.problem(NO_BOUNDS), precise=True) if self.convex else self.bisected(NO_BOUNDS)
 
     def reaching(self, constant: float) -> Solve:
         """Least objective within bounds, as far as it takes to know whether it is that of a constant."""

@@ -1,30 +1,25 @@
 """Suprema of the Lipschitz constant over all gains, without the gain; a closed form wherever there is one."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import inf, sqrt
 
 import numpy as np
 from flint import fmpq_mat
 
-from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
+from obsdesign.families.lipschitz import samples
 from obsdesign.families.lipschitz.closed_forms import (
-    ZERO,
     Core,
     Unseen,
-    arguments,
     least_undetecting,
     regular,
     unstructured,
 )
 from obsdesign.families.lipschitz.relaxations import Lipschitz
-from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
-from obsdesign.model.pencil import split
 from obsdesign.model.plant import Plant
 from obsdesign.model.structure import undetectable
 
@@ -42,7 +37,6 @@ class Supremum:
 
 GAMMA = "-h + sqrt(h^2 + 2 (1 - h) g - 1), h = sigma(H)^2, g = "
 EVERY, NONE = "every constant will do", "a mode is undetectable"
-TURNED = "rho / |Cq Bf|, for an f that turns from one sample to the next"
 
 
 def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Supremum:
@@ -85,6 +79,20 @@ def theorem2(engine: Engine, unit: Lipschitz) -> Supremum:
     return Supremum(max(-answer.objective / 2, 0.0), fixed.rate > 0 and unseen.regular(answer.values))
 
 
+def of_samples(engine: Engine, unit: Lipschitz) -> Supremum:
+    """S-procedure of samples."""
+    if hides(unit):
+        return Supremum(0.0, closed=NONE)
+    value, P = samples.largest(engine, unit.undisturbed())
+    if value == inf:
+        return Supremum(inf, closed=EVERY)
+    attained = unit.rate > 0 and len(unit.multiplier.blocks) == 1 and regular(P)
+    echo = samples.echo(unit)
+    if echo and value >= echo.most * (1 - ACCURACY):
+        return Supremum(echo.most, attained, echo.sentence)
+    return Supremum(value, attained)
+
+
 def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     """S-procedure; several scales are those of a larger constant, as long as there is one."""
     if hides(unit):
@@ -101,33 +109,6 @@ def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
     if len(core.shares) > 1:
         return Supremum(widened(engine, core, value))
     return Supremum(value, attainable and regular(answer.values["P"]))
-
-
-def of_samples(engine: Engine, unit: Lipschitz) -> Supremum:
-    """S-procedure of samples: gains stay finite as a rule, so that the problem with the gain will do."""
-    if hides(unit):
-        return Supremum(0.0, closed=NONE)
-    stretch = Stretch(engine, unit.undisturbed())
-    answer = solved(stretch.least(NO_BOUNDS))
-    value, most = stretch.constant(answer), turned(unit)
-    if value == inf:
-        return Supremum(inf, closed=EVERY)
-    attained = stretch.convex and unit.rate > 0 and regular(answer.values["P"])
-    met = value >= most * (1 - ACCURACY)
-    return Supremum(most if met else value, attained, TURNED if met else "")
-
-
-def turned(unit: Lipschitz) -> float:
-    """Constant beyond which no gain of samples will do for an f(k, q): rho / |Cq Bf Z|, Df Z = 0; in doubles.
-
-    From one sample to the next such an f may turn its difference so that |Cq e+| >= l |Cq Nf| |Cq e|, Nf = Bf + L1 Df.
-    It is so of each block, by itself.
-    """
-    p, edges = unit.plant, np.cumsum([0, *(b.nf for b in unit.multiplier.scaled_blocks())])
-    parts = zip(arguments(unit), pairwise(edges), strict=True)
-    moved = ((Cq, p.Bf[:, i:j] @ split(p.Df[:, i:j] / (np.linalg.norm(p.Df) or 1))[0]) for Cq, (i, j) in parts)
-    sizes = [float(np.linalg.norm(Cq @ Bf, 2)) if Bf.size else 0.0 for Cq, Bf in moved]
-    return float(unit.edge.end) / max(sizes) if max(sizes) > ZERO * unit.lipschitz else inf
 
 
 def widened(engine: Engine, core: Core, value: float) -> float:
@@ -154,11 +135,7 @@ def widened(engine: Engine, core: Core, value: float) -> float:
 
 def optimum(engine: Engine, problem: Problem) -> Answer:
     """Optimum of a reduced problem. Raises `UndecidedError`: it was not solved."""
-    return solved(engine.minimise(problem, precise=True))
-
-
-def solved(answer: Answer) -> Answer:
-    """Answer that is an optimum. Raises `UndecidedError`: it is none."""
+    answer = engine.minimise(problem, precise=True)
     if answer.status is not Status.OPTIMAL:
         raise UndecidedError(
             "the largest Lipschitz constant over all gains was not found: its problem was not solved", id="OBS507"
