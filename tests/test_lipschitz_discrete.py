@@ -405,9 +405,9 @@ def test_no_constant_above_rho_of_one_state():
     assert outcome.diagnosis["lipschitz"] == {"asked": 1.01, "supremum": 1.0}
     assert "rho / |Cq Bf|" in outcome.diagnosis["reason"]
     found = {f.name: f for f in check(spec)}
-    assert not found["echo"].holds
-    assert found["echo"].decides
-    assert found["echo"].numbers["supremum"] == pytest.approx(1)
+    assert not found["feedback"].holds
+    assert found["feedback"].decides
+    assert found["feedback"].numbers["supremum"] == pytest.approx(1)
     assert not found["supremum, s-procedure"].holds
     assert "supremum, norm-bound" not in found
     assert "sigma(H)" not in found

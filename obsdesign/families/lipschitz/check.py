@@ -10,7 +10,7 @@ from obsdesign.errors import UndecidedError
 from obsdesign.families.finding import Finding, detectability, finding
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, S_PROCEDURE, Lipschitz, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
-from obsdesign.families.lipschitz.samples import echo
+from obsdesign.families.lipschitz.samples import feedback
 from obsdesign.families.lipschitz.suprema import cancels, ceiling, largest_constant, largest_for_gamma
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.edge import Edge
@@ -43,14 +43,14 @@ def check(spec: Spec, engine: Engine) -> list[Finding]:
 
 def returning(unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:
     """What f rules out, whatever the gain, where it comes back to its argument before y can tell."""
-    found = echo(in_floats(unit))
+    found = feedback(in_floats(unit))
     if found is None:
         return []
     declared, levels = float(max(request.lipschitz)), request.objective != "max-lipschitz"
     known = "" if request.filtered else "take estimate: filtered, "
     said = f"no gain tolerates more than {found.most:.8g} = {found.sentence}, and the declared one is {declared:g}"
     numbers: dict[str, Any] = {"decides": levels, "advice": f"{STRUCTURE}, {known}or take {INSTEAD}"}
-    return [finding("echo", declared <= found.most, said, **numbers, supremum=found.most, id="OBS607")]
+    return [finding("feedback", declared <= found.most, said, **numbers, supremum=found.most, id="OBS607")]
 
 
 def suprema(engine: Engine, unit: Lipschitz, request: LipschitzRequest) -> list[Finding]:

@@ -54,7 +54,7 @@ def aligned(unit: Lipschitz) -> Lipschitz:
 
 
 @dataclass(frozen=True)
-class Echo:
+class Feedback:
     """How f comes back to its own argument before y can tell: Cq A^(j-1) Bf Z, with C A^(i-1) Bf Z = 0 for i < j.
 
     From rho^2 P >= tau l^2 Cq'Cq and Nf' P Nf <= tau I, and V+ <= rho^2 V where df = 0, the s-procedure has
@@ -73,13 +73,13 @@ class Echo:
         return f"rho{f'^{j}' * (j > 1)} / |Cq{power} Bf|, by which f comes back to its argument before y can tell"
 
 
-def echo(unit: Lipschitz) -> Echo | None:
-    """Echo that bounds the constant most, in doubles; None if there is none within n samples."""
-    return min(echoes(unit), key=lambda echo: echo.most, default=None)
+def feedback(unit: Lipschitz) -> Feedback | None:
+    """Feedback that bounds the constant most, in doubles; None if there is none within n samples."""
+    return min(feedbacks(unit), key=lambda feedback: feedback.most, default=None)
 
 
-def echoes(unit: Lipschitz) -> Iterator[Echo]:
-    """Echoes of each block by itself."""
+def feedbacks(unit: Lipschitz) -> Iterator[Feedback]:
+    """Feedbacks of each block by itself."""
     p, columns = unit.plant, np.cumsum([0, *(b.nf for b in unit.multiplier.scaled_blocks())])
     for Cq, (i, k) in zip(arguments(unit), pairwise(columns), strict=True):
         moved, shown, whole = p.Bf[:, i:k], p.Df[:, i:k], np.linalg.norm(Cq, 2) * np.linalg.norm(p.Bf[:, i:k], 2)
@@ -87,7 +87,7 @@ def echoes(unit: Lipschitz) -> Iterator[Echo]:
             hidden = moved @ split(units(shown))[0]
             size = float(np.linalg.norm(Cq @ hidden, 2)) if hidden.size else 0.0
             if size > ZERO * whole:
-                yield Echo(j, float(unit.edge.end) ** j / size)
+                yield Feedback(j, float(unit.edge.end) ** j / size)
             moved, shown = p.A @ moved, np.vstack([shown, p.C @ moved])
 
 

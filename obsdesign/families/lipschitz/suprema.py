@@ -87,9 +87,9 @@ def of_samples(engine: Engine, unit: Lipschitz) -> Supremum:
     if value == inf:
         return Supremum(inf, closed=EVERY)
     attained = unit.rate > 0 and len(unit.multiplier.blocks) == 1 and regular(P)
-    echo = samples.echo(unit)
-    if echo and value >= echo.most * (1 - ACCURACY):
-        return Supremum(echo.most, attained, echo.sentence)
+    feedback = samples.feedback(unit)
+    if feedback and value >= feedback.most * (1 - ACCURACY):
+        return Supremum(feedback.most, attained, feedback.sentence)
     return Supremum(value, attained)
 
 
