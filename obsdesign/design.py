@@ -290,8 +290,11 @@ def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     spec = named(file, spec)
     FAMILIES[spec.observer.type].require_claims(spec)
     require_types(file, spec)
-    if file.content.get("split") != as_read(entry(spec)).get("split"):
+    found = as_read(entry(spec))
+    if file.content.get("split") != found.get("split"):
         raise file.wrong("split", "is not how the equations of the spec are split", id="OBS705")
+    if file.content.get("discretised") != found.get("discretised"):
+        raise file.wrong("discretised", "is not the plant in samples that the spec asks for", id="OBS705")
     return spec
 
 

@@ -15,7 +15,9 @@ RUN = "simulation"  # the summary of a run
 PROVED, NUMERICAL, CLAIMED = "proved", "numerical", "not verified"  # what an entry of a file rests on
 FILE = {  # parts of a result file, each with the names that it has in every family; none: any
     "status": (),
-    **dict.fromkeys(("name", "spec", "certificate", "diagnosis", "search", "solver", "analysis", "split"), ()),
+    **dict.fromkeys(
+        ("name", "spec", "certificate", "diagnosis", "search", "solver", "analysis", "split", "discretised"), ()
+    ),
     **dict.fromkeys(("notes", "assumed", "numerical", "tool", "created", "obsdesign"), ()),
     "guarantee": ("statement",),
     "observer": ("type",),

@@ -64,7 +64,7 @@ def test_a_wrong_spec_is_refused_in_one_line(text, said):
 def test_other_families_say_which_take_discrete_time(name):
     with pytest.raises(UsageError) as refused:
         loads(spec(f"type: {name}"))
-    said = f"system.time: discrete is not available for type {name}"
+    said = f"system.time: discrete time is not available for type {name}"
     assert any(said in str(p) or "kkl" in str(p) for p in refused.value.problems)
     assert "take l2, linf" in str(refused.value)
 

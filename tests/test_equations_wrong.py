@@ -98,7 +98,7 @@ CASES = [
     wrong(DYNAMICS, instead("-sign(b)"), "system.dynamics.b", "term sign(b): it may jump or be undefined at b near 0"),
     wrong(DYNAMICS, instead("-a**2 - b", "a"), "system.dynamics.b", "the term a**2", "write y for a, then it is known"),
     wrong("  inputs", "  A: [[0, 1]]\n  inputs", "system.A", "A belongs to a plant in matrices"),
-    wrong("  inputs", "  time: discrete\n  inputs", "system.time", "belongs to discrete time, which is not available"),
+    wrong("  inputs", "  period: 0.1\n  inputs", "system.period", "goes with time: discrete"),
     wrong(OUTPUTS, "  outputs: [y]", "system.outputs", "expected a mapping; found a list"),
     wrong(OUTPUTS, "", "system.outputs", "is required"),
     wrong(OUTPUTS, "  outputs: {}", "system.outputs", "expected at least 1 entry"),

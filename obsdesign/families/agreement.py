@@ -23,7 +23,7 @@ NUMERICAL = {  # entries of parts of a result file that prove nothing
 }
 HELD = ("observer", "guarantee", "certificate")  # parts that are held against what is proved
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
-KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split")
+KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split", "discretised")
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
 POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "rho", "ceiling")  # what is never negative

@@ -47,6 +47,7 @@ class Family:
     matrices: bool = False  # .. or in matrices, where it is written so
     proves: bool = True  # something can be proved of its observers; else they are there to compare with
     discrete: bool = False  # plants x+ = .. are taken as well
+    defects: tuple[str, ...] = ()  # its types that bound the error of a continuous plant at its samples
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
     def part(self, name: str) -> Any:

@@ -34,6 +34,39 @@ SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
 
 TIMES = ("continuous", "discrete")
+METHODS = ("hold", "implicit-euler")
+
+
+class Defect(Section):
+    """How fast the continuous plant may move, so that a claim covers it at the samples."""
+
+    q_rate: str = required(
+        ENTRY,
+        "largest |q_i'| of every nonlinearity, or auto: found on system.domain, of a plant as equations",
+        unit="q per s",
+        example="2.0",
+    )
+    w_rate: str | None = key(
+        ENTRY, "largest |w'|, > 0; required where w acts on the states", unit="w per s", otherwise="0", example="1.0"
+    )
+
+
+class Discretise(Section):
+    """A plant in samples that stands for a continuous one."""
+
+    period: str = required(ENTRY, "of the samples, > 0", unit="s", example="0.01")
+    method: str = key(
+        OneOf("method", METHODS),
+        "hold: f, known terms and w are held over each period; implicit-euler: f is that of the next sample",
+        default="hold",
+        example="implicit-euler",
+    )
+    defect: Defect | None = key(
+        Defect,
+        "bounds, with which the error at the samples of the continuous plant is certified; method hold",
+        otherwise="nothing is claimed of the continuous plant",
+        example="{q_rate: 2.0, w_rate: 1.0}",
+    )
 
 
 class Signals(Section):
@@ -41,7 +74,6 @@ class Signals(Section):
 
     hints: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("Ts", "ts", "dt", "sample-time", "sampling"), "is called period here, beside time: discrete"),
-        "discretise": "is not available in this version; give the matrices of the samples, with time: discrete",
     }
 
     time: str = key(
@@ -58,6 +90,12 @@ class Signals(Section):
         example="0.01",
     )
 
+    discretise: Discretise | None = key(
+        Discretise,
+        "design for a plant in samples that stands for this continuous one",
+        otherwise="the plant as it is",
+        example="{period: 0.01, method: hold}",
+    )
     states: list[str] | None = key(
         ListOf(TEXT),
         "names of the states",

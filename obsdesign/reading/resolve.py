@@ -12,6 +12,7 @@ from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import Generator, empty
+from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.period import read_period
@@ -51,8 +52,9 @@ def resolve(document: Document) -> Spec:
         reader.stop()
     require_format(reader, file)
     read_parameters(reader, file.parameters)
-    plant = read_system(reader, file, family)
-    layout, period = plant.layout, read_period(reader, file, family)
+    period = read_period(reader, file, family)
+    plant, continuous = discretised(reader, file.system, read_system(reader, file, family), period)
+    layout = plant.layout
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
     H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
@@ -61,14 +63,14 @@ def resolve(document: Document) -> Spec:
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, family)
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
-    return Spec(
+    made = Spec(
         name=file.name or named_by(document.path),
         source=file.source or "",
         description=(file.description or "").strip(),
@@ -76,27 +78,25 @@ def resolve(document: Document) -> Spec:
         text=document.text,
         path=document.path,
         changes=document.changes,
-        plant=plant.plant,
         generator=exogenous.generator,
         model_states=exogenous.states,
         drives=numbered("v", exogenous.v.size or 0),
         inputs=layout.names.inputs,
         units=file.system.units if file.system else {},
         nonlinearities=blocks,
-        gx=plant.gx,
-        gq=plant.gq,
-        gy=plant.gy,
+        **{name: getattr(plant, name) for name in ("plant", "gx", "gq", "gy", "typed")},
         H=H,
         H_names=H_names,
         observer=observer,
         simulation=simulation,
         expect=expect,
-        typed=plant.typed,
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
         period=period,
+        continuous=continuous,
     )
+    return with_defect(reader, file, made)
 
 
 def require_format(reader: Reader, file: File) -> None:

@@ -176,6 +176,34 @@ def drawn(rng, family):
     return Drawn(sections, kinds)
 
 
+def in_samples(rng, family):
+    """A spec of l2 or linf of a plant in samples, drawn so that most of them have a solution."""
+    n, nw, ny = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
+    A = rng.normal(size=(n, n))
+    A *= rng.uniform(0.3, 1.05) / max(np.abs(np.linalg.eigvals(A)).max(), 1e-3)
+    system = {"time": "discrete", "A": decimals(A), "C": decimals(rng.normal(size=(ny, n)))}
+    system |= {"B": decimals(0.3 * rng.normal(size=(n, nw))), "D": decimals(0.3 * rng.normal(size=(ny, nw)))}
+    kinds = [KINDS[rng.integers(len(KINDS))](rng) for _ in range(rng.choice(3, p=(0.1, 0.6, 0.3)))]
+    kinds = [kind if kind.type != "monotone" else slope(rng) for kind in kinds] if rng.integers(4) else kinds
+    sections = {"name": f"a random {family} in samples", "system": system}
+    sections["nonlinearities"] = blocks(rng, kinds, n, nw, ny, family)
+    for entry in sections["nonlinearities"]:
+        entry["Bf"] = decimals(0.3 * np.array(entry["Bf"]))
+    if not rng.integers(3):
+        system["period"] = 0.1
+        sections["disturbance"] = ["integrator", {"sinusoid": {"omega": 2}}][rng.integers(2)]
+    if rng.integers(2):
+        sections["performance"] = ["x1"]
+    observer = {"type": family, "rho": decimals(rng.uniform(0.85, 0.99)), "objective": "feasibility"}
+    if rng.integers(2):
+        observer |= {"objective": "min-gamma", "bounds": {"L1": decimals(10 ** rng.uniform(0.3, 1))}}
+    if not rng.integers(3) and not any("Df" in entry for entry in sections["nonlinearities"]):
+        observer["estimate"] = "filtered"
+    if not rng.integers(3) and not any("jacobian" in kind.type or "cone" in kind.type for kind in kinds):
+        observer["L2"] = "free"
+    return Drawn(sections | {"observer": observer}, kinds)
+
+
 def blocks(rng, kinds, n, nw, ny, family):
     """Entries `nonlinearities`; f may act on its own argument, on y and through w where the family allows it."""
     width, entries = sum(kind.nf for kind in kinds), []

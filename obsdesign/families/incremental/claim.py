@@ -14,6 +14,7 @@ from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families import samples
+from obsdesign.families.incremental.defect import at_samples
 from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruction import (
     SLOPE,
@@ -103,6 +104,8 @@ class Claim(Proved):
             "mu2": g.mu2,
             **limits,
         }
+        if spec.continuous and spec.continuous.defect is not None:
+            guarantee["at_samples"] = at_samples(spec, self.certificate)
         certificate = self.certificate.written()
         certificate["checks"] += listed(self.asked)
         if self.reconstruction:

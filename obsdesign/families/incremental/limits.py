@@ -11,7 +11,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
-from obsdesign.dissipation.zero import Level, reached, settled, unbounded, vanishing
+from obsdesign.dissipation.zero import NEAR, Level, reached, settled, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
@@ -44,7 +44,7 @@ class Limits:
         free = self.request.objective in {"feasibility", "max-alpha"}
         table = (zero := vanishing(self.engine, search, answer)).table
         if answer.status is Status.OPTIMAL or table or zero.instead:
-            level = reached(self.engine, search, Level.of_all(answer, zero), self.request.bounds)
+            level = Level.of_all(answer, zero)
             known = {"gamma": level.gamma, "attained": level.attained, **self.kind(rate)}
             limits: dict[str, Any] = {"limit": self.best(known)}
         elif free or self.request.bounds.restricted:
@@ -57,15 +57,29 @@ class Limits:
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(self.pace.said(rate), table)
-            return limits, level
+            return self.attained(search, limits), level
         bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
         if bounded.status is not Status.OPTIMAL:
             if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
                 raise unbounded(self.pace.said(rate), table)
-            return limits, None
+            return self.attained(search, limits), None
         level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(rate), **bounded_kind(self.request.bounds)}
+        limits = self.attained(search, limits, level.gamma)
         return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
+
+    def attained(self, search: Incremental, limits: dict[str, Any], bounded: float = math.inf) -> dict[str, Any]:
+        """Limits with whether a finite gain attains the one over all gains, in samples, as far as doubles tell.
+
+        In continuous time gains grow without bound as gamma comes near its infimum, unless v is kept from the error.
+
+        `bounded`: least gamma within bounds.
+        """
+        gamma = limits["limit"].get("gamma")
+        if not self.pace.sampled or not gamma:
+            return limits
+        finite = bounded <= gamma * (1 + NEAR) or reached(self.engine, search, gamma, self.request.bounds)
+        return {**limits, "limit": {**limits["limit"], "attained": finite}}
 
     def best(self, limit: dict[str, Any]) -> dict[str, Any]:
         """Limit at one rate of a search; where it is the best that was found, the least of the whole curve."""
@@ -93,7 +107,7 @@ class Limits:
                 return float(bounds.gamma)
             easy = max(self.moderate(search), least.instead or 0.0)
             least = max(least, Level(easy), key=lambda level: level.gamma)
-        if least.attained and not least.gamma:
+        if least.attained:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
 

@@ -257,8 +257,19 @@ def request_of(spec: Spec) -> Request:
     return spec.observer
 
 
-SECTION = Observer
+SECTION, LIMITS = Observer, ("limit", "limit_bounded")
 RESULTS = {
-    "guarantee": ("gamma", "gamma_v", "alpha", "rho", "mu1", "mu2", "reconstruction", "limit", "limit_bounded"),
+    "guarantee": (
+        "gamma",
+        "gamma_v",
+        "alpha",
+        "rho",
+        "at_samples",
+        "mu1",
+        "mu2",
+        "reconstruction",
+        "limit",
+        "limit_bounded",
+    ),
     "observer": ("L1", "L2", "estimate", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
 }

@@ -7,7 +7,7 @@ from typing import Any
 from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.claim import BACKOFFS
 from obsdesign.dissipation.decimals import round_down, round_up
-from obsdesign.dissipation.zero import Level, reached, settled
+from obsdesign.dissipation.zero import reached, settled
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.reasons import useless
 from obsdesign.families.lipschitz.study import Study
@@ -58,8 +58,7 @@ def gamma_of(study: Study, L: Array) -> Outcome:
     limits: dict[str, Any] = {"attained": False}
     if limit.status is Status.OPTIMAL:
         gamma = math.sqrt(max(limit.objective, 0.0))
-        best = reached(study.engine, family, Level(gamma, attained=not gamma), NO_BOUNDS)
-        limits = {"gamma": best.gamma, "attained": best.attained}
+        limits = {"gamma": gamma, "attained": not gamma or reached(study.engine, family, gamma, NO_BOUNDS)}
     return study.outcome(L, tolerating(study, L, proved), limit=limits)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
@@ -79,7 +80,9 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
         )
     if answer.status is not Status.OPTIMAL and not rows and not zero.instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}", id="OBS507")
-    return reached(study.engine, family, Level.of_all(answer, zero), study.bounds)
+    level = Level.of_all(answer, zero)
+    attained = level.attained or (level.gamma > 0 and reached(study.engine, family, level.gamma, study.bounds))
+    return replace(level, attained=attained)
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:
