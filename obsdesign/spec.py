@@ -6,8 +6,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import ObsdesignError, Problem, UsageError
@@ -15,7 +16,7 @@ from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
-from obsdesign.model.filtered import filtered
+from obsdesign.model.filtered import channels, filtered
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
@@ -221,13 +222,14 @@ class Spec(metaclass=Called):
 
         Raises `UsageError` if a nonlinearity has no f.
         """
+        time: Literal["continuous", "discrete"] = "continuous" if self.period is None else "discrete"
         if self.typed:
             taken = {"t", *plant.states, *self.inputs, *plant.outputs}
             exogenous = tuple(free(name, taken) for name in plant.exogenous)
             driven = dict(zip(self.plant.exogenous, map(Expression.variable, exogenous), strict=False))
             further = zip(plant.outputs[len(self.plant.outputs) :], driven.values(), strict=False)
             made = self.typed.equations.substituted(driven, exogenous=exogenous)
-            return replace(made, outputs={**made.outputs, **dict(further)})
+            return replace(made, outputs={**made.outputs, **dict(further)}, time=time)
         width = len(plant.Cq)
         blocks: list[tuple[tuple[Expression, ...], int]] = []
         for i, block in enumerate(self.nonlinearities):
@@ -241,7 +243,7 @@ class Spec(metaclass=Called):
             (*g, *[Expression.number(0)] * (rows - len(g)))
             for g, rows in ((self.gx, plant.n), (self.gq, width), (self.gy, len(plant.C)))
         ]
-        return from_matrices(plant, blocks, known, self.inputs)
+        return replace(from_matrices(plant, blocks, known, self.inputs), time=time)
 
     @cached_property
     def multiplier(self) -> Multiplier:
@@ -291,10 +293,12 @@ class Spec(metaclass=Called):
         named = {*x, *self.plant.exogenous}.issuperset(self.H_names)
         z = f"error of the estimated {', '.join(self.H_names if named else x)}"
         modelled = len(self.generator.Am) > 0
-        w, v = (", ".join(names) for names in (self.plant.exogenous, self.drives))
-        driven = (
-            f"{self.observer.drive}: {v}, which drives the model of {w}" if modelled else f"{self.observer.drive}: {w}"
-        )
+        v = self.drives if modelled else self.plant.exogenous
+        driven = f"{self.observer.drive}: {', '.join(v)}"
+        if modelled:
+            driven += f", which drives the model of {', '.join(self.plant.exogenous)}"
+        if self.observer.filtered and (late := channels(self.augmented)[1]).any():
+            driven += f"; {', '.join(np.array(v)[late])} at the next sample"
         return f"z: {z if named else f'H e, e the {z}'}; {driven}"
 
     @property

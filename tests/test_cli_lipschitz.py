@@ -290,7 +290,7 @@ def test_given_gains_keep_their_numbers_and_are_held_against_the_limit():
 
 @pytest.mark.parametrize(
     ("gains", "words"),
-    [("[-20, 1]", "slowest pole of the error is 19.9"), ("[0, 0]", "too slow for the decay 0.9")],
+    [("[-20, 1]", "slowest pole of the error is 19.9"), ("[0, 0]", "too slow for decay = 0.9")],
 )
 def test_gains_that_achieve_nothing_are_answered_with_the_pole(gains, words):
     text = asking("objective: min-gamma", f"gains: {{L: {gains}}}").replace("decay: 0.05", "decay: 0.9")

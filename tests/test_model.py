@@ -167,6 +167,10 @@ SIGNALS = {
 }
 
 
+def rate(signal):
+    return signal.derivative("t")
+
+
 @pytest.mark.parametrize("text", SIGNALS)
 @pytest.mark.parametrize(
     ("name", "coefficients", "order"),
@@ -179,14 +183,14 @@ SIGNALS = {
 )
 def test_the_drive_of_a_given_disturbance_is_found(text, name, coefficients, order):
     derivatives = np.array(SIGNALS[text](TIMES))
-    drive, states = CATALOGUE[name].drive([parse(text, ["t"])])
+    drive, states = CATALOGUE[name].drive([parse(text, ["t"])], rate)
     assert at(drive) == pytest.approx(np.array([coefficients @ derivatives]), rel=1e-9, abs=1e-9)
     assert at(states) == pytest.approx(derivatives[:order], rel=1e-9, abs=1e-9)
 
 
 def test_the_drives_and_states_of_stacked_channels_follow_their_order():
     model = stack([sinusoid(OMEGA), unknown(), integrator()])
-    drive, states = model.drive([parse(text, ["t"]) for text in ("sin(t)", "t", "t**2")])
+    drive, states = model.drive([parse(text, ["t"]) for text in ("sin(t)", "t", "t**2")], rate)
     t = TIMES
     assert at(drive) == pytest.approx(np.array([1.25 * np.sin(t), t, 2 * t]))
     assert at(states) == pytest.approx(np.array([np.sin(t), np.cos(t), t**2]))
@@ -196,7 +200,7 @@ def test_the_drives_and_states_of_stacked_channels_follow_their_order():
 def test_what_is_driven_satisfies_the_equations_of_the_model(text):
     model = stack([double_integrator(), sinusoid(OMEGA), integrator(), unknown()])
     signals = [parse(s, ["t"]) for s in (text, "sin(2*t)", "1/sqrt(1+t)", text)]
-    drive, states = model.drive(signals)
+    drive, states = model.drive(signals, rate)
     v, xm, w = at(drive), at(states), at(signals)
     Am, Bm, Cm, Dm = (getattr(model, name).astype(float) for name in ("Am", "Bm", "Cm", "Dm"))
     assert at([x.derivative("t") for x in states]) == pytest.approx(Am @ xm + Bm @ v, rel=1e-9, abs=1e-9)
@@ -205,5 +209,5 @@ def test_what_is_driven_satisfies_the_equations_of_the_model(text):
 
 def test_a_bias_and_a_sinusoid_in_one_channel_are_not_determined_by_their_sum():
     w = [parse("1 + sin(t)", ["t"])]
-    assert bias_and_sinusoid(OMEGA).drive(w) is None
-    assert stack([integrator(), bias_and_sinusoid(OMEGA)]).drive(w * 2) is None
+    assert bias_and_sinusoid(OMEGA).drive(w, rate) is None
+    assert stack([integrator(), bias_and_sinusoid(OMEGA)]).drive(w * 2, rate) is None

@@ -36,9 +36,8 @@ class Discrete(Incremental):
     def dissipation(self, v: Values, Q: Array, m: Array) -> Array:
         """V+ - rho^2 V + e' Q e - m |v|^2 in (e, f, v), in u where L2 is free, and in + where L1 is to be found."""
         p, P, Y = self.plant, v["P"], v["Y"]
-        none = zeros((p.Bf.shape[1] + p.B.shape[1],) * 2, [P])
-        left = symmetric([[((0 if self.still else self.loss) - 1) * P, 0], [none]])
-        S = stored_and_supplied(left, self.supplied(v, Q, m))
+        left = ((0 if self.still else self.loss) - 1) * P
+        S = self.supplied(v, Q + left, m)
         if self.L1 is not None:
             N = np.hstack([p.A + self.L1 @ p.C, p.Bf + self.L1 @ p.Df, -(p.B + self.L1 @ p.D)])
             return stored_and_supplied(N.mT @ P @ N, S)

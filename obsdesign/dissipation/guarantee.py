@@ -155,6 +155,13 @@ class Sampled(Quadratic):
             return Words("", "", "sum |{v}_j|^2")
         return Words("rho^k ", "rho^(2 k) ", "sum rho^(2 (k-1-j)) |{v}_j|^2")
 
+    def step(self, course: Course, text: str, mu1: float = 0.0) -> Bound:
+        """Check the inequality itself, V+ + mu1 |z|^2 <= rho^2 V + c |v|^2, at each sample; `text` says it."""
+        assert course.v is not None
+        V, rates = self.storage(course), self.rates()
+        supplied = self.rate**2 * V[:-1] + rates.c * course.v[:-1] ** 2
+        return tightest(text, course.t[1:], V[1:] + mu1 * course.z[:-1] ** 2, supplied)
+
 
 @dataclass(frozen=True)
 class EnergyOfSteps(Sampled, EnergyGuarantee):
@@ -163,3 +170,8 @@ class EnergyOfSteps(Sampled, EnergyGuarantee):
     def rates(self) -> Steps:
         """V+ <= rho^2 V + mu2 |v|^2."""
         return Steps(self.rate, self.mu2, self.period)
+
+    def bounds(self, course: Course) -> list[Bound]:
+        """Check what the inequality implies, as in continuous time, and the inequality itself."""
+        said = "at each sample: V+ + mu1 |z|^2 <= {}V + mu2 |v|^2".format("" if self.rate == 1 else "rho^2 ")
+        return [*super().bounds(course), self.step(course, said, self.mu1)]

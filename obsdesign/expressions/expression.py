@@ -77,6 +77,9 @@ class Expression:
     def __mul__(self, other: "Expression") -> "Expression":
         return Expression(self.root * other.root)
 
+    def __truediv__(self, other: "Expression") -> "Expression":
+        return Expression(self.root / other.root)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Expression) and self.text == other.text
 

@@ -19,11 +19,11 @@ FAMILIES: dict[str, Family] = {  # by observer.type
     for family in (
         Family(("l2", "linf"), "obsdesign.families.incremental", discrete=True, defects=("linf",), refutes=True),
         Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
-        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True),
+        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True, discrete=True),
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
         Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
         Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),
-        Family(("ekf",), "obsdesign.families.filters", equations=True, matrices=True, proves=False),
+        Family(("ekf",), "obsdesign.families.filters", equations=True, matrices=True, proves=False, discrete=True),
     )
     for name in family.names
 }

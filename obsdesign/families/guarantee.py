@@ -9,6 +9,7 @@ from flint import arb, fmpq, fmpq_mat
 
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.lmi.spectrum import extremes, upper
+from obsdesign.tables.text import at_least, at_most
 
 ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality
 RESOLVED = 1e-9  # of the largest error: what the integration tells from zero
@@ -34,6 +35,11 @@ class Rates(NamedTuple):
     alpha: float  # 1/s
     c: float
 
+    @property
+    def told(self) -> str:
+        """How fast that is, in words; empty where nothing decays."""
+        return f"{at_least(self.alpha)} 1/s" if self.alpha else ""
+
     def left(self, t: Array) -> Array:
         """Part of V(0) that is left at some times at most."""
         return np.asarray(np.exp(-2 * self.alpha * t))
@@ -55,6 +61,11 @@ class Steps(NamedTuple):
     def alpha(self) -> float:
         """Rate of decay in 1/s: rho = exp(-alpha period)."""
         return math.inf if self.rho == 0 else -math.log(self.rho) / self.period
+
+    @property
+    def told(self) -> str:
+        """How fast that is, in words; empty where nothing decays."""
+        return f"{at_most(self.rho)} a sample" if self.rho < 1 else ""
 
     def left(self, t: Array) -> Array:
         """Part of V_0 that is left at most at times of samples."""
@@ -92,6 +103,7 @@ class Course:
     b: Array  # (M,), as in `Rates`
     drive: str = "v"  # letter of v
     measurements: Measurements | None = None
+    v: Array | None = None  # (M,): |v| of samples, each of which counts
 
     def before(self, time: float) -> "Course":
         """Return the part before a time."""

@@ -15,14 +15,15 @@ from obsdesign.model.equations import Equations, Named, free, linear, total
 class Observer:
     """An observer over named signals, driven by the known inputs u and the measured outputs y of a plant.
 
-    s'    = f(t, s, u, y, a)
+    s'    = f(t, s, u, y, a)        or, in discrete time, s+ = f(..)
     a     = g(t, s, u, y, a)
     xhat  = h(t, s, u, y, a)
     s+    = j(t, s, u, y, a, r)     at a measurement, of the states that jump
     r     = k(t, s, u, y, a, gap)   at a measurement, the time `gap` after the one before it, or after the start
 
     The algebraic signals a, such as yhat and the arguments of nonlinearities, may depend on themselves: the equations
-    are implicit then. Where there are jumps, y is known at a measurement only.
+    are implicit then. Where there are jumps, y is known at a measurement only. In discrete time all may depend on t, u
+    and y of the next sample too, t+, u+ and y+ (`model.ahead`), where the estimate of a sample knows its y.
 
     Raises `UsageError`: a right side has a name that is no signal, or needs y between two measurements.
     """
@@ -37,11 +38,12 @@ class Observer:
     gap: str = ""  # name of the time since the measurement before, s, which these may depend on
     initial: Named = field(default_factory=dict)  # of states that copy none, where not 0: of t, u and y at the start
     twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
+    following: tuple[str, ...] = ()  # names of what it knows of the next sample: t+, u+, y+
     proved: bool = False  # to estimate, by what bounds no run
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
 
     def __post_init__(self) -> None:
-        known = {"t", *self.dynamics, *self.inputs, *self.algebraic}
+        known = {"t", *self.dynamics, *self.inputs, *self.algebraic, *self.following}
         between = known if self.jump else known | set(self.outputs)
         for part in (self.dynamics, self.algebraic, self.estimates):
             self.require(part, between)

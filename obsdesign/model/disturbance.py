@@ -3,7 +3,7 @@
 Equations (2), (10) and (11) of Corless and Chakrabarty (2019).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from math import cos, sin
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Array, Exact, block_diagonal, printed, rational, zeros
+from obsdesign.lmi.formula import Array, Exact, block_diagonal, identity, printed, rational, zeros
 from obsdesign.model.plant import Plant
 
 
@@ -24,8 +24,8 @@ class Generator:
     q2  = Cq2 xm + Dq2f f2 + Dq2 v
     w   = Cm xm + Dwf f2 + Dm v
 
-    `inverse` holds, for each channel of w that determines its v, the coefficients c of v = c0 w + c1 w' + ..
-    with xm = (w, w', ..), or of v_k = c0 w_k + c1 w_{k+1} + ..; it is None where w does not determine v.
+    `inverse` holds, for each channel of w that determines its v, the coefficients c of v = c0 w + c1 w' + ..,
+    or of v_k = c0 w_k + c1 w_{k+1} + ..; it is None where w does not determine v.
     """
 
     Am: Array  # (nm, nm)
@@ -39,19 +39,37 @@ class Generator:
     Dm: Array  # (nw, nv)
     inverse: tuple[tuple[fmpq, ...] | None, ...]
 
-    def drive(self, w: Sequence[Expression]) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:
-        """Return v(t) and xm(t) that generate the given w(t), or None where w does not determine them."""
+    def drive(
+        self, w: Sequence[Expression], following: Callable[[Expression], Expression]
+    ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:
+        """Return v(t) and xm(t) that generate the given w(t), or None where w does not determine them.
+
+        `following`: the derivative of a signal of time, or in discrete time the signal a sample later.
+        """
         v: list[Expression] = []
         xm: list[Expression] = []
         for signal, coefficients in zip(w, self.inverse, strict=True):
             if coefficients is None:
                 return None
-            derivatives = [signal]
+            signals = [signal]
             for _ in coefficients[1:]:
-                derivatives.append(derivatives[-1].derivative("t"))
-            xm += derivatives[:-1]
-            v.append(Expression.combination(coefficients, derivatives))
+                signals.append(following(signals[-1]))
+            own = slice(len(xm), len(xm) + len(coefficients) - 1)
+            xm += [Expression.combination(row, signals[: len(row)]) for row in chain(self.Am[own, own])]
+            v.append(Expression.combination(coefficients, signals))
         return tuple(v), tuple(xm)
+
+
+def chain(A: Array) -> list[list[fmpq]]:
+    """States of a model of one channel, each by its coefficients in w, w', .. or in w, w+, .., given A (m, m) exact.
+
+    The first is w, and the input drives the last: beside itself and those before it, each is driven by the next alone.
+    """
+    m = len(A)
+    rows = identity(m, like=A)
+    for i in range(m - 1):
+        rows[i + 1] = (np.roll(rows[i], 1) - A[i, : i + 1] @ rows[: i + 1]) / A[i, i + 1]
+    return [list(row[: i + 1]) for i, row in enumerate(rows)]
 
 
 def linear(Am: Array, Bm: Array, Cm: Array, Dm: Array, inverse: tuple[fmpq, ...] | None) -> Generator:

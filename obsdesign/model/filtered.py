@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Exact, zeros
+from obsdesign.model.ahead import ahead
 from obsdesign.model.plant import Plant
-
-NEXT = "+"  # after the name of a channel of v that is taken at the next sample
 
 
 def channels(plant: Plant[Exact]) -> tuple[Array, Array]:
@@ -40,7 +39,7 @@ def filtered(plant: Plant[Exact]) -> Plant[Exact]:
         C=plant.C @ plant.A,
         Df=plant.C @ plant.Bf,
         D=np.hstack([plant.C @ plant.B[:, now], plant.D[:, late]]),
-        exogenous=(*names[now], *(f"{name}{NEXT}" for name in names[late])),
+        exogenous=(*names[now], *map(ahead, names[late])),
     )
 
 

@@ -16,6 +16,7 @@ DECADES = 9  # below its peak that an error is drawn: what an integration tells 
 SPAN = 30  # an error that spans so much is drawn on a logarithmic axis
 ABOVE = 1e3  # times the peak of an error: how far above it a bound is drawn
 CELLS = 1000  # of time, of each of which a curve shows the least and the largest value
+DOTS = 120  # samples of a curve that are told apart
 WINDOWS = 20  # of time, of each of which the largest error counts where an axis is chosen
 HUGE = 1e150  # what is beyond is drawn as this
 CLOSEST = 0.1  # of the height of a panel: ticks with labels that do not touch
@@ -88,6 +89,16 @@ def time_axis(axes: "Axes", end: float) -> None:
     axes.set_xlim(0, end if end > 0 else 1.0)
     axes.locator_params(axis="x", nbins=6, steps=[1, 2, 5, 10])
     axes.set_xlabel("t [s]")
+
+
+def stairs(axes: "Axes") -> None:
+    """Draw curves of samples as what they are: each value up to the next one, with a dot at it where there is room."""
+    for line in axes.lines:
+        count = len(np.atleast_1d(line.get_xdata()))
+        if count > 2 and line.get_linestyle() != "None":
+            line.set_drawstyle("steps-post")
+            if count <= DOTS:
+                line.set(marker=".", markersize=3.5)
 
 
 def spread_axis(axes: "Axes", which: str, values: Sequence[float]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from obsdesign.families.guarantee import HELD
 from obsdesign.lmi.formula import Array
-from obsdesign.plot.axis import DECADES, finite, plain, time_axis, with_unit
+from obsdesign.plot.axis import DECADES, finite, plain, stairs, time_axis, with_unit
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_below, log_ticks
 from obsdesign.plot.panels import BESIDE, limit
 from obsdesign.plot.signals import Curve
@@ -138,6 +138,8 @@ def signal_panel(comparison: "Comparison", signal: Signal) -> Panel:
         for k, (t, estimate) in signal.estimates.items():
             look = looks(comparison)[k]
             axes.plot(t, estimate, color=look.color, linestyle=look.line)
+        if comparison.entrants[0].design.spec.period is not None:
+            stairs(axes)
         curves = [Curve(signal.name, signal.true, estimate) for _, estimate in signal.estimates.values()]
         axes.set_title(limit(axes, curves or [Curve(signal.name, signal.true)]), loc="left", fontsize=8)
         limit_time(axes, comparison)

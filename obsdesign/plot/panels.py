@@ -70,7 +70,7 @@ class Signals:
         self.tell(axes, *(looks[0] if alone else ("black", "black")))
         for curve, (_, color) in zip(curves, looks, strict=True):
             mark_region(axes, curve.region)
-            draw_band(axes, self.run.t, curve, color, alone)
+            draw_band(axes, self.run.t, curve, color, alone, stairs=self.run.spec.period is not None)
         if self.run.schedule is not None and any(curve.instants is not None for curve in curves):
             mark_lost(axes, self.run.schedule)
         time_axis(axes, self.run.time)
@@ -153,7 +153,7 @@ def cut_off(curves: Sequence[Curve], factors: Sequence[float], low: float, high:
     return f"{which} reaches {number(reached)}"
 
 
-def draw_band(axes: "Axes", t: Array, curve: Curve, color: str, alone: bool) -> None:
+def draw_band(axes: "Axes", t: Array, curve: Curve, color: str, alone: bool, *, stairs: bool) -> None:
     """Shade where the truth is proved to be, around the estimate.
 
     Not where this is more than the panel nearly always, or, beside others, more than a part of it most of the time,
@@ -171,7 +171,8 @@ def draw_band(axes: "Axes", t: Array, curve: Curve, color: str, alone: bool) -> 
     if len(t) > len(below) or len(t) > len(above):
         lower, upper = (np.interp(t, at, end) for at, end in ends)
         below = t
-    axes.fill_between(below, lower, upper, color=color, alpha=0.18, linewidth=0, zorder=0.5)
+    step: dict[str, Any] = {"step": "post"} if stairs else {}
+    axes.fill_between(below, lower, upper, color=color, alpha=0.18, linewidth=0, zorder=0.5, **step)
     axes.fill_between([], [], color="black", alpha=0.18, linewidth=0, label=BAND)
 
 

@@ -1,6 +1,7 @@
 """The figure of a run: at most four panels that tell what the spec wants to know, or every panel."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,12 @@ import numpy as np
 
 from obsdesign.families.guarantee import ESTIMATES, Guarantee
 from obsdesign.plot import signals
-from obsdesign.plot.axis import plain
+from obsdesign.plot.axis import plain, stairs
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
 from obsdesign.plot.hybrid import draw_distance, draw_injection, draw_intervals
 from obsdesign.plot.panels import CURVES, Signals, draw_errors, draw_storage
 from obsdesign.plot.signals import Curve, Estimate
-from obsdesign.tables.text import at_least, at_most
+from obsdesign.tables.text import at_most
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,8 +37,10 @@ def run_sheet(run: "Run", every: bool = False) -> "Figure":
 
     Of many estimates those are drawn that settle last. Errors are drawn at the steps of the integrator, so that a peak
     between two samples is seen. `every`: also all other estimates, outputs and inputs, arguments of f with their
-    regions, V, and what measurements at instants do.
+    regions, V, and what measurements at instants do. Signals in discrete time are drawn as stairs, of as many samples
+    as the spec says.
     """
+    run = thinned(run)
     wanted = signals.wanted(run)
     last = sorted(wanted, key=lambda each: each.unsettled, reverse=True)[:CURVES]
     shown = [each for each in wanted if each in last]
@@ -50,12 +53,22 @@ def run_sheet(run: "Run", every: bool = False) -> "Figure":
     ]
     rest = further(run, shown, [*measured[CURVES:], *driven[CURVES:]]) if every else []
     figure = compose(heading(run), [first, second, *rest], LOW if every else TALL)
+    for axes in figure.axes if run.spec.period is not None else ():
+        stairs(axes)
     mark_end(figure, run)
     legend_below(figure)
     return figure
 
 
 run_figure = drawn(run_sheet)
+
+
+def thinned(run: "Run") -> "Run":
+    """Run in discrete time with signals at `simulation.points` of its samples, if it has more; its errors at all."""
+    most = run.spec.simulation.points if run.spec.simulation else len(run.t)
+    if run.spec.period is None or len(run.t) <= most:
+        return run
+    return replace(run, **vars(run.rows(np.arange(0, len(run.t), -(-len(run.t) // most)))))
 
 
 def named(what: str, shown: Sequence[Any], every: Sequence[Any]) -> str:
@@ -141,8 +154,8 @@ def promises(run: "Run") -> Iterator[str]:
 
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
-    alpha = guarantee.rates().alpha
-    decays = f"{guarantee.symbol} = {at_least(alpha)} 1/s" if alpha else "e → 0 without a disturbance"
+    rate = guarantee.rates().told
+    decays = f"{guarantee.symbol} = {rate}" if rate else "e → 0 without a disturbance"
     if run.summary["gamma"] is None:
         return decays
     return f"γ = {at_most(guarantee.gamma)} from zero error, {decays}"

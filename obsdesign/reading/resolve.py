@@ -63,7 +63,7 @@ def resolve(document: Document) -> Spec:
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, family)
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)

@@ -21,23 +21,29 @@ from obsdesign.trial import Noise, Simulation, Vector
 
 MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output
 MAX_POINTS = 10**6
+MAX_SAMPLES = 10**6  # of a plant in discrete time, in a run
 SAMPLING = ("sampling", "period", "dropout", "theta0")  # keys for measurements at instants
 
 
 def read_simulation(
-    reader: Reader, section: schema.Simulation | None, layout: Layout, exogenous: Exogenous, family: Family | None
+    reader: Reader,
+    section: schema.Simulation | None,
+    layout: Layout,
+    exogenous: Exogenous,
+    family: Family | None,
+    period: fmpq | None = None,
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
     `exogenous`: the disturbance model; `family`: says whether measurements arrive at instants, so that the section may
-    say when, and whether the observer has coordinates of its own.
+    say when, and whether the observer has coordinates of its own; `period`: of the samples, in discrete time.
     """
     if section is None:
         return None
     loc: Loc = ("simulation",)
     known_family = family is not None and reader.clean(("observer",))  # a wrong observer may be one of any family
     sampled = not known_family or (family is not None and family.sampled)
-    horizon = reader.number(section.horizon, (*loc, "horizon"), "> 0")
+    horizon = read_horizon(reader, section.horizon, period)
     known = layout.known("states")
     if section.w is not None and section.v is not None:
         reader.wrong(
@@ -66,7 +72,7 @@ def read_simulation(
         w=w,
         v=read_signals(reader, section.v, (*loc, "v"), v, drives, ("t",)) if w is None else None,
         u=read_signals(reader, section.u, (*loc, "u"), inputs, called, known),
-        noise=read_noise(reader, section.noise, layout.outputs, horizon, sampled=sampled),
+        noise=read_noise(reader, section.noise, layout.outputs, horizon, period, sampled=sampled),
         seed=reader.integer(section.seed, (*loc, "seed"), 0, 0, 2**63 - 1),
         points=reader.integer(section.points, (*loc, "points"), 2000, 2, MAX_POINTS),
         sampling=read_sampling(reader, section.sampling),
@@ -76,10 +82,27 @@ def read_simulation(
         xi0=read_values(reader, section.xi0 or {}, (*loc, "xi0")),
         constants=read_values(reader, constants, (*loc, "theta0")),
         events=read_events(reader, section.events, layout),
-        silent=tuple(
-            name for name in called if section.u is None or (isinstance(section.u, dict) and name not in section.u)
-        ),
+        silent=tuple(name for name in called if not given(section.u, name)),
     )
+
+
+def given(written: schema.Signals | None, name: str) -> bool:
+    """Whether a signal is given: by its name, or with all in a list."""
+    return written is not None and (not isinstance(written, dict) or name in written)
+
+
+def read_horizon(reader: Reader, written: str, period: fmpq | None) -> fmpq:
+    """Length of the run in s; in discrete time with a sample after the first one, and not with too many."""
+    loc: Loc = ("simulation", "horizon")
+    horizon = reader.number(written, loc, "> 0")
+    if period is None or not reader.clean(loc):
+        return horizon
+    if horizon < period:
+        said = f"{float(horizon):g} s ends before the next sample; give at least system.period, {float(period):g} s"
+        reader.wrong(loc, said, id="OBS208")
+    elif horizon > MAX_SAMPLES * period:
+        reader.wrong(loc, f"more than {MAX_SAMPLES:,} samples in the horizon; give a shorter one", id="OBS210")
+    return horizon
 
 
 def read_signals(
@@ -199,15 +222,19 @@ def named_state(
 
 
 def read_noise(
-    reader: Reader, section: schema.Noise | None, outputs: Axis, horizon: fmpq, *, sampled: bool
+    reader: Reader, section: schema.Noise | None, outputs: Axis, horizon: fmpq, samples: fmpq | None, *, sampled: bool
 ) -> Noise | None:
-    """Measurement noise; where measurements arrive at instants it needs no period."""
+    """Measurement noise; where measurements arrive at instants, or time is discrete, it needs no period."""
     if section is None:
         return None
     loc: Loc = ("simulation", "noise")
-    if section.period is None and not sampled:
+    if section.period is None and samples is None and not sampled:
         reader.wrong((*loc, "period"), "is required", id="OBS205")
-    period = horizon if section.period is None else reader.number(section.period, (*loc, "period"), "> 0")
+    otherwise = horizon if samples is None else samples
+    period = otherwise if section.period is None else reader.number(section.period, (*loc, "period"), "> 0")
+    if samples is not None and period != samples and reader.clean((*loc, "period")):
+        said = f"{float(period):g} s is not that of the samples, {float(samples):g} s"
+        reader.wrong((*loc, "period"), f"{said}: noise is drawn at each; leave it out", id="OBS208")
     if horizon > MAX_PERIODS * period:
         reader.wrong(
             (*loc, "period"), f"more than {MAX_PERIODS:,} periods in the horizon; give a longer period", id="OBS210"

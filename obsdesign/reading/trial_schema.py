@@ -52,7 +52,7 @@ class Noise(Section):
         ENTRY,
         "how long each value holds",
         unit="s",
-        otherwise=f"required; {SAMPLED} it is drawn at each measurement",
+        otherwise=f"required; {SAMPLED} it is drawn at each measurement, in discrete time at each sample",
         example="1.0e-4",
     )
 
@@ -117,4 +117,9 @@ class Simulation(Section):
         example="{xi1: 0.5}",
     )
     seed: str | None = key(ENTRY, "of noise and of random intervals", otherwise="0", example="1")
-    points: str | None = key(ENTRY, "samples kept for files and figures, at most 1e6", otherwise="2000", example="500")
+    points: str | None = key(
+        ENTRY,
+        "samples for files and figures, in discrete time for figures alone; at most 1e6",
+        otherwise="2000",
+        example="500",
+    )

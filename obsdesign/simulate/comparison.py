@@ -63,8 +63,10 @@ class Entrant:
 
     @cached_property
     def fastest(self) -> float:
-        """Largest eigenvalue, 1/s, of the observer's own dynamics along its run without noise."""
+        """Largest eigenvalue, 1/s, of the observer's own dynamics along its run without noise; NaN of samples."""
         system, record = self.record.system, self.record
+        if record.acting.clock is not None:
+            return np.nan
         moving = system.flowing[len(system.integrated) :]
         rates = system.program.places(map(rate, moving))
         found = [0.0]
@@ -99,6 +101,8 @@ class Entrant:
         simulation = self.design.spec.simulation
         if self.spread is None or simulation is None or simulation.noise is None:
             return None
+        if self.record.acting.clock is not None:
+            return "drawn at each sample"
         return "drawn at each measurement" if self.record.schedule else f"held for {simulation.noise.period:g} s"
 
     @property
@@ -136,6 +140,8 @@ class Entrant:
         if inside.sum() < 2:
             return None
         t, e = t[inside], e[inside]
+        if self.record.acting.clock is not None:
+            return float(np.sqrt(np.mean(e**2)))
         return float(np.sqrt(np.trapezoid(e**2, t) / (t[-1] - t[0])))
 
 

@@ -14,6 +14,7 @@ from flint import fmpq
 
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Observer
+from obsdesign.model.ahead import ahead
 from obsdesign.model.equations import Equations, Named
 from obsdesign.simulate.program import UNIT, Definition, Pair
 
@@ -22,7 +23,7 @@ ZERO = Expression.number(0)
 
 # names of signals that go with another
 error = "{} error".format  # of the estimate of a signal
-rate = "{} rate".format  # of a state
+rate = "{} rate".format  # of a state; in discrete time the state at the next sample
 noise = "{} noise".format  # of an output
 measured = "{} measured".format  # an output as it is measured
 after = "{} after".format  # a state of the flow after a measurement
@@ -37,6 +38,7 @@ class Definitions:
     plant: Equations
     observer: Observer  # over signals of the same names
     noisy: bool  # whether outputs are measured with noise, an input of the program
+    next: Named = field(default_factory=dict)  # signals of the plant at the next sample, where the observer knows y+
     made: dict[str, Definition] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -46,7 +48,7 @@ class Definitions:
         for name, side in plant.dynamics.items():
             self.define(rate(name), side)
         if self.noisy:
-            self.made |= {measured(y): {y: fmpq(1), noise(y): fmpq(1)} for y in observer.outputs}
+            self.made |= {measured(y): {y: fmpq(1), noise(y): fmpq(1)} for y in self.measurable}
         self.made |= {hat: Pair(twin, error(twin), 1) for hat, twin in observer.twins.items()}
         self.compare(observer.algebraic, self.sides, lambda name: name)
         self.compare(observer.dynamics, plant.dynamics, rate)
@@ -56,7 +58,7 @@ class Definitions:
             if error(name) not in self.copied
         }
         self.made |= {name: self.difference(side, ZERO) for name, side in observer.received.items()}
-        noises = set(map(noise, observer.outputs))
+        noises = set(map(noise, self.measurable))
         for name, place in zip(observer.jump, self.jumping, strict=True):
             twin = observer.twins.get(name)
             jumped = self.difference(observer.jump[name], Expression.variable(twin) if twin else ZERO)
@@ -92,7 +94,13 @@ class Definitions:
     @property
     def sides(self) -> dict[str, Expression]:
         """Right sides of the algebraic signals and outputs of the plant."""
-        return {**self.plant.algebraic, **self.plant.outputs}
+        return {**self.plant.algebraic, **self.plant.outputs, **self.next}
+
+    @property
+    def measurable(self) -> tuple[str, ...]:
+        """Outputs that the observer knows: those of a sample, and those of the next where it waits for them."""
+        outputs = self.observer.outputs
+        return (*outputs, *(name for name in map(ahead, outputs) if name in self.observer.following))
 
     def define(self, name: str, side: Expression) -> None:
         """Define a signal by an expression."""
@@ -125,7 +133,7 @@ class Definitions:
             else:
                 pending[term] -= c
         back = {hat: Expression.variable(twin) for hat, twin in self.observer.twins.items()}
-        seen = {y: Expression.variable(measured(y)) for y in self.observer.outputs} if self.noisy else {}
+        seen = {y: Expression.variable(measured(y)) for y in self.measurable} if self.noisy else {}
         for c, term in estimate.summands():
             name = term.text
             if term.names == {name}:
@@ -147,7 +155,7 @@ class Definitions:
         """Signals whose sum a signal of the observer is."""
         if twin := self.observer.twins.get(name):
             return (twin, error(twin))
-        return (name, noise(name)) if self.noisy and name in self.observer.outputs else (name,)
+        return (name, noise(name)) if self.noisy and name in self.measurable else (name,)
 
     def pair(self, estimate: Expression, true: Expression) -> str:
         """Name of the difference of two terms."""

@@ -5,19 +5,21 @@ period, the same for stiff observers (`collocation`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.collocation import SLOW, WEIGHTS, Step
+from obsdesign.simulate.definitions import error
 from obsdesign.simulate.integrate import Flow, Segment, integrate
 from obsdesign.simulate.perturbation import Interval, Perturbation
 from obsdesign.simulate.scenario import Stretch
-from obsdesign.simulate.simulation import follow, initial, tolerance
+from obsdesign.simulate.simulation import follow, initial, system_of, tolerance
 from obsdesign.simulate.sizes import balanced, sizes
 from obsdesign.spec import Spec
+from obsdesign.trial import Simulation
 
 ACCURATE = 1e-6  # of the size of d: error of a step, against two of half its length
 CHECKS = 8  # steps in which it is looked at
@@ -42,14 +44,45 @@ class Spread:
 def spread(spec: Spec, observer: Observer, seeds: tuple[int, ...], window: tuple[float, float]) -> Spread:
     """What the noise of each seed adds to the estimates, over a window of time; of a spec with a `simulation`.
 
-    Steps are halved until a step, held against two of half its length, is accurate to 1e-6 of what the noise adds.
+    Steps are halved until a step, held against two of half its length, is accurate to 1e-6 of what the noise adds. In
+    discrete time each run is a recursion.
     """
+    if spec.period is not None:
+        return spread_of_samples(spec, observer, seeds, window)
     added, parts = Perturbation(spec, observer, seeds), 1
     while True:
         passage = Passage(added, [step for one in added.intervals for step in one.parts(parts)], window)
         if passage.follow() or 2 * len(passage.steps) > MOST_STEPS:
             return passage.spread()
         parts *= 2
+
+
+def spread_of_samples(spec: Spec, observer: Observer, seeds: tuple[int, ...], window: tuple[float, float]) -> Spread:
+    """What noise adds to the estimates in discrete time: each run less that without noise, sample by sample."""
+    assert spec.simulation
+    trials = [replace(spec.simulation, noise=None), *(replace(spec.simulation, seed=seed) for seed in seeds)]
+    runs = [errors_of(spec, observer, trial) for trial in trials]
+    (names, t, quiet), found = runs[0], [errors for _, _, errors in runs[1:]]
+    inside = (t >= window[0]) & (t <= window[1])
+    rms = [
+        np.sqrt(np.mean((errors - quiet)[inside] ** 2, axis=0))
+        if errors.shape == quiet.shape and inside.any()
+        else np.full(len(names), np.nan)
+        for errors in found
+    ]
+    return Spread(names, np.array(rms), t[: len(found[0])], found[0])
+
+
+def errors_of(spec: Spec, observer: Observer, simulation: Simulation) -> tuple[tuple[str, ...], Float, Float]:
+    """Names of the estimates, samples (N,) up to where the run got, and errors (N, estimates)."""
+    system = system_of(spec, simulation, observer)
+    acting, start = system.scenario, initial(system, simulation, None)
+    found = follow(system, start, [], EMPTY)
+    estimated = dict(zip(acting.w, acting.inputs, strict=True))
+    wanted = [*acting.plant.states[: acting.n], *system.estimated.values()]
+    with np.errstate(all="ignore"):
+        table = system.table(found.t, found.s)
+    return tuple(estimated.get(name, name) for name in wanted), found.t, table.of(map(error, wanted))
 
 
 class Reference:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     Method = RungeKutta | LSODA | Radau
 
 Vector = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 Status = Literal["done", "stopped", "escape", "stall"]
 
 FIRST, GROWN = 100, 10  # growth of the state that sets the tolerance anew: at first, and from then on
@@ -81,11 +82,12 @@ class Trajectory:
     time: float  # where it ended
     reason: str  # of an end before the horizon
 
-    def merged(self) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
-        """Times and states of steps and samples together, in order, and which of them are steps."""
+    def merged(self) -> tuple[Vector, Vector, Mask, Mask]:
+        """Times and states of steps and samples together, in order, and which of them are steps, and samples."""
         t = np.concatenate((self.path_t, self.t))
         order = np.argsort(t, kind="stable")
-        return t[order], np.concatenate((self.path_s, self.s))[order], order < len(self.path_t)
+        steps = order < len(self.path_t)
+        return t[order], np.concatenate((self.path_s, self.s))[order], steps, ~steps
 
 
 @dataclass

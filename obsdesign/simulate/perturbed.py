@@ -18,7 +18,7 @@ from obsdesign.spec import Spec
 def applies(system: System) -> bool:
     """Whether noise is held over many periods, and no event, jump or kink depends on the states."""
     acting = system.scenario
-    short = acting.noisy and len(acting.noise) > MANY
+    short = acting.noisy and len(acting.noise) > MANY and acting.clock is None
     return short and not (system.observer.jump or acting.events or system.deciding) and system.constant() is None
 
 

@@ -60,6 +60,8 @@ def entries(spec: Spec) -> Iterator[Entry]:
     plant = spec.equations(spec.plant)
     for what, names in (("states", plant.states), ("inputs", plant.inputs), ("outputs", plant.outputs)):
         yield f"system.{what}", f"the list of {what}", ", ".join(sorted(names)) or "empty"
+    samples = "continuous" if spec.period is None else f"discrete, with samples {float(spec.period):g} s apart"
+    yield "system.time", "time", samples
     yield "simulation.horizon", "the horizon", simulation.horizon
     for name, value in sorted(starts(spec)):
         yield "simulation.x0", f"{name}(0)", value

@@ -11,7 +11,6 @@ from obsdesign.lmi.formula import Array
 from obsdesign.simulate.definitions import error, mismatch, rate
 from obsdesign.simulate.integrate import Trajectory
 from obsdesign.simulate.run import Samples
-from obsdesign.simulate.signals import largest_so_far
 from obsdesign.simulate.system import INTEGRALS, System, Table
 from obsdesign.simulate.validity import Arguments, Leaving, leavings
 from obsdesign.spec import Spec
@@ -29,19 +28,20 @@ class Record:
     ) -> None:
         self.spec, self.system, self.breaks, self.trajectory = spec, system, breaks, trajectory
         self.acting, self.guarantee, self.schedule = system.scenario, system.guarantee, system.scenario.schedule
-        t, s, steps = trajectory.merged()
+        t, s, steps, samples = trajectory.merged()
         with np.errstate(all="ignore"):
             now = system.table(t, s)
         defined = now.defined & np.isfinite(s).all(axis=1)
-        self.t, self.s, self.now, self._step = t[defined], s[defined], now.rows(defined), steps[defined]
+        self.t, self.s, self.now = t[defined], s[defined], now.rows(defined)
+        self._steps, self._samples = steps[defined], samples[defined]
 
     def at_steps(self) -> Samples:
         """Return the signals at the start and the accepted steps."""
-        return self.signals.rows(self._step)
+        return self.signals.rows(self._steps)
 
     def at_samples(self) -> Samples:
         """Return the signals at the samples."""
-        return self.signals.rows(~self._step)
+        return self.signals.rows(self._samples)
 
     @property
     def errors(self) -> Array:
@@ -73,13 +73,12 @@ class Record:
     @cached_property
     def course(self) -> Course:
         """Error and integrals, and what the measurements do to them."""
-        end = self.system.end
-        v_sup = largest_so_far(self.acting.v, self.breaks, self.t, self.v)
-        z2, v2, b = self.s[:, end : end + 3].T
-        if self.measurements and not np.isfinite(self.system.kicks).all():
-            b = np.where(np.isfinite(self.measurements.added), b, np.inf)
-        drive = self.spec.observer.drive
-        return Course(self.t, self.e, np.linalg.norm(self.z, axis=1), z2, v2, v_sup, b, drive, self.measurements)
+        up_to = self.system.accumulated(self.t, self.s, self.now, self.breaks)
+        b, at = up_to.b, self.measurements
+        if at and not np.isfinite(self.system.kicks).all():
+            b = np.where(np.isfinite(at.added), b, np.inf)
+        z, drive = np.linalg.norm(self.z, axis=1), self.spec.observer.drive
+        return Course(self.t, self.e, z, up_to.z2, up_to.v2, up_to.v_sup, b, drive, at, up_to.v)
 
     @cached_property
     def measurements(self) -> Measurements | None:
@@ -148,7 +147,8 @@ class Record:
     @cached_property
     def left(self) -> tuple[Leaving, ...]:
         """First leavings of the regions on which the declared types hold."""
-        return leavings(self.spec.nonlinearities, self.arguments(self.t, self.now), self.between)
+        between = self.between if self.acting.clock is None else None
+        return leavings(self.spec.nonlinearities, self.arguments(self.t, self.now), between)
 
     def arguments(self, t: Array, now: Table) -> Arguments:
         """Arguments of f at instants."""

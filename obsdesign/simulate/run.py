@@ -1,7 +1,7 @@
 """A simulated run: what was true, what was estimated, and how the two compare."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -59,7 +59,8 @@ class Samples:
 
     def rows(self, which: Array) -> "Samples":
         """Return the same at some of the times."""
-        chosen: dict[str, Any] = {k: None if column is None else column[which] for k, column in vars(self).items()}
+        columns = {field.name: getattr(self, field.name) for field in fields(Samples)}
+        chosen: dict[str, Any] = {k: None if column is None else column[which] for k, column in columns.items()}
         return Samples(**chosen)
 
 

@@ -56,7 +56,7 @@ def recorded(
     except ArithmeticError as error:
         key, said = undefined(spec, simulation)
         raise UsageError(Problem(said, key=key, id="OBS304")) from error
-    if reason := system.stopped(0.0, start, system.scenario.held(0.0)[: len(system.silent)]):
+    if reason := system.stopped(0.0, start, system.beside(0.0)):
         name, _, condition = reason.partition(": ")
         raise UsageError(
             Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}", id="OBS802")

@@ -11,14 +11,18 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import Guarantee, SampledGuarantee
 from obsdesign.lmi.formula import Array, Float, identity, zeros
+from obsdesign.model.ahead import ahead, later
 from obsdesign.model.disturbance import augment, with_inputs
 from obsdesign.model.equations import Equations
+from obsdesign.model.filtered import channels
+from obsdesign.simulate.clock import Clock, clock_of, following
 from obsdesign.simulate.sampling import Sampling, Schedule, schedule
 from obsdesign.spec import Spec
 from obsdesign.trial import Noise, Simulation
 
 Vector = Float
 NOISE_SAMPLES = 1_000_000
+LAST_TWO = 2  # that of the last sample in discrete time, which horizon / period does not count, and of the one after it
 JUMP = 1e-9  # of xm against its size: smaller is rounding
 
 
@@ -43,6 +47,9 @@ class Scenario:
     - w is given and v follows from it: v drives the augmented plant, whose xm are known functions of time.
     - w is given and no v generates it (w depends on the states, say): it acts on the plant beside the
       disturbance model, whose true state stays zero. `unmodeled` says why.
+
+    In discrete time signals are looked at at the instants of the clock, and may stand for those of the samples to come:
+    t+ is the next instant (`model.ahead`).
     """
 
     plant: Equations  # states (x, xm), outputs (y, w)
@@ -54,8 +61,10 @@ class Scenario:
     v: tuple[Expression, ...]  # drive of `plant`: v, or w itself where it is unmodeled
     unmodeled: str
     horizon: float
-    noise: Array  # (K, ny), row k held over [k, k + 1) periods; one row of zeros without noise
+    noise: Array  # (K, ny), row k held over [k, k + 1) periods, or of sample k; one row of zeros without noise
     period: float
+    drive: tuple[str, ...]  # names of what a guarantee calls v
+    clock: Clock | None = None  # of a plant in discrete time
     schedule: Schedule | None = None  # of the measurements, where y is known at instants only
     eta: Array | None = None  # (K, ny), noise of each of them
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends the run where it becomes true, by name
@@ -75,14 +84,27 @@ class Scenario:
         """Whether any noise acts on the outputs."""
         return bool(self.noise.any()) or (self.eta is not None and bool(self.eta.any()))
 
-    def held(self, t: float | Vector) -> Vector:
-        """Noise at an instant, (ny,), or at instants (N,), (N, ny)."""
-        return np.asarray(self.noise[np.minimum(t / self.period, len(self.noise) - 1).astype(int)])
+    def held(self, t: float | Vector, ahead: int = 0) -> Vector:
+        """Noise at an instant, (ny,), or at instants (N,), (N, ny), or so many samples later."""
+        tick = np.asarray(t / self.period) if self.clock is None else self.clock.number(t) + ahead
+        return np.asarray(self.noise[np.minimum(tick, len(self.noise) - 1).astype(int)])
+
+    def next(self) -> dict[str, Expression]:
+        """Every signal of the plant and of what acts on it, a sample later, by its name."""
+        plant, known = self.plant, self.plant.states[self.integrated :]
+        acting = dict(zip((*known, *plant.inputs, *plant.exogenous), (*self.known, *self.u, *self.v), strict=True))
+        now = {**plant.algebraic, **plant.outputs, **acting}
+        states = {ahead(name): plant.dynamics[name] for name in plant.states[: self.integrated]}
+        return states | {ahead(name): later(side) for name, side in now.items()}
+
+    def xm(self, t: float) -> Vector:
+        """Known states of the disturbance model at an instant, (nm,); empty where they are not known."""
+        times = self.clock.named(t) if self.clock else {"t": t}
+        return np.array([signal.scalar([*times])(*times.values()) for signal in self.known])
 
     def steps_of_xm(self, before: float, after: float) -> Vector:
         """Jump of the known xm at a break, (nm,); zero where it is no more than rounding."""
-        xm = [e.scalar(["t"]) for e in self.known]
-        low, high = (np.array([signal(t) for signal in xm]) for t in (before, after))
+        low, high = map(self.xm, (before, after))
         step = high - low
         return np.where(np.abs(step) > JUMP * (1 + np.abs(low)), step, 0.0)
 
@@ -109,10 +131,21 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     plant = beside(spec) if unmodeled else spec.equations(with_inputs(spec.augmented, spec.generator, spec.reserved))
     outputs, inputs = spec.plant.outputs, spec.plant.exogenous
     still = np.zeros((1, len(outputs))), simulation.horizon
-    noise, period = still if sampled else noise_samples(simulation, len(outputs))
-    n, horizon = spec.plant.n, simulation.horizon
-    acting = Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period)
+    n, clock = spec.plant.n, clock_of(spec, simulation.horizon)
+    noise, period = still if sampled else noise_samples(simulation, len(outputs), 0 if clock is None else LAST_TWO)
+    horizon = simulation.horizon if clock is None else float(clock.instants[-1])
+    drive = plant.exogenous if unmodeled else drives(spec, plant.exogenous)
+    acting = Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period, drive, clock)
     return replace(acting, events=simulation.events)
+
+
+def drives(spec: Spec, v: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of what a guarantee calls v, given those of v: of filtered estimates in part that of the next sample."""
+    if not spec.observer.filtered:
+        return v
+    now, late = channels(spec.augmented)
+    here, beyond = (tuple(name for name, one in zip(v, mask, strict=True) if one) for mask in (now, late))
+    return (*here, *map(ahead, beyond))
 
 
 def received(acting: Scenario, simulation: Simulation, sampling: Sampling, guarantee: Guarantee | None) -> Scenario:
@@ -146,7 +179,7 @@ def disturbance(spec: Spec, simulation: Simulation) -> tuple[tuple[Expression, .
     for name, signal, inverse in zip(spec.plant.exogenous, w, spec.generator.inverse, strict=True):
         if signal.names - {"t"} and inverse != (1,):
             return at_rest, w, f"{name} depends on the states, so that no v of time alone generates it"
-    driven = spec.generator.drive(w)
+    driven = spec.generator.drive(w, lambda signal: following(signal, spec))
     if driven is None:
         return at_rest, w, "the given w does not determine the v of this disturbance model"
     v, xm = driven
@@ -167,12 +200,12 @@ def beside(spec: Spec) -> Equations:
     return replace(spec, nonlinearities=tuple(quiet)).equations(with_inputs(plant, direct, spec.reserved))
 
 
-def noise_samples(simulation: Simulation, ny: int) -> tuple[Array, float]:
-    """Rows (K, ny) of noise, the same for the same seed, and the time (s) for which each is held."""
+def noise_samples(simulation: Simulation, ny: int, more: int = 0) -> tuple[Array, float]:
+    """Rows (K, ny) of noise, the same for the same seed, and the time (s) for which each is held; `more` of them."""
     noise = simulation.noise
     if noise is None:
         return np.zeros((1, ny)), simulation.horizon
-    count = int(np.ceil(simulation.horizon / noise.period))
+    count = int(np.ceil(simulation.horizon / noise.period)) + more
     if count > NOISE_SAMPLES:
         said = f"{count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
         raise UsageError(Problem(said, key="simulation.noise.period", id="OBS210"))

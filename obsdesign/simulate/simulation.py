@@ -10,6 +10,7 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.simulate import exact
 from obsdesign.simulate.integrate import Flow, Segment, Tolerance, Trajectory, Vector, finite, integrate
+from obsdesign.simulate.recursion import Recursion
 from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.scenario import received, scenario
 from obsdesign.simulate.sizes import sizes
@@ -34,7 +35,7 @@ def system_of(
     acting = scenario(spec, simulation, bool(observer.jump))
     if observer.jump:
         acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
-    return System(acting, observer, spec.H.astype(float), guarantee)
+    return (System if acting.clock is None else Recursion)(acting, observer, spec.H.astype(float), guarantee)
 
 
 def follow(
@@ -47,14 +48,17 @@ def follow(
     """Follow the flow and its jumps from the start to the horizon, with its state at some samples (N,), increasing.
 
     A linear plant whose inputs are constant in each of many stretches, between measurements, jumps or samples of noise,
-    is solved by matrix exponentials, any other flow by LSODA.
+    is solved by matrix exponentials, any other flow by LSODA. A plant in discrete time is a recursion over its own
+    samples.
     """
+    told = progress and (lambda t: progress(t / system.scenario.horizon))
+    if isinstance(system, Recursion):
+        return system.follow(start, told)
     stretches = list(system.scenario.stretches(breaks))
     many = bool(system.observer.jump) or len(stretches) > MANY
     affine = system.constant() if many else None
     if affine is not None:
         return exact.follow(system, affine, start, stretches, samples)
-    told = progress and (lambda t: progress(t / system.scenario.horizon))
     flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch, system.stopped)
     segments = (
         Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))
@@ -80,7 +84,7 @@ def initial(system: System, simulation: Simulation, sampling: Sampling | None) -
         raise UsageError(Problem(said, key="simulation.theta0", id="OBS206"))
     with np.errstate(all="ignore"):
         start = finite(system.start(simulation.x0, simulation.xhat0, theta0))
-        finite(system.program.run(0.0, start[: system.width], system.scenario.held(0.0)[: len(system.silent)]))
+        finite(system.program.run(0.0, start[: system.width], system.beside(0.0)))
     return start
 
 

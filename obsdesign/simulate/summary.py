@@ -26,7 +26,7 @@ def summarise(record: Record) -> dict[str, Any]:
         "reason": trajectory.reason or None,
         **(norms(record) if record.schedule is None else sampled_norms(record)),
         **checks(record),
-        **convergence(record.course, record.acting.plant.states),
+        **convergence(record.course, record.acting.plant.states, record.acting.clock is not None),
         "settling": settling(record),
         **distances(record),
     }
@@ -40,7 +40,9 @@ def norms(record: Record) -> dict[str, Any]:
     nothing = acting.unmodeled or record.impulse is not None  # no v of which a norm could be told
     v2, v_sup = (None, None) if nothing else (float(np.sqrt(course.v2[-1])), float(course.v_sup[-1]))
     z, v = (z_sup, v_sup) if sup else (z2, v2)
-    endless = None if sup or v2 is None else norm_to_infinity(acting.v, record.trajectory.time, course.v2[-1])
+    endless = (
+        None if sup or v2 is None or acting.clock else norm_to_infinity(acting.v, record.trajectory.time, course.v2[-1])
+    )
     return {
         "z_norm2": z2,
         f"{course.drive}_norm2": v2,
@@ -147,14 +149,14 @@ def sampled_rate(record: Record) -> float:
     return float((np.linalg.norm(np.diff(samples.w, axis=0), axis=1) / np.diff(samples.t)).max(initial=0.0))
 
 
-def convergence(course: Course, names: Sequence[str]) -> dict[str, Any]:
+def convergence(course: Course, names: Sequence[str], in_samples: bool = False) -> dict[str, Any]:
     """Sizes of the error, and the time after which |e| stays below 1 % of its peak (None if it does not)."""
     size = np.linalg.norm(course.e, axis=1)
     row, column = divmod(int(np.argmax(np.abs(course.e))), course.e.shape[1])
     return {
         "initial_error": float(size[0]),
         "final_error": float(size[-1]),
-        "settling_time": settling_time(course.t, size),
+        "settling_time": settling_time(course.t, size, in_samples),
         "worst_peak": {
             "name": names[column],
             "value": float(abs(course.e[row, column])),
@@ -170,25 +172,27 @@ def settling(record: Record) -> dict[str, dict[str, float | None]]:
     """
     states = zip(record.acting.plant.states[: record.acting.n], record.e.T, strict=False)
     inputs = zip((record.acting.inputs[i] for i in record.estimated), record.signals.w_error.T, strict=True)
-    return {name: settled(record.t, e) for name, e in (*states, *inputs)}
+    in_samples = record.acting.clock is not None
+    return {name: settled(record.t, e, in_samples) for name, e in (*states, *inputs)}
 
 
-def settled(t: Array, e: Array) -> dict[str, float | None]:
+def settled(t: Array, e: Array, in_samples: bool = False) -> dict[str, float | None]:
     """Entry of `settling` of an error (N,) at times t."""
     size = abs(float(e[0]))
-    times = {key: last_above(t, e, share * size) if size else 0.0 for key, share in SHARES.items()}
+    times = {key: last_above(t, e, share * size, in_samples) if size else 0.0 for key, share in SHARES.items()}
     return {**times, "peak": float(np.abs(e).max())}
 
 
-def settling_time(t: Array, size: Array) -> float | None:
+def settling_time(t: Array, size: Array, in_samples: bool = False) -> float | None:
     """Time after which |e| stays below 1 % of its peak."""
-    return last_above(t, size, SETTLED * size.max())
+    return last_above(t, size, SETTLED * size.max(), in_samples)
 
 
-def last_above(t: Array, e: Array, level: float) -> float | None:
+def last_above(t: Array, e: Array, level: float, in_samples: bool = False) -> float | None:
     """Last time at which |e| is above a level, (N,) values at times t; None if it still is at the end.
 
-    Between two steps e is taken as exponential, as a straight line where it changes its sign.
+    Between two steps e is taken as exponential, as a straight line where it changes its sign. In samples it is the
+    first from which on |e| is not above the level.
     """
     above = np.flatnonzero(np.abs(e) > level)
     if not len(above):
@@ -196,6 +200,8 @@ def last_above(t: Array, e: Array, level: float) -> float | None:
     last, after = above[-1], above[-1] + 1
     if after == len(e):
         return None
+    if in_samples:
+        return float(t[after])
     values = e[[last, after]] * np.sign(e[last])
     high, low, wanted = (*values, level) if values[1] <= 0 else np.log(np.maximum([*values, level], 1e-300))
     return float(t[last] + (t[after] - t[last]) * (high - wanted) / (high - low))

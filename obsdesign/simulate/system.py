@@ -1,6 +1,6 @@
 """Plant and observer as one flow with jumps, in the coordinates (state, estimation error)."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -17,6 +17,7 @@ from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector
 from obsdesign.simulate.program import UNIT, Definition, Program, needs, reach
 from obsdesign.simulate.scenario import Scenario, Stretch
+from obsdesign.simulate.signals import largest_so_far
 from obsdesign.simulate.switches import Break, Switches, Watch
 
 INTEGRALS = ("integral of |z|^2", "integral of |v|^2", "bound on V")
@@ -53,21 +54,16 @@ class System:
         self.scenario, self.observer, self.guarantee, self.H = scenario, observer, guarantee, H
         plant = scenario.plant
         noisy = bool(observer.jump) or scenario.noisy
-        made = Definitions(plant, observer, noisy)
+        made = Definitions(plant, observer, noisy, scenario.next() if observer.following else {})
         made.made |= self.signals(made)
         self.z = tuple(f"z {k + 1}" for k in range(len(H)))
         for name, row in zip(self.z, H, strict=True):
             weights = zip(map(error, plant.states), map(rational_number, row), strict=True)
             made.made[name] = {signal: c for signal, c in weights if c != 0}
         made.define(Z2, Expression.squares(self.z))
-        made.define(V2, Expression.squares(plant.exogenous))
+        made.define(V2, Expression.squares(scenario.drive))
         made.made |= {event(name): condition for name, condition in scenario.events.items()}
-        rates = guarantee.rates() if guarantee else Rates(0.0, 0.0)
-        made.made |= {
-            rate(INTEGRALS[0]): {Z2: fmpq(1)},
-            rate(INTEGRALS[1]): {V2: fmpq(1)},
-            rate(INTEGRALS[2]): {V2: rational_number(rates.c), INTEGRALS[2]: rational_number(-2 * rates.alpha)},
-        }
+        made.made |= dict(zip(map(rate, INTEGRALS), self.integrals(), strict=True))
         self.estimated = {
             name: w for name, w in zip(scenario.inputs, scenario.w, strict=True) if name in observer.estimates
         }
@@ -80,11 +76,15 @@ class System:
         self.end = len(self.flowing)
         self.width = self.end + len(INTEGRALS)
         self.seen = tuple(map(measured, observer.outputs)) if noisy else observer.outputs  # y as it is measured
-        self.silent = np.zeros(len(observer.outputs) if noisy else 0)
+        self.silent = np.zeros(len(made.measurable) if noisy else 0)
         self.still = np.zeros(1 + len(observer.outputs) if observer.jump else 0)
         states = (*self.flowing, *INTEGRALS)
-        inputs = ("t", *states, *(noise(name) for name in observer.outputs if noisy))
-        outputs = [*map(rate, states), *self.recorded(made), *map(event, scenario.events)]
+        inputs = ("t", *states, *(noise(name) for name in made.measurable if noisy))
+        self.build(made, inputs, [*map(rate, states), *self.recorded(made), *map(event, scenario.events)])
+
+    def build(self, made: Definitions, inputs: tuple[str, ...], outputs: list[str]) -> None:
+        """Programs of the signals, of the flow with the signs held that decide its jumps, and of the measurements."""
+        observer = self.observer
         self.switches = Switches()
         flow = reach(outputs, lambda name: needs(made.made[name]) if name in made.made else ())
         smooth = {name: self.switches.decided(side) for name, side in made.made.items() if name in flow}
@@ -92,12 +92,18 @@ class System:
         smooth |= {zero(name): side for name, side in self.switches.smooth.items()}
         made.made |= {zero(name): side for name, side in self.switches.others.items()}
         self.program = Program(inputs, made.made, [*outputs, *deciding])
-        self.smooth = Program((*inputs, *signs), smooth, [*map(rate, states), *deciding])
-        self.rates, self.deciding = self.smooth.places(map(rate, states)), deciding
+        self.smooth = Program((*inputs, *signs), smooth, [*map(rate, (*self.flowing, *INTEGRALS)), *deciding])
+        self.rates, self.deciding = self.smooth.places(map(rate, (*self.flowing, *INTEGRALS))), deciding
         jumps = (*map(after, self.jumping), *self.seen) if observer.jump else ()
         self.jumps = Program((*inputs, *filter(None, [observer.gap])), made.made, jumps)
         self.landing = self.jumps.places(jumps)
         self.leaping = [self.flowing.index(name) for name in self.jumping]
+
+    def integrals(self) -> tuple[Definition, Definition, Definition]:
+        """Rates of INTEGRALS."""
+        rates = self.guarantee.rates() if self.guarantee else Rates(0.0, 0.0)
+        b = {V2: rational_number(rates.c), INTEGRALS[2]: rational_number(-2 * rates.alpha)}
+        return {Z2: fmpq(1)}, {V2: fmpq(1)}, b
 
     def signals(self, made: Definitions) -> dict[str, Definition]:
         """Known inputs, known states of the disturbance model, and the drive."""
@@ -111,7 +117,7 @@ class System:
         plant, observer = self.scenario.plant, self.observer
         signals = (*plant.states, *plant.algebraic, *plant.outputs)
         wanted = [
-            V2, *plant.inputs, *plant.exogenous, *signals, *map(rate, plant.states), *map(error, signals), *self.z,
+            Z2, V2, *plant.inputs, *plant.exogenous, *signals, *map(rate, plant.states), *map(error, signals), *self.z,
             *map(rate, map(error, plant.states)), *map(measured, observer.outputs),
             *map(mismatch, made.further),
             *(hat for hat, twin in observer.twins.items() if twin in plant.algebraic),
@@ -160,11 +166,11 @@ class System:
         acting = self.scenario
         x = np.zeros(len(acting.plant.states))
         x[: len(x0)] = x0
-        x[acting.integrated :] = [signal.scalar(["t"])(0.0) for signal in acting.known]
+        x[acting.integrated :] = acting.xm(0.0)
         copied = [i for i, name in enumerate(acting.plant.states) if error(name) in self.copied]
         s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
-            return self.with_initial(s, acting.held(0.0)[: len(self.silent)])
+            return self.with_initial(s, self.beside(0.0))
         X, outputs = self.program.run(0.0, s, self.silent), self.observer.outputs
         errors, missing, y = map(self.program.places, (map(error, outputs), map(mismatch, self.corrections), outputs))
         supposed = -X[missing] if self.corrections else X[errors]  # yhat + theta, or yhat, less y
@@ -216,13 +222,15 @@ class System:
 
     def stopped(self, t: float, s: Vector, held: Vector) -> str:
         """Condition that is true at an instant and ends the run; empty if none is."""
-        if not self.scenario.events:
+        beside = len(self.program.inputs) - self.width - 2  # the number 1 and t
+        return self.true_event(self.program.run(t, s[: self.width], held[:beside])) if self.scenario.events else ""
+
+    def true_event(self, X: Vector) -> str:
+        """Condition that is true, given the slots of the program; empty if none is."""
+        if not (events := self.scenario.events):
             return ""
-        X = self.program.run(t, s[: self.width], held[: len(self.silent)])
-        true = X[self.program.places(map(event, self.scenario.events))] != 0
-        return next(
-            (f"{n}: {e}" for (n, e), holds in zip(self.scenario.events.items(), true, strict=True) if holds), ""
-        )
+        true = X[self.program.places(map(event, events))] != 0
+        return next((f"{n}: {e}" for (n, e), holds in zip(events.items(), true, strict=True) if holds), "")
 
     def constant(self) -> Affine | None:
         """The flow of a linear plant, with everything that acts on it constant between breaks; None of any other."""
@@ -241,10 +249,19 @@ class System:
         F = np.array([[float(row.get(name, 0)) for name in columns] for row in linear])
         return Affine(F, held)
 
+    def beside(self, t: float | Float) -> Float:
+        """Inputs of the program beside t and s: the noise at an instant, (m,), or at instants (N,), (N, m)."""
+        return self.scenario.held(t)[..., : len(self.silent)]
+
+    def accumulated(self, t: Float, s: Float, now: "Table", breaks: Sequence[Break]) -> "Accumulated":
+        """What states (N, ns) at times t, with their signals, say of all that was up to each."""
+        plant, acting = self.scenario.plant, self.scenario
+        z2, v2, b = s[:, self.end : self.end + 3].T
+        return Accumulated(z2, v2, largest_so_far(acting.v, breaks, t, now.of(plant.exogenous)), b, None)
+
     def table(self, t: Float, s: Float) -> "Table":
         """Signals along states s (N, ns) at times t; NaN outside the model's domain."""
-        held = self.scenario.held(t)[:, : len(self.silent)]
-        return Table(self.program, self.program.table(np.vstack([t, s[:, : self.width].T, held.T])))
+        return Table(self.program, self.program.table(np.vstack([t, s[:, : self.width].T, self.beside(t).T])))
 
     def amplification(self) -> float:
         """How much larger than the errors of the states the error of an estimate of w is; at least 1."""
@@ -266,6 +283,17 @@ def is_constant(name: str, definitions: Mapping[str, Definition]) -> bool:
     if made is None or (isinstance(made, Expression) and not is_zero(made.derivative("t"))):
         return False
     return all(is_constant(other, definitions) for other in needs(made) if other != "t" or not term)
+
+
+@dataclass(frozen=True)
+class Accumulated:
+    """What a run has come to at each of its instants, as `Course` has it."""
+
+    z2: Float
+    v2: Float
+    v_sup: Float
+    b: Float
+    v: Float | None  # |v| of samples
 
 
 @dataclass(frozen=True)

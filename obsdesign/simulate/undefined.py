@@ -6,6 +6,7 @@ import numpy as np
 
 from obsdesign.expressions import Expression
 from obsdesign.sections.changes import opened
+from obsdesign.simulate.clock import clock_of, following
 from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
@@ -58,11 +59,13 @@ def flaw(what: str, value: float) -> str:
 
 
 def derived(spec: Spec, simulation: Simulation) -> Iterator[Found]:
-    """What the disturbance model needs of w: its derivatives."""
-    driven = spec.generator.drive(simulation.w) if simulation.w else None
+    """What the disturbance model needs of w: its derivatives, or its next samples."""
+    driven = spec.generator.drive(simulation.w, lambda w: following(w, spec)) if simulation.w else None
+    clock = clock_of(spec, simulation.horizon)
+    known = clock.named(0.0) if clock else {"t": 0.0}
     for k, (name, v) in enumerate(zip(spec.plant.exogenous, driven[0] if driven else (), strict=False)):
         what = f"{v.text}, the v that generates {name},"
-        if not v.names - {"t"} and (why := flaw(what, evaluated(v, {"t": 0.0}))):
+        if v.names <= known.keys() and (why := flaw(what, evaluated(v, known))):
             yield place(spec, "simulation", "w", k, name), why
 
 

@@ -80,7 +80,7 @@ class Watched:
 
 
 def leavings(
-    blocks: Sequence[Nonlinearity], run: Arguments, between: Callable[[int, Array], Arguments]
+    blocks: Sequence[Nonlinearity], run: Arguments, between: Callable[[int, Array], Arguments] | None
 ) -> tuple[Leaving, ...]:
     """First leaving of each limited argument of f, in the order of time.
 
@@ -91,7 +91,8 @@ def leavings(
     run
         At the instants of the run.
     between
-        The same between instant k - 1 and instant k, at shares of the time between both, 0 to 1.
+        The same between instant k - 1 and instant k, at shares of the time between both, 0 to 1; None where there is
+        nothing between two samples.
     """
     found = []
     for one in watched(blocks):
@@ -114,10 +115,12 @@ def watched(blocks: Sequence[Nonlinearity]) -> Iterator[Watched]:
             yield Watched(i, name, "plant", name, outward(ends))
 
 
-def crossing(one: Watched, run: Arguments, k: int, between: Callable[[int, Array], Arguments]) -> tuple[float, float]:
+def crossing(
+    one: Watched, run: Arguments, k: int, between: Callable[[int, Array], Arguments] | None
+) -> tuple[float, float]:
     """When an argument that is outside at instant k, and not before, goes out, and its value there."""
     value = float(one.values(run)[k])
-    if k == 0 or run.t[k - 1] == run.t[k]:
+    if k == 0 or between is None or run.t[k - 1] == run.t[k]:
         return float(run.t[k]), value
     low, high = 0.0, 1.0
     for _ in range(NARROWINGS):

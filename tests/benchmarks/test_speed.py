@@ -16,7 +16,7 @@ from obsdesign.dissipation.gain import searchable
 from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.reduce import between
 from obsdesign.lmi.solve import minimise, reduction
-from obsdesign.reading import load
+from obsdesign.reading import load, loads
 from obsdesign.work import solve, verify
 
 SPECS = Path(__file__).parents[2] / "specs"
@@ -77,6 +77,36 @@ def test_a_whole_solve_with_a_curve_of_25_points_takes_little_processor_time(ben
     seconds = benchmark.pedantic(lambda: child_time(program, "solve", str(CURVE), "-q", "-o", target), rounds=1)
     benchmark.extra_info["processor time [s]"] = seconds
     assert seconds < 1.2 * slowness()
+
+
+CONTINUOUS = """
+obsdesign: 1
+system: {A: [[-1, 1, 0], [-1, -2, 2], [0, -2, -3]], C: [1, 0, 0], B: [[1, 0], [0, 0], [2, 0]], D: [0, 0.1]}
+nonlinearities:
+  - {type: {slope: [0, 1]}, Bf: [0, 2, 0], Cq: [0, 1, 0]}
+  - {type: {lipschitz: 0.5}, Bf: [0, 0, 3], Cq: [0, 0, 1]}
+observer: {type: l2, L2: 0, alpha: 0.5, bounds: {L1: 100}}
+"""
+SAMPLES = """
+obsdesign: 1
+system: {time: discrete, A: [[0.9, 0.1, 0], [-0.1, 0.8, 0.2], [0, -0.2, 0.7]], C: [1, 0, 0],
+         B: [[0.1, 0], [0, 0], [0.2, 0]], D: [0, 0.1]}
+nonlinearities:
+  - {type: {slope: [0, 1]}, Bf: [0, 0.2, 0], Cq: [0, 1, 0]}
+  - {type: {lipschitz: 0.5}, Bf: [0, 0, 0.3], Cq: [0, 0, 1]}
+observer: {type: l2, L2: 0, rho: 0.95, bounds: {L1: 100}}
+"""
+
+
+def test_a_design_in_discrete_time_costs_no_more_than_one_third_more(benchmark):
+    specs = {"continuous": loads(CONTINUOUS), "discrete": loads(SAMPLES)}
+    for spec in specs.values():
+        assert solve(spec).status == "certified"
+    measured = benchmark.pedantic(lambda: processor_time(lambda: solve(specs["discrete"])), rounds=1)
+    discrete = min(measured[0], *(processor_time(lambda: solve(specs["discrete"]))[0] for _ in range(4)))
+    continuous = min(processor_time(lambda: solve(specs["continuous"]))[0] for _ in range(5))
+    benchmark.extra_info["times a continuous design"] = round(discrete / continuous, 2)
+    assert discrete <= 1.3 * continuous
 
 
 def test_help_starts_fast(benchmark):

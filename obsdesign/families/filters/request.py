@@ -9,11 +9,14 @@ import numpy as np
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array, in_floats
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, MapOf, key, required
+from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, MapOf, OneOf, key, required
 from obsdesign.sections.values import Axis, Reader
 from obsdesign.sections.words import unknown
 
 WEIGHT = Either("a number, a matrix, or a mapping of names to numbers", MATRIX, MATRIX, MATRIX, MapOf(ENTRY))
+
+
+ESTIMATES = ("predicted", "filtered")
 
 
 class FilterSection(ObserverSection):
@@ -21,12 +24,20 @@ class FilterSection(ObserverSection):
 
     Q: Entries | dict[str, str] | None = key(
         WEIGHT,
-        "intensity of the white noise that w is taken for: a number, a matrix, or one by name",
+        "intensity (of samples covariance) of the white noise that w is taken for: a number, a matrix, or one by name",
         otherwise="without w none is needed; with w it must be given",
         example="{w1: 100, w2: 1000}",
     )
     R: Entries | dict[str, str] = required(
-        WEIGHT, "intensity of the noise of y: a number, a matrix, or one by name", example="{y1: 1.0e-2, y2: 1.0e-4}"
+        WEIGHT,
+        "intensity (of samples covariance) of the noise of y: a number, a matrix, or one by name",
+        example="{y1: 1.0e-2, y2: 1.0e-4}",
+    )
+    estimate: str = key(
+        OneOf("estimate", ESTIMATES),
+        "in discrete time: predicted, xhat_k knows y_0 .. y_{k-1}; or filtered, it knows y_k as well",
+        default="predicted",
+        example="filtered",
     )
     P0: Entries | dict[str, str] | None = key(
         WEIGHT, "covariance of x at first: a number, a matrix, or one by name", otherwise="I", example="{x1: 1, x2: 36}"
@@ -41,10 +52,11 @@ class FilterRequest:
     Q: Array  # over what drives the augmented plant
     R: Array  # (ny, ny)
     P0: Array  # (n + nm, n + nm)
+    estimate: str = ESTIMATES[0]
     drive: ClassVar[str] = "w"
     restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
-    filtered: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False  # there is no inequality, whose v would be in part that of the next sample
     gains: ClassVar[None] = None
 
 
@@ -65,7 +77,10 @@ def request(reader: Reader, section: FilterSection, problem: Estimation) -> Filt
     Q = read_weight(reader, section.Q, "Q", Axis(nv, "disturbance"), names[0], 0.0)
     R = read_weight(reader, section.R, "R", problem.outputs, names[1], 0.0, positive=True)
     P0 = read_weight(reader, section.P0, "P0", problem.states, names[2], 1.0)
-    return FilterRequest(section.type, Q, R, P0)
+    if section.estimate != ESTIMATES[0] and problem.period is None:
+        said = "is of a plant with time: discrete; in continuous time there is no next sample"
+        reader.wrong(("observer", "estimate"), said, at_key=True, id="OBS213")
+    return FilterRequest(section.type, Q, R, P0, section.estimate)
 
 
 def read_weight(

@@ -127,3 +127,8 @@ class PeakOfSteps(Sampled, PeakGuarantee):
     def rates(self) -> Steps:
         """V+ <= rho^2 V + (1 - rho^2) mu1 |v|^2."""
         return Steps(self.rate, (1 - self.rate**2) * self.mu1, self.period)
+
+    def bounds(self, course: Course) -> list[Bound]:
+        """Check what both inequalities imply, as in continuous time, and the first itself."""
+        said = "at each sample: V+ <= rho^2 V + (1 - rho^2) mu1 |v|^2"
+        return [*super().bounds(course), self.step(course, said)]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from flint import fmpq
@@ -11,7 +11,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
-from obsdesign.dissipation.zero import Level, settled, unbounded, vanishing
+from obsdesign.dissipation.zero import NEAR, Level, reached, settled, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
@@ -19,8 +19,6 @@ from obsdesign.families.outcome import BEST_FOUND, bounded_kind
 from obsdesign.lmi.solve import Status
 
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
-NEAR = (1e-6, 1e-3)  # relative, above a limit, where sizes of gains are compared
-STEADY = 3.0  # ratio of these beyond which they are said to grow
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Limits:
         free = self.request.objective in {"feasibility", "max-alpha"}
         table = (zero := vanishing(self.engine, search, answer)).table
         if answer.status is Status.OPTIMAL or table or zero.instead:
-            level = self.reached(search, Level.of_all(answer, zero))
+            level = Level.of_all(answer, zero)
             known = {"gamma": level.gamma, "attained": level.attained, **self.kind(rate)}
             limits: dict[str, Any] = {"limit": self.best(known)}
         elif free or self.request.bounds.restricted:
@@ -59,28 +57,29 @@ class Limits:
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
                 raise unbounded(self.pace.said(rate), table)
-            return limits, level
+            return self.attained(search, limits), level
         bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
         if bounded.status is not Status.OPTIMAL:
             if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
                 raise unbounded(self.pace.said(rate), table)
-            return limits, None
+            return self.attained(search, limits), None
         level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(rate), **bounded_kind(self.request.bounds)}
+        limits = self.attained(search, limits, level.gamma)
         return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
 
-    def reached(self, search: Incremental, level: Level) -> Level:
-        """Level with whether a finite gain attains it, in samples, as far as doubles tell: gains stop growing there.
+    def attained(self, search: Incremental, limits: dict[str, Any], bounded: float = math.inf) -> dict[str, Any]:
+        """Limits with whether a finite gain attains the one over all gains, in samples, as far as doubles tell.
 
-        In continuous time they grow without bound as gamma comes near its infimum, unless v is kept from the error.
+        In continuous time gains grow without bound as gamma comes near its infimum, unless v is kept from the error.
+
+        `bounded`: least gamma within bounds.
         """
-        if not self.pace.sampled or level.attained or not level.gamma:
-            return level
-        near, far = (self.engine.widest(search.witness(level.gamma * (1 + room))) for room in NEAR)
-        if near.status is not Status.OPTIMAL or far.status is not Status.OPTIMAL:
-            return level
-        small, large = (norm(answer.values, self.request.bounds) for answer in (far, near))
-        return replace(level, attained=large <= STEADY * max(small, 1.0))
+        gamma = limits["limit"].get("gamma")
+        if not self.pace.sampled or not gamma:
+            return limits
+        finite = bounded <= gamma * (1 + NEAR) or reached(self.engine, search, gamma, self.request.bounds)
+        return {**limits, "limit": {**limits["limit"], "attained": finite}}
 
     def best(self, limit: dict[str, Any]) -> dict[str, Any]:
         """Limit at one rate of a search; where it is the best that was found, the least of the whole curve."""
@@ -108,7 +107,7 @@ class Limits:
                 return float(bounds.gamma)
             easy = max(self.moderate(search), least.instead or 0.0)
             least = max(least, Level(easy), key=lambda level: level.gamma)
-        if least.attained and not least.gamma:
+        if least.attained:
             self.notes.append("a finite gain cancels the disturbance, so gamma can be as small as one likes")
         return least.target(float(self.request.slack))
 

@@ -10,8 +10,9 @@ from obsdesign.dissipation.modes import modes
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer, injected
 from obsdesign.lmi.formula import Array, printed
+from obsdesign.model.ahead import ahead
 from obsdesign.model.disturbance import with_inputs
-from obsdesign.model.equations import Named, linear
+from obsdesign.model.equations import Equations, Named, free, linear
 from obsdesign.model.filtered import channels
 from obsdesign.spec import Spec
 
@@ -19,10 +20,12 @@ from obsdesign.spec import Spec
 def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     """Observer with the gains L1 (n + nm, ny) and L2 (nq, ny), which multiply yhat - y.
 
-    xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y)
+    xihat' = A xihat + Bf f(t, y, qhat) + gx + L1 (yhat - y),    in discrete time xihat+ = ..
     qhat   = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y)
     yhat   = C xihat + Df f(t, y, qhat) + gy
     what   = Cm xmhat + Dwf f2, where no v enters w directly, or pinv(B) L1 (yhat - y) where the spec asks for it
+
+    Filtered estimates, which know the y of their sample, see `waiting`.
 
     Raises `UsageError` if a nonlinearity has no f.
     """
@@ -32,7 +35,13 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
     copy = Copy.of(plant)
     sides = list(copy.outputs.items())
     y, w = dict(sides[: len(outputs)]), dict(sides[len(outputs) :])
-    copy = injected(replace(copy, outputs=y), L1, L2, outputs)
+    copy, beside = replace(copy, outputs=y), dict[str, Expression]()
+    measured, following = outputs, tuple[str, ...]()
+    if spec.observer.filtered:
+        copy, beside = waiting(copy, plant)
+        measured = tuple(map(ahead, outputs))
+        following = (*map(ahead, ("t", *spec.inputs)), *measured)
+    copy = injected(copy, L1, L2, measured)
     states = {copy.twins[name]: Expression.variable(name) for name in list(copy.dynamics)[: spec.plant.n]}
     modeled = zip(spec.plant.exogenous, w.values(), spec.generator.Dm, strict=True)
     of_w = (
@@ -45,8 +54,30 @@ def observer(spec: Spec, gains: Mapping[str, Array]) -> Observer:
         estimates={**states, **of_w},
         inputs=spec.inputs,
         outputs=outputs,
-        algebraic={**copy.algebraic, **y},
+        algebraic={**copy.algebraic, **beside, **copy.outputs},
         twins={name: twin for name, twin in copy.twins.items() if name not in w},
+        following=following,
+    )
+
+
+def waiting(copy: Copy, plant: Equations) -> tuple[Copy, dict[str, Expression]]:
+    """Copy that waits for the y of the next sample, and its prediction xibar of the state there.
+
+    xibar  = A xihat + Bf f(t, y, qhat) + gx
+    yhat   = C xibar + gy+
+    xihat+ = xibar + L1 (yhat - y+)
+    qhat   = Cq xihat + Dqf f(t, y, qhat) + gq + L2 (yhat - y+)
+    """
+    taken = {*plant.signals, *copy.twins}
+    bars = {hat: free(f"bar_{copy.twins[hat]}", taken) for hat in copy.dynamics}
+    predicted = {hat: Expression.variable(bar) for hat, bar in bars.items()}
+    known = {name: Expression.variable(ahead(name)) for name in ("t", *plant.inputs)}
+    outputs = {name: side.substituted({**predicted, **known}) for name, side in copy.outputs.items()}
+    twins = {bar: ahead(copy.twins[hat]) for hat, bar in bars.items()}
+    twins |= {name: ahead(copy.twins[name]) for name in outputs}
+    return (
+        replace(copy, dynamics=predicted, outputs=outputs, twins={**copy.twins, **twins}),
+        {bars[hat]: side for hat, side in copy.dynamics.items()},
     )
 
 
