@@ -351,7 +351,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     )
     spec = loads(text)
     spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=(exact(-1.0, 1.0),)),))
-    guarantee = PeakGuarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1))
+    guarantee = PeakGuarantee(gamma=1, rate=1, mu1=1, mu2=1, P=np.eye(1))
     run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
     figure = run_sheet(run, every=True)
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
@@ -372,7 +372,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
 
 
 def test_a_broken_bound_is_said_in_the_title(mass):
-    false = replace(mass.guarantee, alpha=9.0, mu2=1e-4, gamma=1e-2)
+    false = replace(mass.guarantee, rate=9.0, mu2=1e-4, gamma=1e-2)
     assert "VIOLATED" in run_sheet(simulate(mass.spec, design().gains, false)).get_suptitle()
 
 
