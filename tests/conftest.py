@@ -3,6 +3,7 @@
 import gc
 import json
 import os
+from functools import cache
 from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy, and for commands that are started: there is a process a core
@@ -18,6 +19,7 @@ from support.sweep import SWEEP
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import kept
 from obsdesign.batches.renew import renewed
+from obsdesign.reading import loads
 
 settings.register_profile(
     "repeatable",
@@ -114,8 +116,12 @@ def at_once(monkeypatch):
 
 
 @pytest.fixture
-def outcome_of(tmp_path):
-    """Writes a result file, verifies it, and holds the answer against what is true of every answer."""
+def outcome_of(tmp_path, monkeypatch):
+    """Writes a result file, verifies it, and holds the answer against what is true of every answer.
+
+    The spec that travels in the files of a test is the same again and again, and is read once.
+    """
+    monkeypatch.setattr("obsdesign.design.loads", cache(loads))
 
     def outcome_of(forged, *spec):
         path = tmp_path / "forged.json"
