@@ -1,7 +1,8 @@
 """First reading of a formula: one batched evaluation gives the affine map that the solver sees."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,8 +28,8 @@ class Block:
 
     def at(self, x: Array) -> Array:
         """Value at a point x (N,)."""
-        value: Array = np.tensordot(np.append(1.0, x), self.terms, axes=1)
-        return value
+        order = self.order
+        return np.asarray(np.dot(with_one(x)[None], self.terms.reshape(len(x) + 1, -1)).reshape(order, order))
 
     def over(self, S: Array) -> "Block":
         """Same block over z, where (1, x) = S (1, z)."""
@@ -55,6 +56,18 @@ class Program:
     cost: Array  # (N,)
     constant: float
     blocks: tuple[Block, ...]
+
+
+def with_one(x: Array) -> Array:
+    """Weights (1, x) of the terms of a block."""
+    weights = np.ones(len(x) + 1)
+    weights[1:] = x
+    return weights
+
+
+def split(whole: Array, ends: Iterable[int]) -> list[Array]:
+    """Parts of a vector, each up to its end."""
+    return [whole[start:end] for start, end in pairwise((0, *ends))]
 
 
 def coordinates(unknowns: Sequence[Unknown], values: Values) -> Array:
