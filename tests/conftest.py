@@ -9,6 +9,7 @@ from pathlib import Path
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy, and for commands that are started: there is a process a core
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["MKL_NUM_THREADS"] = "1"
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every command that is started compiles what it imports
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,6 +21,7 @@ from obsdesign.batches.perform import perform
 from obsdesign.batches.record import kept
 from obsdesign.batches.renew import renewed
 from obsdesign.reading import loads
+from obsdesign.work import solve
 
 settings.register_profile(
     "repeatable",
@@ -102,9 +104,20 @@ def sketched(monkeypatch):
     monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG + b"....tEXtSoftware\0obsdesign")
 
 
+DESIGNS = {}
+
+
+def solved_once(spec, solver):
+    """Design of a spec; that of an earlier test, if it had the same."""
+    asked = (spec.text, spec.path, spec.changes, solver)
+    if asked not in DESIGNS:
+        DESIGNS[asked] = solve(spec, solver)
+    return DESIGNS[asked]
+
+
 @pytest.fixture
 def at_once(monkeypatch):
-    """Batches that design in this process; those of their own are tested in test_batch_trouble.py."""
+    """Batches that design in this process, each spec once; those of their own are tested in test_batch_trouble.py."""
 
     def run(tasks, options, out, _jobs, begun=lambda _: None):
         for task in tasks:
@@ -113,6 +126,7 @@ def at_once(monkeypatch):
             yield task, known or kept(perform(task, options), task, options, out)
 
     monkeypatch.setattr("obsdesign.batches.workers.run", run)
+    monkeypatch.setattr("obsdesign.batches.perform.solve", solved_once)
 
 
 @pytest.fixture
