@@ -130,12 +130,14 @@ def at_once(monkeypatch):
 
 
 @pytest.fixture
-def outcome_of(tmp_path, monkeypatch):
-    """Writes a result file, verifies it, and holds the answer against what is true of every answer.
-
-    The spec that travels in the files of a test is the same again and again, and is read once.
-    """
+def read_once(monkeypatch):
+    """The spec that travels in the result files of a test is the same again and again, and is read once."""
     monkeypatch.setattr("obsdesign.design.loads", cache(loads))
+
+
+@pytest.fixture
+def outcome_of(tmp_path, read_once):  # noqa: ARG001
+    """Writes a result file, verifies it, and holds the answer against what is true of every answer."""
 
     def outcome_of(forged, *spec):
         path = tmp_path / "forged.json"
