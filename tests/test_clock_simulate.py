@@ -298,6 +298,7 @@ def test_a_run_within_the_intervals_keeps_every_bound(tried, name, trial):
     require_kept(tried(name, *trial), 1 if name == "ahead" else 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "trial", [(), ("w=[sin(2*t)]", "noise={amplitude: [0.1, 0.1]}"), ("sampling=random", "seed=2")]
 )
