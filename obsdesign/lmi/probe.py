@@ -115,7 +115,7 @@ def affine(inequalities: Sequence[Inequality], witness: Array) -> Iterator[Block
     flat = [np.broadcast_to(i.matrix, (count, *i.matrix.shape[-2:])).reshape(count, -1) for i in inequalities]
     values = np.concatenate(flat, axis=1) if len(flat) > 1 else flat[0] if flat else np.zeros((count, 0))
     edges = [0, *accumulate(order * order for order in orders)]
-    finite: Array = np.isfinite(values).all(axis=0)
+    finite = np.asarray(np.isfinite(values).all(axis=0))
     if not finite.all():
         name = next(i.name for i, (a, b) in zip(inequalities, pairwise(edges), strict=True) if not finite[a:b].all())
         raise UndecidedError(f"the numbers in {name!r} are too large for doubles: choose other units", id="OBS508")
