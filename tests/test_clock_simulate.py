@@ -84,11 +84,17 @@ def solved(folder):
     return solved
 
 
+DRAWN = set()  # names of specs a run of which was drawn
+
+
 @pytest.fixture
-def tried(solved, tmp_path):
-    """Simulates the gains of a spec with other keys of its trial; returns the summary."""
+def tried(solved, tmp_path, request):
+    """Simulates the gains of a spec with other keys of its trial; returns the summary. One run of each is drawn."""
 
     def tried(name, *changes):
+        if name in DRAWN:
+            request.getfixturevalue("sketched")
+        DRAWN.add(name)
         sets = [part for change in changes for part in ("--set", f"simulation.{change}")]
         files = ("-o", tmp_path / "run.csv", "--plot", tmp_path / "run.png")
         outcome = run(
