@@ -107,12 +107,18 @@ def sketched(monkeypatch):
 DESIGNS = {}
 
 
-def solved_once(spec, solver):
+def solved_once(spec, solver="clarabel", *_):
     """Design of a spec; that of an earlier test, if it had the same."""
     asked = (spec.text, spec.path, spec.changes, solver)
     if asked not in DESIGNS:
         DESIGNS[asked] = solve(spec, solver)
     return DESIGNS[asked]
+
+
+@pytest.fixture
+def designed_once(monkeypatch):
+    """Commands that solve a spec once: for tests of what is made of its design."""
+    monkeypatch.setattr("obsdesign.work.solve", solved_once)
 
 
 @pytest.fixture
