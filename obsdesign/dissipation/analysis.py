@@ -90,6 +90,11 @@ class Errors:
         found = (self.looped(K) for K in (*sampled, *extreme))
         return [F for F in found if F is not None]
 
+    @cached_property
+    def distinct(self) -> list[Array]:
+        """F of the members, each once: vertices and what is sought from them are often the same."""
+        return list({F.tobytes(): F for F in self.through}.values())
+
     def looped(self, K: Array) -> Array | None:
         """F of a member; None where the algebraic loop has no one solution."""
         loop = np.eye(len(K)) - K @ (self.plant.Dqf + self.L2 @ self.plant.Df)
@@ -133,7 +138,7 @@ class Errors:
 
     @cached_property
     def systems(self) -> list[tuple[Array, Array, Array]]:
-        """A, the input matrix of v and that of n, of each member."""
+        """A, the input matrix of v and that of n, of each member that is distinct."""
         p, L1, L2 = self.plant, self.L1, self.L2
         G = p.Bf + L1 @ p.Df
         return [
@@ -142,7 +147,7 @@ class Errors:
                 -(p.B + L1 @ p.D + G @ F @ (p.Dq + L2 @ p.D)),
                 -(L1 + G @ F @ L2),
             )
-            for F in self.through
+            for F in self.distinct
         ]
 
     @cached_property
@@ -173,7 +178,7 @@ class Errors:
         if not self.modes.stable(self.poles):
             return None
         p, n = self.plant, self.plant.n
-        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.through]
+        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.distinct]
         if unit is None or not np.any(forced):
             return None
         generator = np.block([[p.A + self.L1 @ p.C, np.eye(n)], [np.zeros((n, 2 * n))]])
