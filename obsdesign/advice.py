@@ -200,18 +200,18 @@ def part(ends: Ends, share: fmpq) -> Limits:
 def within_reach(spec: Spec, diagnosis: Diagnosis, engine: Engine) -> Iterator[str]:
     """A rate, a gamma or a free L2 that does, where a diagnosis says what is necessary only."""
     request = cast("Any", spec.observer)
-    for said, change in (*slower(diagnosis), *larger(request, diagnosis), *free_injection(request, diagnosis)):
+    for said, change in (*slower(request, diagnosis), *larger(request, diagnosis), *free_injection(request, diagnosis)):
         if certified(replace(spec, observer=replace(request, **change)), engine):
             yield f"{said}, with which there is a solution"
             return
 
 
-def slower(diagnosis: Diagnosis) -> Iterator[Change]:
+def slower(request: Any, diagnosis: Diagnosis) -> Iterator[Change]:
     """Rates below that of a mode which no gain makes faster."""
-    feasible = diagnosis.get("feasible", {})
-    named = {pace.bound: (key, pace) for key, pace in (("rate", ALPHA), ("decay", DECAY), ("rate", RHO))}
-    named |= {"alpha": ("rate", ALPHA)} if diagnosis["condition"] == "zero dynamics" else {}
-    for key, pace, limit in ((*named[name], feasible[name]) for name in named if name in feasible):
+    feasible, key = diagnosis.get("feasible", {}), "rate" if hasattr(request, "rate") else "decay"
+    named = {pace.bound: pace for pace in (ALPHA, DECAY, RHO)}
+    named |= {"alpha": ALPHA} if diagnosis["condition"] == "zero dynamics" else {}
+    for pace, limit in ((named[name], feasible[name]) for name in named if name in feasible):
         for rate in (pace.found(pace.rounded(pace.told(limit) * (1 - room), 3)) for room in ROOM):
             yield f"ask for {pace.slower(float(rate), 3)}", {key: rate}
 

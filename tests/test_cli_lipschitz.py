@@ -52,7 +52,7 @@ observer:
   type: lipschitz
   decay: 0.1
 """
-FREQUENCIES = [0, *np.logspace(-3, 4, 150)]
+FREQUENCIES = np.array([0, *np.logspace(-3, 4, 150)])
 
 
 def changed(*pairs, text=SPEC):
@@ -114,8 +114,9 @@ def hold(content, seed=0):
     for A, B, H in perturbed(content, seed):
         assert -np.linalg.eigvals(A).real.max() >= claimed["decay"] * (1 - 1e-9)
         if "gamma" in claimed:
-            gains = [np.linalg.norm(H @ np.linalg.solve(1j * s * np.eye(len(A)) - A, B), 2) for s in FREQUENCIES]
-            assert max(gains) <= claimed["gamma"] * (1 + 1e-9)
+            inverses = np.linalg.inv(1j * FREQUENCIES[:, None, None] * np.eye(len(A)) - A)
+            gains = np.linalg.norm(H @ inverses @ B, 2, axis=(1, 2))
+            assert gains.max() <= claimed["gamma"] * (1 + 1e-9)
 
 
 # What is claimed
@@ -290,7 +291,7 @@ def test_given_gains_keep_their_numbers_and_are_held_against_the_limit():
 
 @pytest.mark.parametrize(
     ("gains", "words"),
-    [("[-20, 1]", "slowest pole of the error is 19.9"), ("[0, 0]", "too slow for the decay 0.9")],
+    [("[-20, 1]", "slowest pole of the error is 19.9"), ("[0, 0]", "too slow for decay = 0.9")],
 )
 def test_gains_that_achieve_nothing_are_answered_with_the_pole(gains, words):
     text = asking("objective: min-gamma", f"gains: {{L: {gains}}}").replace("decay: 0.05", "decay: 0.9")

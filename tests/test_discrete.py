@@ -13,8 +13,8 @@ from support.samples import text
 from obsdesign.dissipation.analysis import members
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental.design import design
-from obsdesign.families.incremental.request import step
 from obsdesign.families.outcome import Verdict
+from obsdesign.families.rates import step
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.edge import Edge, schur
 from obsdesign.reading import loads

@@ -111,7 +111,7 @@ def solved(text):
         (LOOP.format(type="monotone"), "explicit", "exact", "implicit Euler"),
         (LOOP.format(type="{slope: [0, 18.019]}"), "decay", "exact", "ask for rho at least"),
         (SLOW.format(k=0.165), "detectability", "exact", "the slope 0.165 of f1"),
-        (SCALAR.format(more=""), "inequality", "exact", "L2: free"),
+        (SCALAR.format(more=""), "width", "exact", "L2: free"),
     ],
 )
 def test_infeasible_specs_say_why_and_what_to_do(text, condition, proof, said):

@@ -24,9 +24,7 @@ ROOM = 1 + 1e-4  # accuracy of a limit
 def design(system, lipschitz="1", H=0.5, sizes=None, **asked):
     constants = tuple(map(rational_number, (lipschitz,) if isinstance(lipschitz, str) else lipschitz))
     multiplier = lipschitz_multiplier(constants, sizes or [(len(system.Cq), system.Bf.shape[1])])
-    numbers = {
-        k: rational_number(v) if isinstance(v, str) and k in {"decay", "weight"} else v for k, v in asked.items()
-    }
+    numbers = {k: rational_number(v) if isinstance(v, str) and k in {"rate", "weight"} else v for k, v in asked.items()}
     if "gains" in numbers:
         numbers["gains"] = {"L": rational(numbers["gains"])}
     weight = rational(H * np.eye(system.n)) if np.isscalar(H) else rational(H)
@@ -149,7 +147,7 @@ def test_several_blocks_grow_in_proportion_and_tolerate_more_than_one_block():
     ("relaxation", "gamma"), [("s-procedure", 0.14675), ("norm-bound", 0.22565), ("abbaszadeh", 0.49423)]
 )
 def test_least_gamma_of_each_relaxation_is_that_of_the_reference(relaxation, gamma):
-    made = design(NOISES, "0.4167", relaxation=relaxation, objective="min-gamma", decay="0.05")
+    made = design(NOISES, "0.4167", relaxation=relaxation, objective="min-gamma", rate="0.05")
     assert made.limit["gamma"] == pytest.approx(gamma, rel=1e-4)
     assert made.limit["gamma"] <= numbers(made)[1] <= 1.05 * made.limit["gamma"]
     assert proved_again(NOISES, made, "0.4167", decay="0.05").holds
@@ -158,15 +156,15 @@ def test_least_gamma_of_each_relaxation_is_that_of_the_reference(relaxation, gam
 
 
 def test_what_a_gain_tolerates_is_that_of_the_s_procedure_whatever_it_was_designed_by():
-    made = design(NOISES, "0.4167", relaxation="abbaszadeh", objective="min-gamma", decay="0.05")
-    analyzed = design(NOISES, "0.4167", decay="0.05", gains=made.gains["L"])
+    made = design(NOISES, "0.4167", relaxation="abbaszadeh", objective="min-gamma", rate="0.05")
+    analyzed = design(NOISES, "0.4167", rate="0.05", gains=made.gains["L"])
     assert float(made.claim.admissible.lipschitz) == pytest.approx(numbers(analyzed)[0], rel=1e-5)
 
 
 def test_theorem_3_is_not_monotone_and_the_best_over_larger_constants_is_reported():
     scaled = [[0, 1, 0, 0], ["-48.6", "-1.25", "12.15", 0], [0, 0, 0, 40], ["1.95", 0, "-0.4875", 0]]
     system = plant(scaled, SENSORS, [[1]] * 4, [["0.1"], ["0.25"]])
-    made = design(system, "0.08325", relaxation="abbaszadeh", objective="min-gamma", decay="0.2")
+    made = design(system, "0.08325", relaxation="abbaszadeh", objective="min-gamma", rate="0.2")
     assert made.limit["gamma"] == pytest.approx(1.38628, rel=1e-4)
     assert made.beyond["widened"]["gamma"] == pytest.approx(0.81848, rel=1e-4)
     assert made.beyond["widened"]["lipschitz"] > 0.4
@@ -174,7 +172,7 @@ def test_theorem_3_is_not_monotone_and_the_best_over_larger_constants_is_reporte
 
 @pytest.mark.parametrize("relaxation", ["s-procedure", "norm-bound"])
 def test_a_gain_that_cancels_the_disturbance_is_told_and_certified_at_a_small_level(relaxation):
-    made = design(DEGENERATE, "0.4167", relaxation=relaxation, objective="min-gamma", decay="0.05")
+    made = design(DEGENERATE, "0.4167", relaxation=relaxation, objective="min-gamma", rate="0.05")
     assert made.limit == {"gamma": 0.0, "attained": True}
     assert made.status == "certified"
     assert numbers(made)[1] < 0.01
@@ -193,7 +191,7 @@ def test_a_gamma_that_falls_without_end_is_refused_with_a_table():
 
 @pytest.mark.parametrize("relaxation", RELAXATIONS)
 def test_bounds_on_the_gain_and_on_gamma_are_kept(relaxation):
-    asked = {"relaxation": relaxation, "objective": "min-gamma", "decay": "0.05"}
+    asked = {"relaxation": relaxation, "objective": "min-gamma", "rate": "0.05"}
     made = design(NOISES, "0.4167", bounds=bound("3", "frobenius"), **asked)
     assert np.linalg.norm(made.gains["L"]) <= 3
     assert made.limit["gamma"] < made.limit_bounded["gamma"] <= numbers(made)[1] <= 1.05 * made.limit_bounded["gamma"]
@@ -207,7 +205,7 @@ def test_bounds_on_the_gain_and_on_gamma_are_kept(relaxation):
 def test_a_constant_beyond_the_closed_form_is_answered_without_a_solver():
     engine = Engine()
     constants = (rational_number("0.4167"),)
-    request = LipschitzRequest("lipschitz", constants, "abbaszadeh", "min-gamma", decay=fmpq(1, 2))
+    request = LipschitzRequest("lipschitz", constants, "abbaszadeh", "min-gamma", rate=fmpq(1, 2))
     multiplier = lipschitz_multiplier(constants, [(2, 2)])
     made = design_lipschitz(DEGENERATE, multiplier, rational(0.5 * np.eye(2)), request, engine)
     assert (made.status, engine.solves) == ("infeasible", 0)
@@ -252,7 +250,7 @@ def test_theorem_1_certifies_the_published_gain_for_the_constant_of_the_referenc
     ("decay", "gamma"), [("0", 0.26933), ("0.05", 0.28259), ("0.2", 0.33114), ("0.3", 0.37335), ("0.5", 0.49766)]
 )
 def test_the_s_procedure_certifies_the_published_gain_for_the_gamma_of_the_reference(decay, gamma):
-    made = design(DEGENERATE, "0.4167", objective="min-gamma", decay=decay, gains=PRINTED)
+    made = design(DEGENERATE, "0.4167", objective="min-gamma", rate=decay, gains=PRINTED)
     assert numbers(made)[1] == pytest.approx(gamma, rel=2e-4)
     assert made.limit == {"gamma": 0.0, "attained": True}
     assert proved_again(DEGENERATE, made, "0.4167", decay=decay).holds
@@ -260,12 +258,12 @@ def test_the_s_procedure_certifies_the_published_gain_for_the_gamma_of_the_refer
 
 @pytest.mark.parametrize(("constant", "decay", "gamma"), [("0.4167", "0", 0.7244), ("0.5525", "0.05", 1.16498)])
 def test_theorem_3_certifies_the_published_gain_for_the_gamma_of_the_reference(constant, decay, gamma):
-    made = design(DEGENERATE, constant, relaxation="abbaszadeh", objective="min-gamma", decay=decay, gains=PRINTED)
+    made = design(DEGENERATE, constant, relaxation="abbaszadeh", objective="min-gamma", rate=decay, gains=PRINTED)
     assert numbers(made)[1] == pytest.approx(gamma, rel=3e-4)
 
 
 def test_structure_certifies_the_published_gain_of_the_flexible_joint():
-    made = design(JOINT, "3.33", objective="min-gamma", decay="0.2", gains=JOINT_GAIN)
+    made = design(JOINT, "3.33", objective="min-gamma", rate="0.2", gains=JOINT_GAIN)
     assert numbers(made)[1] == pytest.approx(0.2724, rel=3e-4)
     assert float(made.claim.admissible.lipschitz) > 50
 
@@ -274,7 +272,7 @@ def test_gains_that_achieve_nothing_are_said_to():
     for objective in ("max-lipschitz", "min-gamma"):
         made = design(DEGENERATE, "0.3", objective=objective, gains=[[-50], [3]])
         assert (made.status, made.diagnosis["condition"]) == ("infeasible", "gains")
-    slow = design(DEGENERATE, "1.4", objective="min-gamma", gains=PRINTED, decay="0.3")
+    slow = design(DEGENERATE, "1.4", objective="min-gamma", gains=PRINTED, rate="0.3")
     assert slow.diagnosis["feasible"]["lipschitz"] == pytest.approx(1.12478, rel=1e-3)
 
 
@@ -293,13 +291,13 @@ def test_gains_that_tolerate_any_constant_are_certified_for_an_example(sizes):
 def test_the_slack_is_the_one_that_is_asked_for(slack):
     made = design(SECOND, relaxation="norm-bound", slack=rational_number(slack))
     assert numbers(made)[0] == pytest.approx(made.limit["lipschitz"] / (1 + float(slack)), rel=1e-5)
-    made = design(NOISES, "0.4167", objective="min-gamma", decay="0.05", slack=rational_number(slack))
+    made = design(NOISES, "0.4167", objective="min-gamma", rate="0.05", slack=rational_number(slack))
     assert numbers(made)[1] == pytest.approx(made.limit["gamma"] * (1 + float(slack)), rel=1e-4)
 
 
 @pytest.mark.parametrize("relaxation", ["s-procedure", "norm-bound"])
 def test_within_bounds_the_weight_one_asks_for_the_largest_constant(relaxation):
-    asked = {"relaxation": relaxation, "decay": "0.05", "bounds": bound("5")}
+    asked = {"relaxation": relaxation, "rate": "0.05", "bounds": bound("5")}
     largest = design(NOISES, "0.2", **asked).limit_bounded["lipschitz"]
     found = design(NOISES, "0.2", objective="pareto", weight="1", **asked).limit_bounded["lipschitz"]
     assert 0.995 * largest <= found <= ROOM * largest
@@ -307,7 +305,7 @@ def test_within_bounds_the_weight_one_asks_for_the_largest_constant(relaxation):
 
 # Pareto
 
-CURVE = {"relaxation": "abbaszadeh", "objective": "pareto", "decay": "0.05"}
+CURVE = {"relaxation": "abbaszadeh", "objective": "pareto", "rate": "0.05"}
 TABLE = {
     0.4: (0.38644, 0.2093),
     0.5: (0.43272, 0.5173),
@@ -344,7 +342,7 @@ def test_the_curve_is_that_of_the_reference_and_every_point_is_certified():
 
 def test_a_surface_has_no_points_where_the_closed_form_forbids_them():
     decays = Range(fmpq(0), fmpq(1, 2), 3)
-    made = design(DEGENERATE, "0.4167", weight=Range(fmpq(1, 2), fmpq(9, 10), 3), **{**CURVE, "decay": decays})
+    made = design(DEGENERATE, "0.4167", weight=Range(fmpq(1, 2), fmpq(9, 10), 3), **{**CURVE, "rate": decays})
     assert [point["status"] for point in made.search.points] == ["certified"] * 6 + ["infeasible"] * 3
     assert {"weight", "decay", "status"} == set(made.search.points[-1])
     assert float(made.claim.certificate.rate) == 0
@@ -355,7 +353,7 @@ def test_a_surface_has_no_points_where_the_closed_form_forbids_them():
 @pytest.mark.parametrize("relaxation", RELAXATIONS)
 @pytest.mark.parametrize("weight", ["0", "0.6", "1"])
 def test_one_weight_ships_a_gain_within_the_slack_of_the_objective(relaxation, weight):
-    made = design(NOISES, "0.2", relaxation=relaxation, objective="pareto", decay="0.05", weight=weight)
+    made = design(NOISES, "0.2", relaxation=relaxation, objective="pareto", rate="0.05", weight=weight)
     assert proved_again(NOISES, made, "0.2", decay="0.05").holds
     constant, gamma = numbers(made)
     share = float(weight)
@@ -368,7 +366,7 @@ def test_one_weight_ships_a_gain_within_the_slack_of_the_objective(relaxation, w
 
 @pytest.mark.parametrize("relaxation", ["s-procedure", "norm-bound"])
 def test_the_searched_optimum_is_no_worse_than_any_constant_on_a_fine_grid(relaxation):
-    asked = {"relaxation": relaxation, "decay": "0.05"}
+    asked = {"relaxation": relaxation, "rate": "0.05"}
     made = design(NOISES, "0.2", objective="pareto", weight="0.6", **asked)
     constants = np.linspace(0.2, 0.98, 8) * design(NOISES, "0.2", **asked).limit["lipschitz"]
     for constant in constants[constants > 0.2]:
@@ -379,7 +377,7 @@ def test_the_searched_optimum_is_no_worse_than_any_constant_on_a_fine_grid(relax
 @pytest.mark.parametrize("relaxation", ["abbaszadeh", "s-procedure"])
 def test_pareto_keeps_a_bound_on_the_gain(relaxation):
     made = design(
-        NOISES, "0.2", relaxation=relaxation, objective="pareto", decay="0.05", weight="0.6", bounds=bound("2.5")
+        NOISES, "0.2", relaxation=relaxation, objective="pareto", rate="0.05", weight="0.6", bounds=bound("2.5")
     )
     assert np.linalg.norm(made.gains["L"], 2) <= 2.5
     constant, gamma = numbers(made)
@@ -400,7 +398,7 @@ def test_what_pareto_does_not_know_is_refused():
 
 
 def test_compare_ships_the_tightest_and_shows_what_the_others_cost():
-    made = design(NOISES, "0.4167", relaxation="compare", objective="min-gamma", decay="0.05")
+    made = design(NOISES, "0.4167", relaxation="compare", objective="min-gamma", rate="0.05")
     rows = {row["relaxation"]: row for row in made.beyond["comparison"]}
     assert [rows[name]["limit"]["gamma"] for name in RELAXATIONS] == pytest.approx(
         [0.14675, 0.22565, 0.49423], rel=1e-4
@@ -410,7 +408,7 @@ def test_compare_ships_the_tightest_and_shows_what_the_others_cost():
 
 
 def test_compare_says_which_relaxations_have_no_solution_and_why():
-    made = design(DEGENERATE, "0.4167", relaxation="compare", objective="min-gamma", decay="0.5")
+    made = design(DEGENERATE, "0.4167", relaxation="compare", objective="min-gamma", rate="0.5")
     assert made.status == "certified"
     last = made.beyond["comparison"][-1]
     assert (last["relaxation"], last["status"]) == ("abbaszadeh", "infeasible")

@@ -203,7 +203,7 @@ def test_ranges_of_weight_and_decay_may_begin_at_zero():
         "objective: pareto\n  weight: {min: 0, max: 1, points: 41}\n  decay: {min: 0, max: 0.5, points: 11}"
     )
     assert found.weight == Range(fmpq(0), fmpq(1), 41)
-    assert found.decay == Range(fmpq(0), fmpq(1, 2), 11)
+    assert found.rate == Range(fmpq(0), fmpq(1, 2), 11)
     assert len(set(found.weight.grid())) == 41
 
 
@@ -219,7 +219,7 @@ def test_bounds_and_gains():
     assert request_of("bounds: {L: {frobenius: 20}}").bounds == Bounds(fmpq(20), "frobenius")
     found = request_of("decay: 0.2\n  gains: {L: [23.7025, 13.7272]}")
     assert found.gains["L"].tolist() == [[fmpq(237025, 10000)], [fmpq(137272, 10000)]]
-    assert found.decay == fmpq(1, 5)
+    assert found.rate == fmpq(1, 5)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,18 @@ def test_what_an_unstructured_relaxation_ignores_is_noted(relaxation, blocks, no
 def test_the_json_schema_knows_the_keys_of_the_family():
     definitions = json_schema()["$defs"]
     keys = definitions["LipschitzObserver"]["properties"]
-    assert set(keys) == {"type", "relaxation", "objective", "weight", "decay", "slack", "bounds", "gains"}
+    assert set(keys) == {
+        "type",
+        "relaxation",
+        "objective",
+        "weight",
+        "decay",
+        "rho",
+        "estimate",
+        "slack",
+        "bounds",
+        "gains",
+    }
     assert keys["relaxation"]["enum"] == ["s-procedure", "norm-bound", "abbaszadeh", "compare"]
     assert keys["objective"]["enum"] == ["max-lipschitz", "min-gamma", "pareto"]
     assert set(definitions["LipschitzBounds"]["properties"]) == {"L", "P", "gamma"}

@@ -10,7 +10,7 @@ import numpy as np
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_down, round_up, significant
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import DIGITS, gain, limit_of, size_of, sized
+from obsdesign.dissipation.gain import DIGITS, gain, limit_of, norm, size_of, sized
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.errors import Problem, UsageError
 from obsdesign.lmi.equilibrate import units
@@ -30,6 +30,8 @@ ROUNDED = 1e-7  # share of the gamma of the widest solution that counts as zero
 SHARE = 1e-3  # .. and that is certified in its place
 UNRESOLVED = 0.1  # share of what gamma can fall to, below which it is rounding
 HALF = -0.4 * math.log(10)  # of log gamma in a decade of gain: |L1| is of the order of 1 / gamma^2 at most
+NEAR = 1e-6  # relative, above a limit, where the size of a gain tells whether one attains it
+FINITE = 100.0  # .. in sizes of the plant
 STEADY = 3  # decades over which gamma must fall, without slowing down, for its limit to be called zero
 
 
@@ -200,6 +202,19 @@ def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds 
     if not attained:
         return answer
     return replace(answer, status=Status.OPTIMAL, objective=0.0)
+
+
+def reached(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> bool:
+    """Whether a finite gain attains a positive limit of gamma, in samples, as far as doubles tell: one near it is.
+
+    In continuous time gains grow without bound as gamma comes near its infimum, unless v is kept from the error. Where
+    the inequality is strict, it does not hold for the infimum. `bounds`: whose norm of L1 counts.
+    """
+    strict = family.about.at_rest == "strict" and not family.rate
+    if not family.about.pace.sampled or strict:
+        return False
+    near = engine.widest(family.witness(gamma * (1 + NEAR)))
+    return near.status is Status.OPTIMAL and norm(near.values, bounds) <= FINITE * sizes(family)[0]
 
 
 def unbounded(where: str, rows: Sequence[tuple[float, float]]) -> UsageError:

@@ -19,7 +19,7 @@ FAMILIES: dict[str, Family] = {  # by observer.type
     for family in (
         Family(("l2", "linf"), "obsdesign.families.incremental", discrete=True, defects=("linf",), refutes=True),
         Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
-        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True),
+        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True, discrete=True),
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
         Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
         Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),

@@ -33,7 +33,7 @@ def front_sheet(
     title: str,
     names: Mapping[str, str] = NAMES,
 ) -> "Figure":
-    """Draw `lipschitz`, `gamma` and |L| against the weight (or the decay rate), and `gamma` against `lipschitz`.
+    """Draw `lipschitz`, `gamma` and |L| against the weight (or the decay), and `gamma` against `lipschitz`.
 
     Lines are limits and dots are certified gains. Marked are limits that no gain attains, corners (one design is the
     best for many weights), weights without a design, and the design that is shipped.
@@ -41,9 +41,10 @@ def front_sheet(
     Parameters
     ----------
     points
-        Mappings with `weight`, `decay` (1/s) and `status`; where there is a solution also the limits `lipschitz` and
-        `gamma` (missing where they are unbounded, or at the weight 0 arbitrary), `attained` and `corner`; and
-        `certified`, a mapping with the `lipschitz`, `gamma` and norm `L` of the gains. They may come in any order.
+        Mappings with `weight`, `decay` (1/s) or `rho`, and `status`; where there is a solution also the limits
+        `lipschitz` and `gamma` (missing where they are unbounded, or at the weight 0 arbitrary), `attained` and
+        `corner`; and `certified`, a mapping with the `lipschitz`, `gamma` and norm `L` of the gains. They may come in
+        any order.
     shipped
         `lipschitz` and `gamma` of the design that is shipped, or None.
     title, names
@@ -80,8 +81,9 @@ class Front:
     @classmethod
     def of(cls, points: Sequence[Mapping[str, Any]]) -> "Front":
         """Tell which parameter varies, and sort by it."""
-        weights, decays = ({p.get(key) for p in points} for key in ("weight", "decay"))
-        parameter = "decay" if len(decays) > len(weights) else "weight"
+        key = pace(points)
+        weights, rates = ({p.get(name) for p in points} for name in ("weight", key))
+        parameter = key if len(rates) > len(weights) else "weight"
         return cls(parameter, sorted(points, key=lambda p: float(p[parameter])))
 
     @property
@@ -106,6 +108,11 @@ class Front:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], hidden, [False]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             yield float(halves[begin]), float(halves[end])
+
+
+def pace(points: Sequence[Mapping[str, Any]]) -> str:
+    """Key of what is said of the decay: in 1/s, or rho of samples."""
+    return "rho" if any("rho" in point for point in points) else "decay"
 
 
 def column(points: Sequence[Mapping[str, Any]], key: str) -> Array:
@@ -216,7 +223,7 @@ def gain_axis(axes: "Axes", drawn: Sequence[tuple[Array, Array, str]]) -> None:
 
 def heading(front: Front, title: str) -> str:
     """Title, with what is the same for all points in its last line."""
-    other = {"weight": "decay", "decay": "weight"}[front.parameter]
+    other = pace(front.points) if front.parameter == "weight" else "weight"
     same = {p.get(other) for p in front.points}
     value = same.pop() if len(same) == 1 else None
     name, _, more = title.partition("\n")

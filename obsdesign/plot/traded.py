@@ -8,6 +8,7 @@ from obsdesign.spec import Spec
 TITLE = 76  # letters of a line of the title
 NAMES: Mapping[str, str] = {
     "alpha": "decay rate α of the error [1/s]",
+    "rho": "ρ, what a sample leaves of the error",
     "gamma": "γ, gain from the disturbance to the error",
     "omega": "frequency ω of the disturbance [rad/s]",
     "T2": "longest time T2 between measurements [s]",
@@ -17,7 +18,7 @@ NAMES: Mapping[str, str] = {
     "lipschitz": "Lipschitz constant that is tolerated",
     "L": "gain |L|",
 }
-SHORT: Mapping[str, str] = {"alpha": "α", "gamma": "γ", "omega": "ω", "delta": "δ", "L": "|L|"}
+SHORT: Mapping[str, str] = {"alpha": "α", "rho": "ρ", "gamma": "γ", "omega": "ω", "delta": "δ", "L": "|L|"}
 
 
 def names(spec: Spec | None) -> Mapping[str, str]:

@@ -39,7 +39,8 @@ def bounds(block: Mapping[str, Any]) -> Rows:
 
 def scalings(found: Mapping[str, Any]) -> Rows:
     """What coordinates T x make of the constant of f as a function of all states, and of the admissible one."""
-    rows = [("coordinates", f"f as any function of the states, {found['relaxation']}, decay {found['decay']:g} 1/s")]
+    pace = f"rho {found['rho']:g}" if "rho" in found else f"decay {found['decay']:g} 1/s"
+    rows = [("coordinates", f"f as any function of the states, {found['relaxation']}, {pace}")]
     for key in ("identity", "scaled"):
         case = found[key]
         admissible, margin, ratio = (number(case[name]) for name in ("admissible", "margin", "ratio"))

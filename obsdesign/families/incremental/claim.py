@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flint import arb, fmpq
+from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
@@ -13,6 +13,7 @@ from obsdesign.dissipation.discrete import FILTERED, PREDICTED
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families import samples
 from obsdesign.families.incremental.defect import at_samples
 from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruction import (
@@ -24,14 +25,13 @@ from obsdesign.families.incremental.reconstruction import (
     reconstructed,
     slopes,
 )
-from obsdesign.families.incremental.request import ESTIMATES, Request, posed, request_of
+from obsdesign.families.incremental.request import Request, posed, request_of
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, approximate, printed
+from obsdesign.lmi.formula import Array, approximate
 from obsdesign.lmi.proof import Check, Proved
-from obsdesign.lmi.spectrum import upper
 from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -90,7 +90,7 @@ class Claim(Proved):
 
     def gamma_v(self, spec: Spec) -> float:
         """What gamma of filtered estimates, for v = (v_b at k, v_d at k + 1), says of v itself, rounded up."""
-        return upper((arb(self.certificate.gamma) * arb(self.certificate.gamma) * self.factor(spec)).sqrt())
+        return samples.gamma_of_v(spec, self.certificate.gamma, self.certificate.guarantee.norm)
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved and the limit it is near to, and the witness."""
@@ -179,7 +179,7 @@ def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) ->
     if file.at("observer", "type") != request.type:
         raise file.wrong("observer.type", f"the spec asks for {request.type}", id="OBS707")
     gamma = file.number("guarantee", "gamma")
-    require_samples(spec, file)
+    samples.require(spec, file)
     file.require_asked(request.told, "guarantee", request.pace.key)
     given = request.gains or ({"L2": request.L2} if request.L2 is not None else {})
     for name, found in gains.items():
@@ -189,23 +189,10 @@ def require_request(spec: Spec, file: ResultFile, gains: Mapping[str, Array]) ->
         raise file.wrong("guarantee.gamma", "beyond the range of doubles", id="OBS508")
 
 
-def require_samples(spec: Spec, file: ResultFile) -> None:
-    """Hold what a file says of its samples against the spec."""
-    if spec.period is None:
-        return
-    if file.at("observer", "estimate") != ESTIMATES[spec.observer.filtered]:
-        raise file.wrong("observer.estimate", f"the spec asks for {ESTIMATES[spec.observer.filtered]}", id="OBS707")
-    if file.number("observer", "period") != printed(spec.period):
-        raise file.wrong("observer.period", f"the spec says {float(spec.period)!r} s", id="OBS707")
-
-
 def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     """Entry `observer` of a result file: gains, and figures of the linear error dynamics."""
     if not outcome.gains:
         return {}
     P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
     gains = {name: outcome.gains[name].tolist() for name in ("L1", "L2")}
-    samples = (
-        {} if spec.period is None else {"estimate": ESTIMATES[spec.observer.filtered], "period": float(spec.period)}
-    )
-    return {**samples, **gains, **figures(errors(spec, outcome.gains), P)}
+    return {**samples.written(spec), **gains, **figures(errors(spec, outcome.gains), P)}

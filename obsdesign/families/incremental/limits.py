@@ -11,7 +11,7 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
-from obsdesign.dissipation.zero import Level, settled, sizes, unbounded, vanishing
+from obsdesign.dissipation.zero import NEAR, Level, reached, settled, unbounded, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
@@ -19,8 +19,6 @@ from obsdesign.families.outcome import BEST_FOUND, bounded_kind
 from obsdesign.lmi.solve import Status
 
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
-NEAR = 1e-6  # relative, above a limit, where the size of a gain tells whether one attains it
-FINITE = 100.0  # .. in sizes of the plant
 
 
 @dataclass(frozen=True)
@@ -80,11 +78,7 @@ class Limits:
         gamma = limits["limit"].get("gamma")
         if not self.pace.sampled or not gamma:
             return limits
-        finite = bounded <= gamma * (1 + NEAR)
-        if not finite:
-            near = self.engine.widest(search.witness(gamma * (1 + NEAR)))
-            optimal = near.status is Status.OPTIMAL
-            finite = optimal and norm(near.values, self.request.bounds) <= FINITE * sizes(search)[0]
+        finite = bounded <= gamma * (1 + NEAR) or reached(self.engine, search, gamma, self.request.bounds)
         return {**limits, "limit": {**limits["limit"], "attained": finite}}
 
     def best(self, limit: dict[str, Any]) -> dict[str, Any]:

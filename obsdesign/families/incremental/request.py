@@ -4,28 +4,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
-from flint import arb, fmpq, fmpq_mat
+from flint import fmpq, fmpq_mat
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.pace import ALPHA, RHO, Pace
-from obsdesign.families import asked
+from obsdesign.families import asked, rates
 from obsdesign.families.frozen import Demand
 from obsdesign.families.incremental.theorems import theorem
-from obsdesign.lmi.formula import Array, printed, rational_number
-from obsdesign.lmi.spectrum import lower, upper
+from obsdesign.families.rates import RateSection
+from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, MATRIX, Either, Entries, OneOf, Section, key, required
 from obsdesign.sections.values import Reader
 from obsdesign.spec import Spec
-from obsdesign.tables.text import at_least, at_most
 
 Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
 SEARCHED = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
 RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha or of rho
 STEPS = Range(fmpq(1, 100_000), fmpq(1), points=25, log=True)  # .. of 1 - rho
-ESTIMATES = ("predicted", "filtered")
-DIGITS = 6  # of a rho that follows from alpha
 
 
 class Level(Section):
@@ -51,7 +48,7 @@ class Gains(Section):
     L2: Entries | None = key(MATRIX, "nq x ny", otherwise="0", example="[[0, -110]]")
 
 
-class Observer(asked.ObserverSection):
+class Observer(RateSection):
     """What is asked of the design of an observer with the gains L1 and L2."""
 
     residual = "yhat - y"
@@ -68,18 +65,6 @@ class Observer(asked.ObserverSection):
         unit="1/s",
         otherwise="searched from 0.001 to 1000",
         example="{min: 0.01, max: 2.0, points: 25, log: true}",
-    )
-    rho: str | asked.Interval | None = key(
-        asked.SEARCHED,
-        "decay a sample, |e_k| <= c rho^k, in (0, 1], or in [0, 1) for linf; of plants in discrete time",
-        otherwise="1 for l2, and searched in [0, 1) for linf",
-        example="0.95",
-    )
-    estimate: str = key(
-        OneOf("estimate", ESTIMATES),
-        "in discrete time: predicted, xhat_k knows y_0 .. y_{k-1}; or filtered, it knows y_k as well",
-        default="predicted",
-        example="filtered",
     )
     objective: Objective | Level = key(
         Either(
@@ -175,7 +160,7 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
         L2=L2,
         rate=read_rate(reader, section, problem.period),
         pace=ALPHA if problem.period is None else RHO,
-        filtered=section.estimate == "filtered",
+        filtered=section.filtered,
         objective=objective,
         gamma=gamma,
         slack=asked.read_slack(reader, section.slack),
@@ -223,78 +208,18 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
 
 def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | Range:
     """Decay rate, alpha or 1 - rho, or where to search it."""
-    if period is not None:
-        return read_steps(reader, section, period)
-    if not reader.clean(("system",)):
-        return SEARCHED
-    if section.rho is not None:
-        said = "is the decay a sample, of a plant with time: discrete; in continuous time give alpha (1/s)"
-        reader.wrong(("observer", "rho"), said, at_key=True, id="OBS213")
-    if section.estimate != ESTIMATES[0]:
-        said = "is of a plant with time: discrete; in continuous time there is no next sample"
-        reader.wrong(("observer", "estimate"), said, at_key=True, id="OBS213")
-    loc: Loc = ("observer", "alpha")
-    if section.alpha is None:
-        reader.notes.append(
-            f"observer.alpha is not given and is searched from {float(SEARCHED.low):g} to {float(SEARCHED.high):g}"
-        )
-        return SEARCHED
-    require_range(reader, section, section.alpha, loc)
-    return asked.read_searched(reader, section.alpha, loc, "> 0")
-
-
-def read_steps(reader: Reader, section: Observer, period: fmpq) -> fmpq | Range:
-    """1 - rho, of rho or of alpha, or where to search it."""
-    loc: Loc = ("observer", "rho")
-    if section.rho is not None and section.alpha is not None:
-        said = "stands beside observer.alpha, and both say how fast the error decays; leave one of them out"
-        reader.wrong(loc, said, at_key=True, id="OBS206")
-    if section.alpha is not None:
-        require_range(reader, section, section.alpha, ("observer", "alpha"))
-        alpha = asked.read_searched(reader, section.alpha, ("observer", "alpha"), "> 0")
-        if isinstance(alpha, Range):
-            return replace(alpha, low=step(alpha.low, period), high=step(alpha.high, period))
-        return step(alpha, period)
-    if section.rho is None:
-        if section.type == "l2" and section.objective not in RANGED:
-            return fmpq(0)
-        reader.notes.append(f"observer.rho is not given and is searched from 0 to {float(1 - STEPS.low):g}")
-        return STEPS
-    require_range(reader, section, section.rho, loc)
-    if isinstance(section.rho, asked.Interval):
-        found = asked.read_range(reader, section.rho, loc, ">= 0")
-        ends = {"min": found.low, "max": found.high}
-        for name, value in ends.items():
-            require_rho(reader, section, value, (*loc, name))
-        return replace(found, low=1 - found.high, high=1 - found.low, log=True and found.high < 1)
-    rho = reader.number(section.rho, loc, ">= 0")
-    require_rho(reader, section, rho, loc)
-    return 1 - rho
-
-
-def require_rho(reader: Reader, section: Observer, rho: fmpq, loc: Loc) -> None:
-    """Refuse a rho outside (0, 1], or [0, 1) for linf."""
-    open_end, allowed = (rho == 1, "[0, 1)") if section.type == "linf" else (rho == 0, "(0, 1]")
-    if rho > 1 or open_end:
-        said = f"{float(rho):g} is not allowed; give a number in {allowed}, what is left of the error after a sample"
-        reader.wrong(loc, said, id="OBS208")
-
-
-def require_range(reader: Reader, section: Observer, written: str | asked.Interval, loc: Loc) -> None:
-    """Refuse a number where the objective needs a range."""
-    if section.objective in RANGED and not isinstance(written, asked.Interval):
-        reader.wrong(loc, f"objective {section.objective} needs a range; give {{min: .., max: ..}}", id="OBS215")
-
-
-def step(alpha: fmpq, period: fmpq) -> fmpq:
-    """1 - rho of alpha (1/s), rounded up to 6 digits, so that rho = exp(-alpha period) is proved at least.
-
-    Below rho = .5 rho is rounded down to 6 digits.
-    """
-    rho = (-arb(alpha * period)).exp()
-    if rho > fmpq(1, 2):
-        return rational_number(at_most(upper(1 - rho), DIGITS))
-    return 1 - rational_number(at_least(lower(rho), DIGITS))
+    name, written = section.written("alpha", period)
+    if section.objective in RANGED and written is not None and not isinstance(written, asked.Interval):
+        said = f"objective {section.objective} needs a range; give {{min: .., max: ..}}"
+        reader.wrong(("observer", name), said, id="OBS215")
+    found = rates.read_rate(reader, section, "alpha", period, "> 0", dead=section.type == "linf")
+    if found is not None:
+        return found
+    if period is not None and section.type == "l2" and section.objective not in RANGED:
+        return fmpq(0)
+    first, last, searched = (SEARCHED.low, SEARCHED.high, SEARCHED) if period is None else (0, 1 - STEPS.low, STEPS)
+    reader.notes.append(f"observer.{name} is not given and is searched from {float(first):g} to {float(last):g}")
+    return searched
 
 
 def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:

@@ -7,18 +7,20 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
+from obsdesign.families import samples
 from obsdesign.families.lipschitz.observer import errors
-from obsdesign.families.lipschitz.relaxations import EQUATIONS, Lipschitz, proportions
+from obsdesign.families.lipschitz.relaxations import S_PROCEDURE, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
+from obsdesign.families.lipschitz.words import meaning, pace, words
 from obsdesign.families.outcome import Outcome
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
-from obsdesign.lmi.formula import Array, above, approximate, below, printed
+from obsdesign.lmi.formula import Array, approximate, below, printed
 from obsdesign.lmi.proof import Check, Proved
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
@@ -55,14 +57,17 @@ class Claim(Proved):
 
     def guarantee(self, spec: Spec) -> Quadratic | None:
         """Guarantee in doubles; None where the declared constants are not covered."""
-        return self.certificate.guarantee if self.covers(spec) else None
+        return self.certificate.guarantee_at(spec.period) if self.covers(spec) else None
+
+    def gamma(self, spec: Spec) -> float:
+        """Gamma of w itself, or of v."""
+        return samples.gamma_of_v(spec, self.certificate.gamma, "norm2")
 
     def headline(self, spec: Spec) -> str:
         """Claim in one line."""
-        gamma, decay = at_most(self.certificate.gamma), at_least(self.certificate.rate)
-        level = f", gamma {gamma}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
+        level = f", gamma {at_most(self.gamma(spec))}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
         more = f"; constants up to {at_least(self.admissible.lipschitz)} are tolerated" if self.admissible else ""
-        return f"Lipschitz constant {at_least(self.lipschitz)}{level}; decay rate {decay} 1/s{more}"
+        return f"Lipschitz constant {at_least(self.lipschitz)}{level}; {pace(self.certificate.told, spec)}{more}"
 
     def spare(self, spec: Spec) -> fmpq:
         """What is tolerated beyond the largest declared constant; negative where not even that is."""
@@ -73,13 +78,14 @@ class Claim(Proved):
         return below(self.spare(spec))
 
     def statement(self, spec: Spec) -> str:
-        """Claim in words, with norms over [0, T] for every T, and with the observer written out."""
-        g, drive = self.certificate.guarantee, spec.observer.drive if spec.disturbed else ""
-        level = f"norm2(z) <= sqrt(e0' P e0) + {g.gamma!r} norm2({drive}), and "
-        decays = f"|e(t)| <= sqrt(cond(P)) exp(-{g.rate!r} t) |e0|" if g.rate else "e(t) -> 0"
-        said = f"{level}{decays} where {drive} = 0" if drive else decays
+        """Claim in words, with norms over [0, T] for every T or over first samples, and the observer written out."""
+        drive, phrases = spec.observer.drive if spec.disturbed else "", words(spec)
+        told = self.certificate.told
+        decays = phrases.decays.format(rate=told) if self.certificate.rate else phrases.converges
+        level = phrases.level.format(gamma=self.gamma(spec), drive=drive)
+        said = f"{level}, and {decays} where {drive} = 0" if drive else decays
         every = f"for every f with {bounds('f', shared(self.lipschitz, spec))}"
-        parts = [f"{said}; for {EQUATIONS}", every, *self.beyond(spec)]
+        parts = [f"{said}; for {phrases.equations}", every, *self.beyond(spec)]
         return "; ".join([*parts, *spec.provisos])
 
     def beyond(self, spec: Spec) -> list[str]:
@@ -89,7 +95,7 @@ class Claim(Proved):
         if self.margin(spec) <= 0:
             return []
         more = self.admissible
-        level = f" and gamma = {above(more.certificate.gamma)!r}" if more and spec.disturbed else ""
+        level = f" and gamma = {more.gamma(spec)!r}" if more and spec.disturbed else ""
         same = f"with another P{level} the same" if more else "the same"
         left = bounds("h", shared(self.spare(spec), spec))
         return [f"Proposition 1: {same} for f + h, for every h through the same Bf and Cq with {left}"]
@@ -101,7 +107,8 @@ class Claim(Proved):
             "lipschitz": below(self.lipschitz),
             **({"constants": constants} if len(constants) > 1 else {}),
             **({"gamma": g.gamma} if spec.disturbed else {}),
-            "decay": g.rate,
+            **({"gamma_v": self.gamma(spec)} if spec.disturbed and spec.observer.filtered else {}),
+            **self.certificate.decay(spec.period),
             **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
             **({"admissible": below(more.lipschitz)} if more else {}),
             "margin": self.margin(spec),
@@ -127,11 +134,6 @@ def needed(declared: Sequence[fmpq]) -> fmpq:
     return printed(-below(-max(declared)))
 
 
-def meaning(drive: str) -> str:
-    """What gamma is, for the letter of what drives the plant with its disturbance model."""
-    return f"norm2(z) <= gamma norm2({drive}) from zero error"
-
-
 def bounds(name: str, constants: Sequence[float]) -> str:
     """Lipschitz conditions of the blocks of a function."""
     if len(constants) == 1:
@@ -142,14 +144,15 @@ def bounds(name: str, constants: Sequence[float]) -> str:
 def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, checked: of its constant, and of the largest constant that is tolerated."""
     L, lipschitz = read_gains(spec, file)["L"], read_constant(file, *GUARANTEE)
-    decay = file.number(*GUARANTEE, "decay")
+    told = request_of(spec).pace
+    rate = told.told(file.number(*GUARANTEE, told.key))
     require_request(spec, file, L, lipschitz)
     storage = request_of(spec).storage if spec.disturbed else NO_BOUNDS
-    certificate = read_certificate(spec, file, L, lipschitz, decay, GUARANTEE, CERTIFICATE, storage)
+    certificate = read_certificate(spec, file, L, lipschitz, rate, GUARANTEE, CERTIFICATE, storage)
     claim = Claim(lipschitz, certificate, bound=held(request_of(spec), L, certificate, disturbed=spec.disturbed))
     if "admissible" in file.table(*GUARANTEE):
         largest = require_admissible(file, lipschitz)
-        more = read_certificate(spec, file, L, largest, decay, ADMISSIBLE, ADMISSIBLE)
+        more = read_certificate(spec, file, L, largest, rate, ADMISSIBLE, ADMISSIBLE)
         claim = replace(claim, admissible=Claim(largest, more))
     return claim
 
@@ -178,15 +181,15 @@ def read_certificate(
     file: ResultFile,
     L: Array,
     lipschitz: fmpq,
-    decay: fmpq,
+    rate: fmpq,
     claim: Sequence[str],
     witness: Sequence[str],
     bounds: Bounds = NO_BOUNDS,
 ) -> Certificate:
-    """Certificate of a constant and a decay rate, with gamma, mu1 and mu2, P and multipliers where they stand."""
-    plant = spec.posed
-    constants = [lipschitz * share for share in proportions(request_of(spec).lipschitz)]
-    family = Lipschitz.of(plant, spec.multiplier, constants, spec.H, decay, L)
+    """Certificate of a constant and a rate, with gamma, mu1 and mu2, P and multipliers where they stand."""
+    plant, request = spec.posed, request_of(spec)
+    constants = [lipschitz * share for share in proportions(request.lipschitz)]
+    family = S_PROCEDURE[request.pace].of(plant, spec.multiplier, constants, spec.H, rate, L)
     values = {"P": file.matrix((plant.n, plant.n), *witness, "P")}
     values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
     gamma, mu1, mu2 = read_levels(file, claim) if spec.disturbed else (fmpq(1),) * 3
@@ -211,7 +214,8 @@ def require_request(spec: Spec, file: ResultFile, L: Array, lipschitz: fmpq) -> 
     for key, asked in (("type", request.type), ("relaxation", request.relaxation)):
         if file.at("observer", key) != asked:
             raise file.wrong(f"observer.{key}", f"the spec asks for {asked}", id="OBS707")
-    file.require_asked(ends(request.decay), "guarantee", "decay")
+    samples.require(spec, file)
+    file.require_asked(request.told, "guarantee", request.pace.key)
     declared = needed(request.lipschitz)
     least = fmpq(0) if request.objective == "max-lipschitz" else declared
     if lipschitz < least or (request.objective == "min-gamma" and lipschitz > declared):
@@ -236,5 +240,5 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
         return {}
     L = outcome.gains["L"]
     P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
-    relaxation = request_of(spec).relaxation
-    return {"relaxation": relaxation, "L": L.tolist(), **figures(errors(spec, outcome.gains), P)}
+    made = {"relaxation": request_of(spec).relaxation, **samples.written(spec), "L": L.tolist()}
+    return {**made, **figures(errors(spec, outcome.gains), P)}

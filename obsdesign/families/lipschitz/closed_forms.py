@@ -63,10 +63,13 @@ class Unseen:
     @classmethod
     def of(cls, unit: Lipschitz) -> "Unseen":
         """For a family in doubles."""
-        p = unit.plant
-        rows = np.linalg.norm(p.C, axis=1, keepdims=True)
-        N, M = split(p.C / np.where(rows > 0, rows, 1))
-        A = p.A + unit.rate * np.eye(p.n)
+        return cls.by(unit.plant.A + unit.rate * np.eye(unit.plant.n), unit.plant.C)
+
+    @classmethod
+    def by(cls, A: Array, C: Array) -> "Unseen":
+        """For A_b and C."""
+        rows = np.linalg.norm(C, axis=1, keepdims=True)
+        N, M = split(C / np.where(rows > 0, rows, 1))
         return cls(N.T @ A @ N, np.asarray(np.linalg.qr(M.T @ A @ N, mode="r")))
 
     @property
@@ -246,11 +249,22 @@ def unstructured(unit: Lipschitz) -> bool:
 def least_undetecting(unit: Lipschitz) -> float:
     """Size of the smallest linear f = K x that hides a mode with a real eigenvalue s >= -beta, in doubles.
 
-    |K| = sigma((A_b - s I) N) over s >= 0, for its least singular value: the square of that is the least eigenvalue of
-    G - s He(a) + s^2 I, G = N'A_b'A_b N, and reaches a level where this is singular. Levels below the least value known
-    are cut by it at the ends of intervals, in which there are smaller ones, until none is cut (Byers 1988).
+    Of samples |s| >= rho. It is infinite where y shows every state.
     """
-    unseen = Unseen.of(unit)
+    p, end, eye = unit.plant, unit.edge.end, np.eye(unit.plant.n)
+    C = p.Df @ np.linalg.inv(p.Bf) if p.Df.any() else p.C  # of filtered estimates C and Df are C A and C Bf
+    sides = (1, -1) if unit.edge.sampled else (1,)
+    unseen = [Unseen.by(side * p.A - end * eye, C) for side in sides]
+    return min((least_hiding(each) for each in unseen if each.order), default=inf)
+
+
+def least_hiding(unseen: Unseen) -> float:
+    """Least singular value of (A_b - s I) N over s >= 0, which is the size |K| of a K that hides the mode s.
+
+    The square of that is the least eigenvalue of G - s He(a) + s^2 I, G = N'A_b'A_b N, and reaches a level where this
+    is singular. Levels below the least value known are cut by it at the ends of intervals, in which there are smaller
+    ones, until none is cut (Byers 1988).
+    """
     a, G = unseen.a, unseen.a.T @ unseen.a + unseen.W.T @ unseen.W
     eye, zero, turn = np.eye(len(a)), np.zeros_like(a), he(a)
 

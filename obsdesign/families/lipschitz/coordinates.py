@@ -17,14 +17,15 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.constants import restriction
-from obsdesign.dissipation.bounds import ends
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import DECAY, RHO
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression
-from obsdesign.families.lipschitz.relaxations import Lipschitz, lipschitz_multiplier
+from obsdesign.families.lipschitz.relaxations import S_PROCEDURE, Lipschitz, lipschitz_multiplier
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import largest_constant
 from obsdesign.lmi.formula import Array, in_floats, rational, rational_number
+from obsdesign.model.filtered import filtered
 from obsdesign.nonlinearities.evidence.constant import patient_norm
 from obsdesign.nonlinearities.evidence.enclosure import require_continuous
 from obsdesign.nonlinearities.evidence.norm import Matrix
@@ -70,8 +71,8 @@ def scaling(spec: Spec, engine: Engine, T: Sequence[str] | None = None) -> dict[
 
     `T`: diagonal of T in decimals; None: the tool searches for the largest ratio of admissible to actual constant.
 
-    Returns `relaxation` and `decay` for which a constant is admissible, and for `identity` and `scaled` each `T`,
-    `lower` <= constant <= `upper`, `admissible`, `margin` = admissible - upper and `ratio` = admissible / upper;
+    Returns `relaxation`, and `decay` or `rho`, for which a constant is admissible, and for `identity` and `scaled` each
+    `T`, `lower` <= constant <= `upper`, `admissible`, `margin` = admissible - upper and `ratio` = admissible / upper;
     `edge`: whether the search ended at the largest spread of T that it tries.
 
     Raises `UsageError`: a block has no f, f may jump or is not one of the states alone, or T has another size or an
@@ -83,7 +84,7 @@ def scaling(spec: Spec, engine: Engine, T: Sequence[str] | None = None) -> dict[
     chosen = given(T, len(ones)) if T else view.best(identity)
     return {
         "relaxation": view.relaxation,
-        "decay": float(view.unit.rate),
+        view.unit.about.pace.key: float(view.unit.about.pace.told(view.unit.rate)),
         "identity": identity.report(),
         "scaled": view.scaled(chosen).report(),
         "edge": not T and bool(max(max(t, 1 / t) for t in chosen) >= LARGEST),
@@ -109,7 +110,7 @@ class StateFunction:
 
     J: Matrix  # of all blocks, each with its own variables: where they share some, the lower bound may not be attained
     box: Mapping[str, Range]
-    unit: Lipschitz  # x' = A x + f(x), |df| <= |dx|, y = C x
+    unit: Lipschitz  # x' = A x + f(x) or x+ = .., |df| <= |dx|, y = C x
     Bf: Array
     Cq: Array
     relaxation: str
@@ -118,7 +119,7 @@ class StateFunction:
     @classmethod
     def of(cls, spec: Spec, engine: Engine) -> "StateFunction":
         """View of a spec."""
-        plant, n = spec.posed, spec.posed.n
+        plant, n, pace = spec.augmented, spec.augmented.n, DECAY if spec.period is None else RHO
         if (plant.Dqf != 0).any() or (plant.Df != 0).any() or not plant.Bf.size:
             raise UsageError(
                 "f is not of the states alone, or is in y (Dqf, Df), which --scaling cannot take", id="OBS406"
@@ -127,13 +128,14 @@ class StateFunction:
             raise UsageError("a nonlinearity has no f, which --scaling needs of each", id="OBS402")
         J, box = whole(spec)
         request = spec.observer
-        decay, relaxation = fmpq(0), "s-procedure"
+        rate, relaxation = fmpq(0), "s-procedure"
         if isinstance(request, LipschitzRequest):
-            decay, _ = ends(request.decay)
+            rate = request.rates[0]
             relaxation = relaxation if request.relaxation == "compare" else request.relaxation
         eye, none = rational(np.eye(n)), rational(np.zeros((n, n)))
         same = replace(plant, Bf=eye, Cq=eye, Dqf=none, Dq=0 * plant.B, Df=0 * plant.C)
-        unit = Lipschitz(same, lipschitz_multiplier((fmpq(1),), ((n, n),)), spec.H, decay, None, 0 * plant.C.mT)
+        posed = filtered(same) if request.filtered else same
+        unit = S_PROCEDURE[pace].of(posed, lipschitz_multiplier((fmpq(1),), ((n, n),)), (fmpq(1),), spec.H, rate)
         return cls(J, box, unit.undisturbed(), plant.Bf, plant.Cq, relaxation, engine)
 
     def scaled(self, T: Sequence[fmpq]) -> Scaling:
@@ -160,7 +162,7 @@ class StateFunction:
     def admissible(self, T: Array) -> float:
         """Supremum of the constant over all gains in the coordinates T x."""
         p = in_floats(self.unit.plant)
-        plant = replace(p, A=T[:, None] * p.A / T, C=p.C / T)
+        plant = replace(p, A=T[:, None] * p.A / T, C=p.C / T, Df=p.Df / T)
         return largest_constant(self.engine, replace(in_floats(self.unit), plant=plant), self.relaxation).value
 
     @cached_property

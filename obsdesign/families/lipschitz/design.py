@@ -22,7 +22,7 @@ from obsdesign.families.lipschitz.given_gains import gamma_of, largest_of
 from obsdesign.families.lipschitz.max_lipschitz import largest
 from obsdesign.families.lipschitz.min_gamma import least_gamma
 from obsdesign.families.lipschitz.pareto import scanned, weighed
-from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz, proportions
+from obsdesign.families.lipschitz.relaxations import RELAXATIONS, S_PROCEDURE, proportions
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest, request_of
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling
@@ -59,7 +59,7 @@ def design_lipschitz(
 ) -> Outcome:
     """Design, or analyze, an observer of a Lipschitz system, with the constant that no gain can exceed.
 
-    `plant`, `multiplier`, `H`: the problem, in rationals: Dqf = 0, Dq = 0 and Df = 0; z = H e. Of the multiplier only
+    `plant`, `multiplier`, `H`: the problem, in rationals, as `Lipschitz.of` takes it; z = H e. Of the multiplier only
     the sizes of its blocks matter: their constants are those of the request; `tolerable`: whether f may have no larger
     constant than one.
 
@@ -68,25 +68,24 @@ def design_lipschitz(
     a solution nor that there is none.
     """
     require_agreement(request)
-    decay = request.decay
-    decays = tuple(map(printed, decay.grid() if isinstance(decay, Range) else (decay,)))  # as a file holds them
-    unit = Lipschitz.of(plant, multiplier, proportions(request.lipschitz), H, decays[0])
-    most = ceiling(unit) if len(decays) == 1 else None
+    rates = request.rates
+    unit = S_PROCEDURE[request.pace].of(plant, multiplier, proportions(request.lipschitz), H, rates[0])
+    most = ceiling(unit) if len(rates) == 1 else None
 
     def of(relaxation: LipschitzRelaxation) -> Outcome:
         study = Study(engine, unit, replace(request, relaxation=relaxation), tolerable)
-        made = replace(designed(study, decays), scaling=study.scaling)
+        made = replace(designed(study, rates), scaling=study.scaling)
         return made if most is None else replace(made, beyond={**made.beyond, "ceiling": most})
 
     return compared(of, bool(plant.B.shape[1])) if request.relaxation == "compare" else of(request.relaxation)
 
 
-def designed(study: Study, decays: Sequence[fmpq]) -> Outcome:
+def designed(study: Study, rates: Sequence[fmpq]) -> Outcome:
     """Outcome of one relaxation."""
     request, weight = study.request, study.request.weight
     require_agreement(request)
-    if isinstance(weight, Range) or isinstance(request.decay, Range):
-        return scanned(study, weight.grid() if isinstance(weight, Range) else (weight or fmpq(0),), decays)
+    if isinstance(weight, Range) or isinstance(request.rate, Range):
+        return scanned(study, weight.grid() if isinstance(weight, Range) else (weight or fmpq(0),), rates)
     if request.gains:
         return (largest_of if request.objective == "max-lipschitz" else gamma_of)(study, printed(request.gains["L"]))
     blocked = study.obstacle()

@@ -72,7 +72,7 @@ def weighted(weight: float, lipschitz: float, gamma: float) -> float:
 
 @dataclass(frozen=True)
 class Front(ABC):
-    """Limits of one relaxation at one decay, over the gains within bounds."""
+    """Limits of one relaxation at one rate, over the gains within bounds."""
 
     study: Study
     bounds: Bounds = NO_BOUNDS  # not on gamma

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.claim import BACKOFFS
 from obsdesign.dissipation.decimals import round_down, round_up
-from obsdesign.dissipation.zero import settled
+from obsdesign.dissipation.zero import reached, settled
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.reasons import useless
 from obsdesign.families.lipschitz.study import Study
@@ -54,8 +55,10 @@ def gamma_of(study: Study, L: Array) -> Outcome:
     proved = next((proof for proof in tried if proof), None)
     family = study.attenuation(float(constant))
     limit = settled(study.engine, family, study.engine.minimise(family.least_gamma()))
-    best = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
-    limits = {**best, "attained": best.get("gamma") == 0}
+    limits: dict[str, Any] = {"attained": False}
+    if limit.status is Status.OPTIMAL:
+        gamma = math.sqrt(max(limit.objective, 0.0))
+        limits = {"gamma": gamma, "attained": not gamma or reached(study.engine, family, gamma, NO_BOUNDS)}
     return study.outcome(L, tolerating(study, L, proved), limit=limits)
 
 

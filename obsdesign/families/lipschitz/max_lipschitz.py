@@ -58,7 +58,7 @@ def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Claim | N
 
 def short(study: Study, constant: fmpq) -> str:
     """Warning that the constant of f is beyond what is certified, and what may help."""
-    hints = ["ask for a smaller decay"] if study.unit.rate else []
+    hints = [f"ask for {study.unit.about.pace.weaker}"] if study.unit.rate else []
     hints += ["allow a larger gain"] if study.restricted else []
     hints += ["try relaxation s-procedure"] if study.relaxation != "s-procedure" else []
     return (

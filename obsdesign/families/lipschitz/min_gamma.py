@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from flint import fmpq
 
 from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest
-from obsdesign.dissipation.zero import Level, Vanishing, settled, tabulated, vanishing
+from obsdesign.dissipation.zero import Level, Vanishing, reached, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
@@ -45,13 +46,14 @@ def least_gamma(study: Study) -> Outcome:
     if asked < limit.gamma:
         slower = study.slower(solve_of, asked**2)
         levels = {"asked": asked, "least": most, **({"bounded": limit.gamma} if study.restricted else {})}
-        reason = out_of_reach(levels, float(study.declared), slower, exact=study.bounds.L1 is None)
+        said = "" if slower is None else study.unit.about.pace.slower(slower)
+        reason = out_of_reach(levels, float(study.declared), said, exact=study.bounds.L1 is None)
         return Outcome(Verdict.INFEASIBLE, diagnosis=reason, **limits)
     target = min(limit.target(study.slack), asked)
     L, claim = study.first(small_gains(study, family, study.declared, target))
     if L is None:
         raise UndecidedError(f"no gain was found for gamma = {target:g}", id="OBS507")
-    notes = (CANCELS,) if limit.attained and cancels(study.unit.plant) else ()
+    notes = (CANCELS,) if limit.attained and not limit.gamma and cancels(study.unit.plant) else ()
     return study.outcome(L, tolerating(study, L, claim), notes=notes, **limits)
 
 
@@ -78,7 +80,9 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
         )
     if answer.status is not Status.OPTIMAL and not rows and not zero.instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}", id="OBS507")
-    return Level.of_all(answer, zero)
+    level = Level.of_all(answer, zero)
+    attained = level.attained or (level.gamma > 0 and reached(study.engine, family, level.gamma, study.bounds))
+    return replace(level, attained=attained)
 
 
 def small_gains(study: Study, family: Lipschitz, constant: fmpq, gamma: float) -> Iterator[tuple[Array, Claim | None]]:

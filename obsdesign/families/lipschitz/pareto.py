@@ -12,6 +12,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds, Range
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import Solve, least, size_of
+from obsdesign.dissipation.pace import DECAY, Pace
 from obsdesign.dissipation.zero import ROUNDED, SHARE, SUSPECT
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
@@ -99,36 +100,41 @@ class Spot:
     """One point of a curve, and its certified gain."""
 
     weight: float
-    decay: float
+    rate: fmpq
     optimum: Optimum | Status = Status.INFEASIBLE
     L: Array | None = None  # in rationals
     proved: Claim | None = None
     corner: bool = False
+    pace: Pace = DECAY
+
+    @property
+    def place(self) -> dict[str, float]:
+        """Weight, and decay or rho."""
+        return {"weight": self.weight, self.pace.key: float(self.pace.told(self.rate))}
 
     def point(self, norm: Bounds) -> dict[str, Any]:
         """Numbers for a result file."""
-        place = {"weight": self.weight, "decay": self.decay}
         if isinstance(self.optimum, Status):
-            return {**place, "status": str(self.optimum)}
+            return {**self.place, "status": str(self.optimum)}
         numbers = {key: value for key, value in self.optimum.numbers.items() if value != math.inf}
         status = "certified" if self.proved else "uncertified"
-        known = {**place, **numbers, "corner": self.corner, "status": status}
+        known = {**self.place, **numbers, "corner": self.corner, "status": status}
         if self.proved is None or self.L is None:
             return known
         claimed = {"lipschitz": float(self.proved.lipschitz), "gamma": float(self.proved.certificate.gamma)}
         return {**limited(known, claimed), "certified": {**claimed, "L": size_of(in_floats(self.L), norm)}}
 
 
-def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Outcome:
-    """Certified points for weights and decays; the knee of the curve at the least decay that has one is shipped."""
-    if len(decays) == 1:
+def scanned(study: Study, weights: Sequence[fmpq], rates: Sequence[fmpq]) -> Outcome:
+    """Certified points for weights and rates; the knee of the curve at the least rate that has one is shipped."""
+    if len(rates) == 1:
         blocked = study.obstacle()
         if blocked:
             return Outcome(Verdict.INFEASIBLE, diagnosis=blocked)
     curves = []
-    for i, decay in enumerate(decays):
-        study.engine.report(i / len(decays), f"decay = {float(decay):.4g}")
-        curves.append(list(curve(replace(study, unit=replace(study.unit, rate=decay)), weights)))
+    for i, rate in enumerate(rates):
+        study.engine.report(i / len(rates), study.unit.about.pace.said(rate, 4))
+        curves.append(list(curve(replace(study, unit=replace(study.unit, rate=rate)), weights)))
     search = searched(study, [spot.point(study.bounds) for spots in curves for spot in spots])
     candidates = next((spots for spots in curves if any(spot.proved for spot in spots)), [])
     if not candidates:
@@ -137,16 +143,17 @@ def scanned(study: Study, weights: Sequence[fmpq], decays: Sequence[fmpq]) -> Ou
     assert isinstance(best.optimum, Optimum)
     assert best.L is not None
     note = (
-        f"shipped: the knee of the curve at the decay {best.decay:g}, weight {best.weight:g}, where gamma over the "
+        f"shipped: the knee of the curve at {best.pace.said(best.rate)}, weight {best.weight:g}, where gamma over the "
         "largest of the curve and the least lipschitz of the curve over lipschitz have the least sum"
     )
-    limit = {**best.optimum.numbers, "at": {"weight": best.weight, "decay": best.decay}}
+    limit = {**best.optimum.numbers, "at": best.place}
     return study.outcome(best.L, best.proved, limit=limit, search=search, notes=(note,))
 
 
 def searched(study: Study, points: Sequence[dict[str, Any]]) -> Search:
-    """Points over the weight, over the decay, or over both."""
-    ranges = tuple(key for key in ("weight", "decay") if isinstance(getattr(study.request, key), Range))
+    """Points over the weight, over the decay or rho, or over both."""
+    searched = {"weight": study.request.weight, study.request.pace.key: study.request.rate}
+    ranges = tuple(key for key, value in searched.items() if isinstance(value, Range))
     return Search(ranges[0], tuple(points), ranges if len(ranges) > 1 else ())
 
 
@@ -166,18 +173,18 @@ def solve_of(study: Study) -> Solve:
 
 
 def curve(study: Study, weights: Sequence[fmpq]) -> Iterator[Spot]:
-    """Points of one decay, corners marked."""
-    decay = float(study.unit.rate)
+    """Points of one rate, corners marked."""
+    rate, pace = study.unit.rate, study.unit.about.pace
     if study.obstacle():
-        yield from (Spot(float(weight), decay) for weight in weights)
+        yield from (Spot(float(weight), rate, pace=pace) for weight in weights)
         return
     line = front(study, study.bounds)
     spots: list[Spot] = []
     start: Values | None = None
     for weight in map(float, weights):
-        study.engine.report(0.5, f"weight = {weight:.4g}, decay = {decay:.4g}")
+        study.engine.report(0.5, f"weight = {weight:.4g}, {pace.said(rate, 4)}")
         best = line.optimum(weight, start)
-        spot = Spot(weight, decay, best)
+        spot = Spot(weight, rate, best, pace=pace)
         if isinstance(best, Optimum):
             start = best.values or start
             spot = shipped(line, best, spot)

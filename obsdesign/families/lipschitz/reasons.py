@@ -9,13 +9,14 @@ import numpy as np
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
+from obsdesign.dissipation.pace import DECAY, Pace
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.lipschitz.relaxations import RELAXATIONS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant, largest_for_gamma, theorem2
 from obsdesign.families.outcome import Diagnosis
 from obsdesign.families.reach import too_tight
-from obsdesign.lmi.formula import in_floats, rational
+from obsdesign.lmi.formula import identity, in_floats
 from obsdesign.model.pencil import text
 from obsdesign.tables.text import at_least, at_most
 
@@ -32,7 +33,7 @@ def gate(
 ) -> Diagnosis:
     """Answer that no gain will do, from closed forms where there are any; empty if nothing stands in the way.
 
-    `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least decay
+    `engine`: solves for the limits that have no closed form; `unit`: the family for the constant 1, at the least rate
     that is asked for; `request`: objective and declared constants: max-lipschitz needs detectability only;
     `relaxation`: one of `RELAXATIONS`; `tolerable`: whether f may have no larger constant than one.
     """
@@ -43,7 +44,7 @@ def gate(
     declared = float(max(request.lipschitz))
     if relaxation == "abbaszadeh":
         found = without_constant(unit, declared, request.objective) or printed_theorems(engine, unit, declared)
-    return found or too_large(engine, unit, declared, relaxation, tolerable)
+    return found or too_large(engine, unit, request, relaxation, tolerable)
 
 
 def without_constant(unit: Lipschitz, declared: float, objective: str) -> Diagnosis:
@@ -90,9 +91,10 @@ def printed_theorems(engine: Engine, unit: Lipschitz, declared: float) -> Diagno
 
 
 def too_large(
-    engine: Engine, unit: Lipschitz, declared: float, relaxation: str, tolerable: Callable[[float], bool]
+    engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str, tolerable: Callable[[float], bool]
 ) -> Diagnosis:
     """Answer that the declared constant is not below the largest; empty if it is."""
+    declared = float(max(request.lipschitz))
     supremum = largest_for_gamma(engine, unit, relaxation)
     if declared < supremum.value:
         return {}
@@ -111,25 +113,27 @@ def too_large(
         found["ceiling"] = most
     rivals = others(engine, unit, declared, relaxation)
     hints = [f"look at a constant below {at_least(supremum.value, 8)}"] if tolerable(supremum.value) else []
-    hints += measured(engine, unit, declared, relaxation)
+    hints += measured(engine, unit, request, relaxation)
     if rivals:
         found["relaxations"] = rivals
         hints.insert(0, instead(rivals))
-    slower = largest_for_gamma(engine, replace(unit, rate=0 * unit.rate), relaxation).value if unit.rate else 0.0
-    if slower > declared:
-        hints.append("look at a smaller decay" + (f" (for 0 the supremum is {slower:.8g})" if isfinite(slower) else ""))
+    eased = largest_for_gamma(engine, replace(unit, rate=0 * unit.rate), relaxation).value if unit.rate else 0.0
+    if eased > declared:
+        pace = unit.about.pace
+        at_rest = f" (for {pace.told(0)} the supremum is {eased:.8g})" if isfinite(eased) else ""
+        hints.append(f"look at {pace.weaker}{at_rest}")
     return {**found, "suggestion": ", or ".join(hints) or "f has a larger constant, and one more state will not do"}
 
 
-def measured(engine: Engine, unit: Lipschitz, declared: float, relaxation: str) -> list[str]:
+def measured(engine: Engine, unit: Lipschitz, request: LipschitzRequest, relaxation: str) -> list[str]:
     """State that would do if it were measured as well, with the supremum then; nothing if none of the first does."""
-    p = unit.plant
+    p, seen = unit.plant, identity(unit.plant.n, unit.plant.A)
+    shown = (p.A, p.Bf, p.B) if request.filtered else (seen, 0 * p.Bf, 0 * p.B)  # of the state, in C, Df and D
     for i in range(min(p.n, STATES)):
-        C, Df, D = (np.vstack([X, X[:1] * 0]) for X in (p.C, p.Df, p.D))
-        C[-1, i] = 1
-        more = replace(unit, plant=replace(p, C=rational(C), Df=rational(Df), D=rational(D)))
+        C, Df, D = (np.vstack([X, row[i : i + 1]]) for X, row in zip((p.C, p.Df, p.D), shown, strict=True))
+        more = replace(unit, plant=replace(p, C=C, Df=Df, D=D), L2=0 * (p.Cq @ C.mT))
         supremum = largest_for_gamma(engine, more, relaxation).value
-        if supremum > declared:
+        if supremum > float(max(request.lipschitz)):
             said = f"the supremum is {supremum:.8g}" if isfinite(supremum) else "every constant will do"
             return [f"look at {p.states[i]} as another measurement, with which {said}"]
     return []
@@ -157,13 +161,11 @@ def instead(relaxations: dict[str, dict[str, Any]]) -> str:
     return f"look at relaxation {' or '.join(named)}"
 
 
-def out_of_reach(
-    levels: dict[str, float], lipschitz: float, slower: float | None = None, *, exact: bool = True
-) -> Diagnosis:
+def out_of_reach(levels: dict[str, float], lipschitz: float, slower: str = "", *, exact: bool = True) -> Diagnosis:
     """Answer that gamma is bounded below what is possible.
 
     `levels`: of gamma, what is asked and the least, over all gains and if there are bounds within them; `slower`: a
-    decay at which it is possible; `exact`: whether the bounds leave the problem convex.
+    decay or rho at which it is possible, in words; `exact`: whether the bounds leave the problem convex.
     """
     asked, least = levels["asked"], levels["least"]
     return {
@@ -172,29 +174,31 @@ def out_of_reach(
         "reason": f"gamma at most {asked:g} was asked for, and the least is {least:.6g} for the constant {lipschitz:g}",
         "gamma": levels,
         "feasible": {"gamma": least},
-        "suggestion": enough(least, levels.get("bounded"), exact=exact)
-        + (f", or ask for decay at most {slower:g}" if slower is not None else ""),
+        "suggestion": enough(least, levels.get("bounded"), exact=exact) + (f", or ask for {slower}" if slower else ""),
     }
 
 
 def too_small(
     bounds: Bounds,
-    decay: float = 0.0,
+    pace: Pace = DECAY,
+    rate: float = 0.0,
     size: float | None = None,
     slower: float | None = None,
     gamma: float | None = None,
 ) -> Diagnosis:
     """Answer that nothing within the bounds on L and P was found.
 
-    `size`: a bound on |L| that will do, with a larger `gamma` if there is one; `slower`: a decay for which these do.
+    `pace`, `rate`: the decay that is asked for; `size`: a bound on |L| that will do, with a larger `gamma` if there is
+    one; `slower`: a rate for which these do.
     """
     asked = {"L": bounds.L1, "P.min": bounds.floor}
     enough = {"L": (size, "allow |L| up to")} if size and not gamma else {}
     if slower is not None:
-        enough["decay"] = slower, "within the bounds ask for decay at most"
+        end = "least" if pace.sampled else "most"
+        enough[pace.key] = pace.told(slower), f"within the bounds ask for {pace.key} at {end}"
     together = f"allow |L| up to {size or 0:g} and gamma up to {gamma or 0:g}, with which there is one"
     hints = [together] if size and gamma else []
-    found = too_tight(bounds.words("L"), f"for the decay {decay:g}", enough, hints)
+    found = too_tight(bounds.words("L"), f"for {pace.said(rate)}", enough, hints)
     return {**found, "bounds": {name: float(bound) for name, bound in asked.items() if bound is not None}}
 
 
@@ -206,9 +210,10 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
     """
     fixed = in_floats(family)
     pole = fixed.slowest_pole()
-    slow = pole.real >= -fixed.rate
+    pace, actual = fixed.about.pace, fixed.edge.of(pole)
+    slow = fixed.edge.slow(pole)
     if slow:
-        short = f"too slow for the decay {fixed.rate:g}" if pole.real < 0 else "and does not decay"
+        short = f"too slow for {pace.said(fixed.rate)}" if actual > 0 else "and does not decay"
         reason = f"without f the slowest pole of the error is {text(pole)}, {short}"
     else:
         reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"
@@ -218,7 +223,7 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         "condition": "gains",
         "reason": reason,
         "pole": [pole.real, pole.imag],
-        "feasible": {"lipschitz": tolerated} if smaller else {"decay_below": -pole.real} if pole.real < 0 else {},
+        "feasible": {"lipschitz": tolerated} if smaller else {pace.bound: pace.told(actual)} if actual > 0 else {},
         "suggestion": (f"declare a constant up to {at_least(tolerated)}, or " if smaller else "")
         + "look at new gains: leave `gains` out",
     }

@@ -26,6 +26,8 @@ Misprints and slips: C is p x n in (2); (34) and (47) need the term -2 beta V; (
 gives what (55) needs; (62) is a linear matrix inequality for a given l, with the unknown p; (41) is stricter than (18);
 alpha > 1 and eps are redundant; the matrices of order 2 n in (8), (20), (41), (72) say P <= r I; Theorem 3 is not
 monotone in l.
+
+Of plants x+ = A x + Bf f(Cq x) + g + B w there is the s-procedure only, by our own derivation: `DiscreteLipschitz`.
 """
 
 from collections.abc import Sequence
@@ -36,9 +38,10 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
-from obsdesign.dissipation.guarantee import EnergyGuarantee
+from obsdesign.dissipation.discrete import Discrete
+from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.dissipation.inequality import ONE
-from obsdesign.dissipation.pace import DECAY
+from obsdesign.dissipation.pace import DECAY, RHO, Pace
 from obsdesign.families.incremental.theorems import L2
 from obsdesign.lmi.formula import (
     Array,
@@ -60,7 +63,6 @@ from obsdesign.nonlinearities.lipschitz import lipschitz
 if TYPE_CHECKING:
     from obsdesign.families.lipschitz.request import LipschitzRelaxation
 
-EQUATIONS = "xhat' = A xhat + Bf f(Cq xhat) + g + L (y - C xhat), e = x - xhat, z = H e"
 CONVERGES = "X < -a I"
 ATTENUATES = "[H'H + c I, P B - F D; ., -mu I] <= 0"
 
@@ -72,6 +74,13 @@ class LipschitzGuarantee(EnergyGuarantee):
     symbol_in_words: ClassVar[str] = "decay"
     weight: ClassVar[str] = ""
     symbol: ClassVar[str] = "decay"
+
+
+@dataclass(frozen=True)
+class LipschitzOfSteps(EnergyOfSteps):
+    """V+ - rho^2 V + |z|^2 - gamma^2 |v|^2 <= 0: that of the energy of samples, with mu1 = 1."""
+
+    weight: ClassVar[str] = ""
 
 
 class Lipschitz(L2):
@@ -95,17 +104,18 @@ class Lipschitz(L2):
         multiplier: Multiplier,
         constants: Sequence[fmpq],
         H: Array,
-        decay: fmpq,
+        rate: fmpq,
         L: Array | None = None,
     ) -> Self:
         """Problem for constants of the blocks, in rationals.
 
-        `plant`: with Dqf = 0, Dq = 0 and Df = 0; `multiplier`: of any type: only the sizes of its blocks matter;
-        `constants`: of each block; `H`, `decay`, `L`: z = H e; 1/s; the gain, or None if it is to be found.
+        `plant`: with Dqf = 0, Dq = 0 and, but for filtered estimates, Df = 0; `multiplier`: of any type: only the sizes
+        of its blocks matter; `constants`: of each block; `H`, `rate`, `L`: z = H e; 1/s, or 1 - rho of samples; the
+        gain, or None if it is to be found.
         """
         sizes = [(block.nq, block.nf) for block in multiplier.blocks]
         absent = rational(np.zeros((len(plant.Cq), len(plant.C))))
-        return cls(plant, lipschitz_multiplier(constants, sizes), H, decay, None if L is None else -L, absent)
+        return cls(plant, lipschitz_multiplier(constants, sizes), H, rate, None if L is None else -L, absent)
 
     def undisturbed(self) -> Self:
         """Same problem without w and z: what Theorems 1 and 2 are about."""
@@ -134,6 +144,27 @@ class Lipschitz(L2):
         forced = self.stretched(0.0).dissipation({**v, "lambda1": v["xi"]}, Cq.mT @ block.M11 @ Cq, ONE)
         decrease = Inequality(self.about.decrease, forced, strict=not self.rate)
         return [decrease, Inequality("P > 0", -v["P"], strict=True)]
+
+
+class DiscreteLipschitz(Discrete, Lipschitz):
+    """The s-procedure for plants x+ = A x + Bf f(Cq x) + g + B w, by our own derivation.
+
+        V+ - rho^2 V + |z|^2 - mu |w|^2 <= 0,    z = H e,    gamma^2 = mu,    0 < rho <= 1,
+
+    strict for rho = 1, for every f with that constant. Hence sum |z|^2 <= e0' P e0 + gamma^2 sum |w|^2 over any first
+    samples, and |e_k| <= sqrt(cond P) rho^k |e_0| where w = 0; for rho = 1 e_k -> 0.
+
+    With Nf = Bf + L1 Df, rho^2 P >= tau_i l_i^2 Cqi'Cqi and Nf_i' P Nf_i <= tau_i I leave l_i |Cqi Nf_i| <= rho: Nf is
+    Bf of predicted estimates, whatever the gain. This is so of the problem itself for f(k, q), which may turn from
+    sample to sample so that |Cq e+| >= l |Cq Nf| |Cq e|.
+    """
+
+    about = replace(
+        Lipschitz.about,
+        guarantee=LipschitzOfSteps,
+        decrease="V+ - rho^2 V + |z|^2 - mu |w|^2 <= 0",
+        pace=RHO,
+    )
 
 
 class Unstructured(Lipschitz):
@@ -228,12 +259,9 @@ class Theorem4(Unstructured):
         return replace(least, minimise=lambda v: weight * ratio * v["xi"] + (1 - weight) * v["mu"])
 
 
-KINDS: "dict[LipschitzRelaxation, type[Lipschitz]]" = {
-    "s-procedure": Lipschitz,
-    "norm-bound": NormBound,
-    "abbaszadeh": Theorem3,
-}
-RELAXATIONS = tuple(KINDS)  # the tightest first
+S_PROCEDURE: dict[Pace, type[Lipschitz]] = {DECAY: Lipschitz, RHO: DiscreteLipschitz}
+KINDS: "dict[LipschitzRelaxation, type[Lipschitz]]" = {"norm-bound": NormBound, "abbaszadeh": Theorem3}  # the others
+RELAXATIONS: "tuple[LipschitzRelaxation, ...]" = ("s-procedure", *KINDS)  # the tightest first
 
 
 def proportions(declared: Sequence[fmpq]) -> tuple[fmpq, ...]:

@@ -8,9 +8,10 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
-from obsdesign.dissipation.pace import DECAY
-from obsdesign.families import asked
+from obsdesign.dissipation.pace import DECAY, RHO, Pace
+from obsdesign.families import asked, rates
 from obsdesign.families.frozen import Demand
+from obsdesign.families.rates import RateSection
 from obsdesign.lmi.formula import Array, identity, printed
 from obsdesign.model.disturbance import augment
 from obsdesign.model.edge import Edge
@@ -52,7 +53,7 @@ class LipschitzGains(Section):
     L: Entries = required(MATRIX, "(nx + nm) x ny, nm states of the disturbance model", example="[[6], [30]]")
 
 
-class LipschitzObserver(asked.ObserverSection):
+class LipschitzObserver(RateSection):
     """What is asked of an observer of a Lipschitz system, xhat' = A xhat + Bf f(Cq xhat) + L (y - yhat)."""
 
     hints: ClassVar[Mapping[str, str]] = {"alpha": "is called decay in type lipschitz"}
@@ -76,7 +77,11 @@ class LipschitzObserver(asked.ObserverSection):
         example="0.9",
     )
     decay: str | asked.Interval | None = key(
-        asked.SEARCHED, "decay rate of the error; a range for pareto only", unit="1/s", otherwise="0", example="0.2"
+        asked.SEARCHED,
+        "decay rate of the error; a range, as of rho, for pareto only",
+        unit="1/s",
+        otherwise="0",
+        example="0.2",
     )
     slack: str | None = key(
         ENTRY,
@@ -97,22 +102,36 @@ class LipschitzObserver(asked.ObserverSection):
 class LipschitzRequest:
     """The `observer` section of a spec for the family of Lipschitz systems.
 
-    The bound L1 is that of L. Only the decay and the weight of `pareto` may be ranges.
+    The bound L1 is that of L. Only the rate and the weight of `pareto` may be ranges.
     """
 
     reconstruct: ClassVar[bool] = False
-    filtered: ClassVar[bool] = False
 
     type: str
     lipschitz: tuple[fmpq, ...]  # declared constant of each block of f
     relaxation: LipschitzRelaxation = "s-procedure"
     objective: LipschitzObjective = "max-lipschitz"
     weight: fmpq | Range | None = None  # of 1 / lipschitz against gamma^2, in [0, 1], for pareto
-    decay: fmpq | Range = ZERO  # beta, 1/s
+    rate: fmpq | Range = ZERO  # beta, 1/s; of samples 1 - rho
     slack: fmpq = SLACK
     bounds: Bounds = NO_BOUNDS
     gains: Mapping[str, Array] | None = None  # L (n, ny): analysis of this
     drive: str = "w"  # v where a disturbance model generates w
+    pace: Pace = DECAY
+    filtered: bool = False  # whether the estimate of a sample knows its y
+
+    @property
+    def told(self) -> tuple[fmpq, fmpq]:
+        """Least and largest decay that are asked for, or rho."""
+        low, high = sorted(map(self.pace.told, ends(self.rate)))
+        return low, high
+
+    @property
+    def rates(self) -> tuple[fmpq, ...]:
+        """Rates that are asked for, the least first; the decay, or rho, of each as a file holds it."""
+        told = self.pace.told
+        grid = self.rate.grid() if isinstance(self.rate, Range) else (self.rate,)
+        return tuple(told(printed(told(rate))) for rate in grid)
 
     @property
     def storage(self) -> Bounds:
@@ -135,35 +154,53 @@ class LipschitzRequest:
         if (self.objective, self.relaxation) == ("max-lipschitz", "s-procedure") and self.bounds.floor is not None:
             said = "the P of max-lipschitz has no scale in the s-procedure; bound L, or choose norm-bound"
             yield ("bounds", "P"), said
-        for name, value in (("weight", self.weight), ("decay", self.decay)):
+        for name, value in (("weight", self.weight), (self.pace.key, self.rate)):
             if self.relaxation == "compare" and isinstance(value, Range):
                 yield (name,), "compare takes a number, not a range; choose one relaxation for a curve"
 
 
 def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimation) -> LipschitzRequest:
     """Return the request, held against what the family knows."""
-    decay = asked.read_searched(reader, section.decay or "0", ("observer", "decay"), ">= 0", ">= 0")
-    if isinstance(decay, Range) and section.objective != "pareto":
-        reader.wrong(
-            ("observer", "decay"), f"objective {section.objective} needs a number; a range is for pareto", id="OBS215"
-        )
     request = LipschitzRequest(
         type=section.type,
         lipschitz=tuple(constant for block in problem.nonlinearities for constant in block.lipschitz),
         relaxation=section.relaxation,
         objective=section.objective,
         weight=read_weight(reader, section),
-        decay=decay,
+        rate=read_rate(reader, section, problem.period),
+        pace=DECAY if problem.period is None else RHO,
+        filtered=section.filtered,
         slack=asked.read_slack(reader, section.slack),
         bounds=read_bounds(reader, section.bounds),
         gains=asked.read_gains(reader, section.gains, {"L": (problem.states, problem.outputs)}),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
     )
     asked.refuse_conflicts(reader, request)
+    if problem.period is not None:
+        require_s_procedure(reader, request)
     if request.gains:
         asked.note_unused(reader, section, ("slack", "bounds"), asked.AS_GIVEN)
     require_lipschitz(reader, request, problem)
     return request
+
+
+def read_rate(reader: Reader, section: LipschitzObserver, period: fmpq | None) -> fmpq | Range:
+    """Decay rate, or 1 - rho; a range for pareto only."""
+    name, written = section.written("decay", period)
+    if isinstance(written, asked.Interval) and section.objective != "pareto":
+        said = f"objective {section.objective} needs a number; a range is for pareto"
+        reader.wrong(("observer", name), said, id="OBS215")
+    found = rates.read_rate(reader, section, "decay", period, ">= 0")
+    return ZERO if found is None else found
+
+
+def require_s_procedure(reader: Reader, request: LipschitzRequest) -> None:
+    """Refuse relaxations that are theorems of continuous time."""
+    if request.relaxation in UNSTRUCTURED:
+        name, several = request.relaxation, request.relaxation == "compare"
+        what, whose = (f"{name} is of theorems", "their") if several else (f"{name} is a theorem", "its")
+        said = f"{what} of continuous time; in discrete time the s-procedure takes {whose} place"
+        reader.wrong(("observer", "relaxation"), said, id="OBS406")
 
 
 def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | None:
@@ -265,7 +302,7 @@ def demand(spec: Spec) -> Demand:
     part = 0 if request.objective == "max-lipschitz" else 1
     assumed = combine(lipschitz(part * k, *size) for k, size in zip(request.lipschitz, sizes, strict=True))
     largest, none = None if request.gains else request.bounds.L1, 0 * (spec.posed.Cq @ spec.posed.C.T)
-    return Demand(Edge(printed(ends(request.decay)[0])), assumed, DECAY, "L", largest, none)
+    return Demand(Edge(request.rates[0], request.pace.sampled), assumed, request.pace, "L", largest, none)
 
 
 def request_of(spec: Spec) -> LipschitzRequest:
@@ -277,8 +314,10 @@ def request_of(spec: Spec) -> LipschitzRequest:
 SECTION = LipschitzObserver
 RESULTS = {
     "guarantee": (
-        *("lipschitz", "constants", "gamma", "decay", "mu1", "mu2", "margin", "limit", "limit_bounded"),
-        *("admissible", "ceiling", "comparison", "widened"),
+        *("lipschitz", "constants", "gamma", "gamma_v", "decay", "rho", "alpha", "mu1", "mu2", "margin"),
+        *("limit", "limit_bounded", "admissible", "ceiling", "comparison", "widened"),
     ),
-    "observer": ("L", "relaxation", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+    "observer": (
+        *("L", "relaxation", "estimate", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+    ),
 }

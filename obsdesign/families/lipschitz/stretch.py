@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import Solve
 from obsdesign.dissipation.scan import edge, strides
@@ -25,8 +25,9 @@ class Stretch:
     """Largest constant c for which the error of a family without w and z converges at its rate.
 
     Theorems 1 and 2 minimise xi = 1 / c subject to X < -I and 2 l P <= xi I, l for the constant 1. The s-procedure
-    with one block minimises lambda = 1 / c^2 subject to [X + Cq'M11 Cq, P Bf; ., -lambda I] <= 0. With several blocks
-    c is found by bisection. The constants are those of the problem in units of `scale`.
+    with one block minimises lambda = 1 / c^2 subject to [X + Cq'M11 Cq, P Bf; ., -lambda I] <= 0, or of samples to
+    V+ - rho^2 V + |M11^(1/2) Cq e|^2 - lambda |f|^2 <= 0. With several blocks c is found by bisection. The constants
+    are those of the problem in units of `scale`.
     """
 
     engine: Engine
@@ -50,6 +51,10 @@ class Stretch:
     def least(self, bounds: Bounds, start: Values | None = None) -> Answer:
         """Least objective within the bounds on L1 and (Theorem 1) P >= t I."""
         return self.engine.minimise(self.problem(bounds), start) if self.convex else self.bisected(bounds)
+
+    def best(self) -> Answer:
+        """Least objective over all gains, as accurate as can be."""
+        return self.engine.minimise(self.problem(NO_BOUNDS), precise=True) if self.convex else self.bisected(NO_BOUNDS)
 
     def reaching(self, constant: float) -> Solve:
         """Least objective within bounds, as far as it takes to know whether it is that of a constant."""

@@ -11,19 +11,19 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
-from obsdesign.dissipation.decimals import round_down, round_up, square_below
+from obsdesign.dissipation.decimals import round_up, square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size
 from obsdesign.dissipation.scaling import Factors, scaling
 from obsdesign.dissipation.scan import edge
 from obsdesign.families.lipschitz.claim import Claim, held, needed
 from obsdesign.families.lipschitz.reasons import gate, too_small
-from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz, NormBound
+from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
 from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
 from obsdesign.families.reach import judged
-from obsdesign.lmi.formula import Array, Values, in_floats, printed, rational_number
+from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
 from obsdesign.lmi.solve import Status
 
@@ -34,7 +34,7 @@ MORE = 0.05  # relative, above the least gamma over all gains, of a gamma that i
 
 @dataclass(frozen=True)
 class Study:
-    """One relaxation at one decay.
+    """One relaxation at one rate.
 
     Every constant is the largest of those of the blocks, which grow in proportion to the declared ones.
     """
@@ -71,7 +71,7 @@ class Study:
 
     @property
     def closed(self) -> bool:
-        """Whether a gain within bounds attains a positive limit: at the decay 0 the inequality is strict."""
+        """Whether a gain within bounds attains a positive limit: at the rate 0 the inequality is strict."""
         return bool(self.unit.rate > 0)
 
     @property
@@ -89,7 +89,8 @@ class Study:
 
     def attenuation(self, constant: float, kind: type[Lipschitz] | None = None, L: Array | None = None) -> Lipschitz:
         """Inequalities of the relaxation with w and z for a constant, in doubles; for a gain in rationals, or any."""
-        return in_floats(recast(self.unit, kind or KINDS[self.relaxation], L)).stretched(constant)
+        kind = kind or KINDS.get(self.relaxation, type(self.unit))
+        return in_floats(recast(self.unit, kind, L)).stretched(constant)
 
     @property
     def scaling(self) -> Factors:
@@ -98,7 +99,7 @@ class Study:
 
     def stretch(self, L: Array | None = None) -> Stretch:
         """Search for the largest constant, without w and z, for a gain or over all."""
-        kind = Lipschitz if self.relaxation == "s-procedure" else NormBound
+        kind = KINDS["norm-bound"] if self.relaxation in KINDS else type(self.unit)
         return Stretch(self.engine, in_floats(recast(self.unit, kind, L).undisturbed()))
 
     def proved(
@@ -153,23 +154,24 @@ class Study:
         `solve_of`: least objective within bounds, at the decay of a study; `goal`: what is asked of it; `least`: the
         least over all gains: above the goal, larger gains do only with a larger gamma.
         """
-        above = goal < least
+        above, pace = goal < least, self.unit.about.pace
         gamma = round_up(math.sqrt(least) * (1 + MORE), 4) if above else None
         size = least_size(solve_of(self), self.bounds, (gamma * (1 - ROOM)) ** 2 if gamma else goal)
-        found = too_small(self.bounds, float(self.unit.rate), size, self.slower(solve_of, goal), gamma)
+        found = too_small(self.bounds, pace, float(self.unit.rate), size, self.slower(solve_of, goal), gamma)
         return judged(found, decided=decided or above, **known)
 
     def slower(self, solve_of: Callable[["Study"], Solve], goal: float) -> float | None:
-        """Smaller decay, about the largest, at which the objective is at most a goal; None if 0 will not do either."""
+        """Smaller rate, about the largest, at which the objective is at most a goal; None if 0 will not do either."""
+        pace = self.unit.about.pace
 
-        def reaches(decay: float) -> bool:
-            study = replace(self, unit=replace(self.unit, rate=rational_number(repr(decay))))
+        def reaches(rate: float) -> bool:
+            study = replace(self, unit=replace(self.unit, rate=pace.found(rate)))
             answer = bounded(solve_of(study), self.bounds)
             return answer.status is Status.OPTIMAL and answer.objective <= goal
 
         if not self.unit.rate or not reaches(0.0):
             return None
-        return round_down(edge(reaches, 0.0, float(self.unit.rate), CLOSE) * (1 - CLOSE), 4)
+        return pace.rounded(edge(reaches, 0.0, float(self.unit.rate), CLOSE) * (1 - CLOSE), 4)
 
     def first(self, candidates: Iterable[tuple[Array, Claim | None]]) -> tuple[Array | None, Claim | None]:
         """The first gain with a proof; or else the last one, without."""

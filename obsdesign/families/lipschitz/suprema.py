@@ -9,7 +9,14 @@ from flint import fmpq_mat
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import ONE
 from obsdesign.errors import UndecidedError
-from obsdesign.families.lipschitz.closed_forms import Core, Unseen, least_undetecting, regular, unstructured
+from obsdesign.families.lipschitz import samples
+from obsdesign.families.lipschitz.closed_forms import (
+    Core,
+    Unseen,
+    least_undetecting,
+    regular,
+    unstructured,
+)
 from obsdesign.families.lipschitz.relaxations import Lipschitz
 from obsdesign.lmi.formula import Exact, Problem, in_floats
 from obsdesign.lmi.solve import Answer, Status
@@ -42,6 +49,8 @@ def largest_constant(engine: Engine, unit: Lipschitz, relaxation: str) -> Suprem
     or "norm-bound" or "abbaszadeh", which are the same here: Theorems 1 and 2. Raises `UndecidedError`: the reduced
     problem was not solved.
     """
+    if unit.about.pace.sampled:
+        return of_samples(engine, in_floats(unit))
     if relaxation == "s-procedure":
         return by_scales(engine, in_floats(unit))
     limit, whole = theorem2(engine, unit), in_floats(unit).lipschitz
@@ -68,6 +77,20 @@ def theorem2(engine: Engine, unit: Lipschitz) -> Supremum:
         return Supremum(unseen.closed, attained, "(|w| - nu'w) / 2, C nu = 0, w = (A + decay I) nu")
     answer = optimum(engine, unseen.problem())
     return Supremum(max(-answer.objective / 2, 0.0), fixed.rate > 0 and unseen.regular(answer.values))
+
+
+def of_samples(engine: Engine, unit: Lipschitz) -> Supremum:
+    """S-procedure of samples."""
+    if hides(unit):
+        return Supremum(0.0, closed=NONE)
+    value, P = samples.largest(engine, unit.undisturbed())
+    if value == inf:
+        return Supremum(inf, closed=EVERY)
+    attained = unit.rate > 0 and len(unit.multiplier.blocks) == 1 and regular(P)
+    feedback = samples.feedback(unit)
+    if feedback and value >= feedback.most * (1 - ACCURACY):
+        return Supremum(feedback.most, attained, feedback.sentence)
+    return Supremum(value, attained)
 
 
 def by_scales(engine: Engine, unit: Lipschitz) -> Supremum:
@@ -142,13 +165,12 @@ def largest_for_gamma(engine: Engine, unit: Lipschitz, relaxation: str) -> Supre
 def ceiling(unit: Lipschitz) -> float | None:
     """Constant of a linear f that makes a mode undetectable at the rate of `unit`, whatever the gain and the method.
 
-    The minimum of sigma_min((A - s I) N) over real s >= -beta, N an orthonormal basis of ker C; only where f is any
-    function of x with a constant, and None otherwise, or where there is no such f.
+    The minimum of sigma_min((A - s I) N) over real s >= -beta, or |s| >= rho, N an orthonormal basis of ker C; only
+    where f is any function of x with a constant, and None otherwise, or where there is no such f.
     """
     fixed = in_floats(unit)
-    if not unstructured(fixed) or not Unseen.of(fixed).order:
-        return None
-    return least_undetecting(fixed) / fixed.lipschitz
+    least = least_undetecting(fixed) if unstructured(fixed) else inf
+    return None if least == inf else least / fixed.lipschitz
 
 
 def cancels(plant: Plant[Exact]) -> bool:

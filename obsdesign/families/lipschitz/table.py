@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.incremental.table import linear
-from obsdesign.families.lipschitz.claim import meaning
-from obsdesign.tables.text import at_least, gamma_text, matrix_text, rate_text, spectral_norm
+from obsdesign.families.lipschitz.words import meaning
+from obsdesign.tables.text import at_least, at_most, gamma_text, matrix_text, rate_text, spectral_norm
 
 Rows = list[tuple[str, str]]
 
@@ -23,8 +23,12 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
     if "admissible" in claimed:
         rows += [("tolerated", f"a Lipschitz constant up to {at_least(claimed['admissible'])}")]
     if "gamma" in claimed:
-        drive = "v" if "norm2(v)" in claimed.get("statement", "") else "w"
-        rows += [("gamma", gamma_text(claimed, meaning(drive)))]
+        statement = claimed.get("statement", "")
+        drive = "v" if "norm2(v)" in statement or "|v|^2" in statement else "w"
+        rows += [("gamma", gamma_text({**claimed, "gamma": claimed.get("gamma_v", claimed["gamma"])}, meaning(drive)))]
+    if "rho" in claimed:
+        rate, resting = f" a sample, {at_least(claimed['alpha'])} 1/s", "   e_k -> 0 without a disturbance"
+        return [*rows, ("rho", f"{at_most(claimed['rho'])}{rate if claimed['rho'] < 1 else resting}")]
     return [*rows, ("decay rate", rate_text(claimed["decay"], claimed.get("statement", "")))]
 
 
