@@ -25,6 +25,7 @@ from obsdesign.tables.text import at_least, at_most
 from obsdesign.trial import Simulation
 
 PROVED = "is proved from f"  # of a type, in a note
+MODEL = "of the plant in samples, a model of the continuous one"  # of a claim
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
@@ -305,7 +306,8 @@ class Spec(metaclass=Called):
     def provisos(self) -> list[str]:
         """Where a guarantee of the observer holds, and what it assumes: clauses for the end of a sentence."""
         assumed = [f"assumed: {' and '.join(self.assumed)}"] if self.assumed else []
-        return [*([f"local: {self.validity}"] if self.validity else []), *assumed, *self.changed]
+        model = [MODEL] if self.continuous else []
+        return [*([f"local: {self.validity}"] if self.validity else []), *assumed, *model, *self.changed]
 
     @property
     def changed(self) -> list[str]:

@@ -30,7 +30,10 @@ WRONG = [
     (spec("type: l2, rho: .9, alpha: 1", "time: discrete, period: 1, "), "observer.rho: stands beside observer.alpha"),
     (spec("type: l2, rho: .9", ""), "observer.rho: is the decay a sample, of a plant with time: discrete"),
     (spec("type: l2, alpha: 1, estimate: filtered", ""), "observer.estimate: is of a plant with time: discrete"),
-    (spec("type: l2, rho: .9", "time: discrete, Ts: .1, "), "system.Ts: Ts is called period here"),
+    (
+        spec("type: l2, rho: .9", "time: discrete, Ts: .1, "),
+        "system.Ts: Ts is called period here: write time: discrete",
+    ),
     (spec("type: l2, rho: .9", "time: discret, "), "system.time: unknown time discret; did you mean discrete?"),
     (spec("type: l2, alpha: 1", "period: .1, "), "system.period: goes with time: discrete"),
     (spec("type: l2", more="disturbance: [integrator, unknown]"), "system: period is missing, and the disturbance"),

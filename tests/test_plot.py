@@ -699,3 +699,22 @@ def test_the_settings_of_the_user_are_left_alone():
     assert rcParams["font.size"] == 17.0
     rcParams["font.size"] = 10.0
     assert tradeoff_figure(POINTS, None, "Bearing") == before
+
+
+def test_signals_in_samples_are_stairs_with_dots_as_long_as_there_is_room():
+    text = """obsdesign: 1
+name: samples
+system: {time: discrete, period: 0.1, A: [[.9]], C: [[1]], B: [[0.1]]}
+observer: {type: l2, rho: 1, gains: {L1: [-.5], L2: []}}
+simulation: {horizon: HORIZON, x0: [1], w: [sin(t)], points: 50}
+"""
+    gains = {"L1": np.array([[-0.5]]), "L2": np.zeros((0, 1))}
+    for horizon, dots, drawn in (("3", ".", 31), ("30", ".", 43)):
+        run = simulate(loads(text.replace("HORIZON", horizon)), gains, None)
+        first = run_sheet(run).axes[0].lines[0]
+        assert (first.get_drawstyle(), first.get_marker()) == ("steps-post", dots)
+        assert len(first.get_xdata()) == drawn
+        errors = run_sheet(run).axes[1].lines[0]
+        assert errors.get_drawstyle() == "steps-post"
+        assert len(errors.get_xdata()) == len(run.t)
+        assert errors.get_marker() == ("." if len(run.t) <= 120 else "None")

@@ -72,9 +72,9 @@ class Discretise(Section):
 class Signals(Section):
     """Names of the signals of a plant, however it is written."""
 
-    hints: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("Ts", "ts", "dt", "sample-time", "sampling"), "is called period here, beside time: discrete"),
-    }
+    hints: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("Ts", "ts", "dt", "sample-time", "sampling"), "is called period here: write time: discrete, and period: in s"
+    )
 
     time: str = key(
         OneOf("time", TIMES),

@@ -7,7 +7,7 @@ from flint import arb
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import above
 from obsdesign.lmi.spectrum import upper
-from obsdesign.spec import Spec
+from obsdesign.spec import MODEL, Spec
 
 PLACE = "the error at the samples of the continuous plant is at most {error} = gamma sqrt({count}), from zero error"
 WHERE = (
@@ -30,5 +30,6 @@ def at_samples(spec: Spec, certificate: Certificate) -> dict[str, Any]:
     q_rate, w_rate = map(above, known.rates)
     moving = f", what of w acts on the states is absolutely continuous with |w'| <= {w_rate!r}" if w_rate else ""
     where = WHERE.format(v="v" if len(spec.generator.Am) else "w", q_rate=repr(q_rate), w_rate=moving)
-    said = "; ".join([PLACE.format(error=repr(error), count=count), where, *spec.provisos])
+    provisos = (proviso for proviso in spec.provisos if proviso != MODEL)
+    said = "; ".join([PLACE.format(error=repr(error), count=count), where, *provisos])
     return {"defect": above(known.defect), "error": error, "statement": said}

@@ -22,6 +22,8 @@ def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tupl
         of_v = meaning.replace("gamma", "gamma_v")
         rows = [("gamma", gamma_text(claimed, SPLIT)), ("gamma_v", f"{at_most(claimed['gamma_v'])}   {of_v}")]
     rows += decay_rows(claimed)
+    if "at_samples" in claimed:
+        rows += [("at samples", claimed["at_samples"]["statement"])]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
     return rows
