@@ -10,7 +10,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped
 from obsdesign.plot.canvas import COLORS, drawn, legend_below, new_figure
-from obsdesign.plot.traded import NAMES, short
+from obsdesign.plot.traded import NAMES, pace_key, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def front_sheet(
     title: str,
     names: Mapping[str, str] = NAMES,
 ) -> "Figure":
-    """Draw `lipschitz`, `gamma` and |L| against the weight (or the decay rate), and `gamma` against `lipschitz`.
+    """Draw `lipschitz`, `gamma` and |L| against the weight (or the decay), and `gamma` against `lipschitz`.
 
     Lines are limits and dots are certified gains. Marked are limits that no gain attains, corners (one design is the
     best for many weights), weights without a design, and the design that is shipped.
@@ -41,9 +41,10 @@ def front_sheet(
     Parameters
     ----------
     points
-        Mappings with `weight`, `decay` (1/s) and `status`; where there is a solution also the limits `lipschitz` and
-        `gamma` (missing where they are unbounded, or at the weight 0 arbitrary), `attained` and `corner`; and
-        `certified`, a mapping with the `lipschitz`, `gamma` and norm `L` of the gains. They may come in any order.
+        Mappings with `weight`, `decay` (1/s) or `rho`, and `status`; where there is a solution also the limits
+        `lipschitz` and `gamma` (missing where they are unbounded, or at the weight 0 arbitrary), `attained` and
+        `corner`; and `certified`, a mapping with the `lipschitz`, `gamma` and norm `L` of the gains. They may come in
+        any order.
     shipped
         `lipschitz` and `gamma` of the design that is shipped, or None.
     title, names
@@ -80,8 +81,9 @@ class Front:
     @classmethod
     def of(cls, points: Sequence[Mapping[str, Any]]) -> "Front":
         """Tell which parameter varies, and sort by it."""
-        weights, decays = ({p.get(key) for p in points} for key in ("weight", "decay"))
-        parameter = "decay" if len(decays) > len(weights) else "weight"
+        key = pace_key(points)
+        weights, decays = ({p.get(name) for p in points} for name in ("weight", key))
+        parameter = key if len(decays) > len(weights) else "weight"
         return cls(parameter, sorted(points, key=lambda p: float(p[parameter])))
 
     @property
@@ -216,7 +218,7 @@ def gain_axis(axes: "Axes", drawn: Sequence[tuple[Array, Array, str]]) -> None:
 
 def heading(front: Front, title: str) -> str:
     """Title, with what is the same for all points in its last line."""
-    other = {"weight": "decay", "decay": "weight"}[front.parameter]
+    other = pace_key(front.points) if front.parameter == "weight" else "weight"
     same = {p.get(other) for p in front.points}
     value = same.pop() if len(same) == 1 else None
     name, _, more = title.partition("\n")
