@@ -113,11 +113,15 @@ class Design(Outcome):
         """What is computed of the gains in doubles, over frozen members of the class; nothing of it is proved."""
         return FAMILIES[self.spec.observer.type].analysis(self.spec, self)
 
+    @cached_property
+    def made(self) -> Mapping[str, Any]:
+        """Gains, and what an engineer asks first of them, as a result file holds them; empty without gains."""
+        with np.errstate(all="ignore"):  # what is not finite is refused when it is written
+            return FAMILIES[self.spec.observer.type].written(self.spec, self)
+
     def claimed(self) -> dict[str, Any]:
         """Parts `observer`, `guarantee` and `certificate` of a result file."""
-        with np.errstate(all="ignore"):  # what is not finite is refused when it is written
-            observer = FAMILIES[self.spec.observer.type].written(self.spec, self)
-        entries = {"observer": {"type": self.spec.observer.type, **observer}} if observer else {}
+        entries = {"observer": {"type": self.spec.observer.type, **self.made}} if self.made else {}
         if self.claim:
             return entries | self.claim.written(self.spec, self.limits())
         return entries | ({"guarantee": self.limits()} if self.limit else {})

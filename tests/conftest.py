@@ -3,11 +3,13 @@
 import gc
 import json
 import os
+from functools import cache
 from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy, and for commands that are started: there is a process a core
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["MKL_NUM_THREADS"] = "1"
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every command that is started compiles what it imports
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -18,6 +20,8 @@ from support.sweep import SWEEP
 from obsdesign.batches.perform import perform
 from obsdesign.batches.record import kept
 from obsdesign.batches.renew import renewed
+from obsdesign.reading import loads
+from obsdesign.work import solve
 
 settings.register_profile(
     "repeatable",
@@ -100,9 +104,26 @@ def sketched(monkeypatch):
     monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG + b"....tEXtSoftware\0obsdesign")
 
 
+DESIGNS = {}
+
+
+def solved_once(spec, solver="clarabel", *_):
+    """Design of a spec; that of an earlier test, if it had the same."""
+    asked = (spec.text, spec.path, spec.changes, solver)
+    if asked not in DESIGNS:
+        DESIGNS[asked] = solve(spec, solver)
+    return DESIGNS[asked]
+
+
+@pytest.fixture
+def designed_once(monkeypatch):
+    """Commands that solve a spec once: for tests of what is made of its design."""
+    monkeypatch.setattr("obsdesign.work.solve", solved_once)
+
+
 @pytest.fixture
 def at_once(monkeypatch):
-    """Batches that design in this process; those of their own are tested in test_batch_trouble.py."""
+    """Batches that design in this process, each spec once; those of their own are tested in test_batch_trouble.py."""
 
     def run(tasks, options, out, _jobs, begun=lambda _: None):
         for task in tasks:
@@ -111,10 +132,17 @@ def at_once(monkeypatch):
             yield task, known or kept(perform(task, options), task, options, out)
 
     monkeypatch.setattr("obsdesign.batches.workers.run", run)
+    monkeypatch.setattr("obsdesign.batches.perform.solve", solved_once)
 
 
 @pytest.fixture
-def outcome_of(tmp_path):
+def read_once(monkeypatch):
+    """The spec that travels in the result files of a test is the same again and again, and is read once."""
+    monkeypatch.setattr("obsdesign.design.loads", cache(loads))
+
+
+@pytest.fixture
+def outcome_of(tmp_path, read_once):  # noqa: ARG001
     """Writes a result file, verifies it, and holds the answer against what is true of every answer."""
 
     def outcome_of(forged, *spec):

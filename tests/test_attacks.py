@@ -28,7 +28,8 @@ CHANGES = {  # of a guarantee: its factor, and the least share of designs of eac
 }
 SMALL = {"members": 3, "length": 30}  # of an attack
 CODES = {"certified": 0, "infeasible": 3, "uncertified": 4}
-QUICK = [("l2", 7), ("linf", 2), ("lipschitz", 3), ("sporadic", 0), ("sporadic", 1), ("sporadic", 3), ("l2", 2)]
+QUICK = [("l2", 7), ("linf", 2), ("lipschitz", 3), ("sporadic", 0), ("sporadic", 3), ("l2", 2)]
+QUICK.append(pytest.param("sporadic", 1, marks=pytest.mark.slow))
 BROKEN_DOWN = """
 obsdesign: 1
 name: A solver breaks down, with a point near the largest double

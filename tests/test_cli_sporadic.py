@@ -348,7 +348,7 @@ observer: {type: sporadic, T1: .0005, T2: .0005, decay: 1}
         (FULL % (0, "T2: .2"), 0.2245),
         (FULL % (-1, "T2: .1, decay: .1"), 0.15),
         (LAGS + TIMES % ", injection: predictor", 0.3),
-        (APART + TIMES % "", 1e-3),
+        pytest.param(APART + TIMES % "", 1e-3, marks=pytest.mark.slow),
         (APART + TIMES % ", bounds: {L: 10}", 100),
         pytest.param(MOTOR, 0.05, marks=pytest.mark.slow),
     ],

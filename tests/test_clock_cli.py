@@ -37,7 +37,7 @@ observer: {type: sporadic, %s}
 TIMES, GAINS = "T1: 0.1, T2: 0.2, decay: 0.05, ", "gains: {L: [2.067, -3], H: -1.384}"
 GAP = "injection: reset, bounds: {K: 3}, clock: {gain: gap}"
 WITNESSES = ("gamma", "overshoot", "disturbance", "noise", "T2_max")
-pytestmark = pytest.mark.xdist_group("clock-cli")  # its results are solved for once
+pytestmark = [pytest.mark.xdist_group("clock-cli"), pytest.mark.usefixtures("designed_once")]
 
 
 @pytest.fixture(scope="module")

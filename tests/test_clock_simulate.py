@@ -84,11 +84,17 @@ def solved(folder):
     return solved
 
 
+DRAWN = set()  # names of specs a run of which was drawn
+
+
 @pytest.fixture
-def tried(solved, tmp_path):
-    """Simulates the gains of a spec with other keys of its trial; returns the summary."""
+def tried(solved, tmp_path, request):
+    """Simulates the gains of a spec with other keys of its trial; returns the summary. One run of each is drawn."""
 
     def tried(name, *changes):
+        if name in DRAWN:
+            request.getfixturevalue("sketched")
+        DRAWN.add(name)
         sets = [part for change in changes for part in ("--set", f"simulation.{change}")]
         files = ("-o", tmp_path / "run.csv", "--plot", tmp_path / "run.png")
         outcome = run(
@@ -298,6 +304,7 @@ def test_a_run_within_the_intervals_keeps_every_bound(tried, name, trial):
     require_kept(tried(name, *trial), 1 if name == "ahead" else 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "trial", [(), ("w=[sin(2*t)]", "noise={amplitude: [0.1, 0.1]}"), ("sampling=random", "seed=2")]
 )

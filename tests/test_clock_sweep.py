@@ -166,7 +166,8 @@ def hold(seed):
 
 @pytest.mark.sweep
 def test_no_claim_is_contradicted_by_sampled_sequences():
-    assert sum(hold(seed) for seed in range(100, 100 + SWEEP.size(12))) >= SWEEP.size(6)
+    """Of the first of those that the slow test looks at."""
+    assert sum(hold(seed) for seed in range(100, 100 + SWEEP.size(6))) >= SWEEP.size(3)
 
 
 def compared(seed):

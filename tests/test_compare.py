@@ -42,7 +42,7 @@ STATE = {"t5", "t1", "peak", "noise_rms", "noise_rms_std", "floor"}
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
+def here(tmp_path, monkeypatch, designed_once):  # noqa: ARG001
     monkeypatch.chdir(tmp_path)
 
 

@@ -30,7 +30,7 @@ WRONG = [
     (spec("type: l2, rho: .9, alpha: 1", "time: discrete, period: 1, "), "observer.rho: stands beside observer.alpha"),
     (spec("type: l2, rho: .9", ""), "observer.rho: is the decay a sample, of a plant with time: discrete"),
     (spec("type: l2, alpha: 1, estimate: filtered", ""), "observer.estimate: is of a plant with time: discrete"),
-    (spec("type: l2, rho: .9", "time: discrete, Ts: .1, "), "system.Ts: Ts is called period here"),
+    (spec("type: l2, rho: .9", "time: discrete, Ts: .1, "), "system.Ts: Ts is called period here: write time: discrete"),
     (spec("type: l2, rho: .9", "time: discret, "), "system.time: unknown time discret; did you mean discrete?"),
     (spec("type: l2, alpha: 1", "period: .1, "), "system.period: goes with time: discrete"),
     (spec("type: l2", more="disturbance: [integrator, unknown]"), "system: period is missing, and the disturbance"),
@@ -111,7 +111,7 @@ def solved(text):
         (LOOP.format(type="monotone"), "explicit", "exact", "implicit Euler"),
         (LOOP.format(type="{slope: [0, 18.019]}"), "decay", "exact", "ask for rho at least"),
         (SLOW.format(k=0.165), "detectability", "exact", "the slope 0.165 of f1"),
-        (SCALAR.format(more=""), "inequality", "exact", "L2: free"),
+        (SCALAR.format(more=""), "width", "exact", "L2: free"),
     ],
 )
 def test_infeasible_specs_say_why_and_what_to_do(text, condition, proof, said):

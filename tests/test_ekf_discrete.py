@@ -19,7 +19,8 @@ system:
   disturbances: [push, n, m]
   dynamics: {angle: angle + 0.05*rate, rate: rate - 0.05*sin(angle) + 0.05*u + 0.05*push*cos(angle)}
   outputs: {y: sin(angle) + 0.2*n, r: rate + 0.3*push + 0.1*m}
-observer: {type: ekf, estimate: ESTIMATE, Q: {push: 0.4, n: 0.3, m: 1}, R: {y: 1.0e-3, r: 1.0e-2}, P0: {angle: 2, rate: 3}}
+observer:
+  {type: ekf, estimate: ESTIMATE, Q: {push: 0.4, n: 0.3, m: 1}, R: {y: 1.0e-3, r: 1.0e-2}, P0: {angle: 2, rate: 3}}
 simulation: {horizon: 4, x0: [0.5, 0.2], xhat0: [0, 1], u: 0.3*sin(t), w: ["cos(3*t)", 0, sin(50*t)]}
 """
 SEEN = 0.05 * np.arange(81)
@@ -40,7 +41,9 @@ def filtered_by_hand(y, u):
         corrected.append([angle, rate])
         cov = (np.eye(5) - K @ both) @ cov
         x = np.array([angle + 0.05 * rate, rate + 0.05 * (-np.sin(angle) + u[k] + push * np.cos(angle))])
-        F = np.array([[1, 0.05, 0, 0, 0], [-0.05 * (np.cos(angle) + push * np.sin(angle)), 1, 0.05 * np.cos(angle), 0, 0]])
+        F = np.array(
+            [[1, 0.05, 0, 0, 0], [-0.05 * (np.cos(angle) + push * np.sin(angle)), 1, 0.05 * np.cos(angle), 0, 0]]
+        )
         P = F @ cov @ F.T
     return np.array(predicted), np.array(corrected)
 
@@ -57,11 +60,13 @@ def test_it_is_the_ordinary_filter(estimate):
 
 def test_its_covariance_settles_at_the_solution_of_the_riccati_equation_with_correlated_noise():
     design = trial(
-        loads("""obsdesign: 1
+        loads(
+            """obsdesign: 1
 system: {time: discrete, A: [[.9, .2], [-.1, .8]], C: [[1, 0]], B: [[.1, .2], [0, .3]], D: [[0, .5]]}
 observer: {type: ekf, Q: [[0.4, 0.1], [0.1, 0.2]], R: 0.05, P0: {x1: 2, x2: 3}}
 simulation: {horizon: 200, x0: [1, -1]}
-""".replace("time: discrete,", "time: discrete, period: 1,"))
+""".replace("time: discrete,", "time: discrete, period: 1,")
+        )
     )
     plant, asked = design.spec.plant.doubles, design.spec.observer
     R = asked.R + plant.D @ asked.Q @ plant.D.T

@@ -60,7 +60,7 @@ SHIPPED = (
     *("infeasible/hidden-sensor-bias", "infeasible/undetectable-rate", "infeasible/pathological-sampling"),
 )
 COSTLY = {"sporadic given", "sporadic largest T2", "ferrante2019-robot-free"}  # to solve
-COSTLY |= {"clock given", "clock of the gap", "clock ahead"}
+COSTLY |= {"clock given", "clock of the gap", "clock ahead", "infeasible/undetectable-rate"}
 CASES = [
     pytest.param(case, marks=[pytest.mark.xdist_group(case), *[pytest.mark.slow] * (case in COSTLY)])
     for case in (*OBSERVERS, *SHIPPED)

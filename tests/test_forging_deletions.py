@@ -15,7 +15,7 @@ import obsdesign as od
 from obsdesign.design import proof_of
 from obsdesign.files import ResultFile
 
-pytestmark = pytest.mark.usefixtures("here", "sketched")
+pytestmark = pytest.mark.usefixtures("here", "sketched", "read_once")
 
 SIMULATION = "simulation: {horizon: 1, x0: [1, 0]}"
 FAMILY = {  # one file of each, and of each kind of answer

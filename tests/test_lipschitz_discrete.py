@@ -360,7 +360,7 @@ def test_another_estimate_or_period_is_refused(content, outcome_of, key, value):
 def test_a_table_tells_rho(tmp_path):
     (tmp_path / "r3.yaml").write_text(text("R3", "type: lipschitz", L=0.8))
     outcome = run("solve", tmp_path / "r3.yaml", "-o", tmp_path / "r3.json")
-    assert "rho           1   e_k -> 0 without a disturbance" in outcome.stdout
+    assert re.search("rho +1 a sample: e_k -> 0 without a disturbance", outcome.stdout)
     assert run("verify", tmp_path / "r3.json").exit_code == 0
 
 

@@ -211,6 +211,7 @@ simulation: {horizon: 1, x0: [1, 0], points: 5}
 OBEYED = re.compile(r"^\s*::|##\w*\[", re.MULTILINE)  # by a runner of GitHub, of Azure or of TeamCity
 
 
+@pytest.mark.usefixtures("sketched", "at_once")
 def test_no_line_of_any_command_is_one_that_a_runner_obeys():
     names = ("::error::a", "  ::set-env name=b::c", "##[error]d", "##vso[task.setvariable]e")
     for name in names:

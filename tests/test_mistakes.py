@@ -18,7 +18,7 @@ simulation: {horizon: 1, x0: [1], points: 5}
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch, sketched):  # noqa: ARG001
+def here(tmp_path, monkeypatch, sketched, designed_once):  # noqa: ARG001
     monkeypatch.chdir(tmp_path)
     Path("mass.yaml").write_text(SPEC)
     assert run("solve", "mass.yaml", "--simulate", "-q").exit_code == 0

@@ -351,7 +351,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
     )
     spec = loads(text)
     spec = replace(spec, nonlinearities=(replace(spec.nonlinearities[0], region=(exact(-1.0, 1.0),)),))
-    guarantee = PeakGuarantee(gamma=1, alpha=1, mu1=1, mu2=1, P=np.eye(1))
+    guarantee = PeakGuarantee(gamma=1, rate=1, mu1=1, mu2=1, P=np.eye(1))
     run = simulate(spec, {"L1": np.array([[-2.0]]), "L2": np.zeros((1, 1))}, guarantee)
     figure = run_sheet(run, every=True)
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
@@ -372,7 +372,7 @@ simulation: {horizon: 4, x0: [0], w: [4*t], points: 101}
 
 
 def test_a_broken_bound_is_said_in_the_title(mass):
-    false = replace(mass.guarantee, alpha=9.0, mu2=1e-4, gamma=1e-2)
+    false = replace(mass.guarantee, rate=9.0, mu2=1e-4, gamma=1e-2)
     assert "VIOLATED" in run_sheet(simulate(mass.spec, design().gains, false)).get_suptitle()
 
 
@@ -699,3 +699,22 @@ def test_the_settings_of_the_user_are_left_alone():
     assert rcParams["font.size"] == 17.0
     rcParams["font.size"] = 10.0
     assert tradeoff_figure(POINTS, None, "Bearing") == before
+
+
+def test_signals_in_samples_are_stairs_with_dots_as_long_as_there_is_room():
+    text = """obsdesign: 1
+name: samples
+system: {time: discrete, period: 0.1, A: [[.9]], C: [[1]], B: [[0.1]]}
+observer: {type: l2, rho: 1, gains: {L1: [-.5], L2: []}}
+simulation: {horizon: HORIZON, x0: [1], w: [sin(t)], points: 50}
+"""
+    gains = {"L1": np.array([[-0.5]]), "L2": np.zeros((0, 1))}
+    for horizon, dots, drawn in (("3", ".", 31), ("30", ".", 43)):
+        run = simulate(loads(text.replace("HORIZON", horizon)), gains, None)
+        first = run_sheet(run).axes[0].lines[0]
+        assert (first.get_drawstyle(), first.get_marker()) == ("steps-post", dots)
+        assert len(first.get_xdata()) == drawn
+        errors = run_sheet(run).axes[1].lines[0]
+        assert errors.get_drawstyle() == "steps-post"
+        assert len(errors.get_xdata()) == len(run.t)
+        assert errors.get_marker() == ("." if len(run.t) <= 120 else "None")

@@ -7,7 +7,7 @@ from support.commands import files, run
 
 from obsdesign.disk import KINDS
 
-pytestmark = pytest.mark.usefixtures("sketched")
+pytestmark = pytest.mark.usefixtures("sketched", "designed_once")
 SPEC = """
 obsdesign: 1
 name: Short

@@ -64,6 +64,7 @@ def test_a_local_guarantee_says_so_in_the_table_the_statement_and_the_proof(tmp_
     assert region in run("verify", "case.gains.json").stdout.splitlines()[-1]
 
 
+@pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_run_in_the_region_of_a_local_guarantee_names_it(tmp_path, family):
     write(tmp_path, LOCAL % (PLANT, FAMILIES[family], 0.2))
@@ -112,6 +113,7 @@ def test_a_bound_that_is_met_by_the_accuracy_of_the_run_says_so():
     assert bound_text(bound("b", 1.0, 2.0, 1e-9)) == "holds: 1 <= 2   b"
 
 
+@pytest.mark.usefixtures("sketched")
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("command", [["simulate", "case.yaml"], ["solve", "case.yaml", "--simulate"]])
 def test_a_proved_bound_that_a_run_breaks_is_a_defect_to_report(tmp_path, monkeypatch, family, command):

@@ -1,5 +1,6 @@
 """Runs in discrete time against a recursion written apart, and against the bounds that are proved of them."""
 
+import json
 import re
 from dataclasses import replace
 from functools import cache
@@ -7,7 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from flint import fmpq
 from scipy.optimize import root
+from support.commands import run as run_command
 from support.running import simulate
 from support.samples import text
 
@@ -287,3 +290,127 @@ def test_equations_give_the_next_sample(estimate):
             xhat = bar + np.array([-0.4, -0.8]) * (bar[0] + 0.2 * u - y)
         else:
             xhat = bar + np.array([-0.4, -0.8]) * (xhat[0] + 0.2 * u - y)
+
+
+def given(text, L1, L2=()):
+    """Run of a spec, with gains of a plant with one output, of which nothing is proved."""
+    gains = {"L1": np.array(L1, float)[:, None], "L2": np.array(L2, float).reshape(-1, 1)}
+    return simulate(loads(f"obsdesign: 1\n{text}"), gains, None)
+
+
+SCALAR = """
+system: {time: discrete, period: 0.1, A: [[A0]], C: [[1]]}
+observer: {type: l2, gains: {L1: [-.5], L2: []}}
+simulation: {horizon: H0, x0: [1], xhat0: [0], points: 5, events: {}}
+"""
+
+
+def test_all_samples_are_kept_and_points_thins_the_figure_alone():
+    run = given(SCALAR.replace("A0", "0.9").replace("H0", "3.05"), [-0.5])
+    assert run.t == pytest.approx(0.1 * np.arange(31))
+    assert run.table()[1].shape == (31, 4)
+    assert run.xi[:, 0] == pytest.approx(0.9 ** np.arange(31), rel=1e-12)
+    assert run.e[:, 0] == pytest.approx(-(0.4 ** np.arange(31)), rel=1e-12)
+    assert np.array_equal(run.t, run.steps.t)
+    assert run.plot().startswith(b"\x89PNG")
+    assert run.summary["z_norm2"] == pytest.approx(np.sqrt(sum(0.16**k for k in range(31))), rel=1e-12)
+    assert run.summary["time"] == 3.0
+
+
+def test_an_error_has_settled_at_the_first_sample_from_which_on_it_is_small():
+    run = given(SCALAR.replace("A0", "0.9").replace("H0", "3"), [-0.5])
+    assert run.summary["settling"]["x1"] == {"t5": 0.4, "t1": pytest.approx(0.6), "peak": 1.0}
+    assert run.summary["settling_time"] == pytest.approx(0.6)
+
+
+def test_an_event_ends_a_run_at_a_sample():
+    text = SCALAR.replace("A0", "1.5").replace("H0", "3").replace("{}", "{large: x1 > 5}")
+    run = given(text, [-0.5])
+    assert (run.status, run.time) == ("stopped", pytest.approx(0.4))
+    assert run.xi[-1, 0] == 1.5**4
+    assert "large" in run.summary["reason"]
+
+
+def test_a_state_that_outgrows_the_doubles_escapes():
+    run = given(SCALAR.replace("A0", "1e20").replace("H0", "3"), [-0.5])
+    assert run.status == "escape"
+    assert np.isfinite(run.table()[1]).all()
+    assert run.xi[-1, 0] == pytest.approx(1e140, rel=1e-9)
+    assert run.time == run.t[-1] == pytest.approx(0.7)
+
+
+def test_a_plant_that_leaves_the_domain_of_its_model_ends_at_the_last_sample_in_it():
+    run = given(
+        """
+system: {time: discrete, period: 0.1, A: [[1]], C: [[1]]}
+nonlinearities: [{f: -sqrt(q), type: {slope: [-10, 0]}, region: {q: [0.01, 9]}, Bf: [.1], Cq: [1]}]
+observer: {type: l2, gains: {L1: [-.5], L2: [0]}}
+simulation: {horizon: 10, x0: [0.04], xhat0: [0.04]}
+""",
+        [-0.5],
+        [0],
+    )
+    x = [0.04, 0.02, 0.02 - 0.1 * np.sqrt(0.02)]  # the next one is below zero
+    assert (run.status, run.time) == ("stall", pytest.approx(0.2))
+    assert run.xi[:, 0] == pytest.approx(x)
+    assert "after t = 0.2: the model has no finite value" in run.summary["reason"]
+    assert run.left[0].time == pytest.approx(0.2)
+
+
+def test_a_run_that_leaves_the_region_is_held_to_its_bounds_before():
+    spec, gains, guarantee = designed("K1", "type: l2, rho: .95")
+    first = replace(spec.nonlinearities[0], region=((fmpq(-1, 2), fmpq(1, 2)),))
+    local = replace(spec, nonlinearities=(first, spec.nonlinearities[1]))
+    started = replace(local, simulation=replace(spec.simulation, x0=np.array([1.0, 0.0, 0.5])))
+    run = simulate(started, gains, guarantee)
+    assert run.left[0].time in run.t
+    assert run.until == run.left[0].time > 0
+    assert run.left[0].time == run.t[np.argmax(np.maximum(np.abs(run.q[:, 0]), np.abs(run.qhat[:, 0])) > 0.5)]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_command_line_solves_simulates_and_compares_in_samples(here):
+    for name, observer in (("one", "type: l2, rho: .95"), ("two", "type: l2, rho: .95, estimate: filtered")):
+        trial = "{horizon: 6, x0: [1, -1, .5], noise: {amplitude: .1}, seed: 2}"
+        (here / f"{name}.yaml").write_text(spec_of("K1", observer, trial).text.replace("K1", name))
+        assert run_command("solve", f"{name}.yaml").exit_code == 0
+    assert run_command("simulate", "two.gains.json").exit_code == 0
+    assert len((here / "two.run.csv").read_text().splitlines()) == STEPS + 2
+    found = run_command("compare", "one.gains.json", "two.gains.json", "--json", "--seeds", "3")
+    assert found.exit_code == 0
+    report = json.loads(found.stdout)
+    quiet, noisy, gains = [], [], loaded(here, "one")
+    for seed in (2, 3, 4):
+        trial = f"{{horizon: 6, x0: [1, -1, .5], noise: {{amplitude: .1}}, seed: {seed}}}"
+        spec = spec_of("K1", "type: l2, rho: .95", trial)
+        noisy.append(simulate(spec, gains, None).e)
+        quiet.append(simulate(replace(spec, simulation=replace(spec.simulation, noise=None)), gains, None).e)
+    late = 0.1 * np.arange(STEPS + 1) >= 1
+    rms = [np.sqrt(np.mean((a - b)[late] ** 2, axis=0)) for a, b in zip(noisy, quiet, strict=True)]
+    states = report["observers"][0]["states"]
+    assert [states[name]["noise_rms"] for name in ("x1", "x2", "x3")] == pytest.approx(np.mean(rms, axis=0), rel=1e-9)
+    assert report["observers"][0]["states"]["x1"]["floor"] == pytest.approx(
+        np.sqrt(np.mean(quiet[0][late, 0] ** 2)), rel=1e-9
+    )
+    assert report["notes"] == []
+
+
+def loaded(here, name):
+    """Gains of a file."""
+    observer = json.loads((here / f"{name}.gains.json").read_text())["observer"]
+    return {name: np.array(observer[name], float).reshape(-1, 1) for name in ("L1", "L2")}
+
+
+def test_a_plant_in_samples_and_one_in_continuous_time_are_not_compared(here):
+    trial = "{horizon: 6, x0: [1, -1, .5]}"
+    text = spec_of("K1", "type: l2, rho: .95", trial).text
+    (here / "one.yaml").write_text(text)
+    (here / "two.yaml").write_text(text.replace("period: 0.1", "period: 0.2"))
+    found = run_command("compare", "one.yaml", "two.yaml")
+    assert found.exit_code == 2
+    assert "time is discrete, with samples 0.2 s apart, but discrete, with samples 0.1 s apart" in found.output

@@ -18,7 +18,7 @@ NOISE = ", noise: {type: uniform, amplitude: [0.02], period: 0.02}"
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
+def _folder(tmp_path, monkeypatch, sketched):  # noqa: ARG001
     monkeypatch.chdir(tmp_path)
 
 

@@ -21,7 +21,7 @@ nonlinearities: [{f: 0.5*sin(q), type: {lipschitz: 0.5}, Bf: [0, 1], Cq: [1, 0]}
 observer: {type: sporadic, T1: 0.1, T2: 0.2, decay: 0.05, delta: {min: 1, max: 8, points: 5}, bounds: {L: 10}}
 """
 GIVEN = OSCILLATOR.replace("bounds: {L: 10}", "gains: {L: [2.067, -3], H: -1.384}")
-pytestmark = pytest.mark.xdist_group("verify-sporadic")  # its results are solved for once
+pytestmark = [pytest.mark.xdist_group("verify-sporadic"), pytest.mark.usefixtures("designed_once")]
 
 
 @pytest.fixture(scope="module")

@@ -6,19 +6,20 @@ of f, follows
     e' = (A + L1 C + G F (Cq + L2 C)) e - (B + L1 D + G F (Dq + L2 D)) v - (L1 + G F L2) n,
     G = Bf + L1 Df,    F = (I - K (Dqf + L2 Df))^-1 K,
 
-algebraic loop included. The members are the vertices of the class and points between them; what is said to be the worst
-is so of these.
+algebraic loop included; in discrete time e+ does, the error of the next sample, and what differs is in `modes`. The
+members are the vertices of the class and points between them; what is said to be the worst is so of these.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from math import prod
+from typing import Any
 
 import numpy as np
 
-from obsdesign.dissipation.frequencies import around, largest, response
+from obsdesign.dissipation.modes import EXPONENTIALS, INSIDE, ROUNDING, Modes
 from obsdesign.lmi.formula import Array, Float, block_diagonal, in_floats
 from obsdesign.model.multiplier import Block, Multiplier
 from obsdesign.model.plant import Plant
@@ -28,10 +29,6 @@ ROTATIONS = 6  # of a matrix on the edge of a ball of matrices, and as many of t
 STEEP = (1.0, 1e2, 1e4, 1e6)  # slopes that are tried, above the least, where there is no upper bound
 STEPS = 60
 FARTHEST = 1e3  # largest step of the exact discretisation that is tried, relative to that of Runge-Kutta
-ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
-ROUNDING = 1e-14  # of a pole, relative to the largest
-INSIDE = 1e-9  # relative; a pole is stable if its real part is below that
-SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
 DIRECTIONS = 100  # of z in which its peak is sought
 AT_ONCE = 512  # of the samples, so that what is computed of them stays near the processor
 STARTS = 8  # members from which extreme ones are sought, in as many steps as
@@ -47,15 +44,23 @@ class Errors:
     H: Array  # (nz, n)
     L1: Array
     L2: Array
+    modes: Modes = field(default=EXPONENTIALS, kw_only=True)
+    channels: tuple[Array, Array] | None = field(default=None, kw_only=True)  # of v: those at k, those at k + 1
 
     @classmethod
     def of(
-        cls, plant: Plant[Array], multiplier: Multiplier, H: Array, L1: Array | None = None, L2: Array | None = None
+        cls,
+        plant: Plant[Array],
+        multiplier: Multiplier,
+        H: Array,
+        L1: Array | None = None,
+        L2: Array | None = None,
+        **time: Any,
     ) -> "Errors":
-        """Of a plant and z = H e; without a gain it is zero."""
+        """Of a plant and z = H e; without a gain it is zero. `time`: `modes` and `channels`, if not the usual ones."""
         p = plant.doubles
         L1, L2 = (np.zeros(C.shape) if L is None else in_floats(L) for L, C in ((L1, p.C.T), (L2, p.Cq @ p.C.T)))
-        return cls(p, multiplier, in_floats(H), L1, L2)
+        return cls(p, multiplier, in_floats(H), L1, L2, **time)
 
     @property
     def gap(self) -> float | None:
@@ -84,6 +89,11 @@ class Errors:
         extreme = (K for start in sampled[:STARTS] for K in self.extremes(start)) if self.balls else ()
         found = (self.looped(K) for K in (*sampled, *extreme))
         return [F for F in found if F is not None]
+
+    @cached_property
+    def distinct(self) -> list[Array]:
+        """F of the members, each once: vertices and what is sought from them are often the same."""
+        return list({F.tobytes(): F for F in self.through}.values())
 
     def looped(self, K: Array) -> Array | None:
         """F of a member; None where the algebraic loop has no one solution."""
@@ -128,7 +138,7 @@ class Errors:
 
     @cached_property
     def systems(self) -> list[tuple[Array, Array, Array]]:
-        """A, the input matrix of v and that of n, of each member."""
+        """A, the input matrix of v and that of n, of each member that is distinct."""
         p, L1, L2 = self.plant, self.L1, self.L2
         G = p.Bf + L1 @ p.Df
         return [
@@ -137,7 +147,7 @@ class Errors:
                 -(p.B + L1 @ p.D + G @ F @ (p.Dq + L2 @ p.D)),
                 -(L1 + G @ F @ L2),
             )
-            for F in self.through
+            for F in self.distinct
         ]
 
     @cached_property
@@ -147,15 +157,12 @@ class Errors:
 
     @property
     def worst_pole(self) -> list[float] | None:
-        """The slowest pole [re, im] in 1/s; None where slopes are not bounded."""
-        if not self.bounded:
-            return None
-        worst = max(self.poles.ravel().tolist(), key=lambda s: (complex(s).real, abs(complex(s).imag)))
-        return [complex(worst).real, abs(complex(worst).imag)]
+        """The slowest pole [re, im] in 1/s, or of samples; None where slopes are not bounded."""
+        return self.modes.slowest(self.poles.ravel()) if self.bounded else None
 
     @property
     def explicit_step(self) -> dict[str, float | None]:
-        """Largest step in s with which Euler and Runge-Kutta 4 are stable."""
+        """Largest step in s with which Euler and Runge-Kutta 4 are stable; samples leave no step to choose."""
         return explicit_steps(self.poles) if self.bounded else {"euler": None, "rk4": None}
 
     @property
@@ -168,10 +175,10 @@ class Errors:
         """Largest step of the discretisation that holds f and is exact otherwise; None: any, as far as was tried."""
         from scipy.linalg import expm
 
-        if not stable(self.poles):
+        if not self.modes.stable(self.poles):
             return None
         p, n = self.plant, self.plant.n
-        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.through]
+        forced = [(p.Bf + self.L1 @ p.Df) @ F @ (p.Cq + self.L2 @ p.C) for F in self.distinct]
         if unit is None or not np.any(forced):
             return None
         generator = np.block([[p.A + self.L1 @ p.C, np.eye(n)], [np.zeros((n, 2 * n))]])
@@ -197,41 +204,49 @@ class Errors:
 
     def noise_gain(self) -> dict[str, float]:
         """Largest gain over frequency from n to each estimate; empty where a pole is not stable."""
-        if not stable(self.poles):
+        if not self.modes.stable(self.poles):
             return {}
-
-        def gains(A: Array, N: Array) -> Array:
-            return largest(lambda omega: np.linalg.norm(response(A, N, omega), axis=2), around(A))
-
-        found = np.max([gains(A, N) for A, _, N in self.systems], axis=0).tolist()
+        found = np.max([self.modes.amplitudes(A, N) for A, _, N in self.systems], axis=0).tolist()
         return dict(zip(self.plant.states, found, strict=False))
 
     def energy_gain(self) -> float | None:
         """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""
-        if not self.bounded or not stable(self.poles):
+        if not self.bounded or not self.modes.stable(self.poles):
             return None
-
-        def gain(A: Array, B: Array) -> float:
-            def sizes(omega: Array) -> Array:
-                return np.asarray(np.linalg.norm(self.H @ response(A, B, omega), 2, axis=(1, 2)))[:, None]
-
-            return float(largest(sizes, around(A)).item())
-
-        return max((gain(A, B) for A, B, _ in self.systems), default=0.0)
+        return max((self.modes.gain(A, B, self.H) for A, B, _ in self.systems), default=0.0)
 
     def peak_gain(self) -> float | None:
-        """Integral of the norm of the impulse response from v to z; None as in `energy_gain`."""
-        return self.least_peak() if self.bounded and stable(self.poles) else None
+        """Integral of the norm of the impulse response from v to z, or its sum; None as in `energy_gain`."""
+        return self.least_peak() if self.bounded and self.modes.stable(self.poles) else None
 
     def least_peak(self) -> float | None:
-        """The same of the members that were tried and are stable, which bounds it from below; None if there is none."""
+        """The same of the members that were tried and are stable, which bounds it from below; None if there is none.
+
+        Of the vectors z it is the largest over directions u of that of |u' h|: the inputs with |v| <= 1 that are
+        aligned with it attain it, and it is no more than the gain from sup|v| to sup|z|.
+        """
         with np.errstate(all="ignore"):
             found = [
-                float(area(A, B, self.H))
+                largest_area(*self.impulse(A, B))
                 for (A, B, _), poles in zip(self.systems, self.poles, strict=True)
-                if (poles.real < -ROUNDING * np.abs(poles).max(initial=0.0)).all()
+                if self.modes.decay(poles, ROUNDING).all()
             ]
         return max((peak for peak in found if np.isfinite(peak)), default=None)
+
+    def impulse(self, A: Array, B: Array) -> tuple[Array, Array]:
+        """Response of z to an impulse of each v itself, where some of v is taken at k and some at the next sample.
+
+        What v does at k is seen a sample later than what v does at k + 1.
+        """
+        h, widths = self.modes.impulse(A, B, self.H)
+        if self.channels is None:
+            return h, widths
+        now, late = self.channels
+        soon, h = h[: now.sum()], h[now.sum() :]
+        found = np.zeros((len(now), *h.shape[1:]))
+        found[now, :, 1:] = np.concatenate([soon[..., :-2], soon[..., -2:].sum(axis=-1, keepdims=True)], axis=-1)
+        found[late] += h
+        return found, widths
 
 
 def members(multiplier: Multiplier) -> list[Array]:
@@ -273,14 +288,9 @@ def ball_of(block: Block) -> tuple[Array, Array, Array] | None:
     return center, S, np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
 
 
-def stable(poles: Array) -> bool:
-    """Whether all poles of some matrices have negative real parts."""
-    return bool((poles.real < -INSIDE * np.abs(poles).max(initial=0.0)).all())
-
-
 def explicit_steps(poles: Array) -> dict[str, float | None]:
     """Largest steps of Euler and Runge-Kutta 4 on the poles that are stable; zero if none is, None without a pole."""
-    found = poles[poles.real < -INSIDE * np.abs(poles).max(initial=0.0)]
+    found = poles[EXPONENTIALS.decay(poles)]
     if not found.size:
         return dict.fromkeys(("euler", "rk4"), 0.0 if poles.size else None)
     euler = -2 * found.real / np.abs(found) ** 2
@@ -291,33 +301,17 @@ def explicit_steps(poles: Array) -> dict[str, float | None]:
     return {"euler": float(euler.min()), "rk4": float(rk4.min())}
 
 
-def area(A: Array, B: Array, H: Array) -> float:
-    """Largest integral over t of |u' H exp(A t) B| for |u| = 1, over directions u, by the trapezoidal rule.
-
-    The inputs with |v| <= 1 that are aligned with it attain it: it is no more than the gain from sup|v| to sup|z|.
-    Not a number where the modes of A are too close to each other to be told apart.
-    """
-    values, V = np.linalg.eig(A)
-    if np.linalg.cond(V) > 1 / ILL:
-        return np.nan
-    ends = 25 / np.abs(values.real)
-    counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
-    dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]
-    t = np.unique(np.concatenate([*dense, ends.max() * np.geomspace(1e-9, 1, SAMPLES)]))
-    residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
-    return largest_area((residues @ np.exp(values[:, None] * t)).real, t)
-
-
-def largest_area(h: Array, t: Array) -> float:
-    """Largest integral over t of |u' h| for |u| = 1, over directions u; h: (nv, nz, nt)."""
+def largest_area(h: Array, widths: Array) -> float:
+    """Largest integral over time of |u' h| for |u| = 1, over directions u; h: (nv, nz, nt), widths: (nt,)."""
     if not h.size:
         return 0.0
-    widths = np.diff(t, prepend=t[0]) / 2 + np.diff(t, append=t[-1]) / 2
     moment = ((h * widths) @ h.transpose(0, 2, 1)).sum(axis=0)
+    if not np.isfinite(moment).all():
+        return np.nan
     random = np.random.default_rng(0).normal(size=(DIRECTIONS, h.shape[1]))
     directions = np.concatenate([np.linalg.eigh(moment)[1].T, np.eye(h.shape[1]), random])
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     directions, areas = directions if h.shape[1] > 1 else np.eye(1), np.zeros(1)
-    for part in (slice(first, first + AT_ONCE) for first in range(0, len(t), AT_ONCE)):
+    for part in (slice(first, first + AT_ONCE) for first in range(0, len(widths), AT_ONCE)):
         areas = areas + np.sqrt(((directions @ h[:, :, part]) ** 2).sum(axis=0)) @ widths[part]
     return float(areas.max())

@@ -11,16 +11,17 @@ from obsdesign.lmi.formula import Array
 def figures(errors: Errors, P: Array | None) -> dict[str, Any]:
     """Poles, the fastest of them, the largest step of a fixed-step observer, noise gains, condition of P.
 
-    Returns `poles` of A + L1 C, which leaves f out, as [real, imaginary] in 1/s, the slowest first; `fastest` of these
-    in 1/s; `largest_step` in s of the classical Runge-Kutta method, for every frozen member; `noise_gain` from
-    measurement noise to each estimate, of the worst member (largest singular value over frequency; empty where a pole
-    is not stable); `condition_P`.
+    Returns `poles` of A + L1 C, which leaves f out, as [real, imaginary], the slowest first: in 1/s, or of samples;
+    in continuous time `fastest` of these in 1/s and `largest_step` in s of the classical Runge-Kutta method, for every
+    frozen member, whereas samples leave no step to choose; `noise_gain` from measurement noise to each estimate, of the
+    worst member (largest singular value over frequency; empty where a pole is not stable); `condition_P`.
     """
     A = errors.plant.A + errors.L1 @ errors.plant.C
-    poles = sorted(np.linalg.eigvals(A), key=lambda p: (-p.real, p.imag))
+    poles = np.linalg.eigvals(A)
+    poles = poles[np.lexsort((poles.imag, errors.modes.rates(poles)))]
     found: dict[str, Any] = {"poles": [[float(p.real), float(p.imag)] for p in poles]}
-    found["fastest"] = float(max(map(abs, poles)))
-    found["largest_step"] = errors.explicit_step["rk4"]
+    if not errors.modes.sampled:
+        found |= {"fastest": float(np.abs(poles).max()), "largest_step": errors.explicit_step["rk4"]}
     found["noise_gain"] = errors.noise_gain()
     if P is not None:
         found["condition_P"] = float(np.linalg.cond(P))

@@ -1,24 +1,30 @@
-"""Responses of linear systems over frequency, and the largest of what is made of them, in doubles."""
+"""Frequencies at which responses of linear systems can be large, and the largest of what is made of them."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from obsdesign.lmi.formula import Array, identity
+from obsdesign.lmi.formula import Array
 
 COUNT = 120
 RESONANCE = np.linspace(-2, 2, 17)  # about the frequency of a pole, in units of its decay
 FINER = 9  # frequencies about a largest gain, in as many rounds as
 REFINEMENTS = 4
+LEAST = np.finfo(float).tiny
 
 
-def around(A: Array) -> Array:
-    """Frequencies in rad/s around the poles of a matrix, and zero."""
-    poles = np.linalg.eigvals(A)
+def around(poles: Array) -> Array:
+    """Frequencies in rad/s around poles, and zero."""
     sizes = np.abs(poles[poles != 0]) if (poles != 0).any() else np.ones(1)
     grid = np.geomspace(sizes.min() / 100, sizes.max() * 100, COUNT)
     near = (np.abs(poles.imag) + RESONANCE[:, None] * np.abs(poles.real)).ravel()
     return np.unique(np.concatenate([[0.0], grid, sizes, near[near > 0]]))
+
+
+def angles(poles: Array) -> Array:
+    """Frequencies from 0 to pi in rad a sample, around those of poles z = exp(s), and all over."""
+    within = around(np.log(np.maximum(np.abs(poles), LEAST)) + 1j * np.angle(poles))
+    return np.unique(np.concatenate([np.linspace(0, np.pi, COUNT), within[within < np.pi]]))
 
 
 def largest(sizes: Callable[[Array], Array], grid: Array) -> Array:
@@ -32,9 +38,3 @@ def largest(sizes: Callable[[Array], Array], grid: Array) -> Array:
         values = sizes(grid)
         found = np.maximum(found, values.max(axis=0))
     return np.asarray(found)
-
-
-def response(A: Array, B: Array, omega: Array) -> Array:
-    """Responses (i omega I - A)^-1 B at some frequencies, (m, n, nu)."""
-    s = 1j * omega[:, None, None]
-    return np.asarray(np.linalg.solve(s * identity(len(A), A) - A, np.broadcast_to(B, (len(omega), *B.shape))))

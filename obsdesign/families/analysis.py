@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.dissipation.analysis import Errors
+from obsdesign.dissipation.modes import modes
 from obsdesign.families.guarantee import Guarantee
+from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
 
@@ -16,19 +18,25 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
     """Worst pole, largest steps, and gains with and without the observer.
 
     `errors`: of the observer as it runs. Where it runs so between measurements only, its poles say nothing of the
-    error, and its steps are told up to the longest time between these. `peak_gain` is that from sup|v| to sup|z|: at
-    least that of the worst frozen member, at most what the guarantee says.
+    error, and its steps are told up to the longest time between these; samples leave no step to choose. `peak_gain` is
+    that from sup|v| to sup|z|: at least that of the worst frozen member, at most what the guarantee says.
     """
-    step, gap = errors.largest_step, errors.gap
-    if gap is not None:
-        step = {name: None if h is None else min(h, gap) for name, h in step.items()}
+    gap = errors.gap
     steps: dict[str, Any] = {"worst_pole": errors.worst_pole} if gap is None else {}
-    most = guarantee.peak(spec.H) if guarantee else None
-    steps |= {"largest_step": step, "peak_gain": {"least": errors.least_peak(), "most": most}}
-    unaided = Errors.of(spec.posed, spec.multiplier, spec.H)
+    if not errors.modes.sampled:
+        most = math.inf if gap is None else gap
+        steps["largest_step"] = {name: h and min(h, most) for name, h in errors.largest_step.items()}
+    steps["peak_gain"] = {"least": errors.least_peak(), "most": most_peak(spec, guarantee)}
+    unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
     return {name: finite(value) for name, value in found.items()}
+
+
+def most_peak(spec: Spec, guarantee: Guarantee | None) -> float | None:
+    """What a guarantee says of sup|z| for sup|v| = 1, of v itself where estimates are filtered; None: nothing."""
+    most = guarantee.peak(spec.H) if guarantee else None
+    return most and most * math.sqrt(gain_of(spec.augmented, peaks=True) if spec.observer.filtered else 1)
 
 
 def finite(value: Any) -> Any:

@@ -59,7 +59,7 @@ def detectability(plant: Plant[Float], K: Array, edge: Edge, pace: Pace) -> list
         finding(
             "detectability",
             False,
-            mode.sentence + frozen_at(K),
+            mode.sentence + outside(edge, pace) + frozen_at(K),
             decides=True,
             eigenvalue=complex_pair(mode.eigenvalue),
             id="OBS601",
@@ -77,10 +77,19 @@ def detectability(plant: Plant[Float], K: Array, edge: Edge, pace: Pace) -> list
     if isfinite(limit):
         hidden = "grows" if limit < 0 else "does not decay"
         none = f"no {pace.some} can be had: a mode that no output shows {hidden}{frozen_at(K)}"
-        said = f"detectability limits {key} to {pace.told(limit) + 0.0:g}{frozen_at(K)}" if limit > 0 else none
+        least = " at least" if pace.sampled else ""
+        said = f"detectability limits {key} to{least} {pace.told(limit) + 0.0:g}{frozen_at(K)}" if limit > 0 else none
         allowed = limit > edge.rate or (edge.weak and limit >= edge.rate)
         found.append(finding("decay", allowed, said, decides=True, limit=pace.told(limit), id="OBS602"))
     return found
+
+
+def outside(edge: Edge, pace: Pace) -> str:
+    """Where a mode of samples must not lie: outside the circle of radius rho, or on it too."""
+    if not pace.sampled:
+        return ""
+    where = "outside" if edge.weak else "not inside"
+    return f", and it is {where} |lambda| = {pace.key} = {float(edge.end):g}"
 
 
 def frozen_at(K: Array) -> str:
@@ -149,7 +158,8 @@ def hidden_mode(plant: Plant[Float], K: Array, edge: Edge, pace: Pace, symbol: s
     return {
         "id": "OBS601",
         "condition": "detectability",
-        "reason": f"{modes[0].sentence}, so no gain makes its error decay at the rate {symbol}{pace.told(edge.rate):g}",
+        "reason": f"{modes[0].sentence}{outside(edge, pace)}, so no gain makes its error decay "
+        f"at the rate {symbol}{pace.told(edge.rate):g}",
         "mode": described(modes[0]),
         "feasible": {pace.bound: pace.told(limit)} if limit > 0 else {},
         "suggestion": pace.necessary(limit) if limit > 0 else f"a measurement that shows it is needed{more}",

@@ -15,7 +15,7 @@ from obsdesign.spec import Spec
 
 Diagnosis = dict[str, Any]  # condition, reason, feasible, suggestion, and data of the condition
 BEST_FOUND = {"kind": "best-found"}  # of a limit: nothing better is known, and nothing says that there is none
-BETTER = {"gamma": -1, "lipschitz": 1, "T2": 1, "alpha": 1, "decay": 1}  # sense of what has a limit
+BETTER = {"gamma": -1, "lipschitz": 1, "T2": 1, "alpha": 1, "decay": 1, "rho": -1}  # sense of what has a limit
 ACCURACY = 1e-4  # of a limit, relative
 
 

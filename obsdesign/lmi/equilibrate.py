@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Problem, Unknown
-from obsdesign.lmi.probe import Block, Program, matrices, probe
+from obsdesign.lmi.probe import Block, Program, matrices, probe, with_one
 
 ROUNDED = 1e-13  # relative size of an entry that the first fit shows to be a rounded zero: the second is without it
 TAME = 20.0  # powers of two within which units are left as they are where no data are known to set better ones
@@ -54,12 +54,14 @@ class Scales:
         return scaled_coordinates(replace(program, blocks=rows), self.s)
 
 
-def scales(problem: Problem) -> Scales:
+def scales(problem: Problem, program: Program | None = None) -> Scales:
     """Scales of a problem: F_k,ij d_i d_j s_k near 1 with s_k = r_a c_b for the entry (a, b) of an unknown.
 
-    A symmetric unknown has c = r. The constant term has no factor.
+    A symmetric unknown has c = r. The constant term has no factor. `program`: the problem, if it was probed.
     """
-    blocks = probe(replace(problem, inequalities=problem.data or problem.inequalities, minimise=None)).blocks
+    if program is None or problem.data:
+        program = probe(replace(problem, inequalities=problem.data or problem.inequalities, minimise=None))
+    blocks = program.blocks
     first = np.cumsum([0, *(block.order for block in blocks)])
     down, across, count = indices(problem.unknowns, first[-1])
     k, i, j, sizes = (np.concatenate(part) for part in zip(*map(entries, blocks, first), strict=False))
@@ -95,6 +97,6 @@ def units(problem: Problem) -> dict[str, Array]:
 
 def scaled_coordinates(program: Program, factors: Array) -> Program:
     """Write z = factors * scaled z."""
-    weights = np.append(1.0, factors)[:, None, None]
-    blocks = tuple(replace(b, terms=b.terms * weights) for b in program.blocks)
+    weights = with_one(factors)[:, None, None]
+    blocks = tuple(Block(b.name, b.terms * weights, b.strict) for b in program.blocks)
     return replace(program, cost=program.cost * factors, blocks=blocks)

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from functools import cached_property, reduce
+from functools import cache, reduce
 from operator import add
 from typing import Any, TypeVar, cast
 
@@ -27,6 +27,14 @@ T = TypeVar("T")
 CANCELLED = 1e-13  # of the terms of a sum of doubles: what is left of them where they cancel
 
 
+@cache
+def positions(shape: tuple[int, int], *, symmetric: bool) -> tuple[Array, Array]:
+    """Row and column index of each coordinate of a matrix."""
+    if symmetric:
+        return np.triu_indices(shape[0])
+    return np.divmod(np.arange(shape[0] * shape[1]), shape[1])
+
+
 @dataclass(frozen=True)
 class Unknown:
     """A matrix that the solver finds. Its coordinates are its entries (row by row; the upper triangle if symmetric)."""
@@ -35,12 +43,10 @@ class Unknown:
     shape: tuple[int, int]
     symmetric: bool = False
 
-    @cached_property
+    @property
     def positions(self) -> tuple[Array, Array]:
         """Row and column index of each coordinate."""
-        if self.symmetric:
-            return np.triu_indices(self.shape[0])
-        return np.divmod(np.arange(self.shape[0] * self.shape[1]), self.shape[1])
+        return positions(self.shape, symmetric=self.symmetric)
 
     @property
     def size(self) -> int:

@@ -1,14 +1,16 @@
 """First reading of a formula: one batched evaluation gives the affine map that the solver sees."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 
 from obsdesign.errors import UndecidedError
-from obsdesign.lmi.formula import Array, Problem, Unknown, Values
+from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values
 
 MOST = 2**13  # scalar unknowns: the points at which a formula is evaluated take 0.5 GiB then, and its values some more
+TOGETHER = 2**20  # entries of values of a formula up to which they are looked at together
 FAR = 2.0**20  # coordinates at which a formula is evaluated: its constant part is nothing beside its terms there
 
 
@@ -27,8 +29,8 @@ class Block:
 
     def at(self, x: Array) -> Array:
         """Value at a point x (N,)."""
-        value: Array = np.tensordot(np.append(1.0, x), self.terms, axes=1)
-        return value
+        order = self.order
+        return np.asarray(np.dot(with_one(x)[None], self.terms.reshape(len(x) + 1, -1)).reshape(order, order))
 
     def over(self, S: Array) -> "Block":
         """Same block over z, where (1, x) = S (1, z)."""
@@ -57,6 +59,18 @@ class Program:
     blocks: tuple[Block, ...]
 
 
+def with_one(x: Array) -> Array:
+    """Weights (1, x) of the terms of a block."""
+    weights = np.ones(len(x) + 1)
+    weights[1:] = x
+    return weights
+
+
+def split(whole: Array, ends: Iterable[int]) -> list[Array]:
+    """Parts of a vector, each up to its end."""
+    return [whole[start:end] for start, end in pairwise((0, *ends))]
+
+
 def coordinates(unknowns: Sequence[Unknown], values: Values) -> Array:
     """Stack the coordinates (..., N) of all unknowns."""
     return np.concatenate([u.pack(values[u.name]) for u in unknowns], axis=-1)
@@ -80,25 +94,37 @@ def probe(problem: Problem) -> Program:
         raise UndecidedError(said, id="OBS908")
     witness = np.random.default_rng(0).standard_normal(size)
     points = matrices(problem.unknowns, np.vstack([np.zeros(size), FAR * np.eye(size), witness]))
-    blocks = []
     with np.errstate(over="ignore", invalid="ignore"):
         inequalities = problem.inequalities(points)
-    for inequality in inequalities:
-        if not np.isfinite(inequality.matrix).all():
-            raise UndecidedError(
-                f"the numbers in {inequality.name!r} are too large for doubles: choose other units", id="OBS508"
-            )
-        value = np.broadcast_to(inequality.matrix, (size + 2, *inequality.matrix.shape[-2:]))
-        terms = (value[:-1] - value[0]) / FAR
-        terms[0] = value[0]
-        block = Block(inequality.name, terms, inequality.strict)
-        expected, found = block.at(witness), value[-1]
-        scale = np.abs(expected).max(initial=0) + np.abs(found).max(initial=0)
-        if np.abs(expected - found).max(initial=0) > 1e-9 * scale:
-            raise ArithmeticError(f"the inequality {inequality.name!r} is not affine in its unknowns")
-        blocks.append(block)
+    entries = (size + 2) * sum(inequality.matrix.shape[-1] ** 2 for inequality in inequalities)
+    groups = [inequalities] if entries < TOGETHER else [[inequality] for inequality in inequalities]
+    blocks = tuple(block for group in groups for block in affine(group, witness))
     cost, constant = np.zeros(size), 0.0
     if problem.minimise:
         objective = np.broadcast_to(problem.minimise(points), (size + 2, 1, 1))[:, 0, 0]
         cost, constant = (objective[1:-1] - objective[0]) / FAR, float(objective[0])
-    return Program(cost, constant, tuple(blocks))
+    return Program(cost, constant, blocks)
+
+
+def affine(inequalities: Sequence[Inequality], witness: Array) -> Iterator[Block]:
+    """Terms of inequalities from their values at zero, far out along every basis element, and at a random point.
+
+    Raises as `probe`.
+    """
+    count, orders = len(witness) + 2, [inequality.matrix.shape[-1] for inequality in inequalities]
+    flat = [np.broadcast_to(i.matrix, (count, *i.matrix.shape[-2:])).reshape(count, -1) for i in inequalities]
+    values = np.concatenate(flat, axis=1) if len(flat) > 1 else flat[0] if flat else np.zeros((count, 0))
+    edges = [0, *accumulate(order * order for order in orders)]
+    finite = np.asarray(np.isfinite(values).all(axis=0))
+    if not finite.all():
+        name = next(i.name for i, (a, b) in zip(inequalities, pairwise(edges), strict=True) if not finite[a:b].all())
+        raise UndecidedError(f"the numbers in {name!r} are too large for doubles: choose other units", id="OBS508")
+    terms = (values[:-1] - values[0]) / FAR
+    terms[0] = values[0]
+    expected, found = with_one(witness) @ terms, values[-1]
+    sizes, off = np.abs(np.stack([expected, found])), np.abs(expected - found)
+    for inequality, order, (a, b) in zip(inequalities, orders, pairwise(edges), strict=True):
+        if off[a:b].max(initial=0) > 1e-9 * sizes[:, a:b].max(axis=1, initial=0).sum():
+            raise ArithmeticError(f"the inequality {inequality.name!r} is not affine in its unknowns")
+        own = np.ascontiguousarray(terms[:, a:b]).reshape(len(terms), order, order)
+        yield Block(inequality.name, own, inequality.strict)

@@ -11,12 +11,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
 from obsdesign.lmi.equilibrate import Scales, scaled_coordinates, scales
 from obsdesign.lmi.formula import Array, Injection, Problem, Unknown
-from obsdesign.lmi.probe import Block, Program, probe
+from obsdesign.lmi.probe import Block, Program, probe, split, with_one
 
 SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
 ZERO = 1e-13  # relative size below which an entry is a rounded zero
@@ -56,7 +57,8 @@ def reduce(problem: Problem, program: Program | None = None, scaling: Scales | N
 
     What is known already, the probed program or the scales, is not made again.
     """
-    program, scaling = program or probe(problem), scaling or scales(problem)
+    program = program or probe(problem)
+    scaling = scaling or scales(problem, program)
     size, unknowns, injection = len(program.cost), problem.unknowns, problem.injection
     reduced = eliminate(Reduced(scaling.of(program), np.arange(size), np.zeros(size), np.diag(scaling.s), scaling))
     if injection and not reduced.contradiction:
@@ -205,17 +207,17 @@ def balanced(program: Program, rows: list[Array], factors: Array) -> tuple[Progr
 
 def balancing(program: Program, sweeps: int = 3) -> tuple[list[Array], Array]:
     """Powers of two for the rows of each block and for the coordinates that take all entries near 1."""
-    ends = np.cumsum([block.order for block in program.blocks])[:-1]
+    ends = list(accumulate(block.order for block in program.blocks))
     sizes = [np.abs(block.terms) for block in program.blocks]
-    rows, factors = np.ones(sum(block.order for block in program.blocks)), np.ones(len(program.cost))
+    rows, factors = np.ones(ends[-1] if ends else 0), np.ones(len(program.cost))
     for _ in range(sweeps):
         d = 1 / power_of_two(np.sqrt(np.concatenate([size.max(axis=(0, 2)) for size in sizes])))
-        sizes = [size * (part[:, None] * part) for size, part in zip(sizes, np.split(d, ends), strict=True)]
+        sizes = [size * (part[:, None] * part) for size, part in zip(sizes, split(d, ends), strict=True)]
         step = 1 / power_of_two(np.max([size[1:].max(axis=(1, 2)) for size in sizes], axis=0))
-        weights = np.append(1.0, step)[:, None, None]
+        weights = with_one(step)[:, None, None]
         sizes = [size * weights for size in sizes]
         rows, factors = rows * d, factors * step
-    return np.split(rows, ends), factors
+    return split(rows, ends), factors
 
 
 def diagonal(program: Program, z: Array) -> tuple[Program, Array]:
@@ -244,18 +246,24 @@ def dense(program: Program, z: Array) -> tuple[Program, Array]:
 
 def slack(block: Block, z: Array) -> Array:
     """Sizes of the diagonal of -F(z), at least `SLACK` times those of its terms."""
-    terms = np.abs(np.append(1.0, z)) @ np.abs(block.terms.diagonal(axis1=1, axis2=2))
-    size = np.maximum(np.abs(np.diag(block.at(z))), SLACK * terms)
+    return slack_at(block, z, block.at(z))
+
+
+def slack_at(block: Block, z: Array, value: Array) -> Array:
+    """Slack at a point where the value of the block is known."""
+    terms = np.abs(with_one(z)) @ np.abs(block.terms.diagonal(axis1=1, axis2=2))
+    size = np.maximum(np.abs(value.diagonal()), SLACK * terms)
     return np.asarray(np.maximum(size, 1e-12 * size.max(initial=0) + TINY))
 
 
 def whitening(block: Block, z: Array) -> Array:
     """N with N'(-F(z))N = I, but for eigenvalues below `SLACK`, relative to the diagonal and to the largest."""
-    d = 1 / np.sqrt(slack(block, z))
-    values, vectors = np.linalg.eigh(-block.at(z) * np.outer(d, d))
+    value = block.at(z)
+    d = 1 / np.sqrt(slack_at(block, z, value))
+    values, vectors = np.linalg.eigh(-value * (d[:, None] * d))
     return np.asarray(d[:, None] * vectors / np.sqrt(np.maximum(values, SLACK * max(values[-1], SLACK))))
 
 
 def power_of_two(x: Array) -> Array:
     """Nearest power of two; 1 for zero."""
-    return np.asarray(np.exp2(np.round(np.log2(np.where(x > 0, x, 1.0)))))
+    return np.asarray(np.exp2(np.rint(np.log2(np.where(x > 0, x, 1.0)))))

@@ -4,13 +4,14 @@ import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from functools import cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.lmi.formula import Array
-from obsdesign.lmi.probe import Block, Program
+from obsdesign.lmi.probe import Block, Program, split
 
 
 class Ending(StrEnum):
@@ -64,6 +65,12 @@ def columns(dense: Array) -> Columns:
 
 
 @cache
+def no_columns(size: int) -> Columns:
+    """Square matrix of zeros."""
+    return columns(np.zeros((size, size)))
+
+
+@cache
 def triangle_of(order: int) -> tuple[Array, Array, Array]:
     """Columns, rows and weights of the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
     column, row = np.tril_indices(order)
@@ -98,6 +105,21 @@ def with_clarabel(program: Program) -> Solved:
     return again if again.ending is Ending.SOLVED else found
 
 
+@cache
+def settings_of(*, chordal: bool, refined: bool) -> Any:
+    """Settings of Clarabel."""
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False
+    settings.chordal_decomposition_enable = chordal
+    settings.iterative_refinement_enable = refined
+    settings.max_iter = 100
+    return settings
+
+
 def clarabel_once(program: Program, *, chordal: bool, refined: bool = True) -> Solved:
     """One call."""
     import scipy.linalg  # noqa: F401  # which clarabel does else within Rust, where an interrupt would be a panic
@@ -109,18 +131,11 @@ def clarabel_once(program: Program, *, chordal: bool, refined: bool = True) -> S
     cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
     cones += [clarabel.PSDTriangleConeT(b.order) for b in blocks[scalars:]]
     rows = np.concatenate([triangle(b) for b in blocks])
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.chordal_decomposition_enable = chordal
-    settings.iterative_refinement_enable = refined
-    size = len(program.cost)
-    settings.max_iter = 100
-    P = columns(np.zeros((size, size)))
+    settings = settings_of(chordal=chordal, refined=refined)
+    P = no_columns(len(program.cost))
     solution = clarabel.DefaultSolver(P, program.cost, columns(rows[:, 1:]), -rows[:, 0], cones, settings).solve()
-    edges = np.cumsum([b.order * (b.order + 1) // 2 for b in blocks])[:-1]
-    parts = zip(order, blocks, np.split(np.array(solution.z), edges), strict=True)
+    ends = accumulate(b.order * (b.order + 1) // 2 for b in blocks)
+    parts = zip(order, blocks, split(np.array(solution.z), ends), strict=True)
     duals = {k: from_triangle(part, block.order) for k, block, part in parts}
     ending = CLARABEL.get(str(solution.status), Ending.STALLED)
     return Solved(ending, np.array(solution.x), tuple(duals[k] for k in range(len(blocks))))

@@ -39,4 +39,4 @@ def search_figure(result: Mapping[str, Any], spec: Spec | None = None, form: For
     if any("weight" in point for point in points):
         draw = surface_figure if "parameters" in search else front_figure
         return draw(points, claimed if "lipschitz" in claimed else None, title, **told)
-    return tradeoff_figure(points, claimed if "gamma" in claimed else None, title, **told)
+    return tradeoff_figure(points, claimed if "gamma" in claimed else None, title, x=search["parameter"], **told)

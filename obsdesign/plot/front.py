@@ -10,7 +10,7 @@ import numpy as np
 from obsdesign.lmi.formula import Array
 from obsdesign.plot.axis import highest, log_axis, mark_beyond, mark_refused, mark_shipped
 from obsdesign.plot.canvas import COLORS, drawn, legend_below, new_figure
-from obsdesign.plot.traded import NAMES, pace_key, short
+from obsdesign.plot.traded import NAMES, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,9 +81,9 @@ class Front:
     @classmethod
     def of(cls, points: Sequence[Mapping[str, Any]]) -> "Front":
         """Tell which parameter varies, and sort by it."""
-        key = pace_key(points)
-        weights, decays = ({p.get(name) for p in points} for name in ("weight", key))
-        parameter = key if len(decays) > len(weights) else "weight"
+        key = pace(points)
+        weights, rates = ({p.get(name) for p in points} for name in ("weight", key))
+        parameter = key if len(rates) > len(weights) else "weight"
         return cls(parameter, sorted(points, key=lambda p: float(p[parameter])))
 
     @property
@@ -108,6 +108,11 @@ class Front:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], hidden, [False]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             yield float(halves[begin]), float(halves[end])
+
+
+def pace(points: Sequence[Mapping[str, Any]]) -> str:
+    """Key of what is said of the decay: in 1/s, or rho of samples."""
+    return "rho" if any("rho" in point for point in points) else "decay"
 
 
 def column(points: Sequence[Mapping[str, Any]], key: str) -> Array:
@@ -218,7 +223,7 @@ def gain_axis(axes: "Axes", drawn: Sequence[tuple[Array, Array, str]]) -> None:
 
 def heading(front: Front, title: str) -> str:
     """Title, with what is the same for all points in its last line."""
-    other = pace_key(front.points) if front.parameter == "weight" else "weight"
+    other = pace(front.points) if front.parameter == "weight" else "weight"
     same = {p.get(other) for p in front.points}
     value = same.pop() if len(same) == 1 else None
     name, _, more = title.partition("\n")

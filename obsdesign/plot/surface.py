@@ -18,10 +18,11 @@ from obsdesign.plot.front import (
     column,
     is_arbitrary,
     is_solved,
+    pace,
     shipped_among,
     unattained,
 )
-from obsdesign.plot.traded import NAMES, pace_key, short
+from obsdesign.plot.traded import NAMES, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,24 +69,24 @@ surface_figure = drawn(surface_sheet)
 
 @dataclass(frozen=True)
 class Grid:
-    """Points by decay rate (rows) and weight (columns)."""
+    """Points by decay rate or rho (rows) and weight (columns)."""
 
     points: Sequence[Mapping[str, Any]]
+    key: str  # of the rows
     weights: Array
     decays: Array
-    pace: str  # key of the decays: `decay`, or `rho`
 
     @classmethod
     def of(cls, points: Sequence[Mapping[str, Any]]) -> "Grid":
         """Take all weights and decay rates that occur."""
-        key = pace_key(points)
-        return cls(points, np.unique(column(points, "weight")), np.unique(column(points, key)), key)
+        key = pace(points)
+        return cls(points, key, *(np.unique(column(points, name)) for name in ("weight", key)))
 
     def table(self, values: Array) -> Array:
         """Values of the points as a matrix, NaN where there is no point."""
         at = [
             np.searchsorted(axis, column(self.points, key))
-            for axis, key in ((self.decays, self.pace), (self.weights, "weight"))
+            for axis, key in ((self.decays, self.key), (self.weights, "weight"))
         ]
         table = np.full((len(self.decays), len(self.weights)), np.nan)
         table[*at] = values
@@ -150,7 +151,7 @@ def draw_map(axes: "Axes", grid: Grid, field: Field) -> None:
         )
     axes.figure.colorbar(colors, ax=axes)
     axes.set_title(field.label, loc="left")
-    axes.set(xlabel=NAMES["weight"], ylabel=NAMES[grid.pace])
+    axes.set(xlabel=NAMES["weight"], ylabel=NAMES[grid.key])
 
 
 def tidy(axes: "Axes", labels: Sequence[Any]) -> None:
@@ -191,7 +192,7 @@ def mark_points(axes: "Axes", grid: Grid, key: str, shipped: Mapping[str, Any] |
     put(axes, unbounded, marker="^", color=COLORS[1], label=UNBOUNDED)
     at = shipped_among(grid.points, shipped)
     if at is not None:
-        mark_shipped(axes, at["weight"], at[grid.pace])
+        mark_shipped(axes, at["weight"], at[grid.key])
     if not np.isfinite(grid.table(column(grid.points, key))).all():
         axes.fill([], [], facecolor=BARE, linewidth=0, label="no value")
 
@@ -199,7 +200,7 @@ def mark_points(axes: "Axes", grid: Grid, key: str, shipped: Mapping[str, Any] |
 def put(axes: "Axes", points: Sequence[Mapping[str, Any]], **look: Any) -> None:
     """Marks at the weight and the decay rate of points."""
     if points:
-        x, y = column(points, "weight"), column(points, pace_key(points))
+        x, y = column(points, "weight"), column(points, pace(points))
         axes.plot(x, y, **{"linestyle": "none", "markersize": 5, "clip_on": False, "zorder": 5, **look})
 
 
@@ -221,7 +222,7 @@ def draw_surface(axes: Any, grid: Grid, field: Field) -> None:
         else:
             axes.set(**{f"{which}ticks": values})
     axes.set_zlim(field.levels[0], field.levels[-1])
-    axes.set(xlabel=NAMES["weight"], ylabel=NAMES[grid.pace])
+    axes.set(xlabel=NAMES["weight"], ylabel=NAMES[grid.key])
     axes.zaxis.set_rotate_label(False)
     axes.set_zlabel(short(field.key), rotation=90, labelpad=7)
     axes.view_init(elev=26, azim=-130)

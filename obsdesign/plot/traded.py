@@ -1,7 +1,6 @@
 """What a designer trades: names of the quantities of a search, with units, for the axes of its figure."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from obsdesign.plot.axis import plain
 from obsdesign.spec import Spec
@@ -9,17 +8,17 @@ from obsdesign.spec import Spec
 TITLE = 76  # letters of a line of the title
 NAMES: Mapping[str, str] = {
     "alpha": "decay rate α of the error [1/s]",
+    "rho": "ρ, what a sample leaves of the error",
     "gamma": "γ, gain from the disturbance to the error",
     "omega": "frequency ω of the disturbance [rad/s]",
     "T2": "longest time T2 between measurements [s]",
     "decay": "decay rate of the error [1/s]",
-    "rho": "ρ, what a sample leaves of the error",
     "delta": "δ [1/s]",
     "weight": "weight of 1/lipschitz against γ²",
     "lipschitz": "Lipschitz constant that is tolerated",
     "L": "gain |L|",
 }
-SHORT: Mapping[str, str] = {"alpha": "α", "gamma": "γ", "omega": "ω", "delta": "δ", "rho": "ρ", "L": "|L|"}
+SHORT: Mapping[str, str] = {"alpha": "α", "rho": "ρ", "gamma": "γ", "omega": "ω", "delta": "δ", "L": "|L|"}
 
 
 def names(spec: Spec | None) -> Mapping[str, str]:
@@ -34,11 +33,6 @@ def names(spec: Spec | None) -> Mapping[str, str]:
     ratio = f" [{plain(known[0], 12)} / ({plain(known[1], 12)})]" if len(known) == 2 else ""
     z = plain(", ".join(spec.H_names), 30)
     return {**NAMES, "gamma": f"γ, gain from {plain(drive, 30)} to the error of {z}{ratio}"}
-
-
-def pace_key(points: Sequence[Mapping[str, Any]]) -> str:
-    """Key in which points say how fast an error decays: `decay`, or `rho` of samples."""
-    return "rho" if any("rho" in point for point in points) else "decay"
 
 
 def short(key: str) -> str:

@@ -73,7 +73,7 @@ class Signals(Section):
     """Names of the signals of a plant, however it is written."""
 
     hints: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("Ts", "ts", "dt", "sample-time", "sampling"), "is called period here, beside time: discrete"),
+        **dict.fromkeys(("Ts", "ts", "dt", "sample-time", "sampling"), "is called period here: write time: discrete, and period: in s"),
     }
 
     time: str = key(

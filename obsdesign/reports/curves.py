@@ -12,7 +12,13 @@ from obsdesign.tables.design import QUANTITIES
 LEVELS = 9
 CERTIFIED = "certified when designed, as recorded"  # of gains that are not in the file: nothing is proved anew
 STATUS = "status, as recorded"
-LABELS = {"alpha": "decay rate α [1/s]", "decay": "decay rate [1/s]", "gamma": "gain γ", "T2": "T2 [s]"}
+LABELS = {
+    "alpha": "decay rate α [1/s]",
+    "decay": "decay rate [1/s]",
+    "rho": "decay ρ a sample",
+    "gamma": "gain γ",
+    "T2": "T2 [s]",
+}
 SPREAD = 30  # ratio from which on an axis is logarithmic
 Point = Mapping[str, Any]
 

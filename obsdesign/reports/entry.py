@@ -20,7 +20,7 @@ from obsdesign.reports.problem import DesignProblem
 from obsdesign.reports.trajectories import Signals, charts
 from obsdesign.tables.design import analysis, background, limits
 from obsdesign.tables.run import run_rows
-from obsdesign.tables.text import at_least
+from obsdesign.tables.text import at_least, at_most
 
 Rows = list[tuple[str, str]]
 TONES = {"certified": "good", "infeasible": "plain", "refuted": "plain"}  # others are a warning
@@ -166,8 +166,8 @@ class Entry:
 
     @property
     def gamma(self) -> float | None:
-        """Gain that is proved."""
-        return self.numbers.get("gamma")
+        """Gain that is proved, for v itself."""
+        return self.numbers.get("gamma_v", self.numbers.get("gamma"))
 
     @property
     def rate(self) -> float | None:
@@ -176,8 +176,9 @@ class Entry:
 
     @property
     def others(self) -> Rows:
-        """Further numbers that are proved and are the better the larger they are, rounded down."""
-        return [(key, at_least(value)) for key, value in self.numbers.items() if key in LARGER]
+        """Further numbers that are proved and are the better the larger they are, rounded down; rho rounded up."""
+        rho = [("rho", at_most(self.numbers["rho"]))] if "rho" in self.numbers else []
+        return rho + [(key, at_least(value)) for key, value in self.numbers.items() if key in LARGER]
 
     @property
     def proved(self) -> Rows:

@@ -46,6 +46,11 @@ def indexed(letter: str, index: str = "", accent: str = "") -> Markup:
     return Markup("<msub>{}{}</msub>").format(made, lower) if index else made
 
 
+def ahead(made: Markup) -> Markup:
+    """What is written, at the next sample."""
+    return Markup("<msup>{}<mo>+</mo></msup>").format(made)
+
+
 def number(value: fmpq) -> Markup:
     """Number in full where it is short, else in 6 digits and with dots."""
     text, minus = shown(abs(value)), MINUS if value < 0 else Markup("")

@@ -97,13 +97,20 @@ def times(letter: str, index: str, factor: Markup) -> Markup:
     return mathml.row(mathml.indexed(letter, index), mathml.INVISIBLE, factor)
 
 
+def moved(spec: Spec, letter: str, index: str = "") -> Markup:
+    """What the dynamics give: the derivative of a state, or in discrete time its next sample."""
+    if spec.period is None:
+        return mathml.indexed(letter, index, mathml.DOT)
+    return mathml.ahead(mathml.indexed(letter, index))
+
+
 def equations(spec: Spec) -> Iterator[Markup]:
     """The plant in matrices, without the terms that are zero; what generates w; the error that counts."""
     plant, model = spec.plant, spec.generator
     x, w, v, xm = mathml.symbol("x"), mathml.symbol("w"), mathml.symbol("v"), mathml.indexed("x", "m")
     f = mathml.applied("f", [mathml.symbol("q")])
     yield side(
-        mathml.symbol("x", mathml.DOT),
+        moved(spec, "x"),
         (times("A", "", x), True),
         (times("B", "f", f), bool(plant.Bf.any())),
         (mathml.indexed("g", "x"), known(spec.gx)),
@@ -127,7 +134,7 @@ def equations(spec: Spec) -> Iterator[Markup]:
     if len(model.Am):
         f2 = mathml.symbol("f2")
         forms = ((times("B", "mf", f2), bool(model.Bmf.any())), (times("B", "m", v), bool(model.Bm.any())))
-        yield side(mathml.indexed("x", "m", mathml.DOT), (times("A", "m", xm), bool(model.Am.any())), *forms)
+        yield side(moved(spec, "x", "m"), (times("A", "m", xm), bool(model.Am.any())), *forms)
         output = ((times("D", "wf", f2), bool(model.Dwf.any())), (times("D", "m", v), bool(model.Dm.any())))
         yield side(w, (times("C", "m", xm), bool(model.Cm.any())), *output)
     yield side(mathml.symbol("z"), (times("H", "", mathml.symbol("e")), True))

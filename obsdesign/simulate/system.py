@@ -222,14 +222,13 @@ class System:
 
     def stopped(self, t: float, s: Vector, held: Vector) -> str:
         """Condition that is true at an instant and ends the run; empty if none is."""
-        if not self.scenario.events:
-            return ""
         beside = len(self.program.inputs) - self.width - 2  # the number 1 and t
-        return self.true_event(self.program.run(t, s[: self.width], held[:beside]))
+        return self.true_event(self.program.run(t, s[: self.width], held[:beside])) if self.scenario.events else ""
 
     def true_event(self, X: Vector) -> str:
         """Condition that is true, given the slots of the program; empty if none is."""
-        events = self.scenario.events
+        if not (events := self.scenario.events):
+            return ""
         true = X[self.program.places(map(event, events))] != 0
         return next((f"{n}: {e}" for (n, e), holds in zip(events.items(), true, strict=True) if holds), "")
 

@@ -51,19 +51,7 @@ def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple
     """What is computed over frozen members of the class: poles, steps, and gains with and without the observer."""
     if not found:
         return []
-    rows = []
-    if "worst_pole" in found:
-        worst = found["worst_pole"]
-        said = (
-            UNBOUNDED
-            if worst is None
-            else f"{pole_text(worst)} 1/s   the slowest that was found of f = K q of the types"
-        )
-        rows.append(("worst pole", said))
-    steps = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
-    known = {name: found["largest_step"][key] for name, key in steps.items()}
-    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step)
-    rows.append(("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE)))
+    rows = [*worst(found), *steps(found)]
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)} by V of the certificate"]
@@ -72,6 +60,27 @@ def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple
     gains = [(UNAIDED[name], gain) for name, gain in found["no_observer"].items() if gain is not None]
     without = ", ".join(f"{gain:.6g} with {how}" for how, gain in gains)
     return [*rows, *([("no observer", f"a gain of {without}")] if without else [])]
+
+
+def worst(found: Mapping[str, Any]) -> Rows:
+    """The slowest pole, in 1/s or of samples."""
+    if "worst_pole" not in found:
+        return []
+    pole = found["worst_pole"]
+    if pole is None:
+        return [("worst pole", UNBOUNDED)]
+    size = " 1/s" if "largest_step" in found else f", |pole| = {abs(complex(*pole)):.4g}"
+    return [("worst pole", f"{pole_text(pole)}{size}   the slowest that was found of f = K q of the types")]
+
+
+def steps(found: Mapping[str, Any]) -> Rows:
+    """Largest steps of continuous time, by method; samples leave no step to choose."""
+    if "largest_step" not in found:
+        return []
+    methods = {"Euler": "euler", "Runge-Kutta 4": "rk4", "exact linear part": "exact"}
+    known = {name: found["largest_step"][key] for name, key in methods.items()}
+    told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step)
+    return [("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE))]
 
 
 def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from flint import fmpq
 
 FROM_ABOVE = (  # numbers of a guarantee that are proved from above; the others are from below
-    *("gamma", "mu2", "mu", "overshoot", "initial", "disturbance", "noise", "growth", "T1"),
+    *("gamma", "gamma_v", "rho", "mu2", "mu", "overshoot", "initial", "disturbance", "noise", "growth", "T1"),
     *("w", "w_rate", "x_rate"),
 )
 
@@ -53,7 +53,7 @@ def directed(x: float | fmpq, digits: int, rounding: str) -> str:
 def gamma_text(claimed: Mapping[str, Any], meaning: str) -> str:
     """Level that is proved, with its meaning, and whether it was sought at all."""
     limit = {**claimed.get("limit", {}), **claimed.get("limit_bounded", {})}
-    other = "gamma" not in limit and not {"lipschitz", "alpha", "T2", "decay"}.isdisjoint(limit)
+    other = "gamma" not in limit and not {"lipschitz", "alpha", "rho", "T2", "decay"}.isdisjoint(limit)
     return f"{at_most(claimed['gamma'])}   {meaning}{'; it was not minimised' if other else ''}"
 
 
@@ -64,6 +64,19 @@ def rate_text(rate: float, statement: str) -> str:
     vanishes = any(words in statement for words in ("-> 0", "exp(-"))
     said = "e(t) -> 0 without a disturbance" if vanishes else "nothing says that e(t) -> 0"
     return f"0 1/s   {said}; no rate is claimed"
+
+
+def decay_rows(claimed: Mapping[str, Any], key: str = "alpha") -> list[tuple[str, str]]:
+    """Decay that is proved: a rate, by its key, or in samples rho, and alpha where there is one."""
+    if "rho" not in claimed:
+        return [("decay rate", rate_text(claimed[key], claimed.get("statement", "")))]
+    rho = claimed["rho"]
+    said = "a sample: |e_k| <= c rho^k |e_0| without a disturbance"
+    if rho == 1:
+        vanishing = "e_k" if "e_k -> 0" in claimed.get("statement", "") else "z_k"
+        said = f"a sample: {vanishing} -> 0 without a disturbance; no decay is claimed"
+    alpha = [("alpha", f"{at_least(claimed['alpha'])} per second   -ln(rho) / period")] if claimed.get("alpha") else []
+    return [("rho", f"{at_most(rho)} {said}"), *alpha]
 
 
 def plain(value: Any) -> str:
@@ -79,7 +92,7 @@ def matrix_text(rows: list[list[float]]) -> str:
 
 
 def pole_text(pole: list[float]) -> str:
-    """Pole in 1/s."""
+    """Pole, in 1/s or of samples."""
     real, imaginary = pole
     return f"{real:.4g}" if imaginary == 0 else f"{real:.4g}{imaginary:+.4g}j"
 

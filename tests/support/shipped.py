@@ -12,7 +12,14 @@ SPECS = Path(__file__).parents[2] / "specs"
 FILTERS = ["cuk-ekf"]  # of which nothing is proved: they are not solved
 ALL = [str(p.relative_to(SPECS).with_suffix("")) for p in sorted(SPECS.glob("**/*.yaml"))]
 NAMES = [name for name in ALL if name not in FILTERS]
-SLOW = {"ferrante2019-manipulator-tradeoff"}
+SLOW = {  # others like them are solved in less time
+    "ferrante2019-manipulator-clock",
+    "ferrante2019-manipulator-clock-tradeoff",
+    "ferrante2019-manipulator-predictor-clock",
+    "ferrante2019-manipulator-tradeoff",
+    "ferrante2019-robot-clock-tradeoff",
+    "infeasible/undetectable-rate",
+}
 
 
 @cache

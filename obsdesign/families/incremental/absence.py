@@ -7,9 +7,10 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range, ends
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.pace import Pace
 from obsdesign.families.finding import enough, hidden_mode
 from obsdesign.families.incremental.request import Request, posed, request_of
-from obsdesign.families.incremental.samples import at_the_edge, explicit
+from obsdesign.families.incremental.samples import at_the_edge, obstacle
 from obsdesign.families.incremental.stiffness import failing_passivity, too_stiff
 from obsdesign.families.outcome import Diagnosis, Proof
 from obsdesign.files import ResultFile
@@ -92,7 +93,7 @@ def read(spec: Spec, file: ResultFile) -> Proof:
         raise file.unasked(request.told, *root, pace.key)
     refutation = refuted(family, gamma, file.matrices(*root, "multipliers"))
     level = "" if gamma is None else f" and gamma = {at_least(gamma)}"
-    words = f"Theorem 1 has no solution at {pace.key} = {approximate(pace.told(rate))!r}{level}"
+    words = f"{subject(pace)} has no solution at {pace.key} = {approximate(pace.told(rate))!r}{level}"
     words += f", nor at {pace.stronger}" if falls(family, gamma) else ""
     given_level = () if gamma is None else ("gamma",)
     return Proof(words, refutation.checks, used=("kind", pace.key, *given_level, "multipliers", "checks"))
@@ -155,10 +156,16 @@ def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[s
     return {
         "id": "OBS603",
         "condition": "inequality",
-        "reason": f"Theorem 1 has no solution at {pace.said(family.rate)}{no_slower(family)}" + within_bounds(spec),
+        "reason": f"{subject(pace)} has no solution at {pace.said(family.rate)}{no_slower(family)}"
+        + within_bounds(spec),
         "feasible": {},
         "suggestion": f"{TIGHTER if spec.nonlinearities else MEASURED} may make it feasible" + other(family),
     }
+
+
+def subject(pace: Pace) -> str:
+    """What has no solution, at the beginning of a sentence; that of samples is of no paper."""
+    return "the inequality" if pace.sampled else "Theorem 1"
 
 
 def no_slower(family: Incremental) -> str:
@@ -169,7 +176,7 @@ def no_slower(family: Incremental) -> str:
 def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
     """What rules every gain out without a solver, where it does; a family in doubles."""
     if family.about.pace.sampled:
-        return explicit(spec, family)
+        return obstacle(spec, family)
     return too_stiff(family) or failing_passivity(spec, family)
 
 

@@ -9,6 +9,7 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.families.finding import Finding, complex_pair, detectability, finding, frozen_at
 from obsdesign.families.incremental.absence import structural
 from obsdesign.families.incremental.request import posed, request_of
+from obsdesign.families.incremental.samples import floor
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.edge import Edge
 from obsdesign.model.loop import well_posed
@@ -26,13 +27,13 @@ MORE = "`solve` tells the limit of gamma, which may be 0 all the same; where it 
 
 
 def check(spec: Spec, _: Engine) -> list[Finding]:
-    """Detectability, Condition 1, zeros, arbitrary accuracy and loops."""
+    """Detectability, Condition 1, zeros, loops; arbitrary accuracy, or in discrete time what gamma has for a floor."""
     plant, multiplier = spec.plant.doubles, in_floats(spec.multiplier)
-    augmented = spec.posed.doubles
+    augmented, posed_plant = spec.augmented.doubles, spec.posed.doubles
     K = multiplier.member
     request = request_of(spec)
     family = posed(spec)
-    findings = detectability(augmented, K, in_floats(family).edge, request.pace)
+    findings = detectability(posed_plant, K, in_floats(family).edge, request.pace)
     nf = plant.Bf.shape[1]
     tests = condition1(plant, in_floats(spec.generator.Am), Edge(0, request.pace.sampled))
     findings += [finding(test.name, test.holds, test.sentence, **test.numbers, id="OBS614") for test in tests]
@@ -43,10 +44,11 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
         numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
         said = f"{name}{frozen_at(K)}: {zeros.sentence}"
         findings.append(finding(f"zeros, {name}", zeros.left_invertible, said, **numbers, id="OBS614"))
-    findings += [*slopes(spec, family), *attainable(spec)]
+    findings += slopes(spec, family)
+    findings += floor(spec, request, in_floats(family)) if request.pace.sampled else attainable(spec)
     loops = {"plant": augmented.Dqf}
     if (L2 := request.feedback) is not None:
-        loops["observer"] = augmented.Dqf + in_floats(L2) @ augmented.Df
+        loops["observer"] = posed_plant.Dqf + in_floats(L2) @ posed_plant.Df
     for name, D in loops.items():
         verdict = well_posed(D, multiplier)
         said = f"{name}: {verdict.sentence}"
@@ -55,9 +57,15 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
 
 
 def slopes(spec: Spec, family: Incremental) -> list[Finding]:
-    """What nonlinearities without an upper slope bound rule out."""
+    """What nonlinearities that are too steep rule out."""
     answer = structural(spec, in_floats(family))
-    return [finding(answer["condition"], False, answer["reason"], decides=True, id=answer["id"])] if answer else []
+    if not answer:
+        return []
+    return [
+        finding(
+            answer["condition"], False, answer["reason"], decides=True, advice=answer["suggestion"], id=answer["id"]
+        )
+    ]
 
 
 def attainable(spec: Spec) -> list[Finding]:

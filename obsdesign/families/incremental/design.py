@@ -234,7 +234,8 @@ class Designer:
             return self.infeasible(rate, {"gains": change})
         status, certificate = best_claim(self.engine, family)
         if status is Status.INFEASIBLE:
-            return self.infeasible(rate, {"gains": "no storage function of Theorem 1 proves these gains"})
+            theorem = "" if self.pace.sampled else " of Theorem 1"
+            return self.infeasible(rate, {"gains": f"no storage function{theorem} proves these gains"})
         proved = certificate is not None and certificate.holds
         verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
         made = Outcome(verdict, doubles(family), Claim(certificate) if certificate else None)

@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from obsdesign.dissipation.analysis import Errors
+from obsdesign.dissipation.modes import modes
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Copy, Observer, injected
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.ahead import ahead
 from obsdesign.model.disturbance import with_inputs
 from obsdesign.model.equations import Equations, Named, free, linear
+from obsdesign.model.filtered import channels
 from obsdesign.spec import Spec
 
 
@@ -81,7 +83,9 @@ def waiting(copy: Copy, plant: Equations) -> tuple[Copy, dict[str, Expression]]:
 
 def errors(spec: Spec, gains: Mapping[str, Array]) -> Errors:
     """Error systems of the observer."""
-    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"])
+    taken = channels(spec.augmented) if spec.observer.filtered else None
+    time = {"modes": modes(spec.period), "channels": taken}
+    return Errors.of(spec.posed, spec.multiplier, spec.H, gains["L1"], gains["L2"], **time)
 
 
 def reconstructed(spec: Spec, L1: Array, estimates: tuple[str, ...]) -> Named:

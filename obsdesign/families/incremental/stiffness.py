@@ -17,24 +17,24 @@ ROUNDING = 1e-12  # relative
 QUIET = "bound the slope of f, or leave noise out of y (D = 0)"
 
 
-def stiff_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
-    """Blocks with M11 = M22 = 0 that no loop and no output involves: number, block, components of q and of f."""
-    p, q, f = family.plant, 0, 0
+def steep_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
+    """Blocks with M11 = M22 = 0 that act on x: number, block, components of q and of f."""
+    q, f = 0, 0
     found: list[tuple[int, Scaled, slice, slice]] = []
     for i, block in enumerate(family.multiplier.blocks):
         rows, columns = slice(q, q + block.nq), slice(f, f + block.nf)
         q, f = rows.stop, columns.stop
-        through = np.vstack([p.Dqf[:, columns], p.Df[:, columns]])
-        if (
-            isinstance(block, Scaled)
-            and block.M12.any()
-            and not block.M11.any()
-            and not block.M22.any()
-            and p.Bf[:, columns].any()
-            and not through.any()
-        ):
+        if not isinstance(block, Scaled) or block.M11.any() or block.M22.any():
+            continue
+        if block.M12.any() and family.plant.Bf[:, columns].any():
             found.append((i, block, rows, columns))
     return found
+
+
+def stiff_blocks(family: Incremental) -> list[tuple[int, Scaled, slice, slice]]:
+    """Those of them that no loop and no output involves."""
+    through = np.vstack([family.plant.Dqf, family.plant.Df])
+    return [found for found in steep_blocks(family) if not through[:, found[-1]].any()]
 
 
 def may_rest(family: Incremental) -> bool:

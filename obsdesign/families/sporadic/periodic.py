@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.dissipation.analysis import INSIDE, Errors, largest_area
-from obsdesign.dissipation.frequencies import COUNT, RESONANCE, largest
+from obsdesign.dissipation.analysis import Errors, largest_area
+from obsdesign.dissipation.modes import INSIDE, POWERS, powers, widths
 from obsdesign.lmi.formula import Array
 
 HALVINGS = 4  # of an interval, in which w is followed
@@ -75,7 +75,7 @@ class Periodic(Errors):
     def noise_gain(self) -> dict[str, float]:
         """Largest gain over frequency from eta to each error, both at the measurements; empty where one is unstable."""
         steps = [self.step(A, T) for A, _, _ in self.systems for T in self.intervals.values()]
-        largest = np.max([amplitudes(*step) for step in steps], axis=0).tolist()
+        largest = np.max([POWERS.amplitudes(*step) for step in steps], axis=0).tolist()
         return dict(zip(self.plant.states, largest, strict=False)) if all(stable(Phi) for Phi, _ in steps) else {}
 
     def least_peak(self) -> float | None:
@@ -92,7 +92,7 @@ class Periodic(Errors):
         within = powers(expm(A * (T / 2**HALVINGS)), 2**HALVINGS + 1)[:, :n, :n] @ B[:n]
         h = np.einsum("kzn,snv->vzks", H @ powers(Phi, count), within)
         t = T * (np.arange(count)[:, None] + np.linspace(0, 1, len(within)))
-        return largest_area(h.reshape(B.shape[1], len(H), t.size), t.ravel())
+        return largest_area(h.reshape(B.shape[1], len(H), t.size), widths(t.ravel()))
 
 
 def radius(Phi: Array) -> float:
@@ -103,28 +103,3 @@ def radius(Phi: Array) -> float:
 def stable(Phi: Array) -> bool:
     """Whether an error contracts."""
     return radius(Phi) <= 1 - INSIDE
-
-
-def amplitudes(Phi: Array, Gamma: Array) -> Array:
-    """Largest amplitude of each entry of e over frequency, e+ = Phi e + Gamma eta, for a sinusoid with |eta| = 1."""
-
-    def sizes(angles: Array) -> Array:
-        z = np.exp(1j * angles)[:, None, None]
-        return np.asarray(np.linalg.norm(np.linalg.solve(z * np.eye(len(Phi)) - Phi, Gamma[None]), axis=2))
-
-    return largest(sizes, angles(Phi))
-
-
-def powers(M: Array, count: int) -> Array:
-    """I, M, M^2, .., so many, by doubling."""
-    found, M = np.eye(len(M))[None], M[None]
-    while len(found) < count:
-        found, M = np.concatenate([found, found @ M]), M @ M
-    return found[:count]
-
-
-def angles(Phi: Array) -> Array:
-    """Frequencies in rad a sample, about the eigenvalues of a step too."""
-    values = np.linalg.eigvals(Phi)
-    near = (np.abs(np.angle(values)) + RESONANCE[:, None] * (1 - np.abs(values))).ravel()
-    return np.unique(np.concatenate([np.linspace(0, np.pi, COUNT), np.clip(near, 0, np.pi)]))

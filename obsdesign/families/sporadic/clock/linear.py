@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from obsdesign.dissipation import scan
-from obsdesign.families.sporadic.periodic import powers
+from obsdesign.dissipation.modes import powers
 from obsdesign.lmi.formula import Array, Float
 
 SCANNED = 200  # periods up to the longest one that is tried

@@ -1,0 +1,170 @@
+"""What the modes of an error are: exponentials exp(s t) in continuous time, powers z^k of samples.
+
+They decay where s is left of the imaginary axis, or z within the unit circle; a response over frequency is that at
+s = i omega, omega in rad/s, or at z = exp(i theta), theta in rad a sample, from 0 to pi.
+"""
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.dissipation.frequencies import angles, around, largest
+from obsdesign.lmi.formula import Array, identity
+
+INSIDE = 1e-9  # a pole is stable if it decays at a faster rate, relative to the largest pole; of samples absolute
+ROUNDING = 1e-14  # of a pole, relative to the largest
+ILL = 1e-12  # inverse of the condition of the modes, below which a response is not believed
+SAMPLES = 500  # of an impulse response, for each pole, and more where it oscillates
+FORGOTTEN = 20  # time constants after which what is left of a response in samples is told by its sum
+LARGEST = 2**22  # numbers of it that are told one by one
+
+
+class Modes(ABC):
+    """One of the two, for matrices A of e' = A e + B v, or of e+ = A e + B v."""
+
+    sampled: ClassVar[bool]
+
+    @abstractmethod
+    def rates(self, poles: Array) -> Array:
+        """Rates at which modes decay: -Re s in 1/s, or 1 - |z| a sample."""
+
+    @abstractmethod
+    def decay(self, poles: Array, slack: float = INSIDE) -> Array:
+        """Which modes decay, beyond what is rounded."""
+
+    @abstractmethod
+    def frequencies(self, A: Array) -> Array:
+        """Frequencies at which a response can be large: about the poles of a matrix, and zero."""
+
+    @abstractmethod
+    def place(self, omega: Array) -> Array:
+        """The number s or z of a frequency."""
+
+    @abstractmethod
+    def impulse(self, A: Array, B: Array, H: Array) -> tuple[Array, Array]:
+        """Response of z = H e to an impulse of each v, (nv, nz, nt), and how much of time each instant stands for.
+
+        Not a number where it cannot be told.
+        """
+
+    def stable(self, poles: Array) -> bool:
+        """Whether all of some modes decay."""
+        return bool(self.decay(poles).all())
+
+    def slowest(self, poles: Array) -> list[float]:
+        """The slowest mode, as [real, |imaginary|]."""
+        order = np.lexsort((-np.abs(poles.imag), self.rates(poles)))
+        worst = complex(poles[order[0]])
+        return [worst.real, abs(worst.imag)]
+
+    def response(self, A: Array, B: Array, omega: Array) -> Array:
+        """Responses (s I - A)^-1 B, or (z I - A)^-1 B, at some frequencies, (m, n, nu)."""
+        s = self.place(omega)[:, None, None]
+        return np.asarray(np.linalg.solve(s * identity(len(A), A) - A, np.broadcast_to(B, (len(omega), *B.shape))))
+
+    def amplitudes(self, A: Array, B: Array) -> Array:
+        """Largest amplitude of each entry of e over frequency, for an input that is a sinusoid with |v| = 1."""
+        return largest(lambda omega: np.linalg.norm(self.response(A, B, omega), axis=2), self.frequencies(A))
+
+    def gain(self, A: Array, B: Array, H: Array) -> float:
+        """Largest singular value of the response of z = H e over frequency."""
+
+        def sizes(omega: Array) -> Array:
+            return np.asarray(np.linalg.norm(H @ self.response(A, B, omega), 2, axis=(1, 2)))[:, None]
+
+        return float(largest(sizes, self.frequencies(A)).item())
+
+
+class Exponentials(Modes):
+    """Exp(s t), of e' = A e."""
+
+    sampled = False
+
+    def rates(self, poles: Array) -> Array:
+        """-Re s."""
+        return -poles.real
+
+    def decay(self, poles: Array, slack: float = INSIDE) -> Array:
+        """Left of the imaginary axis, relative to the largest pole."""
+        return np.asarray(poles.real < -slack * np.abs(poles).max(initial=0.0))
+
+    def frequencies(self, A: Array) -> Array:
+        """In rad/s."""
+        return around(np.linalg.eigvals(A))
+
+    def place(self, omega: Array) -> Array:
+        """On the imaginary axis."""
+        return np.asarray(1j * omega)
+
+    def impulse(self, A: Array, B: Array, H: Array) -> tuple[Array, Array]:
+        """H exp(A t) B, from its modes, with the widths of the trapezoidal rule.
+
+        Not a number where the modes are too close to each other to be told apart.
+        """
+        values, V = np.linalg.eig(A)
+        if np.linalg.cond(V) > 1 / ILL:
+            return np.full((B.shape[1], len(H), 1), np.nan), np.ones(1)
+        ends = 25 / np.abs(values.real)
+        counts = np.minimum(SAMPLES * (1 + np.abs(values.imag / values.real)), 40 * SAMPLES).astype(int)
+        dense = [np.linspace(0, end, count) for end, count in set(zip(ends.tolist(), counts.tolist(), strict=True))]
+        t = np.unique(np.concatenate([*dense, ends.max(initial=0.0) * np.geomspace(1e-9, 1, SAMPLES)]))
+        residues = (H @ V) * np.linalg.solve(V, B).T[:, None]  # (nv, nz, n)
+        return (residues @ np.exp(values[:, None] * t)).real, widths(t)
+
+
+class Powers(Modes):
+    """Powers z^k, of e+ = A e."""
+
+    sampled = True
+
+    def rates(self, poles: Array) -> Array:
+        """1 - |z|."""
+        return 1 - np.abs(poles)
+
+    def decay(self, poles: Array, slack: float = INSIDE) -> Array:
+        """Within the unit circle."""
+        return np.asarray(np.abs(poles) < 1 - slack)
+
+    def frequencies(self, A: Array) -> Array:
+        """In rad a sample."""
+        return angles(np.linalg.eigvals(A))
+
+    def place(self, omega: Array) -> Array:
+        """On the unit circle."""
+        return np.asarray(np.exp(1j * omega))
+
+    def impulse(self, A: Array, B: Array, H: Array) -> tuple[Array, Array]:
+        """H A^k B, k = 0, 1, .., and last the sum of those that are not told one by one.
+
+        Of the latter the sum of the norms is at least the norm of the sum, and equal to it where only a real mode that
+        does not change its sign is left: what is made of it is never too much.
+        """
+        slow = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+        lasting = FORGOTTEN / -np.log(slow) if 0 < slow < 1 else 0.0
+        count = 1 + int(min(len(A) + lasting, LARGEST / max(B.size, 1)))
+        e = powers(A, count, B)
+        rest = np.linalg.solve(identity(len(A), A) - A, A @ e[-1])
+        return (H @ np.concatenate([e, rest[None]])).transpose(2, 1, 0), np.ones(count + 1)
+
+
+EXPONENTIALS, POWERS = Exponentials(), Powers()
+
+
+def modes(period: fmpq | None) -> Modes:
+    """Modes of an error in samples a period apart; None: in continuous time."""
+    return EXPONENTIALS if period is None else POWERS
+
+
+def widths(t: Array) -> Array:
+    """How much of time each instant stands for, by the trapezoidal rule."""
+    return np.asarray(np.diff(t, prepend=t[0]) / 2 + np.diff(t, append=t[-1]) / 2)
+
+
+def powers(M: Array, count: int, right: Array | None = None) -> Array:
+    """I, M, M^2, .., so many, or the same times a matrix on their right, by doubling."""
+    found = (np.eye(len(M)) if right is None else right)[None]
+    while len(found) < count:
+        found, M = np.concatenate([found, M @ found]), M @ M
+    return found[:count]
