@@ -20,6 +20,9 @@ from obsdesign.families.lipschitz.relaxations import DiscreteLipschitz, proporti
 from obsdesign.families.lipschitz.suprema import ceiling, largest_constant
 from obsdesign.families.outcome import Verdict
 from obsdesign.lmi.formula import printed
+from obsdesign.plot import search_figure
+from obsdesign.plot.front import Front
+from obsdesign.plot.surface import Grid
 from obsdesign.reading import loads
 from obsdesign.work import check
 
@@ -152,11 +155,23 @@ def test_pareto(weight, lipschitz, gamma, objective):
 
 def test_a_surface_over_weight_and_rho():
     ranges = "rho: {min: .95, max: 1, points: 2}, weight: {min: .2, max: .5, points: 2}"
-    outcome = made("R3", f"objective: pareto, {ranges}", L=0.5)
+    spec = loads(text("R3", f"type: lipschitz, objective: pareto, {ranges}", L=0.5))
+    outcome = design(spec, Engine())
     assert outcome.search.parameters == ("weight", "rho")
     points = [(p["weight"], p["rho"], p["status"]) for p in outcome.search.points]
     assert points == [(w, r, "certified") for r in (1, 0.95) for w in (0.2, 0.5)]
     assert outcome.limit["at"]["rho"] == 1
+    grid = Grid.of(outcome.search.points)
+    assert grid.decays.tolist() == [0.95, 1]
+    assert np.isfinite(grid.table(np.array([p["gamma"] for p in outcome.search.points]))).all()
+    found = {
+        "name": "R3",
+        "search": outcome.search.written(),
+        "guarantee": outcome.claim.written(spec, {})["guarantee"],
+    }
+    assert search_figure(found, spec).startswith(b"\x89PNG")
+    line = [p for p in found["search"]["points"] if p["weight"] == 0.2]
+    assert Front.of(line).parameter == "rho"
 
 
 # What a ceiling says
@@ -345,7 +360,7 @@ def test_another_estimate_or_period_is_refused(content, outcome_of, key, value):
 def test_a_table_tells_rho(tmp_path):
     (tmp_path / "r3.yaml").write_text(text("R3", "type: lipschitz", L=0.8))
     outcome = run("solve", tmp_path / "r3.yaml", "-o", tmp_path / "r3.json")
-    assert "rho             1 a sample: e_k -> 0 without a disturbance" in outcome.stdout
+    assert re.search("rho +1 a sample: e_k -> 0 without a disturbance", outcome.stdout)
     assert run("verify", tmp_path / "r3.json").exit_code == 0
 
 

@@ -205,7 +205,7 @@ def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds 
 
 
 def reached(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> bool:
-    """Whether a finite gain attains a positive limit of gamma, in samples, as far as doubles tell: one near it is.
+    """Whether a finite gain attains a positive limit of gamma, in samples, as doubles tell by the size of one near it.
 
     In continuous time gains grow without bound as gamma comes near its infimum, unless v is kept from the error. Where
     the inequality is strict, it does not hold for the infimum. `bounds`: whose norm of L1 counts.

@@ -16,17 +16,20 @@ def proved(observer: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tupl
     """What is proved of the gains L1 and L2."""
     if "gamma" not in claimed:
         return []
-    meaning = THEOREMS[observer["type"]].about.gamma
-    rows = [("gamma", gamma_text(claimed, meaning))]
-    if "gamma_v" in claimed:
-        of_v = meaning.replace("gamma", "gamma_v")
-        rows = [("gamma", gamma_text(claimed, SPLIT)), ("gamma_v", f"{at_most(claimed['gamma_v'])}   {of_v}")]
-    rows += decay_rows(claimed)
+    rows = [*levels(claimed, THEOREMS[observer["type"]].about.gamma), *decay_rows(claimed)]
     if "at_samples" in claimed:
         rows += [("at samples", claimed["at_samples"]["statement"])]
     if "reconstruction" in claimed:
         rows += [("reconstruction", reconstruction_text(claimed["reconstruction"]))]
     return rows
+
+
+def levels(claimed: Mapping[str, Any], meaning: str) -> list[tuple[str, str]]:
+    """Gamma, with its meaning; of filtered estimates that of the inequality, and what follows of v itself."""
+    if "gamma_v" not in claimed:
+        return [("gamma", gamma_text(claimed, meaning))]
+    of_v = meaning.replace("gamma", "gamma_v")
+    return [("gamma", gamma_text(claimed, SPLIT)), ("gamma_v", f"{at_most(claimed['gamma_v'])}   {of_v}")]
 
 
 def figures(made: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from obsdesign.families.incremental.table import linear, timing
+from obsdesign.families.incremental.table import levels, linear, timing
 from obsdesign.families.lipschitz.words import meaning
-from obsdesign.tables.text import at_least, decay_rows, gamma_text, matrix_text, spectral_norm
+from obsdesign.tables.text import at_least, decay_rows, matrix_text, spectral_norm
 
 Rows = list[tuple[str, str]]
 
@@ -25,11 +25,15 @@ def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
     if "gamma" in claimed:
         statement = claimed.get("statement", "")
         drive = "v" if "norm2(v)" in statement or "|v|^2" in statement else "w"
-        rows += [("gamma", gamma_text({**claimed, "gamma": claimed.get("gamma_v", claimed["gamma"])}, meaning(drive)))]
+        rows += levels(claimed, meaning(drive))
     return [*rows, *decay_rows(claimed, "decay")]
 
 
 def figures(made: Mapping[str, Any]) -> Rows:
     """What an engineer asks first of the gain L."""
-    gains = [("gain", f"|L| = {spectral_norm(made['L']):.4g}"), ("L", matrix_text(made["L"]))]
-    return [*gains, *timing(made), *linear(made)]
+    return [
+        ("gain", f"|L| = {spectral_norm(made['L']):.4g}"),
+        ("L", matrix_text(made["L"])),
+        *timing(made),
+        *linear(made),
+    ]
