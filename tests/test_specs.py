@@ -8,7 +8,7 @@ from support.shipped import NAMES, on, shipped, solved
 from obsdesign.dissipation.bounds import Bounds, Range
 from obsdesign.dissipation.gain import searchable
 from obsdesign.families.incremental.request import Request
-from obsdesign.families.incremental.theorems import L2
+from obsdesign.families.incremental.theorems import theorem
 from obsdesign.families.lipschitz.request import LipschitzRequest
 from obsdesign.families.sporadic.request import SporadicRequest
 from obsdesign.lmi.solve import Status, minimise
@@ -133,9 +133,10 @@ def test_a_shipped_gain_stays_within_its_bounds_and_its_slack(name):
 def bounded_problem(spec):
     """Least gamma of a spec within its bound on L1, or within 2000."""
     request = spec.observer
-    alpha = request.rate.low if isinstance(request.rate, Range) else request.rate
+    rate = request.rate.low if isinstance(request.rate, Range) else request.rate
     gain = request.gains["L2"] if request.gains else request.L2
-    family = searchable(L2(spec.augmented, spec.multiplier, spec.H, alpha, None, gain))
+    kind = theorem("l2", sampled=request.pace.sampled)
+    family = searchable(kind(spec.posed, spec.multiplier, spec.H, rate, None, gain))
     bounds = request.bounds if request.bounds.L1 is not None else Bounds(L1=fmpq(2000))
     return family.least_gamma(bounds)
 
