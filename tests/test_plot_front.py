@@ -18,6 +18,7 @@ from obsdesign.plot.front import (
     UNBOUNDED,
     Front,
     front_sheet,
+    pace,
     shipped_among,
 )
 from obsdesign.plot.panels import Signals
@@ -273,7 +274,8 @@ def test_a_signal_that_escapes_is_readable_where_it_begins():
     curve = Curve("x", 1 / (1.0001 - t) ** 2, np.zeros(101))
     panels = [Figure().add_subplot() for _ in range(2)]
     for axes, escapes in zip(panels, (False, True), strict=True):
-        run = SimpleNamespace(t=t, time=1.0, status="escape" if escapes else "done", schedule=None)
+        told = {"status": "escape" if escapes else "done", "spec": SimpleNamespace(period=None)}
+        run = SimpleNamespace(t=t, time=1.0, schedule=None, **told)
         Signals(run, [curve], "x").draw(axes)
     share = [
         np.subtract(*axes.transAxes.inverted().transform(axes.transData.transform([(0, 4), (0, 1)]))[:, 1])
@@ -286,3 +288,11 @@ def test_a_signal_that_escapes_is_readable_where_it_begins():
     slope = np.diff(drawn)
     assert (slope[1:] / slope[:-1])[:80].max() < 1.1  # no kink
     assert panels[1].get_ylim()[1] > 1e8
+
+
+@pytest.mark.parametrize(("points", "figure"), [(CURVE, front_figure), (SURFACE, surface_figure)])
+def test_points_in_samples_are_drawn_over_rho(points, figure):
+    renamed = [{("rho" if key == "decay" else key): value for key, value in point.items()} for point in points]
+    assert figure(renamed, SHIPPED, "Example") != figure(points, SHIPPED, "Example")
+    assert pace(renamed) == "rho"
+    assert pace(points) == "decay"
