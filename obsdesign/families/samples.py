@@ -34,6 +34,5 @@ def require(spec: Spec, file: ResultFile) -> None:
 
 def gamma_of_v(spec: Spec, gamma: fmpq, norm: Literal["norm2", "sup"]) -> float:
     """Gamma of v itself that follows from gamma of the inequality, rounded up: of filtered estimates it may be more."""
-    if not spec.observer.filtered:
-        return above(gamma)
-    return upper((arb(gamma) * arb(gamma) * gain_of(spec.augmented, peaks=norm == "sup")).sqrt())
+    square = gain_of(spec.augmented, peaks=norm == "sup") if spec.observer.filtered else 1
+    return above(gamma) if square == 1 else upper((arb(gamma) * arb(gamma) * square).sqrt())
