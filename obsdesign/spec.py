@@ -283,7 +283,8 @@ class Spec(metaclass=Called):
     def conditions(self) -> list[str]:
         """What every design keeps to, and where it holds: for the title of a figure."""
         local = [f"local: {self.validity}"] if self.validity else []
-        return [*(self.observer.restrictions if not self.observer.gains else ()), *local]
+        model = ["of a model in samples"] if self.continuous else []
+        return [*(self.observer.restrictions if not self.observer.gains else ()), *local, *model]
 
     @property
     def signals(self) -> str | None:

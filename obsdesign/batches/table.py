@@ -84,11 +84,12 @@ def rows(summary: "Summary") -> Iterator[str]:
     said = "all as expected" if fine == asked else f"{asked - fine} not as expected"
     again = f", {done} up to date: what is proved was proved anew, the rest is as recorded" if done else ""
     again += f"; {as_recorded(sum(believed), len(believed))}" if believed else ""
+    again += ", and nothing is said of what was skipped" if counts["skipped"] and asked else ""
     yield f"specs {counts['total']}: {kinds or 'none'}; {said}{again}; {summary.time_s:.1f} s; {shown(summary.path)}"
 
 
 def as_recorded(expectations: int, results: int) -> str:
     """How many expectations, of how many results, are held against what nobody proves again; and what would."""
     held = f"{counted(expectations, 'expectation')} of {counted(results, 'result')}"
-    verb = "is" if expectations == 1 else "are"
-    return f"{held} {verb} held against what is recorded, not found again: --force computes it"
+    verb, it = ("is", "it") if expectations == 1 else ("are", "them")
+    return f"{held} {verb} held against what is recorded, not found again: --force computes {it}"

@@ -29,7 +29,7 @@ def claim(
     wide = engine.widest(problem, start)
     if wide.objective <= MARGIN and start is not None:
         wide = engine.widest(problem)
-    if wide.objective <= 0:
+    if wide.objective <= 0 or not (gamma**2):  # a level whose square is none has no claim
         return None
     level = printed(gamma)
     mu = square_below(level)

@@ -38,6 +38,7 @@ class Quadratic(ABC):
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
     signals: ClassVar[str] = "square integrable"
     symbol: ClassVar[str] = "α"
+    resting: ClassVar[str] = "e"
     symbol_in_words: ClassVar[str] = "alpha"
 
     gamma: float
@@ -146,6 +147,7 @@ class Sampled(Quadratic):
     """What is other where time is counted in samples: V+ <= rho^2 V + c |v|^2."""
 
     symbol: ClassVar[str] = "ρ"
+    resting: ClassVar[str] = "z"
     period: float = 1.0  # s
 
     @property

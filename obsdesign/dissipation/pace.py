@@ -58,6 +58,10 @@ class Pace:
             return f"is multiplied by {1 - rate:.6g} a sample"
         return f"grows at the rate {-rate:.6g}" if rate < 0 else f"decays at the rate {rate:.6g} only"
 
+    def edge(self, rate: float) -> str:
+        """Up to alpha = .., or from rho = .. on."""
+        return f"from {self.said(rate, 5)} on" if self.sampled else f"up to {self.said(rate, 5)}"
+
     @property
     def stronger(self) -> str:
         """What asks for more."""

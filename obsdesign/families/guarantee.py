@@ -60,7 +60,7 @@ class Steps(NamedTuple):
     @property
     def alpha(self) -> float:
         """Rate of decay in 1/s: rho = exp(-alpha period)."""
-        return math.inf if self.rho == 0 else -math.log(self.rho) / self.period
+        return math.inf if self.rho == 0 else abs(math.log(self.rho)) / self.period
 
     @property
     def told(self) -> str:
@@ -142,6 +142,7 @@ class Guarantee(Protocol):
     norm: ClassVar[Literal["norm2", "sup"]]  # of z and v, which gamma relates
     signals: ClassVar[str]  # v that it covers
     symbol: ClassVar[str]  # of alpha
+    resting: ClassVar[str]  # what goes to zero without a disturbance where no rate is proved, e or z
 
     @property
     def gamma(self) -> float:

@@ -3,7 +3,9 @@
 Either way it becomes the rate of a theorem: alpha or decay itself, or 1 - rho of samples.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 from flint import arb, fmpq
 
@@ -17,11 +19,16 @@ from obsdesign.sections.values import Reader, Sign
 from obsdesign.tables.text import at_least, at_most
 
 ESTIMATES = ("predicted", "filtered")
+SLOWEST, FASTEST = fmpq(1, 10**12), fmpq(60)  # of a rate times the period
 DIGITS = 6  # of a rho that follows from a rate in 1/s
 
 
 class RateSection(asked.ObserverSection):
     """Keys of families that take plants in discrete time as well; their own one says how fast in 1/s."""
+
+    hints: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("Ts", "ts", "dt", "period", "sample-time"), "belongs to the plant: write it as system.period, in s"
+    )
 
     rho: str | asked.Interval | None = key(
         asked.SEARCHED,
@@ -68,14 +75,16 @@ def read_rate(
     rate = asked.read_searched(reader, value, ("observer", name), sign, sign)
     if period is None:
         return rate
+    loc: Loc = ("observer", name)
     if isinstance(rate, Range):
-        return replace(rate, low=step(rate.low, period), high=step(rate.high, period))
-    return step(rate, period)
+        low = in_samples(reader, rate.low, period, (*loc, "min"))
+        return replace(rate, low=low, high=in_samples(reader, rate.high, period, (*loc, "max")))
+    return in_samples(reader, rate, period, loc)
 
 
 def refuse_samples(reader: Reader, section: RateSection, name: str) -> None:
     """Refuse what only samples have; where the section `system` is wrong, nothing is known of its time."""
-    if not reader.clean(("system",)):
+    if not (reader.clean(("system",)) and reader.clean(("time",)) and reader.clean(("period",))):
         return
     if section.rho is not None:
         said = f"is the decay a sample, of a plant with time: discrete; in continuous time give {name} (1/s)"
@@ -89,7 +98,7 @@ def read_rho(reader: Reader, written: str | asked.Interval, *, dead: bool) -> fm
     """1 - rho, or where to search it; in the order of 1 - rho, which a theorem has."""
     loc: Loc = ("observer", "rho")
     if not isinstance(written, asked.Interval):
-        rho = reader.number(written, loc, ">= 0")
+        rho = reader.number(written, loc)
         require_rho(reader, rho, loc, dead=dead)
         return 1 - rho
     found = asked.read_range(reader, written, loc, ">= 0")
@@ -101,9 +110,20 @@ def read_rho(reader: Reader, written: str | asked.Interval, *, dead: bool) -> fm
 def require_rho(reader: Reader, rho: fmpq, loc: Loc, *, dead: bool) -> None:
     """Refuse a rho outside (0, 1], or [0, 1)."""
     open_end, allowed = (rho == 1, "[0, 1)") if dead else (rho == 0, "(0, 1]")
-    if rho > 1 or open_end:
+    if rho < 0 or rho > 1 or open_end:
         said = f"{float(rho):g} is not allowed; give a number in {allowed}, what is left of the error after a sample"
         reader.wrong(loc, said, id="OBS208")
+
+
+def in_samples(reader: Reader, rate: fmpq, period: fmpq, loc: Loc) -> fmpq:
+    """1 - rho of a rate in 1/s; one is refused whose rho a double does not tell from 0 or from 1."""
+    slowest, fastest = SLOWEST / period, FASTEST / period
+    if not rate or slowest <= rate <= fastest:
+        return step(rate, period) if rate else fmpq(0)
+    side = f"at most {float(fastest):.4g}" if rate > fastest else f"at least {float(slowest):.4g}"
+    said = f"{float(rate):g} 1/s cannot be told in samples {float(period):g} s apart; give {side}, or rho"
+    reader.wrong(loc, said, id="OBS208")
+    return fmpq(0)
 
 
 def step(rate: fmpq, period: fmpq) -> fmpq:
@@ -113,5 +133,5 @@ def step(rate: fmpq, period: fmpq) -> fmpq:
     """
     rho = (-arb(rate * period)).exp()
     if rho > fmpq(1, 2):
-        return rational_number(at_most(upper(1 - rho), DIGITS))
+        return rational_number(at_most(upper(-(-arb(rate * period)).expm1()), DIGITS))
     return 1 - rational_number(at_least(lower(rho), DIGITS))

@@ -162,7 +162,9 @@ def candidates(
 ) -> Iterator[Slopes]:
     """Members K, in rationals, for which a direction of the free f keeps y = 0 with a lambda of a grid."""
     n, free = plant.n, [i for i, K in enumerate(slopes) if K is None]
-    low, high = float(edge.end) * (1 - 1e-6), float(np.linalg.norm(in_floats(plant.A)) + 1)
+    low, high = float(edge.end) * (1 - 1e-6), float(np.abs(in_floats(plant.A)).max(initial=0.0) * plant.n + 1)
+    if not np.isfinite(high - low):  # beyond doubles
+        return
     for value in (rational([[repr(x)]]).item() for x in np.linspace(low, max(high, low + 1), RATES).tolist()):
         pencil = np.block([[system.A - value * identity(n, plant.A), system.B], [system.C, system.D]])
         Z = null_space(pencil).T

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from obsdesign.families.guarantee import HELD
-from obsdesign.lmi.formula import Array
+from obsdesign.families.samples import gamma_of_v
+from obsdesign.lmi.formula import Array, printed
 from obsdesign.plot.axis import DECADES, finite, plain, stairs, time_axis, with_unit
 from obsdesign.plot.canvas import COLORS, Panel, compose, drawn, legend_below, log_ticks
 from obsdesign.plot.panels import BESIDE, limit
@@ -251,7 +252,7 @@ def told(one: "Entrant") -> list[str]:
         proved = ", ".join(["yes", *(word for word, holds in limits.items() if holds)])
         proved += f" until t = {one.run.left[0].time:.4g}" if one.run.left else ""
     if guarantee is not None:
-        gamma = at_most(guarantee.gamma, 4) if spec.disturbed else ""
+        gamma = at_most(gamma_of_v(spec, printed(guarantee.gamma), guarantee.norm), 4) if spec.disturbed else ""
         decay = at_least(guarantee.rates().alpha, 4)
     fastest = f"{one.fastest:.4g}" if np.isfinite(one.fastest) else ""
     order = str(len(one.record.system.observer.states))

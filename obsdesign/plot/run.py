@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign.families.guarantee import ESTIMATES, Guarantee
+from obsdesign.families.samples import gamma_of_v
+from obsdesign.lmi.formula import printed
 from obsdesign.plot import signals
 from obsdesign.plot.axis import plain, stairs
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, shared
@@ -155,10 +157,12 @@ def promises(run: "Run") -> Iterator[str]:
 def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     rate = guarantee.rates().told
-    decays = f"{guarantee.symbol} = {rate}" if rate else "e → 0 without a disturbance"
+    decays = f"{guarantee.symbol} = {rate}" if rate else f"{guarantee.resting} → 0 without a disturbance"
     if run.summary["gamma"] is None:
         return decays
-    return f"γ = {at_most(guarantee.gamma)} from zero error, {decays}"
+    name = "γ of v itself" if run.spec.observer.filtered else "γ"
+    gamma = gamma_of_v(run.spec, printed(guarantee.gamma), guarantee.norm)
+    return f"{name} = {at_most(gamma)} from zero error, {decays}"
 
 
 def ended(run: "Run") -> str:

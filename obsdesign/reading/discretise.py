@@ -17,6 +17,7 @@ from obsdesign.model.disturbance import stack, unknown
 from obsdesign.model.equations import free, weighted
 from obsdesign.nonlinearities.evidence.enclosure import negative, supremum_of
 from obsdesign.nonlinearities.evidence.restriction import Ends, Restriction
+from obsdesign.reading.disturbance_schema import ChannelData
 from obsdesign.reading.dynamics import read_domain
 from obsdesign.reading.plant import Names, Reading
 from obsdesign.reading.plant_schema import Defect, Equations, InMatrices
@@ -27,6 +28,7 @@ from obsdesign.spec import Continuous, Spec, numbered
 
 LOC: Loc = ("system", "discretise")
 AUTO = "auto"
+SLOW = 2  # samples of w in v of an integrator
 
 
 def discretised(
@@ -67,12 +69,29 @@ def with_defect(reader: Reader, file: File, spec: Spec) -> Spec:
     Raises `UsageError`: what the bound rests on does not hold, with its place.
     """
     section = file.system.discretise if file.system is not None else None
-    if section is None or section.defect is None or spec.continuous is None:
+    if section is None or spec.continuous is None:
+        return spec
+    if of_matrices(file.disturbance):
+        said = (
+            "is of the user's own matrices, which discretise does not turn into samples: give integrator, sinusoid, .."
+        )
+        reader.wrong(("disturbance",), f"{said}, or the whole plant in samples with time: discrete", id="OBS406")
+        reader.stop()
+    if section.defect is None:
         return spec
     made = bounded(reader, file.system, spec, section.defect)
     if reader.problems:
         reader.stop()
     return replace(made, notes=tuple(reader.notes))
+
+
+def of_matrices(section: object) -> bool:
+    """Whether a disturbance model is given in matrices, for some channel."""
+    if isinstance(section, list):
+        return any(map(of_matrices, section))
+    if not isinstance(section, ChannelData):
+        return False
+    return section.model is not None or of_matrices(getattr(section, "type", None))
 
 
 def bounded(reader: Reader, system: Equations | InMatrices | None, spec: Spec, section: Defect) -> Spec:
@@ -133,6 +152,8 @@ def refusals(spec: Spec, known: Continuous) -> list[str]:
         found.append(f"is for type {', '.join(takers)}, which bounds the error by the largest values of what acts")
     if known.method != "hold":
         found.append("is for method: hold")
+    if any(weights is None or len(weights) > SLOW for weights in spec.generator.inverse):
+        found.append("is for w of no model (unknown) or an integrator, whose v at a sample is the mean over a period")
     if any(side.names & varying for side in (*known.gx, *known.gq)):
         found.append("takes known terms of inputs only, which are constant over a period; here one has t or an output")
     for i, block in enumerate(spec.nonlinearities):

@@ -35,6 +35,11 @@ SOMEWHERE = "where the type holds: [lo, hi] of q (q1, q2, ..), t, outputs, .."
 
 TIMES = ("continuous", "discrete")
 METHODS = ("hold", "implicit-euler")
+METHOD_HINTS = {
+    **dict.fromkeys(("zoh", "zero-order-hold", "exact", "c2d"), "is called hold here"),
+    **dict.fromkeys(("euler", "forward-euler", "explicit-euler"), "is not there; hold is exact where f rests"),
+    **dict.fromkeys(("backward-euler", "implicit"), "is called implicit-euler here"),
+}
 
 
 class Defect(Section):
@@ -54,9 +59,11 @@ class Defect(Section):
 class Discretise(Section):
     """A plant in samples that stands for a continuous one."""
 
+    hints: ClassVar[Mapping[str, str]] = dict.fromkeys(("Ts", "ts", "dt", "sample-time"), "is called period here")
+
     period: str = required(ENTRY, "of the samples, > 0", unit="s", example="0.01")
     method: str = key(
-        OneOf("method", METHODS),
+        OneOf("method", METHODS, lambda: METHOD_HINTS),
         "hold: f, known terms and w are held over each period; implicit-euler: f is that of the next sample",
         default="hold",
         example="implicit-euler",

@@ -68,7 +68,7 @@ class File(Section):
     @classmethod
     def hinted(cls) -> Mapping[str, str]:
         """Keys of the sections below, which a newcomer writes beside them."""
-        within: dict[str, list[type[Section]]] = {"system": [InMatrices, Equations], "simulation": [Simulation]}
+        within: dict[str, list[type[Section]]] = {"simulation": [Simulation], "system": [InMatrices, Equations]}
         within["observer"] = [family.Section for family in FAMILIES.values()]
         keys = {key: name for name, sections in within.items() for section in sections for key in section.forms()}
         return {key: f"is a key of {name}: write it there, as {name}.{key}" for key, name in keys.items()}

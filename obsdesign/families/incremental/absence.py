@@ -145,11 +145,11 @@ def reason(spec: Spec, family: Incremental, largest: float | None, known: dict[s
     if told := structural(spec, fixed):
         return told
     if largest is not None:
+        only = "a solution was found only" if pace.sampled else "there is a solution only"
         return {
             "id": "OBS602",
             "condition": "decay",
-            "reason": f"{pace.said(family.rate)} is too fast: there is a solution only up to {pace.said(largest, 5)}"
-            + within_bounds(spec),
+            "reason": f"{pace.said(family.rate)} is too fast: {only} {pace.edge(largest)}" + within_bounds(spec),
             "feasible": {pace.key: pace.told(largest)},
             "suggestion": f"ask for {pace.slower(largest * (1 - 1e-4), 5)}{other(family)}",
         }

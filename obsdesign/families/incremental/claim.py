@@ -58,11 +58,16 @@ class Claim(Proved):
         bound = self.reconstruction.bound if self.reconstruction else None
         return replace(self.certificate.guarantee_at(spec.period), reconstruction=bound)
 
-    def headline(self, spec: Spec) -> str:  # noqa: ARG002
+    def headline(self, spec: Spec) -> str:
         """Claim in one line."""
-        gamma, about, rate = at_most(self.certificate.gamma), self.certificate.theorem.about, self.certificate.rate
+        gamma, about, rate = at_most(self.gamma_v(spec)), self.certificate.theorem.about, self.certificate.rate
         decay = f"rho {at_most(1 - rate)}" if about.pace.sampled else f"decay rate {at_least(rate)} 1/s"
-        return f"gamma {gamma}, {about.gamma}; {decay}"
+        name = "gamma_v" if spec.observer.filtered else "gamma"
+        said = f"{name} {gamma}, {about.gamma.replace('gamma', name)}; {decay}"
+        if spec.continuous is None or spec.continuous.defect is None:
+            return said
+        error = at_most(at_samples(spec, self.certificate)["error"])
+        return f"{said}; at the samples of the continuous plant |z| <= {error}, as guarantee.at_samples says"
 
     def statement(self, spec: Spec) -> str:
         """Guarantee of the family in words, and where it holds."""

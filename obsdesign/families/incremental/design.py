@@ -235,7 +235,7 @@ class Designer:
         status, certificate = best_claim(self.engine, family)
         if status is Status.INFEASIBLE:
             theorem = "" if self.pace.sampled else " of Theorem 1"
-            return self.infeasible(rate, {"gains": f"no storage function{theorem} proves these gains"})
+            return self.infeasible(rate, {"gains": f"no storage function{theorem} was found that proves these gains"})
         proved = certificate is not None and certificate.holds
         verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
         made = Outcome(verdict, doubles(family), Claim(certificate) if certificate else None)

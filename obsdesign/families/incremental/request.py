@@ -23,6 +23,7 @@ Objective = Literal["min-gamma", "max-alpha", "feasibility", "pareto"]
 SEARCHED = Range(fmpq(1, 1000), fmpq(1000), points=25, log=True)  # where the search looks if the spec does not say
 RANGED = ("max-alpha", "pareto")  # objectives that need a range of alpha or of rho
 STEPS = Range(fmpq(1, 100_000), fmpq(1), points=25, log=True)  # .. of 1 - rho
+FAST = replace(STEPS, high=fmpq(99, 100))  # .. whose largest is asked for: of a linear plant as a rule there is none
 
 
 class Level(Section):
@@ -217,7 +218,9 @@ def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | 
         return found
     if period is not None and section.type == "l2" and section.objective not in RANGED:
         return fmpq(0)
-    first, last, searched = (SEARCHED.low, SEARCHED.high, SEARCHED) if period is None else (0, 1 - STEPS.low, STEPS)
+    searched = SEARCHED if period is None else STEPS if section.objective != "max-alpha" else FAST
+    ends = (searched.low, searched.high) if period is None else (1 - searched.high, 1 - searched.low)
+    first, last = ends
     reader.notes.append(f"observer.{name} is not given and is searched from {float(first):g} to {float(last):g}")
     return searched
 

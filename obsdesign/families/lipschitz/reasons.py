@@ -216,7 +216,7 @@ def useless(family: Lipschitz, declared: float, tolerated: float | None) -> Diag
         short = f"too slow for {pace.said(fixed.rate)}" if actual > 0 else "and does not decay"
         reason = f"without f the slowest pole of the error is {text(pole)}, {short}"
     else:
-        reason = f"no storage function proves these gains for the Lipschitz constant {declared:g}"
+        reason = f"no storage function was found that proves these gains for the Lipschitz constant {declared:g}"
     smaller = not slow and tolerated
     return {
         "id": "OBS609",

@@ -78,9 +78,10 @@ class LipschitzGuarantee(EnergyGuarantee):
 
 @dataclass(frozen=True)
 class LipschitzOfSteps(EnergyOfSteps):
-    """V+ - rho^2 V + |z|^2 - gamma^2 |v|^2 <= 0: that of the energy of samples, with mu1 = 1."""
+    """V+ - rho^2 V + |z|^2 - gamma^2 |v|^2 <= 0: that of the energy of samples, with mu1 = 1; strict for rho = 1."""
 
     weight: ClassVar[str] = ""
+    resting: ClassVar[str] = "e"
 
 
 class Lipschitz(L2):

@@ -56,7 +56,7 @@ class LipschitzGains(Section):
 class LipschitzObserver(RateSection):
     """What is asked of an observer of a Lipschitz system, xhat' = A xhat + Bf f(Cq xhat) + L (y - yhat)."""
 
-    hints: ClassVar[Mapping[str, str]] = {"alpha": "is called decay in type lipschitz"}
+    hints: ClassVar[Mapping[str, str]] = {**RateSection.hints, "alpha": "is called decay in type lipschitz"}
 
     relaxation: LipschitzRelaxation = key(
         OneOf("relaxation", get_args(LipschitzRelaxation)),

@@ -42,6 +42,7 @@ class SporadicGuarantee:
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
     signals: ClassVar[str] = "square integrable"
     symbol: ClassVar[str] = "λ"
+    resting: ClassVar[str] = "e"
     ahead: ClassVar[None] = None  # T1 plays a part in the effect of noise only
 
     gamma: float

@@ -39,6 +39,7 @@ class ClockGuarantee:
     norm: ClassVar[Literal["norm2", "sup"]] = "norm2"
     signals: ClassVar[str] = "square integrable"
     symbol: ClassVar[str] = "λ"
+    resting: ClassVar[str] = "e"
 
     gamma: float
     decay: float  # 1/s
