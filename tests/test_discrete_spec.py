@@ -1,5 +1,8 @@
 """Specs in discrete time: what they may hold, and answers where there is no observer."""
 
+import contextlib
+import json
+
 import pytest
 from support.commands import run
 
@@ -8,6 +11,7 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families import FAMILIES
 from obsdesign.families.outcome import Verdict
 from obsdesign.reading import loads
+from obsdesign.tables.text import at_most
 
 PLANT = """
 obsdesign: 1
@@ -148,3 +152,48 @@ def test_that_there_is_none_is_proved_anew(text, tmp_path, monkeypatch):
     outcome = run("verify", "none.gains.json")
     assert outcome.exit_code == 0
     assert "no solution" in outcome.stdout
+
+
+TWICE = """
+obsdesign: 1
+system: {time: discrete, A: -0.9, B: 1, C: 1, D: 1}
+observer: {type: TYPE, rho: RHO, estimate: filtered, gains: {L1: -0.5}}
+simulation: {horizon: 400, x0: [0], w: ["cos(pi*t)"]}
+"""
+
+
+@pytest.mark.parametrize(("family", "rho"), [("l2", "1"), ("linf", "0.7")])
+def test_what_is_told_of_filtered_estimates_is_gamma_of_v_itself(family, rho, tmp_path, monkeypatch):
+    """Where v acts on the state and on y; w = (-1)^k nearly reaches it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "twice.yaml").write_text(TWICE.replace("TYPE", family).replace("RHO", rho))
+    assert run("solve", "twice.yaml", "-q").exit_code == 0
+    claimed = json.loads((tmp_path / "twice.gains.json").read_text())["guarantee"]
+    assert claimed["gamma_v"] == pytest.approx(2**0.5 * claimed["gamma"], rel=1e-9)
+    told = run("verify", "twice.gains.json").stdout
+    assert f"gamma_v {at_most(claimed['gamma_v'])}" in told
+    assert f"gamma {at_most(claimed['gamma'])}" not in told
+    e, errors = 0.0, []
+    for k in range(400):  # e+ = A e - B v + L1 (C A e - C B v - D v+), v = (-1)^k
+        errors.append(abs(e))
+        e = -0.9 * e - (-1) ** k - 0.5 * (-0.9 * e - (-1) ** k - (-1) ** (k + 1))
+    reached = max(errors) if family == "linf" else (sum(x * x for x in errors) / 400) ** 0.5
+    assert claimed["gamma"] < reached <= claimed["gamma_v"]
+
+
+@pytest.mark.parametrize(("alpha", "said"), [("1e15", "give at most 60, or rho"), ("1e-300", "give at least 1e-12")])
+def test_rates_that_samples_do_not_tell_are_refused(alpha, said):
+    with pytest.raises(UsageError, match=said):
+        loads(spec(f"type: l2, alpha: {alpha}", "time: discrete, period: 1, "))
+
+
+def test_the_least_rho_of_a_linear_plant_is_sought_above_a_hundredth():
+    outcome = solved(spec("type: l2, objective: max-alpha"))
+    assert outcome.status is Verdict.CERTIFIED
+    assert outcome.limit["rho"] == pytest.approx(0.01)
+
+
+def test_matrices_beyond_what_doubles_square_are_no_crash():
+    text = spec("type: l2, rho: .95").replace(".9, .1", "1e200, .1")
+    with contextlib.suppress(UsageError, UndecidedError):
+        assert solved(text).status is not Verdict.CERTIFIED

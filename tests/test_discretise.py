@@ -158,7 +158,7 @@ def test_the_rate_of_an_argument_is_found_on_the_domain():
     ("more", "said"),
     [
         ("discretise: {period: 0}", "system.discretise.period: 0 is not allowed; give a number > 0"),
-        ("discretise: {period: .1, method: euler}", "system.discretise.method: unknown method euler"),
+        ("discretise: {period: .1, method: euler}", "system.discretise.method: euler is not there"),
         ("time: discrete\n  discretise: {period: .1}", "leave time and period out"),
         ("discretise: {period: .1, defect: {q_rate: 2}}", "w_rate is required"),
         ("discretise: {period: .1, defect: {q_rate: auto, w_rate: 1}}", "give a number"),
@@ -176,3 +176,30 @@ def test_a_defect_is_for_peaks():
     text = PENDULUM.format(rho=0.75, more=DEFECT.format(Ts=0.1, q_rate=2)).replace("type: linf", "type: l2")
     with pytest.raises(UsageError, match="is for type linf"):
         loads(text)
+
+
+@pytest.mark.parametrize(
+    ("model", "said"),
+    [
+        (
+            "[{model: {Am: [[0]], Bm: [[1]], Cm: [[1]]}}, unknown]",
+            "which discretise does not turn into samples",
+        ),
+        ("[{sinusoid: {omega: 6}}, unknown]", "whose v at a sample is the mean over a period"),
+        ("[{bias+sinusoid: {omega: 6}}, unknown]", "whose v at a sample is the mean over a period"),
+        ("[double-integrator, unknown]", "whose v at a sample is the mean over a period"),
+    ],
+)
+def test_the_defect_is_claimed_only_where_v_of_samples_is_no_larger_than_that_of_the_plant(model, said):
+    """Of a sinusoid v_k reaches tan(X)/X times |v|, X = omega period / 2; a model in matrices is one of samples."""
+    text = PENDULUM.format(rho=0.9, more=DEFECT.format(Ts=0.1, q_rate=2)) + f"disturbance: {model}\n"
+    with pytest.raises(UsageError) as refused:
+        loads(text)
+    assert said in str(refused.value)
+
+
+def test_a_drift_beside_the_defect_is_certified():
+    text = PENDULUM.format(rho=0.9, more=DEFECT.format(Ts=0.1, q_rate=2)) + "disturbance: [integrator, unknown]\n"
+    outcome = design(loads(text), Engine())
+    assert outcome.status is Verdict.CERTIFIED
+    assert "every channel of v" in outcome.claim.written(loads(text), {})["guarantee"]["at_samples"]["statement"]

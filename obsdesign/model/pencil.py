@@ -45,7 +45,8 @@ def scaled(system: System) -> Scaling:
     """Balance the states and normalise time, outputs and inputs; ranks and zeros are invariant to that."""
     states = units(system)
     balanced = system.A * (states / states[:, None])
-    rate = float(np.linalg.norm(balanced)) or 1.0
+    largest = float(np.abs(balanced).max(initial=0.0)) or 1.0  # whose square may be beyond doubles
+    rate = largest * float(np.linalg.norm(balanced / largest)) or 1.0
     B, C = system.B / states[:, None] / rate, system.C * states
     outputs = nonzero(np.linalg.norm(np.hstack([C, system.D]), axis=1))[:, None]
     C, D = C / outputs, system.D / outputs

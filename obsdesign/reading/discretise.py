@@ -72,9 +72,7 @@ def with_defect(reader: Reader, file: File, spec: Spec) -> Spec:
     if section is None or spec.continuous is None:
         return spec
     if of_matrices(file.disturbance):
-        said = (
-            "is of the user's own matrices, which discretise does not turn into samples: give integrator, sinusoid, .."
-        )
+        said = "is in matrices, which discretise does not turn into samples: give integrator, sinusoid, .."
         reader.wrong(("disturbance",), f"{said}, or the whole plant in samples with time: discrete", id="OBS406")
         reader.stop()
     if section.defect is None:

@@ -138,7 +138,8 @@ def useless(T1: float, T2: float, decay: float, tolerated: float | None) -> Diag
     return {
         "id": "OBS609",
         "condition": "gains",
-        "reason": f"no storage function of Theorem 2 was found that proves these gains for T2 = {T2:g}, decay {decay:g}",
+        "reason": "no storage function of Theorem 2 was found that proves these gains "
+        f"for T2 = {T2:g} with decay {decay:g}",
         "feasible": {"T2": tolerated} if tolerated else {},
         "suggestion": f"{shorter}, or look at new gains: leave `gains` out",
     }
