@@ -169,7 +169,7 @@ def require_ending(path: str, kind: str) -> None:
 
 def require_two(first: str, second: str, what: str) -> None:
     """Refuse one file for two outputs, by whatever paths, for one of them would be lost; raises `UsageError`."""
-    if is_regular(first) and os.path.realpath(first) == os.path.realpath(second):
+    if os.path.realpath(first) == os.path.realpath(second) and is_regular(first):
         raise UsageError(Problem(f"{what} cannot be one file; name another for one of them", second, id="OBS904"))
 
 

@@ -786,5 +786,5 @@ def test_of_a_plant_in_discrete_time_no_nonlinearity_is_missing(time):
     Path("discrete.yaml").write_text(text % f"{{type: kkl, coordinates: [{ONE % 0}], left_inverse: {{x2: xi}}}}")
     outcome = run("check", "discrete.yaml")
     assert outcome.exit_code == 2
-    assert "belongs to discrete time" in outcome.stderr
+    assert "discrete time is not available for type kkl" in outcome.stderr
     assert "nonlinearities" not in outcome.stderr

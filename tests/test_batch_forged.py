@@ -471,7 +471,7 @@ def test_an_expectation_that_a_recorded_number_meets_is_told_as_recorded_until_i
     entry = entries()["a.yaml"]
     assert (entry["as_expected"], entry["up_to_date"], entry["recorded"]) == (True, True, ["gamma", "limit.gamma"])
     first, last = outcome.stdout.splitlines()
-    assert first.endswith(f"  ({NOT_AGAIN}: limit.gamma)")
+    assert first.endswith(f"  ({NOT_AGAIN}: gamma, limit.gamma)")
     said = "; 2 expectations of 1 result are held against what is recorded, not found again: --force computes them; "
     assert said in last
     assert run("batch", "--merge", "results", "--out", "all", "-q").exit_code == 0

@@ -33,7 +33,7 @@ TEXTS = {
         (
             "l2",
             "guarantee.gama",
-            "unknown entry of guarantee gama; did you mean gamma? allowed: statement, gamma, alpha",
+            "unknown entry of guarantee gama; did you mean gamma? allowed: statement, gamma, gamma_v, alpha",
         ),
         ("l2", "gama", "unknown entry of guarantee gama; did you mean gamma?"),
         ("l2", "limit.gamm", "unknown entry of limit gamm; did you mean gamma?"),

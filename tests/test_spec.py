@@ -47,7 +47,7 @@ def test_the_magnetic_bearing_is_read_whole(bearing):
     assert bearing.model_states == ("w1", "w2")
     assert bearing.drives == ("v1", "v2")
     assert (values(bearing.H), bearing.H_names) == ([[0, 0, 0, 1, 0], [0, 0, 0, 0, 1]], ("w1", "w2"))
-    assert bearing.observer.alpha == fmpq(71, 100)
+    assert bearing.observer.rate == fmpq(71, 100)
     assert values(bearing.observer.L2) == [[0, -110]]
     assert bearing.expect["limit.gamma"]["rtol"] == 1e-3
     assert bearing.text == Path(SHIPPED).read_text()
@@ -273,7 +273,7 @@ def test_a_request_is_read_with_its_defaults():
 
 def test_without_alpha_it_is_searched_and_the_spec_says_so():
     read = spec(observer="{type: l2}")
-    assert isinstance(read.observer.alpha, Range)
+    assert isinstance(read.observer.rate, Range)
     assert "observer.alpha" in read.notes[0]
 
 

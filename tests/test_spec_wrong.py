@@ -122,7 +122,13 @@ FORMS = [
     wrong("obsdesign: 1", "obsdesign: true", "obsdesign", "found true"),
     wrong(B, "  BB: [[0], [1]]", "system.BB", "unknown key BB; did you mean B?", place=(5, 3)),
     wrong("system:", "sytem:", "sytem", "did you mean system?", place=(3, 1)),
-    wrong(ALPHA, "  aplha: 0.5", "observer.aplha", "unknown key aplha; did you mean alpha?", "allowed: type, L2"),
+    wrong(
+        ALPHA,
+        "  aplha: 0.5",
+        "observer.aplha",
+        "unknown key aplha; did you mean alpha?",
+        "allowed: type, rho, estimate, L2",
+    ),
     wrong(TYPE, "  - type: monoton", "nonlinearities[0].type", "did you mean monotone?"),
     wrong(TYPE, "  - type: {lipschits: 1}", "nonlinearities[0].type.lipschits", "did you mean lipschitz?"),
     wrong(TYPE, "  - type: lipschitz", "nonlinearities[0].type", "needs data: {lipschitz: ..}"),
@@ -378,7 +384,7 @@ OTHER_TONGUES = [  # what is written so elsewhere is told in what is written her
     wrong(W, "  w: [heaviside(t - 1)]", "simulation.w[0]", "(t >= 1)"),
     wrong(W, "  w: data/w1.csv", "simulation.w", "files are not read here, such as data/w1.csv"),
     wrong(W, "  w: {file: w1.csv, column: w}", "simulation.w", "files are not read here"),
-    wrong(A, "  Ts: 0.1\n" + A, "system.Ts", "discrete time, which is not available in this version"),
+    wrong(A, "  Ts: 0.1\n" + A, "system.Ts", "is called period here: write time: discrete, and period: in s"),
     wrong(TYPE, "  - type: {slope: [0, 1]}", "nonlinearities[0].type", "is refuted by", "region: {q: [lo, hi]}"),
     wrong(
         TYPE + "\n" + F,
@@ -480,7 +486,7 @@ def test_a_message_is_one_line_with_file_line_column_key_what_is_wrong_and_what_
     (problem,) = problems_of(BASE.replace(ALPHA, "  aplha: 0.5"))
     assert str(problem) == (
         "spec.yaml:17:3: observer.aplha: unknown key aplha; did you mean alpha? "
-        "allowed: type, L2, alpha, objective, slack, bounds, gains, reconstruct [OBS201]"
+        "allowed: type, rho, estimate, L2, alpha, objective, slack, bounds, gains, reconstruct [OBS201]"
     )
 
 

@@ -28,7 +28,7 @@ def restated(content, **claim):
     """A content whose claim is changed, and whose statement says so."""
     content["guarantee"] |= claim
     g = content["guarantee"]
-    g["statement"] = L2.about.statement.format(gamma=repr(float(g["gamma"])), alpha=repr(float(g["alpha"])))
+    g["statement"] = L2.about.statement.format(gamma=repr(float(g["gamma"])), rate=repr(float(g["alpha"])))
     return content
 
 

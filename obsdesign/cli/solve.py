@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -102,7 +102,9 @@ def lost(problem: "Spec", path: str) -> str:
     """What an interrupted design leaves, and how to go on."""
     from obsdesign.dissipation.bounds import Range
 
-    ranges = {key: value.points for key, value in vars(problem.observer).items() if isinstance(value, Range)}
+    asked: Any = problem.observer
+    called = {"rate": asked.pace.key} if hasattr(asked, "rate") else {}  # of a theorem, in a spec
+    ranges = {called.get(key, key): value.points for key, value in vars(asked).items() if isinstance(value, Range)}
     fewer = " ".join(f"--set observer.{key}.points={FEW}" for key, points in ranges.items() if points > FEW)
     said = f"nothing of {path} is written, and the same command begins it anew"
     return f"{said}; with {fewer} it ends sooner" if fewer else said

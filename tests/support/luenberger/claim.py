@@ -36,7 +36,8 @@ class Claim(Proved):
     def written(self, spec, limits):
         """What is proved, and the witness."""
         c = self.certificate
-        numbers = {key: approximate(getattr(c, key)) for key in ("gamma", "alpha", "mu1", "mu2")}
+        values = {"gamma": c.gamma, "alpha": c.rate, "mu1": c.mu1, "mu2": c.mu2}
+        numbers = {key: approximate(value) for key, value in values.items()}
         return {
             "guarantee": {**numbers, **limits, "statement": self.statement(spec)},
             "certificate": c.written(),

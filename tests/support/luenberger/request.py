@@ -5,8 +5,10 @@ from typing import ClassVar
 
 from flint import fmpq
 
+from obsdesign.dissipation.pace import Pace
 from obsdesign.families.asked import SEARCHED, ObserverSection, read_searched
 from obsdesign.families.frozen import Demand
+from obsdesign.model.edge import Edge
 from obsdesign.sections.forms import ENTRY, key, required
 
 
@@ -25,6 +27,7 @@ class LuenbergerRequest:
     poles: fmpq
     drive: ClassVar[str] = "v"
     reconstruct: ClassVar[bool] = False
+    filtered: ClassVar[bool] = False
     gains: ClassVar[None] = None
     restrictions: ClassVar[tuple[str, ...]] = ()
 
@@ -41,7 +44,7 @@ def request(reader, section, problem):
 
 def demand(spec):
     """Any decay."""
-    return Demand(fmpq(0), spec.multiplier, "poles")
+    return Demand(Edge(fmpq(0)), spec.multiplier, Pace("poles"))
 
 
 SECTION = LuenbergerSection
