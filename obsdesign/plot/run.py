@@ -158,6 +158,7 @@ def proved(run: "Run", guarantee: Guarantee) -> str:
     """What is proved: a gain, where there is an input, and a rate of decay."""
     rate = guarantee.rates().told
     decays = f"{guarantee.symbol} = {rate}" if rate else f"{guarantee.resting} → 0 without a disturbance"
+    decays += ", of a model in samples" if run.spec.continuous else ""
     if run.summary["gamma"] is None:
         return decays
     name = "γ of v itself" if run.spec.observer.filtered else "γ"

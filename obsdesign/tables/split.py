@@ -107,8 +107,12 @@ def number(value: fmpq) -> int | float | str:
 
 
 def printed(spec: Spec) -> str:
-    """The split as `check` prints it, before anything else."""
-    return f"{aligned(split_rows(spec))}\n\n" if spec.as_equations else ""
+    """The split as `check` prints it, before anything else, and what plant in samples is meant in what follows."""
+    rows = split_rows(spec) if spec.as_equations else []
+    if spec.continuous and spec.period:
+        said = f"{spec.continuous.method}, {float(spec.period):g} s apart: what follows is of this model"
+        rows.append(("samples", said))
+    return f"{aligned(rows)}\n\n" if rows else ""
 
 
 def split_rows(spec: Spec) -> list[tuple[str, str]]:
