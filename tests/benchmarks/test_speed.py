@@ -87,27 +87,20 @@ nonlinearities:
   - {type: {lipschitz: 0.5}, Bf: [0, 0, 3], Cq: [0, 0, 1]}
 observer: {type: l2, L2: 0, alpha: 0.5, bounds: {L1: 100}}
 """
-SAMPLES = """
-obsdesign: 1
-system: {time: discrete, A: [[0.9, 0.1, 0], [-0.1, 0.8, 0.2], [0, -0.2, 0.7]], C: [1, 0, 0],
-         B: [[0.1, 0], [0, 0], [0.2, 0]], D: [0, 0.1]}
-nonlinearities:
-  - {type: {slope: [0, 1]}, Bf: [0, 0.2, 0], Cq: [0, 1, 0]}
-  - {type: {lipschitz: 0.5}, Bf: [0, 0, 0.3], Cq: [0, 0, 1]}
-observer: {type: l2, L2: 0, rho: 0.95, bounds: {L1: 100}}
-"""
 
 
-def test_a_design_in_discrete_time_costs_about_a_third_more(benchmark):
-    """1.27 to 1.33 times as much was measured on an idle machine: one solve of the larger cone takes twice as long."""
-    specs = {"continuous": loads(CONTINUOUS), "discrete": loads(SAMPLES)}
-    for spec in specs.values():
-        assert solve(spec).status == "certified"
-    measured = benchmark.pedantic(lambda: processor_time(lambda: solve(specs["discrete"])), rounds=1)
-    discrete = min(measured[0], *(processor_time(lambda: solve(specs["discrete"]))[0] for _ in range(4)))
-    continuous = min(processor_time(lambda: solve(specs["continuous"]))[0] for _ in range(5))
-    benchmark.extra_info["times a continuous design"] = round(discrete / continuous, 2)
-    assert discrete <= 1.5 * continuous  # with room for what else the machine does
+@pytest.mark.xfail(
+    reason="not met: 1.4 to 1.7 of the same plant in samples; one solve of the larger cone takes twice as long"
+)
+def test_a_design_in_discrete_time_costs_no_more_than_1_3_times_as_much(benchmark):
+    plants = CONTINUOUS, CONTINUOUS.replace("system: {", "system: {discretise: {period: 0.1}, ")
+    continuous, discrete = map(loads, plants)
+    assert [solve(spec).status for spec in (continuous, discrete)] == ["certified", "certified"]
+    measured = benchmark.pedantic(lambda: processor_time(lambda: solve(discrete)), rounds=1)
+    ours = min(measured[0], *(processor_time(lambda: solve(discrete))[0] for _ in range(4)))
+    ratio = ours / min(processor_time(lambda: solve(continuous))[0] for _ in range(5))
+    benchmark.extra_info["times a continuous design"] = round(ratio, 2)
+    assert ratio <= 1.3
 
 
 def test_help_starts_fast(benchmark):
