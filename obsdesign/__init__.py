@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from obsdesign.reports.page import Report, report
     from obsdesign.simulate import Run
     from obsdesign.simulate.comparison import Comparison
-    from obsdesign.work import check, compare, lipschitz, load, read, solve, verify
+    from obsdesign.work import check, compare, lipschitz, load, read, solve, theorem, verify
 
 __version__ = "0.1.0"
 
@@ -50,11 +50,12 @@ __all__ = [
     "read",
     "report",
     "solve",
+    "theorem",
     "verify",
 ]
 
 HOMES = {
-    "work": ("check", "compare", "lipschitz", "load", "read", "solve", "verify"),
+    "work": ("check", "compare", "lipschitz", "load", "read", "solve", "theorem", "verify"),
     "batches": ("batch",),
     "design": ("Design",),
     "reports.page": ("Report", "report"),

@@ -328,6 +328,14 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     return replace(proof, numerical=tuple(numerical(file.content, spec))) if proof.holds else proof
 
 
+def theorem_of(file: ResultFile, spec: Spec | None = None) -> str:
+    """Claim of a result file as a file of Coq, once it is proved here. See `work.theorem`."""
+    spec = spec_of(file, spec)
+    if file.status != Verdict.CERTIFIED:
+        raise file.wrong("status", f"{file.status!r} claims nothing that a theorem could state", id="OBS706")
+    return FAMILIES[spec.observer.type].theorem(spec, file)
+
+
 def doubles(file: ResultFile, name: str, gain: Array) -> Array:
     """Gain in doubles."""
     found = np.vectorize(approximate, otypes=[float])(gain)

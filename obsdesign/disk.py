@@ -38,6 +38,7 @@ KINDS = {
     "results": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"name":\ "(?:\\.|[^"\\])*",\s*"spec"')),
     "samples": Kind((".csv",), marked(rb"t,(?:[^\n]*,)?hat_")),
     "figures": Kind((".png", ".svg"), marked(rb"\x89PNG.*Software\x00obsdesign | <.*<dc:title>obsdesign<")),
+    "theorems": Kind((".v",), marked(rb"\(\*\ obsdesign:\ | -Q\ \.\ Obs")),
     "pages": Kind((".html", ".htm"), marked(rb'\s*<!DOCTYPE\ html>.*<meta\ name="generator"\ content="obsdesign\ ')),
     "summaries": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"tool":.*"list_sha256":')),
     "JUnit XML": Kind((), marked(rb'<\?xml[^>]*>\s*<testsuites\ name="obsdesign"')),

@@ -12,9 +12,24 @@ from obsdesign.cli.report import report
 from obsdesign.cli.schema import schema
 from obsdesign.cli.simulate import simulate
 from obsdesign.cli.solve import solve
+from obsdesign.cli.theorem import theorem
 from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
 
-for command in (init, solve, simulate, batch, compare, check, lipschitz, verify, diff, report, schema, explain):
+for command in (
+    init,
+    solve,
+    simulate,
+    batch,
+    compare,
+    check,
+    lipschitz,
+    verify,
+    theorem,
+    diff,
+    report,
+    schema,
+    explain,
+):
     app.command(cls=Command)(command)

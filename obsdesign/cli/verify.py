@@ -1,17 +1,24 @@
 """`obsdesign verify`: the claim of a result file, proved anew."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.sources import RESULTS, Answer, each, found
-from obsdesign.cli.steps import as_text, loaded
+from obsdesign.cli.steps import as_text, loaded, stem
+from obsdesign.coq.library import command
+from obsdesign.disk import require_ending, require_writable, write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.sections.scalars import described
 from obsdesign.watch import limited
+
+if TYPE_CHECKING:
+    from obsdesign.spec import Spec
 
 
 def verify(
@@ -26,6 +33,12 @@ def verify(
         bool,
         typer.Option("--specs", help="Hold each file against the spec at the path that it names, as it stands."),
     ] = False,
+    theorem: Annotated[
+        str, typer.Option(metavar="coq", help="Write the guarantee as a theorem for this proof assistant.")
+    ] = "",
+    output: Annotated[
+        str, typer.Option("-o", "--output", help="With --theorem, of one file; default: NAME.theorem.v here.")
+    ] = "",
     timeout: Timeout = 600,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -33,12 +46,33 @@ def verify(
     """Prove the claim of a gains file anew, or that there is no solution; exactly and without a solver."""
     paired = len(sources) == 2 and not sources[1].endswith(".json")
     gains, spec = (sources[:1], sources[1]) if paired else (sources, "")
+    files = found(gains, RESULTS)
+    require_assistant(theorem, output, files)
     with limited(timeout):
         each(
-            found(gains, RESULTS),
-            lambda file: proved(file, named(file) if specs else spec, as_json, quiet),
+            files,
+            lambda file: proved(file, named(file) if specs else spec, targets(file, theorem, output), as_json, quiet),
             as_json=as_json,
         )
+
+
+def require_assistant(theorem: str, output: str, files: Sequence[str]) -> None:
+    """Refuse a proof assistant that is not known, and a path of several theorems, or of none."""
+    if theorem not in {"", "coq"}:
+        raise UsageError(f"--theorem {theorem}: no file is written for it; allowed: coq", id="OBS904")
+    if output and (not theorem or len(files) > 1):
+        said = "is for --theorem coq of one result file; leave -o out, and each is written to NAME.theorem.v here"
+        raise UsageError(f"-o {output} {said}", id="OBS904")
+
+
+def targets(gains: str, theorem: str, output: str) -> str:
+    """Path of the theorem of a result file, which can be written; none where none is asked for."""
+    if not theorem:
+        return ""
+    path = output or f"{stem(gains)}.theorem.v"
+    require_ending(path, "theorems")
+    require_writable({path: "theorems"}, (gains,))
+    return path
 
 
 def named(gains: str) -> str:
@@ -64,8 +98,8 @@ def named(gains: str) -> str:
     return str(path)
 
 
-def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:
-    """What is proved of one file."""
+def proved(gains: str, spec: str, target: str, as_json: bool, quiet: bool) -> Answer:
+    """What is proved of one file, and its theorem, written to a target if there is one."""
     problem = loaded(spec) if spec else None
     from obsdesign import work
     from obsdesign.files import checks
@@ -77,8 +111,26 @@ def proved(gains: str, spec: str, as_json: bool, quiet: bool) -> Answer:
         lines.append(f"numerical, no part of what is proved: {', '.join(proof.numerical)}")
     lines.append(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
     report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
+    if target and proof.holds:
+        report["theorem"] = exported(gains, problem, target, proof.claim)
+        lines.append(f"theorem for Coq, not compiled: {target}")
+        lines.append(f"to compile it: obsdesign theorem --library LIBRARY; {command('LIBRARY', target)}")
     text = as_text(report) if as_json else "" if quiet else "\n".join(lines)
     if proof.holds:
-        return Answer(text)
+        return Answer("" if target == "-" and not as_json else text)
     failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
     return Answer(text, failure=UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708")))
+
+
+def exported(gains: str, problem: "Spec | None", target: str, statement: str) -> dict[str, Any]:
+    """Write the theorem of a proved file; what is said of it in JSON."""
+    from obsdesign import work
+    from obsdesign.files import digest
+
+    text = work.theorem(gains, problem)
+    if target == "-":
+        say(text.rstrip())
+    else:
+        write_whole(target, text.encode())
+    found = {"file": target, "sha256": digest(text), "statement": statement}
+    return {**found, "accepted": None, "time_s": None}

@@ -20,14 +20,23 @@ from obsdesign.model import loop
 class Certificate(Proved):
     """Storage function and scales, in rationals, that prove the level gamma, and what was checked of them."""
 
-    theorem: type[Incremental]
-    rate: fmpq
+    family: Incremental  # plant, multiplier, rate and gains, in rationals
     gamma: fmpq
     mu1: fmpq
     mu2: fmpq
     P: Array  # (n, n)
     multipliers: dict[str, Array]  # by the names of the unknowns
     checks: tuple[Check, ...]
+
+    @property
+    def theorem(self) -> type[Incremental]:
+        """Inequalities that are proved."""
+        return type(self.family)
+
+    @property
+    def rate(self) -> fmpq:
+        """Alpha, or 1 - rho, in rationals."""
+        return self.family.rate
 
     def written(self) -> dict[str, Any]:
         """Witness and checks, as a result file holds them."""
@@ -84,7 +93,7 @@ def certify(
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
     multipliers = {name: value for name, value in values.items() if name != "P"}
-    return Certificate(type(family), rate, gamma, mu1, mu2, P, multipliers, conditions)
+    return Certificate(family, gamma, mu1, mu2, P, multipliers, conditions)
 
 
 def rate_of(rho: float, period: fmpq) -> float:

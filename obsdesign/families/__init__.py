@@ -17,9 +17,16 @@ ALGEBRAIC = "obsdesign.families.algebraic"
 FAMILIES: dict[str, Family] = {  # by observer.type
     name: family
     for family in (
-        Family(("l2", "linf"), "obsdesign.families.incremental", discrete=True, defects=("linf",), refutes=True),
+        Family(
+            ("l2", "linf"),
+            "obsdesign.families.incremental",
+            discrete=True,
+            defects=("linf",),
+            refutes=True,
+            exports=True,
+        ),
         Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
-        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True, discrete=True),
+        Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True, discrete=True, exports=True),
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
         Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
         Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),

@@ -29,7 +29,7 @@ class Family:
     request.py    `SECTION`, `RESULTS`, `request`, `demand`; `nonlinearities`, if f is unstructured
     check.py      `check`
     design.py     `design`
-    claim.py      `written`, `read`, `read_gains`
+    claim.py      `written`, `read`, `read_gains`; `theorem`, if it exports
     absence.py    `read`, if it refutes
     observer.py   `observer`, `errors`; `sampled` and `beside` in place of it, if y is known at instants only
     table.py      `proved`, `figures`
@@ -49,6 +49,7 @@ class Family:
     discrete: bool = False  # plants x+ = .. are taken as well
     defects: tuple[str, ...] = ()  # its types that bound the error of a continuous plant at its samples
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
+    exports: bool = False  # its claims can be written as theorems for a proof assistant
 
     def part(self, name: str) -> Any:
         """Module of the folder."""
@@ -136,6 +137,17 @@ class Family:
         """Claim of a certified result file, checked with no solver."""
         claim: Claim = self.part("claim").read(spec, file)
         return claim
+
+    def theorem(self, spec: "Spec", file: "ResultFile") -> str:
+        """Claim of a result file as a file of Coq, with its proof.
+
+        Raises `UsageError`: the claim does not hold or cannot be exported.
+        """
+        if not self.exports:
+            said = f"claims of type {spec.observer.type} are not exported yet"
+            raise file.wrong("observer.type", f"no theorem for Coq: {said}", id="OBS711")
+        text: str = self.part("claim").theorem(spec, file)
+        return text
 
     def absence(self, spec: "Spec", file: "ResultFile") -> "Proof":
         """Proof that an infeasible result file has no solution, from the dual certificate that it holds.

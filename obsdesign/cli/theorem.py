@@ -1,0 +1,24 @@
+"""`obsdesign theorem`: the library that a theorem is compiled with."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from obsdesign.cli.printing import say
+from obsdesign.coq.library import command, library
+from obsdesign.disk import require_writable, write_all
+
+
+def theorem(
+    folder: Annotated[
+        str, typer.Option("--library", metavar="DIR", help="Folder, which is made, for the library in Coq.")
+    ],
+) -> None:
+    """Write the library in Coq that theorems of `verify --theorem coq` are compiled with, and say how."""
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    files = {str(Path(folder, name)): content for name, content in library().items()}
+    require_writable(dict.fromkeys(files, "theorems"))
+    write_all(files)
+    say(f"library   {folder}: {', '.join(library())}")
+    say(f"to compile it and a theorem: {command(folder, 'NAME.theorem.v')}")

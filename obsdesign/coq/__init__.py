@@ -1,0 +1,1 @@
+"""The guarantee of an observer as a theorem whose proof the kernel of a proof assistant, Coq, checks."""

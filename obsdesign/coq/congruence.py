@@ -1,0 +1,57 @@
+"""Why a matrix S is not negative, for a kernel that knows integers: a triangular T with T' S T diagonally dominant.
+
+T is found in doubles, as the inverse of a Cholesky factor of S, and rounded. Nothing is believed of it: the kernel
+computes T' S T, and with a wrong T it accepts nothing.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.lmi.formula import Array
+
+BITS = 22  # of the entries of T
+
+
+def congruence(S: Array) -> list[list[int]] | None:
+    """Columns of a lower triangular T in integers, without their leading zeros; None if S is not positive enough.
+
+    `S`: symmetric, in rationals. A row of zeros gets a column of the identity.
+    """
+    whole = integers(S)
+    order = len(whole)
+    live = [i for i in reversed(range(order)) if any(whole[i])]  # last variable first, so that T is lower triangular
+    if any(whole[i][i] <= 0 for i in live):
+        return None
+    size = {i: (whole[i][i].bit_length() + 1) // 2 for i in live}  # bits of the square root of a diagonal entry
+    scaled = np.array([[shifted(whole[i][j], -(size[i] + size[j])) for j in live] for i in live])
+    try:
+        inverse = np.linalg.inv(np.linalg.cholesky(scaled.reshape(len(live), len(live))))
+    except np.linalg.LinAlgError:
+        return None
+    largest = max(size.values(), default=0)
+    columns = [[int(i == j) for i in range(order)] for j in range(order)]
+    for row, j in zip(inverse, live, strict=True):
+        entry = {i: round(float(x) * 2.0**BITS) << (largest - size[i]) for x, i in zip(row, live, strict=True)}
+        columns[j] = [entry.get(i, 0) for i in range(order)]
+    return [column[j:] for j, column in enumerate(columns)] if all(c[j] for j, c in enumerate(columns)) else None
+
+
+def integers(S: Array) -> list[list[int]]:
+    """Least multiple of a matrix of rationals that has integers only."""
+    entries = [[fmpq(x) for x in row] for row in S]
+    common = math.lcm(*(int(x.q) for row in entries for x in row))
+    return [[int(x.p) * (common // int(x.q)) for x in row] for row in entries]
+
+
+def shifted(x: int, power: int) -> float:
+    """X 2^power in doubles, for x of any length."""
+    spare = max(x.bit_length() - 60, 0)
+    return math.ldexp(x >> spare, spare + power)
+
+
+def triangle(columns: Sequence[Sequence[int]]) -> str:
+    """The columns as a list of lists of integers in Coq."""
+    return "[" + ";\n  ".join("[" + "; ".join(map(str, column)) + "]" for column in columns) + "]"

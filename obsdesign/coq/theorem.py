@@ -1,0 +1,184 @@
+"""The claim of a dissipation inequality as a file of Coq: the numbers of the result, T, and the theorem.
+
+Coq computes the matrix of the inequality itself from the numbers of the file. With
+
+    V' + 2 alpha V + weight |H e|^2 - supply |v|^2 <= 0,    V = e' P e >= floor |e|^2,
+
+weight = mu1 and supply = mu2 where a claim is about the energy of z, weight = 0 and supply = 2 alpha mu1 where it is
+about its peak, the theorem states the guarantee for every f of the class and all trajectories of plant and observer.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.coq.congruence import congruence, triangle
+from obsdesign.coq.decimals import comment, matrix, number
+from obsdesign.dissipation.certificate import Certificate
+from obsdesign.files import ResultFile
+from obsdesign.lmi.formula import Array, Values, identity, rational, rational_number
+from obsdesign.spec import Spec
+
+NAME = "designed"  # the design in the file
+FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
+IMPORTS = """\
+Require Import Reals ZArith QArith Qreals List Lra Psatz.
+From Coquelicot Require Import Coquelicot.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsTheorem.
+Import ListNotations.
+"""
+DECAY = f"""\
+(forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
+      Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)"""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is stated of a claim: the boolean that the kernel computes, the theorem of the library, the conclusion."""
+
+    claims: str
+    lemma: str
+    levels: tuple[str, ...]  # numbers of the claim that they take
+    conclusion: str
+
+
+ENERGY = Kind(
+    "claims_energy",
+    "energy_guarantee",
+    ("gamma",),
+    f"""\
+RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
+      V {NAME} (e 0) / Q2R (weight {NAME}) + Q2R gamma * Q2R gamma * RInt (fun s => sq (at_ v s)) 0 t""",
+)
+PEAK = Kind(
+    "claims_peak",
+    "peak_guarantee",
+    ("gamma", "mu1", "mu2"),
+    f"""\
+(forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
+      sq (zed {NAME} (e t)) <= Q2R gamma * Q2R gamma * vbar
+        + Q2R mu2 * exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0))""",
+)
+
+
+class UnexportedError(Exception):
+    """A part of a claim that no file of Coq is written of, in words."""
+
+
+def exported(certificate: Certificate, file: ResultFile, spec: Spec, statement: str) -> str:
+    """File of Coq with the claim of a result file, headed by what it is about.
+
+    Raises `UsageError`: the claim does not hold, is one of samples, or has a multiplier that is a matrix; or no T was
+    found.
+    """
+    try:
+        return "\n".join([*map(comment, heading(spec, statement)), written(certificate)])
+    except UnexportedError as error:
+        said = f"no theorem for Coq: {error}; `verify` without --theorem proves it in rationals"
+        raise file.wrong("certificate", said, id="OBS711") from None
+
+
+def written(certificate: Certificate) -> str:
+    """Design, T, and the theorem with its proof. Raises `UnexportedError`."""
+    family, peak = certificate.family, certificate.guarantee.norm == "sup"
+    if not certificate.holds:
+        raise UnexportedError("the claim does not hold")
+    if family.about.pace.sampled:
+        raise UnexportedError("a claim about samples is not exported yet, those of plants in continuous time are")
+    kind, H, P = PEAK if peak else ENERGY, family.H, certificate.P
+    weight, supply = (fmpq(0), 2 * family.rate * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
+    least = float(np.linalg.eigvalsh(P.astype(float))[0])
+    floor = rational_number(f"{FLOOR * max(least, 0.0):.3g}")
+    values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
+    forms = {
+        "T": -family.dissipation(values, weight * (H.mT @ H), rational([[supply]])),
+        "TP": P - floor * identity(len(P), P),
+        **({"TO": certificate.mu2 * P - H.mT @ H} if peak else {}),
+    }
+    levels = [f"Definition {key} : Q := {number(getattr(certificate, key))}." for key in kind.levels]
+    arguments = " ".join([NAME, *kind.levels, *forms])
+    return "\n".join(
+        [
+            IMPORTS,
+            "Open Scope Q_scope.",
+            record(certificate, {"weight": weight, "supply": supply, "floor": floor}),
+            *levels,
+            "Open Scope Z_scope.",
+            *(f"Definition {name} := {triangle(found(name, S))}." for name, S in forms.items()),
+            "Open Scope R_scope.",
+            "",
+            f"Lemma proved : {kind.claims} {arguments} = true.",
+            "Proof. vm_cast_no_check (eq_refl true). Qed.",
+            "",
+            f"Theorem for_the_class : forall f, of_class {NAME} f ->",
+            f"  forall x xh v q qh y yh g gq gy, trajectories {NAME} f x xh v q qh y yh g gq gy -> forall t, 0 <= t ->",
+            "  let e := error_at x xh in",
+            f"  {kind.conclusion}",
+            f"  /\\ ({DECAY}).",
+            f"Proof. exact ({kind.lemma} {arguments} proved). Qed.",
+            "",
+            "Print Assumptions for_the_class.",
+            "",
+        ]
+    )
+
+
+def heading(spec: Spec, statement: str) -> list[str]:
+    """What the file is about, in words; none of it is checked by Coq."""
+    states = ", ".join([*spec.plant.states, *spec.model_states])
+    return [
+        f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
+        f"states: {states}",
+        f"in words: {statement}",
+        "Of these words for_the_class states the bound on z, and the decay of e where alpha > 0; at alpha = 0 it says",
+        "that e stays bounded. Bounds on gains, reconstruction and larger Lipschitz constants are not stated. That the",
+        "numbers below are those of the spec is believed, not proved.",
+    ]
+
+
+def record(certificate: Certificate, levels: dict[str, fmpq]) -> str:
+    """The design: plant, gains, storage function, multipliers, with the numbers of the result."""
+    family, plant = certificate.family, certificate.family.plant
+    sizes = {"n": plant.n, "nf": plant.Bf.shape[1], "nv": plant.B.shape[1], "ny": len(plant.C), "nq": len(plant.Cq)}
+    matrices = {key: getattr(plant, key) for key in ("A", "Bf", "B", "C", "Df", "D", "Cq", "Dqf", "Dq")}
+    matrices |= {"H": family.H, "L1": family.L1, "L2": family.L2, "P": certificate.P}
+    rays = ";\n    ".join(
+        f"{{| scaling := {number(scale)}; M11 := {matrix(M11)}; M12 := {matrix(M12)}; M22 := {matrix(M22)} |}}"
+        for scale, M11, M12, M22 in multipliers(certificate)
+    )
+    numbers = {"alpha": family.rate, **levels}
+    return "\n".join(
+        [
+            f"Definition {NAME} : design := {{|",
+            "  " + " ".join(f"{key} := {size}%nat;" for key, size in sizes.items()),
+            *(f"  {key} := {matrix(M)};" for key, M in matrices.items()),
+            "  " + " ".join(f"{key} := {number(x)};" for key, x in numbers.items()),
+            f"  multipliers := [{rays}] |}}.",
+        ]
+    )
+
+
+def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
+    """Scale and matrices M11, M12, M22 of each inequality of the class.
+
+    Raises `UnexportedError`: an unknown of a multiplier is a matrix.
+    """
+    multiplier, found = certificate.family.multiplier, []
+    unknowns = multiplier.unknowns()
+    for one in unknowns:
+        if one.shape != (1, 1):
+            raise UnexportedError(
+                f"{one.name} is a multiplier in matrices, which is not exported yet; those with a scale are"
+            )
+        unit: Values = {other.name: rational([[int(other is one)]]) for other in unknowns}
+        found.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
+    return found
+
+
+def found(name: str, S: Array) -> list[list[int]]:
+    """T for a matrix that must not be negative; raises `UnexportedError` if there is none in doubles."""
+    if (T := congruence(S)) is None:
+        what = {"T": "the dissipation inequality", "TP": "P > 0", "TO": "|z|^2 <= mu2 V"}[name]
+        raise UnexportedError(f"{what} holds with a margin that doubles do not see, so no file for Coq was found")
+    return T

@@ -1,0 +1,177 @@
+"""Guarantees as theorems for Coq: what stands in the file, what is refused, what its kernel says of true and false."""
+
+import json
+import re
+import shutil
+import subprocess
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flint import fmpq
+from hypothesis import given
+from hypothesis import strategies as st
+from support.commands import run
+from support.shipped import SPECS, solved
+
+import obsdesign as od
+from obsdesign.coq.congruence import congruence
+from obsdesign.coq.decimals import comment, number
+from obsdesign.lmi.formula import rational
+
+AXIOMS = {"sig_not_dec", "sig_forall_dec", "functional_extensionality_dep", "classic"}
+needs_coq = pytest.mark.skipif(shutil.which("coqc") is None, reason="needs Debian's coq and libcoq-coquelicot")
+
+
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1), st.booleans())
+def test_the_columns_of_T_are_triangular_and_make_a_positive_matrix_dominant(order, seed, silent):
+    draw = np.random.default_rng(seed)
+    F = rational(draw.integers(-9, 10, (order, order + 3)))
+    S = F @ F.T + rational(np.eye(order, dtype=int))
+    if silent:
+        S[0, :], S[:, 0] = fmpq(0), fmpq(0)
+    columns = congruence(S)
+    T = np.array([[0] * j + column for j, column in enumerate(columns)], dtype=object).T
+    assert all(T[j, j] for j in range(order))
+    turned = T.T @ np.array([[int(x.p) for x in row] for row in S], dtype=object) @ T
+    for i, row in enumerate(turned):
+        assert 2 * row[i] >= sum(map(abs, row))
+
+
+@pytest.mark.parametrize("S", [[[-1]], [[1, 2], [2, 1]], [[0, 1], [1, 1]]])
+def test_there_is_no_T_for_a_matrix_that_is_not_positive(S):
+    assert congruence(rational(S)) is None
+
+
+@given(st.fractions())
+def test_a_literal_is_the_very_rational(x):
+    text = number(fmpq(x.numerator, x.denominator)).strip("()").replace(" # ", "/")
+    assert Fraction(text) == x
+
+
+@given(st.text())
+def test_no_text_ends_its_comment(text):
+    inner = comment(text).removeprefix("(*").removesuffix("*)")
+    assert not re.search(r'[*"\n\r]', inner)
+
+
+@pytest.fixture(scope="module")
+def gains(tmp_path_factory):
+    """Results of one design of each family whose claims are exported."""
+    folder = tmp_path_factory.mktemp("gains")
+    names = ("corless2019-magnetic-bearing-bounded", "chakrabarty2016-cubic", "abbaszadeh2010-flexible-joint")
+    for name in names:
+        od.solve(od.load(SPECS / f"{name}.yaml")).save(folder / f"{name}.gains.json")
+    return sorted(folder.glob("*.gains.json"))
+
+
+def test_the_file_holds_the_numbers_of_the_result_and_ends_with_the_guarantee(gains):
+    for path in gains:
+        result, text = json.loads(path.read_text()), od.theorem(path)
+        assert comment(f"in words: {result['guarantee']['statement']}") in text.splitlines()
+        record, _, theorem = text.partition("Lemma proved")
+        for row in result["certificate"]["P"]:
+            for entry in row:
+                assert number(fmpq(*map(int, entry.split("/")))) in record
+        assert "Theorem for_the_class : forall f, of_class designed f ->" in theorem
+        assert theorem.endswith("Print Assumptions for_the_class.\n")
+        assert not re.search(r"Admitted|Axiom|Parameter|admit", text)
+
+
+def test_verify_writes_the_theorem_and_says_how_to_compile_it(gains, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = run("verify", gains[0], "--theorem", "coq")
+    name = gains[0].name.replace(".gains.json", ".theorem.v")
+    assert said.exit_code == 0
+    assert f"theorem for Coq, not compiled: {name}" in said.stdout
+    assert (tmp_path / name).read_text() == od.theorem(gains[0])
+    report = json.loads(run("verify", gains[0], "--theorem", "coq", "-o", "here.v", "--json").stdout)
+    assert report["theorem"].keys() == {"file", "sha256", "statement", "accepted", "time_s"}
+    assert report["theorem"]["accepted"] is None
+    assert run("verify", gains[0], "--theorem", "coq", "-o", "-").stdout.startswith("(* obsdesign: ")
+
+
+def test_what_cannot_be_asked_or_exported_is_said_in_one_line(gains, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    asked = {
+        ("verify", gains[0], "--theorem", "lean"): "OBS904",
+        ("verify", gains[0], "-o", "a.v"): "OBS904",
+        ("verify", *gains, "--theorem", "coq", "-o", "a.v"): "OBS904",
+        ("verify", gains[0], "--theorem", "coq", "-o", "a.json"): "OBS904",
+        ("verify", gains[0], "--theorem", "coq", "-o", "nowhere/a.v"): "OBS902",
+    }
+    (tmp_path / "mine.v").write_text("(* mine *)")
+    asked["verify", gains[0], "--theorem", "coq", "-o", "mine.v"] = "OBS914"
+    for arguments, id in asked.items():
+        outcome = run(*arguments)
+        assert outcome.exit_code == 2
+        assert id in outcome.stderr
+        assert len(outcome.stderr.splitlines()) == 1
+    assert (tmp_path / "mine.v").read_text() == "(* mine *)"
+    assert not (tmp_path / "a.v").exists()
+
+
+UNEXPORTED = {
+    "discrete-polytope": "samples",
+    "planar-arm": "a multiplier in matrices",
+    "ferrante2019-oscillator-gains": "claims of type sporadic",
+    "infeasible/discrete-hidden-mode": "claims nothing that a theorem could state",
+}
+
+
+@pytest.mark.parametrize(("name", "words"), UNEXPORTED.items())
+def test_a_claim_that_has_no_theorem_is_refused(name, words, tmp_path):
+    path = tmp_path / "case.gains.json"
+    solved(name)[1].save(path)
+    with pytest.raises(od.UsageError, match=words) as error:
+        od.theorem(path)
+    assert str(path) in str(error.value)
+
+
+# What the kernel says
+
+
+def compiled(folder, text):
+    """What coqc says of a file, and whether it accepts it."""
+    (folder / "Theorem.v").write_text(text)
+    found = subprocess.run(
+        ["coqc", "-Q", ".", "Obs", "Theorem.v"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+    return found.returncode == 0, found.stdout + found.stderr
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    """The library, compiled as the command says."""
+    folder = tmp_path_factory.mktemp("library")
+    assert run("theorem", "--library", folder).exit_code == 0
+    subprocess.run("coq_makefile -f _CoqProject -o Makefile && make -s", shell=True, cwd=folder, check=True)
+    return folder
+
+
+@pytest.mark.slow
+@needs_coq
+def test_the_kernel_accepts_one_design_of_each_family_on_the_axioms_of_the_reals(gains, library):
+    for path in gains:
+        accepted, said = compiled(library, od.theorem(path))
+        assert accepted, said
+        assert set(re.findall(r"^\w+\.(\w+)", said, re.MULTILINE)) <= AXIOMS
+
+
+@pytest.mark.slow
+@needs_coq
+def test_the_kernel_refuses_what_is_false(gains, library):
+    text = od.theorem(next(path for path in gains if "bearing" in path.name))
+    false = {
+        "a lower gamma": re.sub(r"(gamma : Q := )(\d+\.\d+)", lambda m: f"{m[1]}{float(m[2]) * 0.999:.9f}", text),
+        "a faster decay": re.sub(r"alpha := \d+\.?\d*", "alpha := 40", text),
+        "another sign of C": text.replace("C := [[1;", "C := [[-1;"),
+        "another entry of P": re.sub(r"(P := \[\[)\d+\.?\d*", r"\g<1>0.0001", text),
+        "less supply": re.sub(r"supply := (\d+\.\d+)", lambda m: f"supply := {float(m[1]) * 0.9:.15f}", text),
+        "a negative scale": text.replace("scaling := (", "scaling := (-"),
+    }
+    for what, changed in false.items():
+        assert changed != text, what
+        accepted, said = compiled(library, changed)
+        assert not accepted, what
+        assert "Error" in said
