@@ -26,6 +26,7 @@ COMMANDS = {  # with the files that each writes, and what is in them
     ("simulate", "kept.gains.json", "-o", "run.csv", "--plot", "run.svg"): {"run.csv": "samples", "run.svg": "figures"},
     ("compare", "kept.gains.json", "--seeds", "1", "-o", "both.svg"): {"both.svg": "figures"},
     ("report", "kept.gains.json"): {"report.html": "pages"},
+    ("verify", "kept.gains.json", "--theorem", "coq"): {"kept.theorem.v": "theorems"},
     **{
         ("batch", "short.yaml", "wrong.yaml", "--jobs", "1", "--format", form, "--output-file", f"out.{form}"): {
             f"out.{form}": kind

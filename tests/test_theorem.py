@@ -83,7 +83,7 @@ def test_verify_writes_the_theorem_and_says_how_to_compile_it(gains, tmp_path, m
     said = run("verify", gains[0], "--theorem", "coq")
     name = gains[0].name.replace(".gains.json", ".theorem.v")
     assert said.exit_code == 0
-    assert f"theorem for Coq, not compiled: {name}" in said.stdout
+    assert f"theorem for Coq, not compiled  {name}" in said.stdout
     assert (tmp_path / name).read_text() == od.theorem(gains[0])
     report = json.loads(run("verify", gains[0], "--theorem", "coq", "-o", "here.v", "--json").stdout)
     assert report["theorem"].keys() == {"file", "sha256", "statement", "accepted", "time_s"}

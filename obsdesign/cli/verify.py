@@ -1,7 +1,7 @@
 """`obsdesign verify`: the claim of a result file, proved anew."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -65,14 +65,13 @@ def require_assistant(theorem: str, output: str, files: Sequence[str]) -> None:
         raise UsageError(f"-o {output} {said}", id="OBS904")
 
 
-def targets(gains: str, theorem: str, output: str) -> str:
-    """Path of the theorem of a result file, which can be written; none where none is asked for."""
+def targets(gains: str, theorem: str, output: str) -> dict[str, str]:
+    """Path of the theorem of a result file, and what is said of it; none where none is asked for."""
     if not theorem:
-        return ""
+        return {}
     path = output or f"{stem(gains)}.theorem.v"
     require_ending(path, "theorems")
-    require_writable({path: "theorems"}, (gains,))
-    return path
+    return {path: require_writable({path: "theorems"}, (gains,))[path]}
 
 
 def named(gains: str) -> str:
@@ -98,8 +97,8 @@ def named(gains: str) -> str:
     return str(path)
 
 
-def proved(gains: str, spec: str, target: str, as_json: bool, quiet: bool) -> Answer:
-    """What is proved of one file, and its theorem, written to a target if there is one."""
+def proved(gains: str, spec: str, targets: Mapping[str, str], as_json: bool, quiet: bool) -> Answer:
+    """What is proved of one file, and its theorem, written where one is asked for."""
     problem = loaded(spec) if spec else None
     from obsdesign import work
     from obsdesign.files import checks
@@ -111,13 +110,13 @@ def proved(gains: str, spec: str, target: str, as_json: bool, quiet: bool) -> An
         lines.append(f"numerical, no part of what is proved: {', '.join(proof.numerical)}")
     lines.append(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
     report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
-    if target and proof.holds:
+    for target, told in targets.items() if proof.holds else ():
         report["theorem"] = exported(gains, problem, target, proof.claim)
-        lines.append(f"theorem for Coq, not compiled: {target}")
+        lines.append(f"theorem for Coq, not compiled  {told}")
         lines.append(f"to compile it: obsdesign theorem --library LIBRARY; {command('LIBRARY', target)}")
     text = as_text(report) if as_json else "" if quiet else "\n".join(lines)
     if proof.holds:
-        return Answer("" if target == "-" and not as_json else text)
+        return Answer("" if "-" in targets and not as_json else text)
     failed = ", ".join(repr(row["name"]) for row in rows if not row["holds"])
     return Answer(text, failure=UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708")))
 
