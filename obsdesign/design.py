@@ -86,6 +86,15 @@ class Design(Outcome):
         assert self.claim
         return Proof("; ".join([self.claim.headline(self.spec), *self.spec.provisos]), self.claim.checks)
 
+    def theorem(self) -> str:
+        """What is proved of the gains as a file of Coq. See `work.theorem`.
+
+        Raises `UsageError`: the claim cannot be exported; `UndecidedError`: nothing is proved.
+        """
+        if not self.proved:
+            raise UndecidedError(Problem("nothing is proved that a theorem could state", self.path, id="OBS708"))
+        return FAMILIES[self.spec.observer.type].theorem(self.spec, self.claim, self.path)
+
     @property
     def guarantee(self) -> Guarantee | None:
         """What a run is held against; None where nothing is proved, or nothing of the plant of the spec."""
@@ -326,14 +335,6 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     else:
         proof = design_of(file, spec).proof
     return replace(proof, numerical=tuple(numerical(file.content, spec))) if proof.holds else proof
-
-
-def theorem_of(file: ResultFile, spec: Spec | None = None) -> str:
-    """Claim of a result file as a file of Coq, once it is proved here. See `work.theorem`."""
-    spec = spec_of(file, spec)
-    if file.status != Verdict.CERTIFIED:
-        raise file.wrong("status", f"{file.status!r} claims nothing that a theorem could state", id="OBS706")
-    return FAMILIES[spec.observer.type].theorem(spec, file)
 
 
 def doubles(file: ResultFile, name: str, gain: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from obsdesign.advice import advised, within_bounds
 from obsdesign.constants import constants
-from obsdesign.design import Design, Solver, design_of, proof_of, theorem_of
+from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
 from obsdesign.expectation import strays
@@ -179,9 +179,10 @@ def theorem(path: str | os.PathLike[str], spec: Spec | None = None) -> str:
     """Guarantee of a result file as a file of Coq: its numbers, the theorem for every f of the class, and the proof.
 
     The kernel of Coq accepts it with the library that `obsdesign theorem --library DIR` writes; see `explain theorem`.
-    Raises `UsageError`: the file is malformed, claims nothing, or its claim is one that is not exported.
+    Raises `UsageError`: the file is malformed or belongs to another spec, or its claim is one that is not exported;
+    `UndecidedError`: its claim is not proved.
     """
-    return theorem_of(*opened(path, spec))
+    return design_of(*opened(path, spec)).theorem()
 
 
 def opened(path: str | os.PathLike[str], spec: Spec | None) -> tuple[ResultFile, Spec | None]:

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from fractions import Fraction
 
 import numpy as np
@@ -87,6 +88,7 @@ def test_verify_writes_the_theorem_and_says_how_to_compile_it(gains, tmp_path, m
     assert (tmp_path / name).read_text() == od.theorem(gains[0])
     report = json.loads(run("verify", gains[0], "--theorem", "coq", "-o", "here.v", "--json").stdout)
     assert report["theorem"].keys() == {"file", "sha256", "statement", "accepted", "time_s"}
+    assert report["theorem"]["statement"].startswith("Theorem for_the_class : forall f, of_class designed f ->")
     assert report["theorem"]["accepted"] is None
     assert run("verify", gains[0], "--theorem", "coq", "-o", "-").stdout.startswith("(* obsdesign: ")
 
@@ -111,11 +113,17 @@ def test_what_cannot_be_asked_or_exported_is_said_in_one_line(gains, tmp_path, m
     assert not (tmp_path / "a.v").exists()
 
 
+HULL = """
+obsdesign: 1
+system: {A: [[-1, 1], [0, -1]], B: [[0], [1]], C: [[1, 0]]}
+nonlinearities: [{type: {jacobian: [[[-1]], [[0]]]}, Bf: [0, 1], Cq: [0, 1]}]
+observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
+"""
 UNEXPORTED = {
     "discrete-polytope": "samples",
-    "planar-arm": "a multiplier in matrices",
+    "planar-arm": "the multiplier of f1 is one of matrices",
     "ferrante2019-oscillator-gains": "claims of type sporadic",
-    "infeasible/discrete-hidden-mode": "claims nothing that a theorem could state",
+    "infeasible/discrete-hidden-mode": "this result has no gains",
 }
 
 
@@ -126,6 +134,46 @@ def test_a_claim_that_has_no_theorem_is_refused(name, words, tmp_path):
     with pytest.raises(od.UsageError, match=words) as error:
         od.theorem(path)
     assert str(path) in str(error.value)
+
+
+def test_a_hull_of_one_slope_is_no_sum_of_inequalities_though_its_multiplier_has_numbers_only(tmp_path):
+    path = tmp_path / "case.gains.json"
+    design = od.solve(od.load(HULL))
+    assert design.status == "certified"
+    design.save(path)
+    with pytest.raises(od.UsageError, match="the multiplier of f1 is one of matrices"):
+        od.theorem(path)
+
+
+def test_no_part_of_a_false_claim_is_exported(gains, tmp_path):
+    path = tmp_path / "forged.gains.json"
+    content = json.loads(next(one for one in gains if "joint" in one.name).read_text())
+    content["guarantee"]["lipschitz"] *= 1.01
+    path.write_text(json.dumps(content))
+    with pytest.raises((od.UndecidedError, od.UsageError)):
+        od.theorem(path)
+    outcome = run("verify", path, "--theorem", "coq", "-o", tmp_path / "forged.v")
+    assert outcome.exit_code in {2, 4}
+    assert not (tmp_path / "forged.v").exists()
+
+
+def test_files_of_one_name_in_two_folders_do_not_share_a_theorem(gains, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "same.gains.json").write_bytes(gains[0].read_bytes())
+    outcome = run("verify", "a/same.gains.json", "b/same.gains.json", "--theorem", "coq")
+    assert (outcome.exit_code, outcome.stdout) == (2, "")
+    assert "same.theorem.v would be written of several files" in outcome.stderr
+    assert not (tmp_path / "same.theorem.v").exists()
+
+
+def test_a_result_on_standard_input_has_a_theorem_too(gains):
+    command = [sys.executable, "-m", "obsdesign", "verify", "-", "--theorem", "coq", "-o", "-"]
+    outcome = subprocess.run(
+        command, input=gains[0].read_text(), capture_output=True, text=True, check=True, timeout=60
+    )
+    assert outcome.stdout == od.theorem(gains[0])
 
 
 # What the kernel says

@@ -18,7 +18,7 @@ def theorem(
     """Write the library in Coq that theorems of `verify --theorem coq` are compiled with, and say how."""
     Path(folder).mkdir(parents=True, exist_ok=True)
     files = {str(Path(folder, name)): content for name, content in library().items()}
-    require_writable(dict.fromkeys(files, "theorems"))
+    told = require_writable(dict.fromkeys(files, "theorems"))
     write_all(files)
-    say(f"library   {folder}: {', '.join(library())}")
+    say("\n".join(f"library  {told[path]}" for path in files))
     say(f"to compile it and a theorem: {command(folder, 'NAME.theorem.v')}")

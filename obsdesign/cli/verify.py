@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -16,9 +16,6 @@ from obsdesign.disk import require_ending, require_writable, write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.sections.scalars import described
 from obsdesign.watch import limited
-
-if TYPE_CHECKING:
-    from obsdesign.spec import Spec
 
 
 def verify(
@@ -63,6 +60,10 @@ def require_assistant(theorem: str, output: str, files: Sequence[str]) -> None:
     if output and (not theorem or len(files) > 1):
         said = "is for --theorem coq of one result file; leave -o out, and each is written to NAME.theorem.v here"
         raise UsageError(f"-o {output} {said}", id="OBS904")
+    names = [stem(file) for file in files]
+    if theorem and (twice := next((name for name in names if names.count(name) > 1), None)):
+        said = f"{twice}.theorem.v would be written of several files; verify them one by one, each with -o"
+        raise UsageError(said, id="OBS904")
 
 
 def targets(gains: str, theorem: str, output: str) -> dict[str, str]:
@@ -100,10 +101,12 @@ def named(gains: str) -> str:
 def proved(gains: str, spec: str, targets: Mapping[str, str], as_json: bool, quiet: bool) -> Answer:
     """What is proved of one file, and its theorem, written where one is asked for."""
     problem = loaded(spec) if spec else None
-    from obsdesign import work
+    from obsdesign.design import design_of, proof_of
     from obsdesign.files import checks
+    from obsdesign.work import opened
 
-    proof = work.verify(gains, problem)
+    file, problem = opened(gains, problem)
+    proof = proof_of(file, problem)
     rows = checks(proof.checks)
     lines = [f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}" for row in rows]
     if proof.numerical:
@@ -111,7 +114,7 @@ def proved(gains: str, spec: str, targets: Mapping[str, str], as_json: bool, qui
     lines.append(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
     report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
     for target, told in targets.items() if proof.holds else ():
-        report["theorem"] = exported(gains, problem, target, proof.claim)
+        report["theorem"] = kept(design_of(file, problem).theorem(), target)
         lines.append(f"theorem for Coq, not compiled  {told}")
         lines.append(f"to compile it: obsdesign theorem --library LIBRARY; {command('LIBRARY', target)}")
     text = as_text(report) if as_json else "" if quiet else "\n".join(lines)
@@ -121,15 +124,14 @@ def proved(gains: str, spec: str, targets: Mapping[str, str], as_json: bool, qui
     return Answer(text, failure=UndecidedError(Problem(f"the claim is not proved: {failed}", gains, id="OBS708")))
 
 
-def exported(gains: str, problem: "Spec | None", target: str, statement: str) -> dict[str, Any]:
-    """Write the theorem of a proved file; what is said of it in JSON."""
-    from obsdesign import work
+def kept(text: str, target: str) -> dict[str, Any]:
+    """Write a theorem; what is said of it in JSON."""
+    from obsdesign.coq.theorem import stated
     from obsdesign.files import digest
 
-    text = work.theorem(gains, problem)
     if target == "-":
         say(text.rstrip())
     else:
         write_whole(target, text.encode())
-    found = {"file": target, "sha256": digest(text), "statement": statement}
+    found = {"file": target, "sha256": digest(text), "statement": stated(text)}
     return {**found, "accepted": None, "time_s": None}

@@ -1,5 +1,6 @@
 """The library that a theorem is compiled with: definitions to be read, and proofs. It is data, in `theorem/`."""
 
+import shlex
 from importlib.resources import files
 
 PROJECT = "_CoqProject"  # options of Coq, and the files in the order in which they need each other
@@ -18,5 +19,6 @@ def command(folder: str, file: str) -> str:
 
     The file is copied beside the library, for the name of a result need not be one of Coq.
     """
+    folder, file = shlex.quote(folder), shlex.quote(file)
     here = f"(cd {folder} && coq_makefile -f {PROJECT} -o Makefile && make -s)"
     return f"{here} && cp {file} {folder}/Theorem.v && coqc -Q {folder} Obs {folder}/Theorem.v"

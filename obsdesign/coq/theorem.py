@@ -16,8 +16,8 @@ from flint import fmpq
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, Values, identity, rational, rational_number
+from obsdesign.model.multiplier import Scaled, Sum
 from obsdesign.spec import Spec
 
 NAME = "designed"  # the design in the file
@@ -66,30 +66,28 @@ class UnexportedError(Exception):
     """A part of a claim that no file of Coq is written of, in words."""
 
 
-def exported(certificate: Certificate, file: ResultFile, spec: Spec, statement: str) -> str:
-    """File of Coq with the claim of a result file, headed by what it is about.
+def exported(certificate: Certificate, spec: Spec, statement: str) -> str:
+    """File of Coq with the claim of a certificate that holds, headed by what it is about.
 
-    Raises `UsageError`: the claim does not hold, is one of samples, or has a multiplier that is a matrix; or no T was
-    found.
+    Raises `UnexportedError`: the claim is one of samples, or has a multiplier that is no scale; or no T was found.
     """
-    try:
-        return "\n".join([*map(comment, heading(spec, statement)), written(certificate)])
-    except UnexportedError as error:
-        said = f"no theorem for Coq: {error}; `verify` without --theorem proves it in rationals"
-        raise file.wrong("certificate", said, id="OBS711") from None
+    return "\n".join([*map(comment, heading(spec, statement)), written(certificate)])
+
+
+def stated(text: str) -> str:
+    """What the theorem of such a file states, in Coq, on one line."""
+    start = text.index("Theorem for_the_class : ")
+    return " ".join(text[start : text.index("Proof.", start)].split())
 
 
 def written(certificate: Certificate) -> str:
     """Design, T, and the theorem with its proof. Raises `UnexportedError`."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
-    if not certificate.holds:
-        raise UnexportedError("the claim does not hold")
     if family.about.pace.sampled:
         raise UnexportedError("a claim about samples is not exported yet, those of plants in continuous time are")
     kind, H, P = PEAK if peak else ENERGY, family.H, certificate.P
     weight, supply = (fmpq(0), 2 * family.rate * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
-    least = float(np.linalg.eigvalsh(P.astype(float))[0])
-    floor = rational_number(f"{FLOOR * max(least, 0.0):.3g}")
+    floor = floor_of(P)
     values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
     forms = {
         "T": -family.dissipation(values, weight * (H.mT @ H), rational([[supply]])),
@@ -122,6 +120,13 @@ def written(certificate: Certificate) -> str:
             "",
         ]
     )
+
+
+def floor_of(P: Array) -> fmpq:
+    """Three digits of most of the least eigenvalue of P; zero, which Coq refuses, where doubles see none."""
+    doubles = P.astype(float)
+    least = np.linalg.eigvalsh(doubles)[0] if np.isfinite(doubles).all() else 0.0
+    return rational_number(f"{FLOOR * max(float(least), 0.0):.3g}")
 
 
 def heading(spec: Spec, statement: str) -> list[str]:
@@ -162,18 +167,18 @@ def record(certificate: Certificate, levels: dict[str, fmpq]) -> str:
 def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
     """Scale and matrices M11, M12, M22 of each inequality of the class.
 
-    Raises `UnexportedError`: an unknown of a multiplier is a matrix.
+    Raises `UnexportedError`: the multipliers of a block are no sum of scaled inequalities that each f of it satisfies.
     """
-    multiplier, found = certificate.family.multiplier, []
-    unknowns = multiplier.unknowns()
+    multiplier = certificate.family.multiplier
+    for label, block in multiplier.labelled():
+        if not isinstance(block, Scaled | Sum):
+            said = f"the multiplier of f{label} is one of matrices, which is not exported yet; those of scales are"
+            raise UnexportedError(said)
+    unknowns, rays = multiplier.unknowns(), []
     for one in unknowns:
-        if one.shape != (1, 1):
-            raise UnexportedError(
-                f"{one.name} is a multiplier in matrices, which is not exported yet; those with a scale are"
-            )
         unit: Values = {other.name: rational([[int(other is one)]]) for other in unknowns}
-        found.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
-    return found
+        rays.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
+    return rays
 
 
 def found(name: str, S: Array) -> list[list[int]]:

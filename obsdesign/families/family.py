@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from obsdesign.errors import Problem, UsageError
+
 if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine
     from obsdesign.families.asked import Estimation, ObserverSection
@@ -29,7 +31,7 @@ class Family:
     request.py    `SECTION`, `RESULTS`, `request`, `demand`; `nonlinearities`, if f is unstructured
     check.py      `check`
     design.py     `design`
-    claim.py      `written`, `read`, `read_gains`; `theorem`, if it exports
+    claim.py      `written`, `read`, `read_gains`; the claim has a `certificate`, if it exports
     absence.py    `read`, if it refutes
     observer.py   `observer`, `errors`; `sampled` and `beside` in place of it, if y is known at instants only
     table.py      `proved`, `figures`
@@ -138,16 +140,20 @@ class Family:
         claim: Claim = self.part("claim").read(spec, file)
         return claim
 
-    def theorem(self, spec: "Spec", file: "ResultFile") -> str:
-        """Claim of a result file as a file of Coq, with its proof.
+    def theorem(self, spec: "Spec", claim: Any, path: str) -> str:
+        """Claim that holds as a file of Coq, with its proof.
 
-        Raises `UsageError`: the claim does not hold or cannot be exported.
+        Raises `UsageError`, about the file at a path: the claim cannot be exported.
         """
-        if not self.exports:
-            said = f"claims of type {spec.observer.type} are not exported yet"
-            raise file.wrong("observer.type", f"no theorem for Coq: {said}", id="OBS711")
-        text: str = self.part("claim").theorem(spec, file)
-        return text
+        from obsdesign.coq.theorem import UnexportedError, exported
+
+        try:
+            if not self.exports:
+                raise UnexportedError(f"claims of type {spec.observer.type} are not exported yet")
+            return exported(claim.certificate, spec, claim.statement(spec))
+        except UnexportedError as error:
+            said = f"no theorem for Coq: {error}; `verify` without --theorem proves it in rationals"
+            raise UsageError(Problem(said, path, id="OBS711")) from None
 
     def absence(self, spec: "Spec", file: "ResultFile") -> "Proof":
         """Proof that an infeasible result file has no solution, from the dual certificate that it holds.

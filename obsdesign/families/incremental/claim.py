@@ -7,7 +7,6 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.discrete import FILTERED, PREDICTED
@@ -139,12 +138,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
 def held(request: Request, L1: Array, gamma: fmpq) -> tuple[Check, ...]:
     """Whether a designed gain does what is asked, in rationals; of a given one nothing is."""
     return () if request.gains else kept(replace(request.bounds, gamma=request.level), L1, gamma)
-
-
-def theorem(spec: Spec, file: ResultFile) -> str:
-    """Claim of a file as a file of Coq; raises `UsageError`: it does not hold, or cannot be exported."""
-    claim = read(spec, file)
-    return exported(claim.certificate, file, spec, claim.statement(spec))
 
 
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:

@@ -7,7 +7,6 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.decimals import square_below
@@ -161,12 +160,6 @@ def read(spec: Spec, file: ResultFile) -> Claim:
 def held(request: LipschitzRequest, L: Array, certificate: Certificate, *, disturbed: bool) -> tuple[Check, ...]:
     """Whether a designed gain does what is asked, in rationals; of a given one nothing is."""
     return () if request.gains else kept(request.bounds, L, certificate.gamma if disturbed else None)
-
-
-def theorem(spec: Spec, file: ResultFile) -> str:
-    """Claim of a file as a file of Coq; raises `UsageError`: it does not hold, or cannot be exported."""
-    claim = read(spec, file)
-    return exported(claim.certificate, file, spec, claim.statement(spec))
 
 
 def read_gains(spec: Spec, file: ResultFile) -> dict[str, Array]:
