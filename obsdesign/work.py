@@ -167,7 +167,7 @@ def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:
     return design_of(*opened(path, spec))
 
 
-def verify(path: str | os.PathLike[str], spec: Spec | None = None) -> Proof:
+def verify(path: str | os.PathLike[str] | ResultFile, spec: Spec | None = None) -> Proof:
     """Prove the claim of a result file anew: its guarantee, or that there is no solution; with no solver.
 
     Raises `UsageError`: the file claims nothing that can be proved, is malformed, or belongs to another spec.
@@ -175,7 +175,7 @@ def verify(path: str | os.PathLike[str], spec: Spec | None = None) -> Proof:
     return proof_of(*opened(path, spec))
 
 
-def theorem(path: str | os.PathLike[str], spec: Spec | None = None) -> str:
+def theorem(path: str | os.PathLike[str] | ResultFile, spec: Spec | None = None) -> str:
     """Guarantee of a result file as a file of Coq: its numbers, the theorem for every f of the class, and the proof.
 
     The kernel of Coq accepts it with the library that `obsdesign theorem --library DIR` writes; see `explain theorem`.
@@ -185,8 +185,8 @@ def theorem(path: str | os.PathLike[str], spec: Spec | None = None) -> str:
     return design_of(*opened(path, spec)).theorem()
 
 
-def opened(path: str | os.PathLike[str], spec: Spec | None) -> tuple[ResultFile, Spec | None]:
+def opened(path: str | os.PathLike[str] | ResultFile, spec: Spec | None) -> tuple[ResultFile, Spec | None]:
     """Result file, and the spec that it must belong to, if there is one."""
     if spec is not None:
         require_spec(spec)
-    return ResultFile.open(os.fspath(path)), spec
+    return path if isinstance(path, ResultFile) else ResultFile.open(os.fspath(path)), spec

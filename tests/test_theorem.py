@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from support.shipped import SPECS, solved
 import obsdesign as od
 from obsdesign.coq.congruence import congruence
 from obsdesign.coq.decimals import comment, number
+from obsdesign.coq.library import command
 from obsdesign.lmi.formula import rational
 
 AXIOMS = {"sig_not_dec", "sig_forall_dec", "functional_extensionality_dep", "classic"}
@@ -93,6 +95,20 @@ def test_verify_writes_the_theorem_and_says_how_to_compile_it(gains, tmp_path, m
     assert run("verify", gains[0], "--theorem", "coq", "-o", "-").stdout.startswith("(* obsdesign: ")
 
 
+def test_the_words_at_the_head_say_what_of_them_is_stated_and_what_is_a_premise(gains):
+    for path in gains:
+        head = od.theorem(path).partition("Require Import")[0]
+        for words in ("is for_the_class", "As floor is less", "for all arguments, also where", "not state (P2)"):
+            assert words in head
+
+
+def test_a_command_for_a_shell_takes_any_path():
+    for path in ("-a.v", "a b.v", "a';b.v"):
+        words = shlex.split(command("-library", path))
+        assert words[words.index("cp") + 1] in {path, f"./{path}"}
+        assert not words[words.index("cp") + 1].startswith("-")
+
+
 def test_what_cannot_be_asked_or_exported_is_said_in_one_line(gains, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     asked = {
@@ -100,6 +116,8 @@ def test_what_cannot_be_asked_or_exported_is_said_in_one_line(gains, tmp_path, m
         ("verify", gains[0], "-o", "a.v"): "OBS904",
         ("verify", *gains, "--theorem", "coq", "-o", "a.v"): "OBS904",
         ("verify", gains[0], "--theorem", "coq", "-o", "a.json"): "OBS904",
+        ("verify", gains[0], "--theorem", "coq", "-o", "-", "--json"): "OBS904",
+        ("theorem", "--library", gains[0]): "OBS904",
         ("verify", gains[0], "--theorem", "coq", "-o", "nowhere/a.v"): "OBS902",
     }
     (tmp_path / "mine.v").write_text("(* mine *)")
@@ -155,6 +173,22 @@ def test_no_part_of_a_false_claim_is_exported(gains, tmp_path):
     outcome = run("verify", path, "--theorem", "coq", "-o", tmp_path / "forged.v")
     assert outcome.exit_code in {2, 4}
     assert not (tmp_path / "forged.v").exists()
+
+
+@pytest.mark.parametrize("power", [*range(-340, 341, 17), 400])
+def test_a_claim_at_the_ends_of_what_doubles_hold_is_exported_or_refused_in_one_line(power, gains, tmp_path):
+    content = json.loads(next(one for one in gains if "bearing" in one.name).read_text())
+    size = Fraction(10) ** power
+    certificate, guarantee = content["certificate"], content["guarantee"]
+    certificate["P"] = [[str(size * Fraction(x)) for x in row] for row in certificate["P"]]
+    certificate["multipliers"] = {key: str(size * Fraction(x)) for key, x in certificate["multipliers"].items()}
+    guarantee |= {key: str(size * Fraction(str(guarantee[key]))) for key in ("mu1", "mu2")}
+    path = tmp_path / "far.gains.json"
+    path.write_text(json.dumps(content))
+    outcome = run("verify", path, "--theorem", "coq", "-o", tmp_path / "far.v")
+    assert outcome.exit_code in {0, 2, 4}, outcome.exception
+    assert (tmp_path / "far.v").exists() is (outcome.exit_code == 0)
+    assert outcome.exit_code == 0 or len(outcome.stderr.splitlines()) == 1
 
 
 def test_files_of_one_name_in_two_folders_do_not_share_a_theorem(gains, tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ import typer
 from obsdesign.cli.printing import say
 from obsdesign.coq.library import command, library
 from obsdesign.disk import require_writable, write_all
+from obsdesign.errors import Problem, UsageError
 
 
 def theorem(
@@ -16,6 +17,8 @@ def theorem(
     ],
 ) -> None:
     """Write the library in Coq that theorems of `verify --theorem coq` are compiled with, and say how."""
+    if Path(folder).is_file():
+        raise UsageError(Problem("is a file; name a folder, which is made", folder, id="OBS904"))
     Path(folder).mkdir(parents=True, exist_ok=True)
     files = {str(Path(folder, name)): content for name, content in library().items()}
     told = require_writable(dict.fromkeys(files, "theorems"))

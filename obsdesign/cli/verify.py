@@ -44,7 +44,7 @@ def verify(
     paired = len(sources) == 2 and not sources[1].endswith(".json")
     gains, spec = (sources[:1], sources[1]) if paired else (sources, "")
     files = found(gains, RESULTS)
-    require_assistant(theorem, output, files)
+    require_assistant(theorem, output, files, as_json=as_json)
     with limited(timeout):
         each(
             files,
@@ -53,13 +53,15 @@ def verify(
         )
 
 
-def require_assistant(theorem: str, output: str, files: Sequence[str]) -> None:
-    """Refuse a proof assistant that is not known, and a path of several theorems, or of none."""
+def require_assistant(theorem: str, output: str, files: Sequence[str], *, as_json: bool) -> None:
+    """Refuse a proof assistant that is not known, and a path of several theorems, or of none, or of two outputs."""
     if theorem not in {"", "coq"}:
         raise UsageError(f"--theorem {theorem}: no file is written for it; allowed: coq", id="OBS904")
     if output and (not theorem or len(files) > 1):
         said = "is for --theorem coq of one result file; leave -o out, and each is written to NAME.theorem.v here"
         raise UsageError(f"-o {output} {said}", id="OBS904")
+    if output == "-" and as_json:
+        raise UsageError("-o - and --json cannot both be on standard output; name a file", id="OBS904")
     names = [stem(file) for file in files]
     if theorem and (twice := next((name for name in names if names.count(name) > 1), None)):
         said = f"{twice}.theorem.v would be written of several files; verify them one by one, each with -o"
@@ -101,12 +103,11 @@ def named(gains: str) -> str:
 def proved(gains: str, spec: str, targets: Mapping[str, str], as_json: bool, quiet: bool) -> Answer:
     """What is proved of one file, and its theorem, written where one is asked for."""
     problem = loaded(spec) if spec else None
-    from obsdesign.design import design_of, proof_of
-    from obsdesign.files import checks
-    from obsdesign.work import opened
+    from obsdesign import work
+    from obsdesign.files import ResultFile, checks
 
-    file, problem = opened(gains, problem)
-    proof = proof_of(file, problem)
+    file = ResultFile.open(gains) if targets else gains  # read once
+    proof = work.verify(file, problem)
     rows = checks(proof.checks)
     lines = [f"{'holds' if row['holds'] else 'FAILS'}  {row['name']}" for row in rows]
     if proof.numerical:
@@ -114,9 +115,9 @@ def proved(gains: str, spec: str, targets: Mapping[str, str], as_json: bool, qui
     lines.append(f"{'proved' if proof.holds else 'NOT proved'}: {proof.claim}")
     report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
     for target, told in targets.items() if proof.holds else ():
-        report["theorem"] = kept(design_of(file, problem).theorem(), target)
+        report["theorem"] = kept(work.theorem(file, problem), target)
         lines.append(f"theorem for Coq, not compiled  {told}")
-        lines.append(f"to compile it: obsdesign theorem --library LIBRARY; {command('LIBRARY', target)}")
+        lines.append(f"to compile it: obsdesign theorem --library library; {command('library', target)}")
     text = as_text(report) if as_json else "" if quiet else "\n".join(lines)
     if proof.holds:
         return Answer("" if "-" in targets and not as_json else text)

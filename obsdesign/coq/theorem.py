@@ -28,6 +28,14 @@ From Coquelicot Require Import Coquelicot.
 From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsTheorem.
 Import ListNotations.
 """
+LIMITS = """\
+These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
+- Of the words it states the bound on z, and floor |e|^2 <= exp(-2 alpha t) e0' P e0 where v = 0. As floor is less than
+  the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at alpha = 0 it says that e stays bounded.
+- Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local;
+  x and xhat are differentiable and v is continuous at every t >= 0.
+- It does not state (P2), bounds on gains and P, reconstruction, larger Lipschitz constants, that trajectories exist.
+- That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L."""
 DECAY = f"""\
 (forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
       Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)"""
@@ -124,9 +132,8 @@ def written(certificate: Certificate) -> str:
 
 def floor_of(P: Array) -> fmpq:
     """Three digits of most of the least eigenvalue of P; zero, which Coq refuses, where doubles see none."""
-    doubles = P.astype(float)
-    least = np.linalg.eigvalsh(doubles)[0] if np.isfinite(doubles).all() else 0.0
-    return rational_number(f"{FLOOR * max(float(least), 0.0):.3g}")
+    least = float(np.linalg.eigvalsh(P.astype(float))[0])
+    return rational_number(f"{FLOOR * max(least, 0.0):.3g}")
 
 
 def heading(spec: Spec, statement: str) -> list[str]:
@@ -136,9 +143,7 @@ def heading(spec: Spec, statement: str) -> list[str]:
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
         f"states: {states}",
         f"in words: {statement}",
-        "Of these words for_the_class states the bound on z, and the decay of e where alpha > 0; at alpha = 0 it says",
-        "that e stays bounded. Bounds on gains, reconstruction and larger Lipschitz constants are not stated. That the",
-        "numbers below are those of the spec is believed, not proved.",
+        *LIMITS.splitlines(),
     ]
 
 

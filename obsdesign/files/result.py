@@ -5,6 +5,7 @@ A number in a result file is a decimal that is read as written, or a text "p/q" 
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
@@ -238,13 +239,17 @@ class ResultFile:
             if not isinstance(text, str) or not NUMBER.fullmatch(text):
                 raise ValueError
             if "/" in text:
-                return fmpq(*(fmpz(part) for part in text.split("/")))
-            decimal = Decimal(text)
-            if abs(decimal.adjusted()) > LARGEST_POWER:
-                raise ValueError
-            return rational_number(Fraction(decimal))
+                found = fmpq(*(fmpz(part) for part in text.split("/")))
+            else:
+                decimal = Decimal(text)
+                if abs(decimal.adjusted()) > LARGEST_POWER:
+                    raise ValueError
+                found = rational_number(Fraction(decimal))
         except (ValueError, ArithmeticError):
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number", id="OBS702") from None
+        if math.isinf(approximate(found)):
+            raise self.wrong(name, "beyond the range of doubles", id="OBS508")
+        return found
 
 
 def rows(matrix: Array) -> list[list[str]]:

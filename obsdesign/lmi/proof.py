@@ -99,8 +99,10 @@ def margin(matrix: Array) -> float:
     if len(S) == 1:
         return float(S[0, 0])
     S = S[:, S.any(axis=0)][S.any(axis=1)]
-    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(S)), 1e-15 * np.abs(S).max(initial=0)))
-    return float(np.linalg.eigvalsh(S * np.outer(scale, scale)).min(initial=np.inf)) if len(S) else 0.0
+    least = max(1e-15 * np.abs(S).max(initial=0), np.finfo(float).tiny)
+    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(S)), least))
+    S = scale[:, None] * S * scale  # from the left, so that no product of two scales overflows
+    return float(np.linalg.eigvalsh(S).min(initial=np.inf)) if len(S) else 0.0
 
 
 def rounded(values: Values, digits: int) -> dict[str, Array]:
