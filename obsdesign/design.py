@@ -27,7 +27,7 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
-from obsdesign.lmi.formula import Array, approximate
+from obsdesign.lmi.formula import in_floats
 from obsdesign.reading import loads, with_simulation
 from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec, named_by
@@ -279,7 +279,7 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
     family, status = FAMILIES[spec.observer.type], file.status
     if status == Verdict.INFEASIBLE:
         raise file.wrong("status", "infeasible: this result has no gains", id="OBS709")
-    gains = {name: doubles(file, name, gain) for name, gain in family.gains(spec, file).items()}
+    gains = {name: in_floats(gain) for name, gain in family.gains(spec, file).items()}
     claim = family.claim(spec, file) if status == Verdict.CERTIFIED else None
     proved = claim is not None and claim.holds
     verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
@@ -335,11 +335,3 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
     else:
         proof = design_of(file, spec).proof
     return replace(proof, numerical=tuple(numerical(file.content, spec))) if proof.holds else proof
-
-
-def doubles(file: ResultFile, name: str, gain: Array) -> Array:
-    """Gain in doubles."""
-    found = np.vectorize(approximate, otypes=[float])(gain)
-    if not np.isfinite(found).all():
-        raise file.wrong(f"observer.{name}", "beyond the range of doubles", id="OBS508")
-    return np.asarray(found)

@@ -248,7 +248,7 @@ class ResultFile:
         except (ValueError, ArithmeticError):
             raise self.wrong(name, f"{str(text)[:40]!r} is no finite number", id="OBS702") from None
         if math.isinf(approximate(found)):
-            raise self.wrong(name, "beyond the range of doubles", id="OBS508")
+            raise self.wrong(name, "is beyond what doubles can hold", id="OBS508")
         return found
 
 
