@@ -31,7 +31,7 @@ class Family:
     request.py    `SECTION`, `RESULTS`, `request`, `demand`; `nonlinearities`, if f is unstructured
     check.py      `check`
     design.py     `design`
-    claim.py      `written`, `read`, `read_gains`; the claim has a `certificate`, if it exports
+    claim.py      `written`, `read`, `read_gains`; a claim has a method `theorem(spec)`, if Coq is told of it
     absence.py    `read`, if it refutes
     observer.py   `observer`, `errors`; `sampled` and `beside` in place of it, if y is known at instants only
     table.py      `proved`, `figures`
@@ -51,7 +51,6 @@ class Family:
     discrete: bool = False  # plants x+ = .. are taken as well
     defects: tuple[str, ...] = ()  # its types that bound the error of a continuous plant at its samples
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
-    exports: bool = False  # its claims can be written as theorems for a proof assistant
 
     def part(self, name: str) -> Any:
         """Module of the folder."""
@@ -145,12 +144,13 @@ class Family:
 
         Raises `UsageError`, about the file at a path: the claim cannot be exported.
         """
-        from obsdesign.coq.theorem import UnexportedError, exported
+        from obsdesign.coq.theorem import UnexportedError
 
         try:
-            if not self.exports:
+            if not hasattr(claim, "theorem"):
                 raise UnexportedError(f"claims of type {spec.observer.type} are not exported yet")
-            return exported(claim.certificate, spec, claim.statement(spec))
+            text: str = claim.theorem(spec)
+            return text
         except UnexportedError as error:
             said = f"no theorem for Coq: {error}; `verify` without --theorem proves it in rationals"
             raise UsageError(Problem(said, path, id="OBS711")) from None

@@ -6,6 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.discrete import FILTERED, PREDICTED
@@ -95,6 +96,10 @@ class Claim(Proved):
     def gamma_v(self, spec: Spec) -> float:
         """What gamma of filtered estimates, for v = (v_b at k, v_d at k + 1), says of v itself, rounded up."""
         return samples.gamma_of_v(spec, self.certificate.gamma, self.certificate.guarantee.norm)
+
+    def theorem(self, spec: Spec) -> str:
+        """Claim as a file of Coq; raises `UnexportedError`."""
+        return exported(self.certificate, spec, self.statement(spec))
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved and the limit it is near to, and the witness."""

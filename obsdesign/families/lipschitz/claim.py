@@ -7,6 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate, certify, kept
 from obsdesign.dissipation.decimals import square_below
@@ -99,6 +100,10 @@ class Claim(Proved):
         same = f"with another P{level} the same" if more else "the same"
         left = bounds("h", shared(self.spare(spec), spec))
         return [f"Proposition 1: {same} for f + h, for every h through the same Bf and Cq with {left}"]
+
+    def theorem(self, spec: Spec) -> str:
+        """Claim as a file of Coq; raises `UnexportedError`."""
+        return exported(self.certificate, spec, self.statement(spec))
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, what that leaves for an uncertainty, the limit it is near to, and the witnesses."""
