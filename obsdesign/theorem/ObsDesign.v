@@ -69,20 +69,36 @@ Lemma Q2R_zero : Q2R 0 = 0. Proof. unfold Q2R. simpl. field. Qed.
 Lemma Qle_R q : Qle_bool 0 q = true -> 0 <= Q2R q.
 Proof. intros K. apply Qle_bool_iff, Qle_Rle in K. now rewrite Q2R_zero in K. Qed.
 
+Lemma Qpos_R q : negb (Qle_bool q 0) = true -> 0 < Q2R q.
+Proof. intros K. apply negb_true_iff in K. destruct (Rle_or_lt (Q2R q) 0) as [L|L]; auto.
+ rewrite <- Q2R_zero in L. apply Rle_Qle in L. apply Qle_bool_iff in L. congruence. Qed.
+
+(* The sum of scaling sigma_m over the multipliers, which the class makes nonnegative *)
+Definition sigmas (ms : list multiplier) (q f : list R) := fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m q f) ms).
+Lemma sigmas_value ms x q f : eval larg x = q -> eval lf x = f -> quad (flat_map minus_sigma ms) x = - sigmas ms q f.
+Proof. intros Eq Ef. unfold sigmas. induction ms as [|m ms IH]; [unfold quad; simpl; ring|].
+ cbn [flat_map map fold_right]. rewrite quad_app, IH.
+ unfold quad, minus_sigma. cbn [bil bil1 eval]. rewrite Eq, Ef, !Q2R_opp, Q2R_mult, Q2R_two. unfold sigma. ring. Qed.
+Lemma sigmas_nonneg ms q f :
+  Forall (fun m => 0 <= Q2R (scaling m)) ms -> (forall m, In m ms -> 0 <= sigma m q f) -> 0 <= sigmas ms q f.
+Proof. unfold sigmas. intros K Hs. induction ms as [|m ms IH]; simpl; [lra|]. inversion K; subst.
+ assert (0 <= Q2R (scaling m) * sigma m q f) by (apply Rmult_le_pos; [auto|apply Hs; now left]).
+ assert (IH' := IH ltac:(assumption) ltac:(intros; apply Hs; now right)). lra. Qed.
+
+(* What the programs are at x = e ++ f ++ v *)
+Lemma programs e f v : length e = n d -> length f = nf d -> length v = nv d ->
+  eval ldot (e ++ f ++ v) = err_dot e f v /\ eval larg (e ++ f ++ v) = err_arg e f v /\ eval lz (e ++ f ++ v) = zed e.
+Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev).
+ unfold ldot, larg, lz, lout. cbn [eval]. rewrite Ee, Ef, Ev. now repeat split. Qed.
+
 Lemma dissipation_value e f v : length e = n d -> length f = nf d -> length v = nv d ->
   quad dissipation (e ++ f ++ v) =
   - (V_dot e (err_dot e f v) + 2 * Q2R (alpha d) * V e + Q2R (weight d) * sq (zed e) - Q2R (supply d) * sq v)
-  - fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m (err_arg e f v) f) (multipliers d)).
-Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev).
- unfold dissipation. rewrite quad_app.
- assert (Eo : eval ldot (e ++ f ++ v) = err_dot e f v). { unfold ldot, lout. cbn [eval]. rewrite Ee, Ef, Ev. reflexivity. }
- assert (Eq : eval larg (e ++ f ++ v) = err_arg e f v). { unfold larg, lout. cbn [eval]. rewrite Ee, Ef, Ev. reflexivity. }
- assert (E2 : quad (flat_map minus_sigma (multipliers d)) (e ++ f ++ v) =
-   - fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m (err_arg e f v) f) (multipliers d))).
- { induction (multipliers d) as [|m ms IH]; [unfold quad; simpl; ring|]. cbn [flat_map map fold_right]. rewrite quad_app, IH.
-   unfold quad, minus_sigma. cbn [bil bil1 eval]. rewrite Eq, Ef, !Q2R_opp, Q2R_mult, Q2R_two. unfold sigma. ring. }
- rewrite E2. unfold quad. cbn [bil bil1 eval]. unfold lz. cbn [eval]. rewrite Eo, Ee, Ev, !Q2R_opp, Q2R_mult, Q2R_two, Q2R_one.
- unfold V_dot, V, sq, zed. ring. Qed.
+  - sigmas (multipliers d) (err_arg e f v) f.
+Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev), (programs e f v He Hf Hv) as (Eo & Eq & Ez).
+ unfold dissipation. rewrite quad_app, (sigmas_value _ _ (err_arg e f v) f) by auto.
+ unfold quad. cbn [bil bil1 eval]. rewrite Ez, Eo, Ee, Ev, !Q2R_opp, Q2R_mult, Q2R_two, Q2R_one.
+ unfold V_dot, V, sq. ring. Qed.
 
 Variables T TP : list (list Z).
 Hypothesis cert : certified T TP = true.
@@ -100,11 +116,7 @@ Theorem dissipates e f v : length e = n d -> length f = nf d -> length v = nv d 
 Proof. intros He Hf Hv Hs. destruct cert_parts as (K1 & _ & _ & _ & _ & K & _).
  assert (N := nonnegative _ _ _ K (e ++ f ++ v) ltac:(rewrite !app_length; lia)).
  rewrite dissipation_value in N by auto.
- assert (S : 0 <= fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m (err_arg e f v) f) (multipliers d))).
- { clear N. induction (multipliers d) as [|m ms IH]; simpl; [lra|]. inversion K1; subst.
-   assert (0 <= Q2R (scaling m) * sigma m (err_arg e f v) f) by (apply Rmult_le_pos; [auto|apply Hs; now left]).
-   assert (IH' := IH ltac:(intros; apply Hs; now right) H3). lra. }
- lra. Qed.
+ assert (S := sigmas_nonneg _ (err_arg e f v) f K1 Hs). lra. Qed.
 
 Lemma eval_le e : length e = n d -> eval le e = e.
 Proof. intros He. unfold le. cbn [eval skipn]. rewrite <- He. apply firstn_all. Qed.

@@ -31,6 +31,10 @@ Proof. intros H. induction H as [|g a xs dx H Hs IH]; intros ys dy K L; destruct
 Notation "M ** u" := (mvR (rmat M) u) (at level 40).
 Notation "u ++++ w" := (vaddR u w) (at level 50, left associativity).
 
+(* f of time and q is in the class: its differences satisfy every inequality of the multipliers *)
+Definition of_class {time : Type} (d : design) (f : time -> list R -> list R) :=
+  forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
+
 (* One instant: vectors only, so for continuous and discrete time *)
 Section Instant.
 Variable d : design.

@@ -18,8 +18,6 @@ Record trajectories (d : design) (f : R -> list R -> list R) (x xh v : list (R -
   observer_q : forall t, 0 <= t -> qh t = Cq d ** at_ xh t ++++ Dqf d ** f t (qh t) ++++ gq t ++++ L2 d ** vsubR (yh t) (y t);
   observer_y : forall t, 0 <= t -> yh t = C d ** at_ xh t ++++ Df d ** f t (qh t) ++++ gy t
 }.
-Definition of_class (d : design) (f : R -> list R -> list R) :=
-  forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
 Definition error_at (x xh : list (R -> R)) (t : R) := vsubR (at_ xh t) (at_ x t).
 
 Definition claims_energy (d : design) (gamma : Q) (T TP : list (list Z)) : bool :=
@@ -28,11 +26,7 @@ Definition claims_peak (d : design) (gamma mu1 mu2 : Q) (T TP TO : list (list Z)
   sized d && certified d T TP && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 && Qle_bool 0 mu1 &&
   Qeq_bool (supply d) (2 * alpha d * mu1) && Qle_bool (mu1 * mu2) (gamma * gamma).
 
-Lemma Qpos_R q : negb (Qle_bool q 0) = true -> 0 < Q2R q.
-Proof. intros K. apply negb_true_iff in K. destruct (Rle_or_lt (Q2R q) 0) as [L|L]; auto.
- rewrite <- Q2R_zero in L. apply Rle_Qle in L. apply Qle_bool_iff in L. congruence. Qed.
-
-Theorem energy_guarantee d gamma T TP : claims_energy d gamma T TP = true ->
+Theorem energy_of_trajectories d gamma T TP : claims_energy d gamma T TP = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, trajectories d f x xh v q qh y yh g gq gy -> forall t, 0 <= t ->
   let e := error_at x xh in
   RInt (fun s => sq (zed d (e s))) 0 t <= V d (e 0) / Q2R (weight d) + Q2R gamma * Q2R gamma * RInt (fun s => sq (at_ v s)) 0 t
@@ -54,7 +48,7 @@ Proof. intros K f Hf x xh v q qh y yh g gq gy H t Ht. unfold claims_energy in K.
  - intros Z. exact (plant_decay d S T TP K x xh v q qh yh y g gq gy f size_x0 size_xh0 size_v0 size_f0 size_g0 size_gq0 size_gy0
      plant_x0 plant_q0 plant_y0 observer_x0 observer_q0 observer_y0 Hf t Ht Z). Qed.
 
-Theorem peak_guarantee d gamma mu1 mu2 T TP TO : claims_peak d gamma mu1 mu2 T TP TO = true ->
+Theorem peak_of_trajectories d gamma mu1 mu2 T TP TO : claims_peak d gamma mu1 mu2 T TP TO = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, trajectories d f x xh v q qh y yh g gq gy -> forall t, 0 <= t ->
   let e := error_at x xh in
   (forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
