@@ -17,13 +17,20 @@ from support.commands import run
 from support.shipped import SPECS, solved
 
 import obsdesign as od
-from obsdesign.coq.congruence import congruence
+from obsdesign.coq.congruence import congruence, integers
 from obsdesign.coq.decimals import comment, number
 from obsdesign.coq.library import QUIET, command
 from obsdesign.lmi.formula import rational
 
 AXIOMS = {"sig_not_dec", "sig_forall_dec", "functional_extensionality_dep", "classic"}
 needs_coq = pytest.mark.skipif(shutil.which("coqc") is None, reason="needs Debian's coq and libcoq-coquelicot")
+
+
+def turned(S, columns):
+    """T' S T in integers."""
+    T = np.array([[0] * j + column for j, column in enumerate(columns)], dtype=object).T
+    assert all(T[j, j] for j in range(len(T)))
+    return T.T @ np.array(integers(S), dtype=object) @ T
 
 
 @given(st.integers(1, 6), st.integers(0, 2**32 - 1), st.booleans())
@@ -33,17 +40,29 @@ def test_the_columns_of_T_are_triangular_and_make_a_positive_matrix_dominant(ord
     S = F @ F.T + rational(np.eye(order, dtype=int))
     if silent:
         S[0, :], S[:, 0] = fmpq(0), fmpq(0)
-    columns = congruence(S)
-    T = np.array([[0] * j + column for j, column in enumerate(columns)], dtype=object).T
-    assert all(T[j, j] for j in range(order))
-    turned = T.T @ np.array([[int(x.p) for x in row] for row in S], dtype=object) @ T
-    for i, row in enumerate(turned):
+    for i, row in enumerate(turned(S, congruence(S))):
         assert 2 * row[i] >= sum(map(abs, row))
 
 
-@pytest.mark.parametrize("S", [[[-1]], [[1, 2], [2, 1]], [[0, 1], [1, 1]]])
+@given(st.integers(1, 6), st.integers(1, 5), st.integers(0, 2**32 - 1), st.fractions(1, 10))
+def test_a_singular_matrix_is_made_diagonal_in_rationals(order, rank, seed, size):
+    F = rational(np.random.default_rng(seed).integers(-9, 10, (order, rank)))
+    S = fmpq(size.numerator, size.denominator) * (F @ F.T)
+    for i, row in enumerate(turned(S, congruence(S))):
+        assert 2 * row[i] >= sum(map(abs, row))
+
+
+def test_a_margin_that_no_double_sees_is_seen():
+    S = rational([[1, 1], [1, 1]]) + fmpq(1, 10**40) * rational([[0, 0], [0, 1]])
+    (first, second) = turned(S, congruence(S))
+    assert first[1] == 0
+    assert first[0] > 0 < second[1]
+
+
+@pytest.mark.parametrize("S", [[[-1]], [[1, 2], [2, 1]], [[0, 1], [1, 1]], [[1, 1], [1, 0]]])
 def test_there_is_no_T_for_a_matrix_that_is_not_positive(S):
-    assert congruence(rational(S)) is None
+    with pytest.raises(ValueError, match="negative eigenvalue"):
+        congruence(rational(S))
 
 
 @given(st.fractions())
@@ -68,12 +87,41 @@ NAMES = (
 )
 
 
+PLANT = """
+obsdesign: 1
+system: {A: [[-1, 1, 0], [0, -2, 1], [0, 0, -1]], B: [[0], [0], [1]], C: [[1, 0, 0], [0, 1, 0]]}
+nonlinearities:
+  - {type: {slope: [0, 1]}, Bf: [0.1, 0, 0], Cq: [0, 0, 1]}
+"""
+BESIDE = "    Bf: [[-1, 0], [0, -1], [0, 0]]\n    Cq: [[1, 0, 0], [0, 1, 0]]\n"
+MATRICES = {
+    "cone": f"""{PLANT}
+  - type: {{cone: [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[1, 1], [1, 1]]]}}
+{BESIDE}
+observer: {{type: l2, alpha: 0.1, L2: 0}}
+""",
+    "hull": f"""{PLANT}
+  - type: {{jacobian: [[[0, 0], [0, 0]], [[1, 0], [0, 2]], [[0, 0.5], [0.5, 1]]]}}
+{BESIDE}
+observer: {{type: linf, alpha: 0.1, L2: 0, bounds: {{L1: 100}}}}
+""",
+    "slopes": """
+obsdesign: 1
+system: {A: [[-1, 1], [0, -1]], B: [[0], [1]], C: [[1, 0]]}
+nonlinearities: [{type: {jacobian: [[[-1]], [[0]]]}, Bf: [0, 1], Cq: [0, 1]}]
+observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
+""",
+}
+
+
 @pytest.fixture(scope="module")
 def gains(tmp_path_factory):
     """Results of one design of each family whose claims are exported."""
     folder = tmp_path_factory.mktemp("gains")
     for name in NAMES:
         od.solve(od.load(SPECS / f"{name}.yaml")).save(folder / f"{name}.gains.json")
+    for name, spec in MATRICES.items():
+        od.solve(od.load(spec)).save(folder / f"{name}.gains.json")
     return sorted(folder.glob("*.gains.json"))
 
 
@@ -142,15 +190,7 @@ def test_what_cannot_be_asked_or_exported_is_said_in_one_line(gains, tmp_path, m
     assert not (tmp_path / "a.v").exists()
 
 
-HULL = """
-obsdesign: 1
-system: {A: [[-1, 1], [0, -1]], B: [[0], [1]], C: [[1, 0]]}
-nonlinearities: [{type: {jacobian: [[[-1]], [[0]]]}, Bf: [0, 1], Cq: [0, 1]}]
-observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
-"""
 UNEXPORTED = {
-    "discrete-polytope": "the multiplier of f1 is one of matrices",
-    "planar-arm": "the multiplier of f1 is one of matrices",
     "ferrante2019-oscillator-gains": "claims of type sporadic",
     "infeasible/discrete-hidden-mode": "this result has no gains",
 }
@@ -163,15 +203,6 @@ def test_a_claim_that_has_no_theorem_is_refused(name, words, tmp_path):
     with pytest.raises(od.UsageError, match=words) as error:
         od.theorem(path)
     assert str(path) in str(error.value)
-
-
-def test_a_hull_of_one_slope_is_no_sum_of_inequalities_though_its_multiplier_has_numbers_only(tmp_path):
-    path = tmp_path / "case.gains.json"
-    design = od.solve(od.load(HULL))
-    assert design.status == "certified"
-    design.save(path)
-    with pytest.raises(od.UsageError, match="the multiplier of f1 is one of matrices"):
-        od.theorem(path)
 
 
 def test_no_part_of_a_false_claim_is_exported(gains, tmp_path):
@@ -277,6 +308,28 @@ def test_the_kernel_refuses_what_is_false(name, gains, library):
         accepted, said = compiled(library, changed)
         assert not accepted, what
         assert re.search(r"line (\d+), characters", said)[1] == str(computed), (what, said)
+
+
+@pytest.mark.slow
+@needs_coq
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    {
+        "cone": {
+            "conic := true": "conic := false",
+            "count := 2": "count := 1",
+            "[[0; 0; 0]; [0; 1; 1]": "[[0; 0; 0]; [0; -1; 1]",
+        },
+        "hull": {"conic := false": "conic := true", "first := 1": "first := 0", "[0; 0; 2]": "[0; 0; 40]"},
+    }.items(),
+)
+def test_the_kernel_refuses_what_is_false_of_a_matrix(name, changes, gains, library):
+    text = od.theorem(next(path for path in gains if path.name.startswith(name)))
+    for true, false in changes.items():
+        assert true in text
+        accepted, said = compiled(library, text.replace(true, false))
+        assert not accepted, false
+        assert "claims_" in said, said
 
 
 @pytest.mark.slow

@@ -11,16 +11,18 @@ for every f of the class and all trajectories of plant and observer.
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
+from obsdesign.coq.hulls import Hull, of_hulls
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number
+from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number, zeros
 from obsdesign.model.filtered import apart
 from obsdesign.model.multiplier import Scaled, Sum
 from obsdesign.model.plant import Plant
+from obsdesign.nonlinearities.cone import Cone
+from obsdesign.nonlinearities.jacobian import Polytope
 from obsdesign.spec import Spec
 
 NAME = "designed"  # the design in the file
@@ -45,7 +47,7 @@ class Course:
 
 CONTINUOUS = Course(
     run="trajectories",
-    files="ObsForm ObsDesign ObsTrajectory ObsPlant ObsTheorem",
+    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem",
     instant="forall t, 0 <= t ->",
     error="error_at",
     energy=f"""\
@@ -69,7 +71,7 @@ These words are checked by nothing here. What Coq proves is for_the_class, at th
 )
 PREDICTED = Course(
     run="predicted",
-    files="ObsForm ObsDesign ObsTrajectory ObsPlant ObsTheorem ObsSamples",
+    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsSamples",
     instant="forall N : nat,",
     error="error_of",
     energy=f"""\
@@ -115,10 +117,7 @@ class UnexportedError(Exception):
 
 
 def exported(certificate: Certificate, spec: Spec, statement: str) -> str:
-    """File of Coq with the claim of a certificate that holds, headed by what it is about.
-
-    Raises `UnexportedError`: the claim has a multiplier that is no scale; or no T was found.
-    """
+    """File of Coq with the claim of a certificate that holds, headed by what it is about."""
     course, plant = CONTINUOUS, certificate.family.plant
     if certificate.family.about.pace.sampled:
         course = FILTERED if spec.observer.filtered else PREDICTED
@@ -133,19 +132,20 @@ def stated(text: str) -> str:
 
 
 def written(certificate: Certificate, plant: Plant[Exact], course: Course) -> str:
-    """Design, T, and the theorem with its proof. Raises `UnexportedError`."""
+    """Design, T, and the theorem with its proof."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
     H, P = family.H, certificate.P
     weight, supply = (fmpq(0), family.loss * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
     values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
-    levels = {"weight": weight, "supply": supply, "floor": floor_of(P)}
+    floor = rational_number(f"{FLOOR * certificate.guarantee.spectrum[0]:.3g}")
+    levels = {"weight": weight, "supply": supply, "floor": floor}
     forms = {
         "T": -family.dissipation(values, weight * (H.mT @ H), rational([[supply]])),
-        "TP": P - levels["floor"] * identity(len(P), P),
+        "TP": P - floor * identity(len(P), P),
         **({"TO": certificate.mu2 * P - H.mT @ H} if peak else {}),
     }
     what, constants = ("peak", ("gamma", "mu1", "mu2")) if peak else ("energy", ("gamma",))
-    arguments = " ".join([*constants, *forms])
+    arguments = " ".join([*constants, *forms, "TH"])
     return "\n".join(
         [
             IMPORTS.format(files=course.files),
@@ -153,7 +153,8 @@ def written(certificate: Certificate, plant: Plant[Exact], course: Course) -> st
             record(certificate, plant, levels),
             *(f"Definition {key} : Q := {number(getattr(certificate, key))}." for key in constants),
             "Open Scope Z_scope.",
-            *(f"Definition {name} := {triangle(found(name, S))}." for name, S in forms.items()),
+            *(f"Definition {name} := {triangle(congruence(S))}." for name, S in forms.items()),
+            f"Definition TH : list (list (list (list Z))) := {of_hulls(hulls(certificate))}.",
             "Open Scope R_scope.",
             "",
             f"Lemma proved : {course.claims.format(what)} {course.design} {arguments} = true.",
@@ -170,12 +171,6 @@ def written(certificate: Certificate, plant: Plant[Exact], course: Course) -> st
             "",
         ]
     )
-
-
-def floor_of(P: Array) -> fmpq:
-    """Three digits of most of the least eigenvalue of P; zero, which Coq refuses, where doubles see none."""
-    least = float(np.linalg.eigvalsh(P.astype(float))[0])
-    return rational_number(f"{FLOOR * max(least, 0.0):.3g}")
 
 
 def heading(spec: Spec, statement: str, course: Course) -> list[str]:
@@ -199,6 +194,7 @@ def record(certificate: Certificate, plant: Plant[Exact], levels: dict[str, fmpq
         f"{{| scaling := {number(scale)}; M11 := {matrix(M11)}; M12 := {matrix(M12)}; M22 := {matrix(M22)} |}}"
         for scale, M11, M12, M22 in multipliers(certificate)
     )
+    written = ";\n    ".join(hull.written() for hull in hulls(certificate))
     numbers = {"alpha": family.about.pace.told(family.rate), **levels}
     return "\n".join(
         [
@@ -206,31 +202,30 @@ def record(certificate: Certificate, plant: Plant[Exact], levels: dict[str, fmpq
             "  " + " ".join(f"{key} := {size}%nat;" for key, size in sizes.items()),
             *(f"  {key} := {matrix(M)};" for key, M in matrices.items()),
             "  " + " ".join(f"{key} := {number(x)};" for key, x in numbers.items()),
-            f"  multipliers := [{rays}] |}}.",
+            f"  multipliers := [{rays}];",
+            f"  hulls := [{written}] |}}.",
         ]
     )
 
 
 def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
-    """Scale and matrices M11, M12, M22 of each inequality of the class.
-
-    Raises `UnexportedError`: the multipliers of a block are no sum of scaled inequalities that each f of it satisfies.
-    """
-    multiplier = certificate.family.multiplier
+    """Scale and matrices M11, M12, M22 of each inequality of the class that has a scale."""
+    multiplier, rays = certificate.family.multiplier, []
+    unknowns = multiplier.unknowns()
     for label, block in multiplier.labelled():
-        if not isinstance(block, Scaled | Sum):
-            said = f"the multiplier of f{label} is one of matrices, which is not exported yet; those of scales are"
-            raise UnexportedError(said)
-    unknowns, rays = multiplier.unknowns(), []
-    for one in unknowns:
-        unit: Values = {other.name: rational([[int(other is one)]]) for other in unknowns}
-        rays.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
+        for one in block.unknowns(label) if isinstance(block, Scaled | Sum) else ():
+            none = {other.name: zeros(other.shape, [block.member]) for other in unknowns}
+            unit: Values = none | {one.name: rational([[1]])}
+            rays.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
     return rays
 
 
-def found(name: str, S: Array) -> list[list[int]]:
-    """T for a matrix that must not be negative; raises `UnexportedError` if there is none in doubles."""
-    if (T := congruence(S)) is None:
-        what = {"T": "the dissipation inequality", "TP": "P > 0", "TO": "|z|^2 <= mu2 V"}[name]
-        raise UnexportedError(f"{what} holds with a margin that doubles do not see, so no file for Coq was found")
-    return T
+def hulls(certificate: Certificate) -> list[Hull]:
+    """Multipliers that are matrices."""
+    multiplier, found, q, f = certificate.family.multiplier, [], 0, 0
+    for label, block in multiplier.labelled():
+        if isinstance(block, Cone | Polytope):
+            M = block.matrix(certificate.multipliers, label)
+            found.append(Hull.of(block, M, (q, f), multiplier.member.shape[::-1]))
+        q, f = q + block.nq, f + block.nf
+    return found

@@ -5,6 +5,9 @@ Import ListNotations.
 Open Scope R_scope.
 
 Record multiplier := { scaling : Q; M11 : list (list Q); M12 : list (list Q); M22 : list (list Q) }.
+(* A multiplier that is a matrix, of `count` components of f from `first` on: it is about df = Theta dq with Theta in the
+   hull of `corners`, or, where it is conic, any sum of them with weights that are not negative *)
+Record hull := { form_of : multiplier; conic : bool; first : nat; count : nat; corners : list (list (list Q)) }.
 Record design := {
   n : nat; nf : nat; nv : nat; ny : nat; nq : nat;
   A : list (list Q); Bf : list (list Q); B : list (list Q);
@@ -13,11 +16,15 @@ Record design := {
   H : list (list Q); L1 : list (list Q); L2 : list (list Q);
   alpha : Q; weight : Q; supply : Q;          (* V' + 2 alpha V + weight |z|^2 - supply |v|^2 <= 0 *)
   P : list (list Q); floor : Q;               (* P >= floor I *)
-  multipliers : list multiplier
+  multipliers : list multiplier;
+  hulls : list hull
 }.
 Definition sq (x : list R) := dotR x x.
 Definition sigma (m : multiplier) (q f : list R) :=
   dotR q (mvR (rmat (M11 m)) q) + 2 * dotR q (mvR (rmat (M12 m)) f) + dotR f (mvR (rmat (M22 m)) f).
+
+(* All inequalities that the class satisfies *)
+Definition inequalities (d : design) := multipliers d ++ map form_of (hulls d).
 
 Section Error.
 Variable d : design.
@@ -42,12 +49,12 @@ Definition minus_sigma (m : multiplier) : list term :=
   [(Qopp (scaling m), larg, Mul (M11 m) larg); (Qopp (2 * scaling m), larg, Mul (M12 m) lf); (Qopp (scaling m), lf, Mul (M22 m) lf)].
 Definition dissipation : list term :=
   [(Qopp 1, ldot, Mul (P d) le); (Qopp 1, le, Mul (P d) ldot); (Qopp (2 * alpha d), le, Mul (P d) le);
-   (Qopp (weight d), lz, lz); (supply d, lv, lv)] ++ flat_map minus_sigma (multipliers d).
+   (Qopp (weight d), lz, lz); (supply d, lv, lv)] ++ flat_map minus_sigma (inequalities d).
 Definition definite : list term := [(1%Q, le, Mul (P d) le); (Qopp (floor d), le, le)].
 Definition bounded (mu : Q) : list term := [(mu, le, Mul (P d) le); (Qopp 1, lz, lz)].
 
 Definition certified (T TP : list (list Z)) : bool :=
-  forallb (fun m => Qle_bool 0 (scaling m)) (multipliers d) && Qle_bool 0 (alpha d) && negb (Qle_bool (floor d) 0) &&
+  forallb (fun m => Qle_bool 0 (scaling m)) (inequalities d) && Qle_bool 0 (alpha d) && negb (Qle_bool (floor d) 0) &&
   Qle_bool 0 (weight d) && Qle_bool 0 (supply d) &&
   check false (n d + nf d + nv d) dissipation T && check false (n d) definite TP.
 
@@ -94,7 +101,7 @@ Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev).
 Lemma dissipation_value e f v : length e = n d -> length f = nf d -> length v = nv d ->
   quad dissipation (e ++ f ++ v) =
   - (V_dot e (err_dot e f v) + 2 * Q2R (alpha d) * V e + Q2R (weight d) * sq (zed e) - Q2R (supply d) * sq v)
-  - sigmas (multipliers d) (err_arg e f v) f.
+  - sigmas (inequalities d) (err_arg e f v) f.
 Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev), (programs e f v He Hf Hv) as (Eo & Eq & Ez).
  unfold dissipation. rewrite quad_app, (sigmas_value _ _ (err_arg e f v) f) by auto.
  unfold quad. cbn [bil bil1 eval]. rewrite Ez, Eo, Ee, Ev, !Q2R_opp, Q2R_mult, Q2R_two, Q2R_one.
@@ -102,7 +109,7 @@ Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev), (prog
 
 Variables T TP : list (list Z).
 Hypothesis cert : certified T TP = true.
-Lemma cert_parts : Forall (fun m => 0 <= Q2R (scaling m)) (multipliers d) /\ 0 <= Q2R (alpha d) /\ 0 < Q2R (floor d) /\ 0 <= Q2R (weight d)
+Lemma cert_parts : Forall (fun m => 0 <= Q2R (scaling m)) (inequalities d) /\ 0 <= Q2R (alpha d) /\ 0 < Q2R (floor d) /\ 0 <= Q2R (weight d)
   /\ 0 <= Q2R (supply d) /\ check false (n d + nf d + nv d) dissipation T = true /\ check false (n d) definite TP = true.
 Proof. unfold certified in cert. rewrite !andb_true_iff in cert. destruct cert as ((((((K1 & K2) & K3) & K4) & K5) & K6) & K7).
  repeat split; auto using Qle_R.
@@ -111,7 +118,7 @@ Proof. unfold certified in cert. rewrite !andb_true_iff in cert. destruct cert a
    rewrite <- Q2R_zero in L. apply Rle_Qle in L. apply Qle_bool_iff in L. congruence. Qed.
 
 Theorem dissipates e f v : length e = n d -> length f = nf d -> length v = nv d ->
-  (forall m, In m (multipliers d) -> 0 <= sigma m (err_arg e f v) f) ->
+  (forall m, In m (inequalities d) -> 0 <= sigma m (err_arg e f v) f) ->
   V_dot e (err_dot e f v) + 2 * Q2R (alpha d) * V e + Q2R (weight d) * sq (zed e) - Q2R (supply d) * sq v <= 0.
 Proof. intros He Hf Hv Hs. destruct cert_parts as (K1 & _ & _ & _ & _ & K & _).
  assert (N := nonnegative _ _ _ K (e ++ f ++ v) ltac:(rewrite !app_length; lia)).

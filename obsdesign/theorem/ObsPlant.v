@@ -1,7 +1,7 @@
 (* obsdesign: Plant and observer with one and the same nonlinearity: their difference obeys the error equations. Classes of scalar functions. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory.
+From Obs Require Import ObsForm ObsDesign ObsHull ObsTrajectory.
 Import ListNotations.
 Open Scope R_scope.
 
@@ -31,9 +31,20 @@ Proof. intros H. induction H as [|g a xs dx H Hs IH]; intros ys dy K L; destruct
 Notation "M ** u" := (mvR (rmat M) u) (at level 40).
 Notation "u ++++ w" := (vaddR u w) (at level 50, left associativity).
 
-(* f of time and q is in the class: its differences satisfy every inequality of the multipliers *)
-Definition of_class {time : Type} (d : design) (f : time -> list R -> list R) :=
-  forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
+(* f of time and q is in the class: its differences satisfy every inequality of the multipliers, and lie in the hulls *)
+Definition of_class {time : Type} (d : design) (f : time -> list R -> list R) := forall t a b, length a = nq d -> length b = nq d ->
+  (forall m, In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)))
+  /\ (forall h, In h (hulls d) -> within h (vsubR a b) (vsubR (f t a) (f t b))).
+Lemma of_scales {time : Type} d (f : time -> list R -> list R) : hulls d = [] ->
+  (forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) ->
+     0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b))) -> of_class d f.
+Proof. intros N K t a b La Lb. split; [intros; now apply K|]. rewrite N. contradiction. Qed.
+Lemma class_holds {time : Type} d TH (f : time -> list R -> list R) : hulls_proved d TH = true -> of_class d f ->
+  forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) ->
+    0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
+Proof. intros K C t a b m La Lb Hm. destruct (C t a b La Lb) as [S W]. unfold inequalities in Hm. apply in_app_iff in Hm.
+ destruct Hm as [Hm|Hm]; [now apply S|]. apply in_map_iff in Hm. destruct Hm as (h & <- & Hh).
+ apply (hulls_hold d TH); auto. rewrite vsub_length; congruence. Qed.
 
 (* One instant: vectors only, so for continuous and discrete time *)
 Section Instant.
@@ -88,7 +99,7 @@ Hypothesis observer_x : forall t, 0 <= t -> moves xh t (A d ** at_ xh t ++++ Bf 
 Hypothesis observer_q : forall t, 0 <= t -> qh t = Cq d ** at_ xh t ++++ Dqf d ** f t (qh t) ++++ gq t ++++ L2 d ** vsubR (yh t) (y t).
 Hypothesis observer_y : forall t, 0 <= t -> yh t = C d ** at_ xh t ++++ Df d ** f t (qh t) ++++ gy t.
 (* the class *)
-Hypothesis class : forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
+Hypothesis class : forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
 
 Definition es := diff xh x.
 Definition fs t := vsubR (f t (qh t)) (f t (q t)).
@@ -103,7 +114,7 @@ Proof. unfold fs. rewrite vsub_length; rewrite !len_f; auto. Qed.
 Lemma error t : 0 <= t -> moves es t (err_dot d (at_ es t) (fs t) (at_ vs t)).
 Proof. intros Ht. rewrite es_at. unfold fs. rewrite (dot_error d siz (at_ x t) (at_ xh t) (at_ vs t) (q t) (qh t) (y t) (yh t) (g t) (gq t) (gy t) (f t (q t)) (f t (qh t))); auto; try (rewrite at_length; assumption).
  apply diff_moves; auto. lia. Qed.
-Lemma member t : 0 <= t -> forall m, In m (multipliers d) -> 0 <= sigma m (err_arg d (at_ es t) (fs t) (at_ vs t)) (fs t).
+Lemma member t : 0 <= t -> forall m, In m (inequalities d) -> 0 <= sigma m (err_arg d (at_ es t) (fs t) (at_ vs t)) (fs t).
 Proof. intros Ht m Hm. rewrite es_at. unfold fs.
  rewrite (arg_error d siz (at_ x t) (at_ xh t) (at_ vs t) (q t) (qh t) (y t) (yh t) (g t) (gq t) (gy t) (f t (q t)) (f t (qh t))); auto; try (rewrite at_length; assumption).
  apply class; auto.

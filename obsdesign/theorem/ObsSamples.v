@@ -1,7 +1,7 @@
 (* obsdesign: Plants of samples: x+ in the place of x', the rate rho in that of alpha, sums in that of integrals.
    Here alpha d is rho. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
-From Obs Require Import ObsForm ObsDesign ObsPlant ObsTheorem.
+From Obs Require Import ObsForm ObsDesign ObsHull ObsPlant ObsTheorem.
 Import ListNotations.
 Open Scope R_scope.
 
@@ -44,15 +44,15 @@ Section Step.
 Variable d : design.
 Definition step_form : list term :=
   [((alpha d * alpha d)%Q, le d, Mul (P d) (le d)); (Qopp 1, ldot d, Mul (P d) (ldot d));
-   (Qopp (weight d), lz d, lz d); (supply d, lv d, lv d)] ++ flat_map (minus_sigma d) (multipliers d).
+   (Qopp (weight d), lz d, lz d); (supply d, lv d, lv d)] ++ flat_map (minus_sigma d) (inequalities d).
 Definition certified_step (T TP : list (list Z)) : bool :=
-  forallb (fun m => Qle_bool 0 (scaling m)) (multipliers d) && Qle_bool 0 (alpha d) && Qle_bool (alpha d) 1 &&
+  forallb (fun m => Qle_bool 0 (scaling m)) (inequalities d) && Qle_bool 0 (alpha d) && Qle_bool (alpha d) 1 &&
   negb (Qle_bool (floor d) 0) && Qle_bool 0 (weight d) && Qle_bool 0 (supply d) &&
   check false (n d + nf d + nv d) step_form T && check false (n d) (definite d) TP.
 
 Variables T TP : list (list Z).
 Hypothesis cert : certified_step T TP = true.
-Lemma step_parts : Forall (fun m => 0 <= Q2R (scaling m)) (multipliers d) /\ 0 <= Q2R (alpha d) <= 1 /\
+Lemma step_parts : Forall (fun m => 0 <= Q2R (scaling m)) (inequalities d) /\ 0 <= Q2R (alpha d) <= 1 /\
   0 < Q2R (floor d) /\ 0 <= Q2R (weight d) /\ 0 <= Q2R (supply d) /\
   check false (n d + nf d + nv d) step_form T = true /\ check false (n d) (definite d) TP = true.
 Proof. unfold certified_step in cert. rewrite !andb_true_iff in cert.
@@ -63,13 +63,13 @@ Proof. unfold certified_step in cert. rewrite !andb_true_iff in cert.
 
 Notation rho := (Q2R (alpha d)).
 Theorem step e f v : length e = n d -> length f = nf d -> length v = nv d ->
-  (forall m, In m (multipliers d) -> 0 <= sigma m (err_arg d e f v) f) ->
+  (forall m, In m (inequalities d) -> 0 <= sigma m (err_arg d e f v) f) ->
   V d (err_dot d e f v) - rho * rho * V d e + Q2R (weight d) * sq (zed d e) - Q2R (supply d) * sq v <= 0.
 Proof. intros He Hf Hv Hs. destruct step_parts as (K1 & _ & _ & _ & _ & K & _).
  assert (N := nonnegative _ _ _ K (e ++ f ++ v) ltac:(rewrite !app_length; lia)).
  destruct (parts d e f v He Hf Hv) as (Ee & Ef & Ev), (programs d e f v He Hf Hv) as (Eo & Eq & Ez).
  unfold step_form in N. rewrite quad_app, (sigmas_value d _ _ (err_arg d e f v) f) in N by auto.
- assert (S := sigmas_nonneg (multipliers d) (err_arg d e f v) f K1 Hs).
+ assert (S := sigmas_nonneg (inequalities d) (err_arg d e f v) f K1 Hs).
  unfold quad in N. cbn [bil bil1 eval] in N. rewrite Ez, Eo, Ee, Ev, !Q2R_opp, Q2R_mult, Q2R_one in N.
  unfold V, sq. lra. Qed.
 
@@ -78,7 +78,7 @@ Variables (e v f : nat -> list R).
 Hypothesis (len_e : forall k, length (e k) = n d) (len_v : forall k, length (v k) = nv d).
 Hypothesis (len_f : forall k, length (f k) = nf d).
 Hypothesis error : forall k, e (S k) = err_dot d (e k) (f k) (v k).
-Hypothesis class : forall k m, In m (multipliers d) -> 0 <= sigma m (err_arg d (e k) (f k) (v k)) (f k).
+Hypothesis class : forall k m, In m (inequalities d) -> 0 <= sigma m (err_arg d (e k) (f k) (v k)) (f k).
 Lemma step_at k : V d (e (S k)) + Q2R (weight d) * sq (zed d (e k)) <= rho * rho * V d (e k) + Q2R (supply d) * sq (v k).
 Proof. assert (N := step (e k) (f k) (v k) (len_e k) (len_f k) (len_v k) (class k)). rewrite <- error in N. lra. Qed.
 Lemma sq_pos x : 0 <= sq x.
@@ -122,7 +122,8 @@ Section Error.
 Variable d : design.
 Hypothesis siz : sized d = true.
 Variables (f : nat -> list R -> list R) (x xh v q qh y yh g gq gy : nat -> list R).
-Hypothesis class : of_class d f.
+Hypothesis class : forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) ->
+  0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
 Hypothesis run : predicted d f x xh v q qh y yh g gq gy.
 Definition df k := vsubR (f k (qh k)) (f k (q k)).
 Lemma error_length k : length (error_of x xh k) = n d.
@@ -133,7 +134,7 @@ Lemma error_next k : error_of x xh (S k) = err_dot d (error_of x xh k) (df k) (v
 Proof. destruct run. unfold error_of, df.
  rewrite (dot_error d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k))); auto.
  rewrite next_x0, next_xh0. reflexivity. Qed.
-Lemma error_class k m : In m (multipliers d) -> 0 <= sigma m (err_arg d (error_of x xh k) (df k) (v k)) (df k).
+Lemma error_class k m : In m (inequalities d) -> 0 <= sigma m (err_arg d (error_of x xh k) (df k) (v k)) (df k).
 Proof. intros Hm. destruct run. unfold error_of, df.
  rewrite (arg_error d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k))); auto.
  apply class; auto.
@@ -143,19 +144,21 @@ Qed.
 End Error.
 
 (* What is stated of samples *)
-Definition claims_energy_of_samples (d : design) (gamma : Q) (T TP : list (list Z)) : bool :=
-  sized d && certified_step d T TP && negb (Qle_bool (weight d) 0) && Qle_bool (supply d) (gamma * gamma * weight d).
-Definition claims_peak_of_samples (d : design) (gamma mu1 mu2 : Q) (T TP TO : list (list Z)) : bool :=
-  sized d && certified_step d T TP && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 && Qle_bool 0 mu1 &&
+Definition claims_energy_of_samples (d : design) (gamma : Q) (T TP : list (list Z))
+  (TH : list (list (list (list Z)))) : bool :=
+  sized d && certified_step d T TP && hulls_proved d TH && negb (Qle_bool (weight d) 0) && Qle_bool (supply d) (gamma * gamma * weight d).
+Definition claims_peak_of_samples (d : design) (gamma mu1 mu2 : Q) (T TP TO : list (list Z))
+  (TH : list (list (list (list Z)))) : bool :=
+  sized d && certified_step d T TP && hulls_proved d TH && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 && Qle_bool 0 mu1 &&
   Qeq_bool (supply d) ((1 - alpha d * alpha d) * mu1) && Qle_bool (mu1 * mu2) (gamma * gamma).
 
-Theorem energy_of_predicted d gamma T TP : claims_energy_of_samples d gamma T TP = true ->
+Theorem energy_of_predicted d gamma T TP TH : claims_energy_of_samples d gamma T TP TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, predicted d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   sum_to (fun k => sq (zed d (e k))) N <= V d (e 0%nat) / Q2R (weight d) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_energy_of_samples in K. rewrite !andb_true_iff in K.
- destruct K as (((S & K) & W) & G). apply Qpos_R in W. apply Qle_bool_iff, Qle_Rle in G. rewrite !Q2R_mult in G.
+ destruct K as ((((S & K) & KH) & W) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf. apply Qpos_R in W. apply Qle_bool_iff, Qle_Rle in G. rewrite !Q2R_mult in G.
  assert (Le := error_length d f x xh v q qh y yh g gq gy H). assert (Lf := df_length d f x xh v q qh y yh g gq gy H).
  assert (E := error_next d S f x xh v q qh y yh g gq gy H).
  assert (M := error_class d S f x xh v q qh y yh g gq gy Hf H). destruct H. split.
@@ -170,14 +173,14 @@ Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_energy_of_sam
    apply Rplus_le_compat_l. now apply Rmult_le_compat_r.
  - intros Z. exact (decayed d T TP K e v _ Le of_v0 Lf E M N Z). Qed.
 
-Theorem peak_of_predicted d gamma mu1 mu2 T TP TO : claims_peak_of_samples d gamma mu1 mu2 T TP TO = true ->
+Theorem peak_of_predicted d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples d gamma mu1 mu2 T TP TO TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, predicted d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   (forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
      sq (zed d (e N)) <= Q2R gamma * Q2R gamma * vbar + Q2R mu2 * Q2R (alpha d) ^ (2 * N) * V d (e 0%nat))
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_peak_of_samples in K. rewrite !andb_true_iff in K.
- destruct K as ((((((S & K) & O) & M2) & M1) & E1) & G).
+ destruct K as (((((((S & K) & KH) & O) & M2) & M1) & E1) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf.
  apply Qle_R in M1, M2. apply Qeq_bool_iff, Qeq_eqR in E1. apply Qle_bool_iff, Qle_Rle in G.
  rewrite !Q2R_mult, Q2R_minus, Q2R_one, Q2R_mult in *.
  assert (Le := error_length d f x xh v q qh y yh g gq gy H). assert (Lf := df_length d f x xh v q qh y yh g gq gy H).
@@ -208,7 +211,7 @@ Definition ahead (d : design) : design := {|
   n := n d; nf := nf d; nv := nv d; ny := ny d; nq := nq d; A := A d; Bf := Bf d; B := B d;
   C := product (C d) (A d); Df := product (C d) (Bf d); D := sum (product (C d) (B d)) (D d);
   Cq := Cq d; Dqf := Dqf d; Dq := Dq d; H := H d; L1 := L1 d; L2 := L2 d;
-  alpha := alpha d; weight := weight d; supply := supply d; P := P d; floor := floor d; multipliers := multipliers d |}.
+  alpha := alpha d; weight := weight d; supply := supply d; P := P d; floor := floor d; multipliers := multipliers d; hulls := hulls d |}.
 
 Lemma add_R u : forall w, map Q2R (vadd Q add_q u w) = vaddR (map Q2R u) (map Q2R w).
 Proof. induction u; intros w; simpl; auto. destruct w; simpl; auto. f_equal; auto.
@@ -237,16 +240,16 @@ Proof. intros S []. assert (Lc : length (C d) = ny d).
    rewrite !vadd_assoc. f_equal. apply vadd_comm.
  - rewrite foreseen0, !product_R, !mv_add, <- !vadd_assoc. reflexivity. Qed.
 
-Theorem energy_of_filtered d gamma T TP : claims_energy_of_samples (ahead d) gamma T TP = true ->
+Theorem energy_of_filtered d gamma T TP TH : claims_energy_of_samples (ahead d) gamma T TP TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, filtered d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   sum_to (fun k => sq (zed d (e k))) N <= V d (e 0%nat) / Q2R (weight d) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H. assert (S : sized (ahead d) = true).
  { unfold claims_energy_of_samples in K. rewrite !andb_true_iff in K. tauto. }
- exact (energy_of_predicted (ahead d) gamma T TP K f Hf _ _ _ _ _ _ _ _ _ _ (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
+ exact (energy_of_predicted (ahead d) gamma T TP TH K f Hf _ _ _ _ _ _ _ _ _ _ (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
 Qed.
-Theorem peak_of_filtered d gamma mu1 mu2 T TP TO : claims_peak_of_samples (ahead d) gamma mu1 mu2 T TP TO = true ->
+Theorem peak_of_filtered d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples (ahead d) gamma mu1 mu2 T TP TO TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, filtered d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   (forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
@@ -254,5 +257,5 @@ Theorem peak_of_filtered d gamma mu1 mu2 T TP TO : claims_peak_of_samples (ahead
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H. assert (S : sized (ahead d) = true).
  { unfold claims_peak_of_samples in K. rewrite !andb_true_iff in K. tauto. }
- exact (peak_of_predicted (ahead d) gamma mu1 mu2 T TP TO K f Hf _ _ _ _ _ _ _ _ _ _ (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
+ exact (peak_of_predicted (ahead d) gamma mu1 mu2 T TP TO TH K f Hf _ _ _ _ _ _ _ _ _ _ (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
 Qed.

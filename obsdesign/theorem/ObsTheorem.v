@@ -1,7 +1,7 @@
 (* obsdesign: What an exported file states: all trajectories of the plant and of the observer, one f. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant.
+From Obs Require Import ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant.
 Import ListNotations.
 Open Scope R_scope.
 
@@ -20,18 +20,18 @@ Record trajectories (d : design) (f : R -> list R -> list R) (x xh v : list (R -
 }.
 Definition error_at (x xh : list (R -> R)) (t : R) := vsubR (at_ xh t) (at_ x t).
 
-Definition claims_energy (d : design) (gamma : Q) (T TP : list (list Z)) : bool :=
-  sized d && certified d T TP && negb (Qle_bool (weight d) 0) && Qle_bool (supply d) (gamma * gamma * weight d).
-Definition claims_peak (d : design) (gamma mu1 mu2 : Q) (T TP TO : list (list Z)) : bool :=
-  sized d && certified d T TP && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 && Qle_bool 0 mu1 &&
+Definition claims_energy (d : design) (gamma : Q) (T TP : list (list Z)) (TH : list (list (list (list Z)))) : bool :=
+  sized d && certified d T TP && hulls_proved d TH && negb (Qle_bool (weight d) 0) && Qle_bool (supply d) (gamma * gamma * weight d).
+Definition claims_peak (d : design) (gamma mu1 mu2 : Q) (T TP TO : list (list Z)) (TH : list (list (list (list Z)))) : bool :=
+  sized d && certified d T TP && hulls_proved d TH && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 && Qle_bool 0 mu1 &&
   Qeq_bool (supply d) (2 * alpha d * mu1) && Qle_bool (mu1 * mu2) (gamma * gamma).
 
-Theorem energy_of_trajectories d gamma T TP : claims_energy d gamma T TP = true ->
+Theorem energy_of_trajectories d gamma T TP TH : claims_energy d gamma T TP TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, trajectories d f x xh v q qh y yh g gq gy -> forall t, 0 <= t ->
   let e := error_at x xh in
   RInt (fun s => sq (zed d (e s))) 0 t <= V d (e 0) / Q2R (weight d) + Q2R gamma * Q2R gamma * RInt (fun s => sq (at_ v s)) 0 t
   /\ ((forall s, 0 <= s <= t -> sq (at_ v s) = 0) -> Q2R (floor d) * sq (e t) <= exp (- (2 * Q2R (alpha d) * t)) * V d (e 0)).
-Proof. intros K f Hf x xh v q qh y yh g gq gy H t Ht. unfold claims_energy in K. rewrite !andb_true_iff in K. destruct K as (((S & K) & W) & G).
+Proof. intros K f Hf x xh v q qh y yh g gq gy H t Ht. unfold claims_energy in K. rewrite !andb_true_iff in K. destruct K as ((((S & K) & KH) & W) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf.
  apply Qpos_R in W. apply Qle_bool_iff, Qle_Rle in G. rewrite !Q2R_mult in G. destruct H. cbv zeta. split.
  - assert (M := plant_l2 d S T TP K x xh v q qh yh y g gq gy f size_x0 size_xh0 size_v0 size_f0 size_g0 size_gq0 size_gy0
      plant_x0 plant_q0 plant_y0 observer_x0 observer_q0 observer_y0 Hf v_continuous0 t Ht).
@@ -48,13 +48,14 @@ Proof. intros K f Hf x xh v q qh y yh g gq gy H t Ht. unfold claims_energy in K.
  - intros Z. exact (plant_decay d S T TP K x xh v q qh yh y g gq gy f size_x0 size_xh0 size_v0 size_f0 size_g0 size_gq0 size_gy0
      plant_x0 plant_q0 plant_y0 observer_x0 observer_q0 observer_y0 Hf t Ht Z). Qed.
 
-Theorem peak_of_trajectories d gamma mu1 mu2 T TP TO : claims_peak d gamma mu1 mu2 T TP TO = true ->
+Theorem peak_of_trajectories d gamma mu1 mu2 T TP TO TH : claims_peak d gamma mu1 mu2 T TP TO TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, trajectories d f x xh v q qh y yh g gq gy -> forall t, 0 <= t ->
   let e := error_at x xh in
   (forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
      sq (zed d (e t)) <= Q2R gamma * Q2R gamma * vbar + Q2R mu2 * exp (- (2 * Q2R (alpha d) * t)) * V d (e 0))
   /\ ((forall s, 0 <= s <= t -> sq (at_ v s) = 0) -> Q2R (floor d) * sq (e t) <= exp (- (2 * Q2R (alpha d) * t)) * V d (e 0)).
-Proof. intros K f Hf x xh v q qh y yh g gq gy H t Ht. unfold claims_peak in K. rewrite !andb_true_iff in K. destruct K as ((((((S & K) & O) & M2) & M1) & E) & G).
+Proof. intros K f Hf x xh v q qh y yh g gq gy H t Ht. unfold claims_peak in K. rewrite !andb_true_iff in K. destruct K as (((((((S & K) & KH) & O) & M2) & M1) & E) & G).
+ assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf.
  apply Qle_R in M1, M2. apply Qeq_bool_iff, Qeq_eqR in E. apply Qle_bool_iff, Qle_Rle in G. rewrite !Q2R_mult in *. rewrite Q2R_two in E. destruct H. cbv zeta. split.
  - intros vbar Hv.
    assert (M := plant_linf d S T TP K x xh v q qh yh y g gq gy f size_x0 size_xh0 size_v0 size_f0 size_g0 size_gq0 size_gy0

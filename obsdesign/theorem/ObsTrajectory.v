@@ -69,7 +69,7 @@ Hypothesis len_f : forall t, length (fs t) = nf d.
 Let e t := at_ es t.
 Let v t := at_ vs t.
 Hypothesis error : forall t, 0 <= t -> moves es t (err_dot d (e t) (fs t) (v t)).
-Hypothesis class : forall t, 0 <= t -> forall m, In m (multipliers d) -> 0 <= sigma m (err_arg d (e t) (fs t) (v t)) (fs t).
+Hypothesis class : forall t, 0 <= t -> forall m, In m (inequalities d) -> 0 <= sigma m (err_arg d (e t) (fs t) (v t)) (fs t).
 Let V t := ObsDesign.V d (e t).
 Let z t := zed d (e t).
 Let dV t := V_dot d (e t) (err_dot d (e t) (fs t) (v t)).
