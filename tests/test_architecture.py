@@ -26,6 +26,7 @@ LAYERS = (
     ("reading", "starters"),
     ("families",),
     ("coq.theorem",),
+    ("coq.hulls",),
     ("constants",),
     ("spec",),
     ("trial",),
