@@ -26,7 +26,7 @@ LAYERS = (
     ("reading", "starters"),
     ("families",),
     ("coq.theorem",),
-    ("coq.hulls",),
+    ("coq.hulls", "coq.bounds"),
     ("constants",),
     ("spec",),
     ("trial",),

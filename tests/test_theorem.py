@@ -138,6 +138,13 @@ def test_the_file_holds_the_numbers_of_the_result_and_ends_with_the_guarantee(ga
         assert not re.search(r"Admitted|Axiom|Parameter|admit", text)
 
 
+def test_bounds_that_a_design_keeps_are_theorems_too(gains):
+    for path in gains:
+        bounds = json.loads(path.read_text())["spec"]["text"].partition("bounds:")[2]
+        assert ("Theorem gain_bound" in od.theorem(path)) is ("L1" in bounds)
+        assert ("Theorem storage_bound" in od.theorem(path)) is ("P:" in bounds)
+
+
 def test_verify_writes_the_theorem_and_says_how_to_compile_it(gains, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = run("verify", gains[0], "--theorem", "coq")
@@ -156,7 +163,7 @@ def test_the_words_at_the_head_say_what_of_them_is_stated_and_what_is_a_premise(
     for path in gains:
         head = od.theorem(path).partition("Require Import")[0]
         head = " ".join(head.replace("*)", "").replace("(*", "").split())
-        for words in ("is for_the_class", "As floor is less", "for all arguments, also where", "not state (P2)"):
+        for words in ("is for_the_class", "As floor is less", "for all arguments, also where", "does not state"):
             assert words in head
         assert ("anything of a plant in continuous time" in head) is path.name.startswith("discrete")
 

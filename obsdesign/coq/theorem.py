@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 
 from flint import fmpq
 
+from obsdesign.coq.bounds import bounded
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.coq.hulls import Hull, of_hulls
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number, zeros
 from obsdesign.model.filtered import apart
@@ -56,7 +58,8 @@ RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
     peak=f"""\
 (forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
       sq (zed {NAME} (e t)) <= Q2R gamma * Q2R gamma * vbar
-        + Q2R mu2 * exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0))""",
+        + Q2R mu2 * exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)
+      /\\ V {NAME} (e t) <= Rmax (V {NAME} (e 0)) (Q2R mu1 * vbar))""",
     decay=f"""\
 (forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
       Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)""",
@@ -66,7 +69,8 @@ These words are checked by nothing here. What Coq proves is for_the_class, at th
   the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at alpha = 0 it says that e stays bounded.
 - Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local;
   x and xhat are differentiable and v is continuous at every t >= 0.
-- It does not state (P2), bounds on gains and P, reconstruction, larger Lipschitz constants, that trajectories exist.
+- It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
+  storage_bound say of bounds on L1 and P, where there are some, is beside it.
 - That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L.""",
 )
 PREDICTED = Course(
@@ -80,7 +84,8 @@ sum_to (fun k => sq (zed {NAME} (e k))) N <=
     peak=f"""\
 (forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
       sq (zed {NAME} (e N)) <= Q2R gamma * Q2R gamma * vbar
-        + Q2R mu2 * Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat))""",
+        + Q2R mu2 * Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)
+      /\\ V {NAME} (e N) <= Rmax (V {NAME} (e 0%nat)) (Q2R mu1 * vbar))""",
     decay=f"""\
 (forall k, (k < N)%nat -> sq (v k) = 0) ->
       Q2R (floor {NAME}) * sq (e N) <= Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)""",
@@ -90,8 +95,8 @@ These words are checked by nothing here. What Coq proves is for_the_class, at th
   floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at rho = 1 it says that e
   stays bounded.
 - Its premise: f satisfies the inequalities of multipliers for all arguments, also where the words are local.
-- It does not state (P2), bounds on gains and P, larger Lipschitz constants, that there are such sequences, or anything
-  of a plant in continuous time.
+- It does not state larger Lipschitz constants, that there are such sequences, or anything of a plant in continuous
+  time. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
 - That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L.""",
     claims="claims_{}_of_samples",
 )
@@ -116,13 +121,13 @@ class UnexportedError(Exception):
     """A part of a claim that no file of Coq is written of, in words."""
 
 
-def exported(certificate: Certificate, spec: Spec, statement: str) -> str:
-    """File of Coq with the claim of a certificate that holds, headed by what it is about."""
+def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bounds = NO_BOUNDS) -> str:
+    """File of Coq with the claim of a certificate that holds, headed by what it is about; `bounds`: kept ones."""
     course, plant = CONTINUOUS, certificate.family.plant
     if certificate.family.about.pace.sampled:
         course = FILTERED if spec.observer.filtered else PREDICTED
         plant = apart(spec.augmented) if spec.observer.filtered else plant
-    return "\n".join([*map(comment, heading(spec, statement, course)), written(certificate, plant, course)])
+    return "\n".join([*map(comment, heading(spec, statement, course)), written(certificate, plant, course, bounds)])
 
 
 def stated(text: str) -> str:
@@ -131,7 +136,7 @@ def stated(text: str) -> str:
     return " ".join(text[start : text.index("Proof.", start)].split())
 
 
-def written(certificate: Certificate, plant: Plant[Exact], course: Course) -> str:
+def written(certificate: Certificate, plant: Plant[Exact], course: Course, bounds: Bounds = NO_BOUNDS) -> str:
     """Design, T, and the theorem with its proof."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
     H, P = family.H, certificate.P
@@ -157,6 +162,7 @@ def written(certificate: Certificate, plant: Plant[Exact], course: Course) -> st
             f"Definition TH : list (list (list (list Z))) := {of_hulls(hulls(certificate))}.",
             "Open Scope R_scope.",
             "",
+            *bounded(certificate, bounds, NAME),
             f"Lemma proved : {course.claims.format(what)} {course.design} {arguments} = true.",
             "Proof. vm_cast_no_check (eq_refl true). Qed.",
             "",

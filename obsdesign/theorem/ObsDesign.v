@@ -52,6 +52,9 @@ Definition dissipation : list term :=
    (Qopp (weight d), lz, lz); (supply d, lv, lv)] ++ flat_map minus_sigma (inequalities d).
 Definition definite : list term := [(1%Q, le, Mul (P d) le); (Qopp (floor d), le, le)].
 Definition bounded (mu : Q) : list term := [(mu, le, Mul (P d) le); (Qopp 1, lz, lz)].
+Definition gain_form (kappa : Q) : list term :=
+  let y := Part 0 (ny d) in [((kappa * kappa)%Q, y, y); (Qopp 1, Mul (L1 d) y, Mul (L1 d) y)].
+Definition storage_form (p : Q) : list term := [(p, le, le); (Qopp 1, le, Mul (P d) le)].
 
 Definition certified (T TP : list (list Z)) : bool :=
   forallb (fun m => Qle_bool 0 (scaling m)) (inequalities d) && Qle_bool 0 (alpha d) && negb (Qle_bool (floor d) 0) &&
@@ -134,4 +137,13 @@ Proof. intros He. destruct cert_parts as (_ & _ & _ & _ & _ & _ & K).
 Theorem below_level mu TO e : check false (n d) (bounded mu) TO = true -> length e = n d -> sq (zed e) <= Q2R mu * V e.
 Proof. intros K He. assert (N := nonnegative _ _ _ K e He). unfold quad, bounded, lz in N. cbn [bil bil1] in N.
  rewrite Q2R_opp, Q2R_one in N. cbn [eval] in N. rewrite !(eval_le e He) in N. unfold V, sq, zed. lra. Qed.
+
+(* Bounds on the gain and on P *)
+Theorem gain_bounded kappa TL : check false (ny d) (gain_form kappa) TL = true -> forall y, length y = ny d ->
+  sq (mvR (rmat (L1 d)) y) <= Q2R kappa * Q2R kappa * sq y.
+Proof. intros K y Hy. assert (N := nonnegative _ _ _ K y Hy). unfold quad, gain_form in N. cbn [bil bil1] in N.
+ rewrite Q2R_opp, Q2R_mult, Q2R_one in N. cbn [eval skipn] in N. rewrite <- Hy, firstn_all in N. unfold sq. lra. Qed.
+Theorem storage_bounded p TS : check false (n d) (storage_form p) TS = true -> forall e, length e = n d -> V e <= Q2R p * sq e.
+Proof. intros K e He. assert (N := nonnegative _ _ _ K e He). unfold quad, storage_form in N. cbn [bil bil1] in N.
+ rewrite Q2R_opp, Q2R_one in N. cbn [eval] in N. rewrite !(eval_le e He) in N. unfold V, sq. lra. Qed.
 End Error.

@@ -129,11 +129,13 @@ Proof. intros Cv t Ht. assert (K := l2_bound d T TP cert es vs fs es_length len_
 Theorem plant_decay t : 0 <= t -> (forall s, 0 <= s <= t -> sq (at_ vs s) = 0) ->
   Q2R (floor d) * sq (e t) <= exp (- (2 * Q2R (alpha d) * t)) * V d (e 0).
 Proof. intros Ht Z. assert (K := decay d T TP cert es vs fs es_length len_v fs_length error member t Ht Z). cbv zeta beta in K. rewrite !es_at in K. exact K. Qed.
-Theorem plant_linf mu1 mu2 TO vbar t : check false (n d) (bounded d mu2) TO = true -> 0 <= Q2R mu2 ->
-  Q2R (supply d) = 2 * Q2R (alpha d) * mu1 -> 0 <= t -> (forall s, 0 <= s <= t -> sq (at_ vs s) <= vbar) ->
-  sq (zed d (e t)) <= Q2R mu2 * (mu1 * vbar + exp (- (2 * Q2R (alpha d) * t)) * (V d (e 0) - mu1 * vbar)).
-Proof. intros K1 K2 K3 Ht Hv. assert (K := linf_bound d T TP cert es vs fs es_length len_v fs_length error member mu1 mu2 TO vbar t K1 K2 K3 Ht Hv).
- cbv zeta beta in K. rewrite !es_at in K. exact K. Qed.
+Theorem plant_storage mu1 vbar t : Q2R (supply d) = 2 * Q2R (alpha d) * mu1 -> 0 <= t ->
+  (forall s, 0 <= s <= t -> sq (at_ vs s) <= vbar) ->
+  V d (e t) - mu1 * vbar <= exp (- (2 * Q2R (alpha d) * t)) * (V d (e 0) - mu1 * vbar).
+Proof. intros K Ht Hv. assert (S := storage_bound d T TP cert es vs fs es_length len_v fs_length error member mu1 vbar t K Ht Hv).
+ cbv zeta beta in S. rewrite !es_at in S. exact S. Qed.
+Lemma e_length t : length (e t) = n d.
+Proof. unfold e. rewrite vsub_length; rewrite !at_length; congruence. Qed.
 End Plant.
 
 (* Classes, pair by pair *)

@@ -177,7 +177,8 @@ Theorem peak_of_predicted d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples d 
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, predicted d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   (forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
-     sq (zed d (e N)) <= Q2R gamma * Q2R gamma * vbar + Q2R mu2 * Q2R (alpha d) ^ (2 * N) * V d (e 0%nat))
+     sq (zed d (e N)) <= Q2R gamma * Q2R gamma * vbar + Q2R mu2 * Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)
+     /\ V d (e N) <= Rmax (V d (e 0%nat)) (Q2R mu1 * vbar))
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_peak_of_samples in K. rewrite !andb_true_iff in K.
  destruct K as (((((((S & K) & KH) & O) & M2) & M1) & E1) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf.
@@ -196,6 +197,10 @@ Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_peak_of_sampl
    assert (P0 : 0 <= r). { apply pow_le. destruct (step_parts d T TP K) as (_ & R0 & _). lra. }
    assert (P1 : 0 <= Q2R mu1 * vbar) by now apply Rmult_le_pos.
    assert (P2 : 0 <= r * (Q2R mu1 * vbar)) by now apply Rmult_le_pos.
+   assert (R1 : r <= 1).
+   { unfold r. rewrite pow_mult. replace (Q2R (alpha d) ^ 2) with (Q2R (alpha d) * Q2R (alpha d)) by ring.
+     rewrite <- (pow1 N). apply pow_incr. exact R. }
+   split; [|exact (between _ _ _ _ P0 R1 C')].
    assert (P3 : Q2R mu2 * V d (e N) <= Q2R mu2 * (Q2R mu1 * vbar + r * V0)) by (apply Rmult_le_compat_l; lra).
    assert (Q2R mu1 * Q2R mu2 * vbar <= Q2R gamma * Q2R gamma * vbar) by now apply Rmult_le_compat_r. lra.
  - intros Z. exact (decayed d T TP K e v _ Le of_v0 Lf E M N Z). Qed.
@@ -253,7 +258,8 @@ Theorem peak_of_filtered d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples (ah
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, filtered d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   (forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
-     sq (zed d (e N)) <= Q2R gamma * Q2R gamma * vbar + Q2R mu2 * Q2R (alpha d) ^ (2 * N) * V d (e 0%nat))
+     sq (zed d (e N)) <= Q2R gamma * Q2R gamma * vbar + Q2R mu2 * Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)
+     /\ V d (e N) <= Rmax (V d (e 0%nat)) (Q2R mu1 * vbar))
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H. assert (S : sized (ahead d) = true).
  { unfold claims_peak_of_samples in K. rewrite !andb_true_iff in K. tauto. }
