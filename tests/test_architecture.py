@@ -25,7 +25,7 @@ LAYERS = (
     ("plot",),
     ("reading", "starters"),
     ("families",),
-    ("coq.theorem",),
+    ("coq.theorem", "coq.clock", "coq.instants"),
     ("constants",),
     ("spec",),
     ("trial",),

@@ -1,7 +1,8 @@
 """Why a matrix S is not negative, for a kernel that knows integers: a triangular T with T' S T diagonally dominant.
 
-T is found in doubles, as the inverse of a Cholesky factor of S, and rounded. Nothing is believed of it: the kernel
-computes T' S T, and with a wrong T it accepts nothing.
+T is found in doubles, as the inverse of a Cholesky factor of S, and rounded; where S is singular beside its rows of
+zeros, or nearly so, in rationals. Nothing is believed of it: the kernel computes T' S T, and with a wrong T it accepts
+nothing.
 """
 
 import math
@@ -16,9 +17,36 @@ BITS = 22  # of the entries of T
 
 
 def congruence(S: Array) -> list[list[int]] | None:
-    """Columns of a lower triangular T in integers, without their leading zeros; None if S is not positive enough.
+    """Columns of a lower triangular T in integers, without their leading zeros; None if S is not positive.
 
-    `S`: symmetric, in rationals. A row of zeros gets a column of the identity.
+    `S`: symmetric, in rationals.
+    """
+    return rounded(S) or orthogonal(S)
+
+
+def orthogonal(S: Array) -> list[list[int]] | None:
+    """Columns of a T that makes S diagonal, one after the other, in rationals; None if S is not >= 0."""
+    order = len(S)
+    columns: list[tuple[list[fmpq], list[fmpq], fmpq]] = []  # of T, the last one first; S times it; entry of T' S T
+    for j in reversed(range(order)):
+        column = [fmpq(int(i == j)) for i in range(order)]
+        for other, image, size in columns:
+            if size:
+                share = image[j] / size
+                column = [a - share * b for a, b in zip(column, other, strict=True)]
+        image = [sum((x * a for x, a in zip(row, column, strict=True) if x and a), fmpq(0)) for row in S]
+        size = image[j]
+        if size < 0 or (size == 0 and any(image)):
+            return None
+        columns.append((column, image, size))
+    found = [column for column, _, _ in reversed(columns)]
+    return [integers(np.array([column[j:]]))[0] for j, column in enumerate(found)]
+
+
+def rounded(S: Array) -> list[list[int]] | None:
+    """The same with a T that is found in doubles; None if these do not see that S is positive.
+
+    A row of zeros gets a column of the identity.
     """
     whole = integers(S)
     order = len(whole)

@@ -17,9 +17,10 @@ from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import Array, Values, identity, rational, rational_number
-from obsdesign.model.multiplier import Scaled, Sum
+from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
 from obsdesign.spec import Spec
 
+SAYS = {"T": "the dissipation inequality", "TP": "P > 0", "TO": "|z|^2 <= mu2 V"}  # what T stands for
 NAME = "designed"  # the design in the file
 FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
 IMPORTS = """\
@@ -111,7 +112,7 @@ def written(certificate: Certificate) -> str:
             record(certificate, {"weight": weight, "supply": supply, "floor": floor}),
             *levels,
             "Open Scope Z_scope.",
-            *(f"Definition {name} := {triangle(found(name, S))}." for name, S in forms.items()),
+            *(f"Definition {name} := {triangle(found(SAYS[name], S))}." for name, S in forms.items()),
             "Open Scope R_scope.",
             "",
             f"Lemma proved : {kind.claims} {arguments} = true.",
@@ -170,25 +171,26 @@ def record(certificate: Certificate, levels: dict[str, fmpq]) -> str:
 
 
 def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
-    """Scale and matrices M11, M12, M22 of each inequality of the class.
+    """Scale and matrices M11, M12, M22 of each inequality of the class. Raises `UnexportedError`, as `rays` does."""
+    return [(certificate.multipliers[name].item(), *M) for name, M in rays(certificate.family.multiplier).items()]
+
+
+def rays(multiplier: Multiplier) -> dict[str, Matrix]:
+    """Matrices M11, M12, M22 of each inequality of a class, by the name of its scale.
 
     Raises `UnexportedError`: the multipliers of a block are no sum of scaled inequalities that each f of it satisfies.
     """
-    multiplier = certificate.family.multiplier
     for label, block in multiplier.labelled():
         if not isinstance(block, Scaled | Sum):
             said = f"the multiplier of f{label} is one of matrices, which is not exported yet; those of scales are"
             raise UnexportedError(said)
-    unknowns, rays = multiplier.unknowns(), []
-    for one in unknowns:
-        unit: Values = {other.name: rational([[int(other is one)]]) for other in unknowns}
-        rays.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
-    return rays
+    names = [unknown.name for unknown in multiplier.unknowns()]
+    units: dict[str, Values] = {one: {name: rational([[int(name == one)]]) for name in names} for one in names}
+    return {name: multiplier.matrix(unit) for name, unit in units.items()}
 
 
-def found(name: str, S: Array) -> list[list[int]]:
-    """T for a matrix that must not be negative; raises `UnexportedError` if there is none in doubles."""
+def found(what: str, S: Array) -> list[list[int]]:
+    """T for a matrix that must not be negative, which says what; raises `UnexportedError` if there is none."""
     if (T := congruence(S)) is None:
-        what = {"T": "the dissipation inequality", "TP": "P > 0", "TO": "|z|^2 <= mu2 V"}[name]
-        raise UnexportedError(f"{what} holds with a margin that doubles do not see, so no file for Coq was found")
+        raise UnexportedError(f"{what} does not hold in the form that Coq is told of, so no file was written")
     return T
