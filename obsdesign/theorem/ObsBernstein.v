@@ -1,4 +1,5 @@
-(* obsdesign: Polynomials in Bernstein form, of any degree: sign, derivative, and what a function gains whose slope is bounded. *)
+(* obsdesign: Polynomials in Bernstein form, of any degree: sign, derivative,
+  and what a function gains whose slope is bounded. *)
 Require Import Reals List Lia Lra.
 From Coquelicot Require Import Coquelicot.
 Open Scope R_scope.

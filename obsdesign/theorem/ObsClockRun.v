@@ -1,4 +1,5 @@
-(* obsdesign: V along all trajectories with measurements at instants: first of errors, then of plant and observer with one f. *)
+(* obsdesign: V along all trajectories with measurements at instants: first of errors,
+  then of plant and observer with one f. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
 From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsSampled ObsClock ObsGap.
@@ -15,7 +16,8 @@ Hypothesis inside : t last <= s <= t (S last).
 Hypothesis (t_start : t 0%nat = 0) (t_first : 0 <= t 1%nat <= Q2R (T2 o)).
 Hypothesis t_next : forall j, Q2R (T1 o) <= t (S (S j)) - t (S j) <= Q2R (T2 o).
 Hypothesis (size_e : forall j, length (es j) = n o) (size_th : forall j, length (ths j) = nt o).
-Hypothesis (size_f : forall j r, length (f j r) = nf o) (size_u : forall j r, length (u j r) = entries (driven c) (nw o)).
+Hypothesis size_f : forall j r, length (f j r) = nf o.
+Hypothesis size_u : forall j r, length (u j r) = entries (driven c) (nw o).
 Hypothesis size_v : forall j, length (v j) = entries (noisy c) (ny o).
 Let now := past t last s.
 Let e j := at_ (es j).
@@ -42,10 +44,12 @@ Proof.
 Lemma V_start y : V 0 y = value (first c) y.
 Proof.
  destruct (sound_parts o c TF TJ TR cert) as (_ & _ & _ & _ & _ & W). unfold V, first.
- assert (N := some_segments). destruct (segments c) as [|a l]; [congruence|]. apply storage_start. intros b Hb. now apply W. Qed.
+ assert (N := some_segments). destruct (segments c) as [|a l]; [congruence|]. apply storage_start. intros b Hb.
+ now apply W. Qed.
 Lemma gap_length j : 0 <= t (S j) - t j <= Q2R (whole (segments c)).
 Proof.
- destruct (sound_parts o c TF TJ TR cert) as (_ & W1 & W2 & _). rewrite <- W2. destruct j; [rewrite t_start|specialize (t_next j)]; lra. Qed.
+ destruct (sound_parts o c TF TJ TR cert) as (_ & W1 & W2 & _). rewrite <- W2.
+ destruct j; [rewrite t_start|specialize (t_next j)]; lra. Qed.
 Lemma V_below j r tau : 0 <= tau <= Q2R (whole (segments c)) -> V tau (x j r) <= Q2R (roof c) * sq (x j r).
 Proof.
  destruct (sound_parts o c TF TJ TR cert) as (_ & _ & _ & _ & _ & W).
@@ -96,7 +100,7 @@ Proof.
 Theorem run : exp (k2 * s) * V (t (S last) - s) (x last s) + (total phi t last + RInt (phi last) (t last) s)
   <= Q2R (roof c) * sq (x 0%nat 0) + Q2R (kappa c) * summed noise last.
 Proof.
- assert (B := V_before last ltac:(lia)). assert (F := V_flows last s inside). 
+ assert (B := V_before last ltac:(lia)). assert (F := V_flows last s inside).
  assert (forall q, t last <= q <= s -> now last q) by (intros q Hq; right; auto). specialize (F H). lra. Qed.
 End Run.
 
@@ -142,7 +146,8 @@ Lemma length_at (zs : list (R -> R)) r : length (at_ zs r) = length zs.
 Proof. apply map_length. Qed.
 (* err_dot, err_arg and the jump with the signals that act *)
 Lemma input_acts M i r : past t j s i r -> M ** at_ (w i) r = M ** acting i r.
-Proof. intros Hp. unfold acting. destruct (driven c); auto. destruct quiet_w as [E|E]; [discriminate|]. now apply zero_input, E. Qed.
+Proof. intros Hp. unfold acting. destruct (driven c); auto. destruct quiet_w as [E|E]; [discriminate|].
+ now apply zero_input, E. Qed.
 Lemma noise_acts M e i : length M = ny o -> (i < j)%nat -> M ** e ++++ eta (S i) = M ** e ++++ sensed (S i).
 Proof.
  intros Hm Hi. unfold sensed. destruct (noisy c); auto. destruct quiet_eta as [E|E]; [discriminate|].
@@ -166,26 +171,31 @@ Proof.
  rewrite <- (arg_difference o siz (at_ (x i) r) (at_ (xh i) r) [] (at_ (w i) r) (f r (q i r)) (f r (qh i r))
    (g i r) (gq i r) (gy i) (eta i)); auto; try (rewrite length_at; auto).
  rewrite <- plant_q, <- observer_q by exact Hi. apply class; auto.
- - rewrite plant_q by exact Hi. 
-   apply (plant_arg_length o siz (at_ (x i) r) (at_ (xh i) r) [] (at_ (w i) r) (f r (q i r)) [] (g i r) (gq i r) (gy i) (eta i));
+ - rewrite plant_q by exact Hi.
+   apply (plant_arg_length o siz (at_ (x i) r) (at_ (xh i) r) [] (at_ (w i) r) (f r (q i r)) []
+     (g i r) (gq i r) (gy i) (eta i));
    auto; rewrite length_at; auto.
  - rewrite observer_q by exact Hi.
-   apply (observer_arg_length o siz (at_ (x i) r) (at_ (xh i) r) [] [] [] (f r (qh i r)) (g i r) (gq i r) (gy i) (eta i));
+   apply (observer_arg_length o siz (at_ (x i) r) (at_ (xh i) r) [] [] []
+     (f r (qh i r)) (g i r) (gq i r) (gy i) (eta i));
    auto; rewrite length_at; auto. Qed.
 Lemma residual i : vsubR (y (S i)) (C o ** at_ (xh i) (t (S i)) ++++ gy (S i))
   = seen o (at_ (pieces i) (t (S i))) (eta (S i)).
 Proof.
  rewrite pieces_at. destruct given. rewrite measured. unfold error_at.
- apply (seen_difference o siz (at_ (x i) (t (S i))) (at_ (xh i) (t (S i))) [] [] [] [] (g i 0) (gq i 0) (gy (S i)) (eta (S i)));
+ apply (seen_difference o siz (at_ (x i) (t (S i))) (at_ (xh i) (t (S i))) [] [] [] []
+   (g i 0) (gq i 0) (gy (S i)) (eta (S i)));
  auto; rewrite length_at; auto. Qed.
-Lemma seen_acts i : (i < j)%nat -> seen o (at_ (pieces i) (t (S i))) (eta (S i)) = seen o (at_ (pieces i) (t (S i))) (sensed (S i)).
+Lemma seen_acts i : (i < j)%nat ->
+  seen o (at_ (pieces i) (t (S i))) (eta (S i)) = seen o (at_ (pieces i) (t (S i))) (sensed (S i)).
 Proof. intros Hi. unfold seen. apply noise_acts; auto. now destruct (sizes o siz) as (_ & _ & _ & _ & _ & E & _). Qed.
 Lemma pieces_jump i : (i < j)%nat ->
   at_ (pieces (S i)) (t (S i)) = err_after o (at_ (pieces i) (t (S i))) (sensed (S i)).
 Proof.
  intros Hi. assert (E := residual i). rewrite seen_acts in E by exact Hi. unfold err_after. rewrite <- E, !pieces_at.
  destruct given. unfold error_at. rewrite corrected, plant_goes_on.
- apply (after_difference o siz (at_ (x i) (t (S i))) (at_ (xh i) (t (S i))) [] [] [] [] (g i 0) (gq i 0) (gy (S i)) (eta (S i)));
+ apply (after_difference o siz (at_ (x i) (t (S i))) (at_ (xh i) (t (S i))) [] [] [] []
+   (g i 0) (gq i 0) (gy (S i)) (eta (S i)));
  auto; rewrite length_at; auto. Qed.
 Lemma th_jump i : (i < j)%nat -> at_ (th (S i)) (t (S i)) = hold_after o (at_ (pieces i) (t (S i))) (sensed (S i)).
 Proof. intros Hi. unfold hold_after. rewrite <- seen_acts, <- residual by exact Hi. destruct given. apply held. Qed.
@@ -217,7 +227,8 @@ End Observed.
 Lemma total_ext g h t k : (forall i, (i < k)%nat -> t i <= t (S i)) ->
   (forall i r, (i < k)%nat -> t i <= r <= t (S i) -> g i r = h i r) -> total g t k = total h t k.
 Proof.
- induction k as [|k IH]; intros Ht E; [reflexivity|]. cbn [total]. rewrite IH by (intros; first [apply Ht; lia|apply E; auto; lia]).
+ induction k as [|k IH]; intros Ht E; [reflexivity|]. cbn [total].
+ rewrite IH by (intros; first [apply Ht; lia|apply E; auto; lia]).
  f_equal. apply RInt_ext. intros r Hr. specialize (Ht k ltac:(lia)). rewrite Rmin_left, Rmax_right in Hr by lra.
  apply E; [lia|lra]. Qed.
 Lemma total_minus g h a t k : (forall i, (i < k)%nat -> t i <= t (S i)) ->
@@ -229,7 +240,8 @@ Proof.
  cbn [total]. rewrite IH by (intros; first [apply Ht; lia|apply Cg; lia|apply Ch; lia]).
  assert (Ig := integrable (g k) _ _ (Ht k ltac:(lia)) (Cg k ltac:(lia))).
  assert (Ih := integrable (h k) _ _ (Ht k ltac:(lia)) (Ch k ltac:(lia))).
- assert (E : RInt (fun r => g k r - a * h k r) (t k) (t (S k)) = RInt (g k) (t k) (t (S k)) - a * RInt (h k) (t k) (t (S k))).
+ assert (E : RInt (fun r => g k r - a * h k r) (t k) (t (S k))
+   = RInt (g k) (t k) (t (S k)) - a * RInt (h k) (t k) (t (S k))).
  { apply (is_RInt_unique (V := R_CompleteNormedModule)).
    apply (is_RInt_minus (V := R_NormedModule) (g k) (fun r => a * h k r)).
    - apply (RInt_correct (V := R_CompleteNormedModule) _ _ _ Ig).
@@ -241,14 +253,17 @@ Lemma total_nonneg g t k : (forall i, (i < k)%nat -> t i <= t (S i)) ->
 Proof.
  induction k as [|k IH]; intros Ht Cg P; cbn [total]; [lra|].
  assert (0 <= total g t k) by (apply IH; intros; first [apply Ht; lia|apply Cg; lia|apply P; auto; lia]).
- assert (0 <= RInt (g k) (t k) (t (S k))); [|lra]. apply RInt_ge_0; [apply Ht; lia|apply integrable; [apply Ht|apply Cg]; lia|].
+ assert (0 <= RInt (g k) (t k) (t (S k))); [|lra].
+ apply RInt_ge_0; [apply Ht; lia|apply integrable; [apply Ht|apply Cg]; lia|].
  intros r Hr. apply P; [lia|lra]. Qed.
 Lemma summed_ext g h k : (forall i, (i < k)%nat -> g (S i) = h (S i)) -> summed g k = summed h k.
-Proof. induction k as [|k IH]; intros E; [reflexivity|]. cbn [summed]. rewrite IH by (intros; apply E; lia). rewrite E; auto. Qed.
+Proof. induction k as [|k IH]; intros E; [reflexivity|]. cbn [summed]. rewrite IH by (intros; apply E; lia).
+ rewrite E; auto. Qed.
 Lemma summed_nonneg g k : (forall i, 0 <= g i) -> 0 <= summed g k.
 Proof. induction k as [|k IH]; intros P; cbn [summed]; [lra|]. specialize (IH P). specialize (P (S k)). lra. Qed.
 Lemma summed_zero g k : (forall i, (i < k)%nat -> g (S i) = 0) -> summed g k = 0.
-Proof. induction k as [|k IH]; intros E; cbn [summed]; [ring|]. rewrite IH by (intros; apply E; lia). rewrite E by lia. ring. Qed.
+Proof. induction k as [|k IH]; intros E; cbn [summed]; [ring|]. rewrite IH by (intros; apply E; lia).
+ rewrite E by lia. ring. Qed.
 Lemma summed_scal g a k : summed (fun i => a * g i) k = a * summed g k.
 Proof. induction k as [|k IH]; cbn [summed]; [ring|]. rewrite IH. ring. Qed.
 Lemma summed_le g h k : (forall i, (i < k)%nat -> g (S i) <= h (S i)) -> summed g k <= summed h k.

@@ -66,14 +66,16 @@ Let noise i := exp (k2 * t i) * sq (sensed c eta i).
 Lemma ordered : 0 <= Q2R (T1 o) -> forall i, t i <= t (S i).
 Proof. intros P i. destruct given. destruct i; [rewrite start; lra|]. specialize (intervals i). lra. Qed.
 Lemma e_length i r : length (e i r) = n o.
-Proof. destruct given. unfold e, error_at. rewrite vsub_length; rewrite !length_at; auto. now rewrite size_x, size_xh. Qed.
+Proof. destruct given. unfold e, error_at. rewrite vsub_length; rewrite !length_at; auto.
+ now rewrite size_x, size_xh. Qed.
 Lemma th_length i r : length (at_ (th i) r) = nt o.
 Proof. destruct given. now rewrite length_at. Qed.
 Lemma w2_continuous i : continuous_on (w2 i) (t i) (t (S i)).
 Proof. intros r Hr. destruct given. now apply steady_sq, w_continuous. Qed.
 Lemma z2_continuous i : continuous_on (z2 i) (t i) (t (S i)).
 Proof.
- intros r Hr. destruct given. unfold z2. eapply continuous_ext; [|apply (steady_sq (rows (rmat (Cp o)) (diff (x i) (xh i))) r)].
+ intros r Hr. destruct given. unfold z2. eapply continuous_ext;
+   [|apply (steady_sq (rows (rmat (Cp o)) (diff (x i) (xh i))) r)].
  - intros s. simpl. rewrite at_rows, at_diff; [reflexivity|]. now rewrite size_x, size_xh.
  - eapply moves_steady, moves_rows, diff_moves; [apply plant_x; exact Hr|apply observer_x; exact Hr|].
    now rewrite size_x, size_xh. Qed.
@@ -165,7 +167,8 @@ Lemma no_noise k : noisy c = false -> summed noise k = 0.
 Proof. intros N. apply summed_zero. intros i _. unfold noise, sensed. rewrite N. unfold sq. cbn [dot]. ring. Qed.
 
 Definition claims_decay (overshoot decay : Q) TP : bool :=
-  normal TP && negb (driven c) && negb (noisy c) && Qeq_bool (rate c) decay && Qle_bool (roof c) (overshoot * overshoot).
+  normal TP && negb (driven c) && negb (noisy c) && Qeq_bool (rate c) decay &&
+  Qle_bool (roof c) (overshoot * overshoot).
 Theorem decay_guarantee overshoot decay TP : claims_decay overshoot decay TP = true ->
   forall j s, t j <= s <= t (S j) ->
   (forall i r, past t j s i r -> w2 i r = 0) -> (forall i, (i < j)%nat -> sq (eta (S i)) = 0) ->
@@ -208,7 +211,8 @@ Proof.
  intros P. induction k as [|k IH]; intros Hc Hm; cbn [total].
  - destruct given. rewrite start, Rmult_0_r, exp_0. lra.
  - assert (A := IH ltac:(intros; apply Hc; lia) ltac:(intros; apply Hm; auto; lia)).
-   assert (E := bounded_integral k (t k) (t (S k)) m (ordered P k) (Hc k ltac:(lia)) (fun r Hr => Hm k r ltac:(lia) Hr)). lra. Qed.
+   assert (E := bounded_integral k (t k) (t (S k)) m (ordered P k) (Hc k ltac:(lia))
+     (fun r Hr => Hm k r ltac:(lia) Hr)). lra. Qed.
 Lemma phi_continuous i : continuous_on (phi i) (t i) (t (S i)).
 Proof.
  intros r Hr. eapply continuous_ext; [intros s; symmetry; apply phi_value|].
@@ -235,7 +239,8 @@ Proof.
  set (m := Q2R (mu c) * bound / k2).
  assert (L : forall i r, past t j s i r -> - (m * (k2 * exp (k2 * r))) <= phi i r).
  { intros i r Hp. rewrite phi_value, W. unfold acting. rewrite D. fold (w2 i r). specialize (Hw i r Hp).
-   assert (Ep := exp_pos (k2 * r)). assert (A : Q2R (mu c) * w2 i r <= Q2R (mu c) * bound) by now apply Rmult_le_compat_l.
+   assert (Ep := exp_pos (k2 * r)).
+   assert (A : Q2R (mu c) * w2 i r <= Q2R (mu c) * bound) by now apply Rmult_le_compat_l.
    apply (Rmult_le_compat_l (exp (k2 * r))) in A; [|lra].
    replace (m * (k2 * exp (k2 * r))) with (exp (k2 * r) * (Q2R (mu c) * bound)) by (unfold m; field; lra). lra. }
  assert (A := bounded_total m j P (fun i _ => phi_continuous i) (fun i r Hi Hr => L i r (or_introl (conj Hi Hr)))).
@@ -281,7 +286,8 @@ Proof.
  destruct (normal_rate TP B) as (W & _ & _). assert (O := normal_bounded TP j s B Hs (or_intror Hw) (or_introl N)).
  rewrite no_total, no_integral, H0 in O by auto. assert (Pk : 0 < k2) by (unfold k2; lra).
  assert (Pa : 0 < k2 * Q2R (T1 o)) by now apply Rmult_lt_0_compat.
- assert (S := series_below (2 * rate c * T1 o) terms). rewrite !Q2R_mult, Q2R_two in S. fold k2 in S. specialize (S ltac:(lra)).
+ assert (S := series_below (2 * rate c * T1 o) terms). rewrite !Q2R_mult, Q2R_two in S. fold k2 in S.
+ specialize (S ltac:(lra)).
  set (p := Q2R (series _ 0 terms)) in *. set (u := exp (- (k2 * Q2R (T1 o)))) in *.
  assert (G := weights_bounded j Pk T). fold u in G. assert (Pu : 0 < u) by apply exp_pos.
  assert (P1 : u < 1) by (unfold u; rewrite <- exp_0; apply exp_increasing; lra).

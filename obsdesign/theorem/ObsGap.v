@@ -18,7 +18,8 @@ Lemma everywhere_holds N form segs : forall T, everywhere N form segs T = true -
   forall s, In s segs -> forall k, (k <= degree s)%nat -> forall x, length x = N -> 0 <= quad (form s k) x.
 Proof.
  induction segs as [|s0 segs IH]; intros T E s Hs k Hk x Hx; [destruct Hs|].
- cbn [everywhere] in E. apply andb_true_iff in E. destruct E as [E1 E2]. destruct Hs as [<-|Hs]; [|now apply (IH (tl T))].
+ cbn [everywhere] in E. apply andb_true_iff in E. destruct E as [E1 E2].
+ destruct Hs as [<-|Hs]; [|now apply (IH (tl T))].
  rewrite forallb_forall in E1. eapply nonnegative; [apply E1|exact Hx]. apply in_seq. lia. Qed.
 Lemma same_eq M N : same M N = true -> M = N.
 Proof. unfold same. destruct (list_eq_dec _ M N); congruence. Qed.
@@ -37,7 +38,8 @@ Proof.
 Lemma plus_moves xs t dx : moves xs t dx -> forall ys dy, moves ys t dy -> moves (plus_signals xs ys) t (vaddR dx dy).
 Proof.
  unfold plus_signals. intros M. induction M as [|g a xs dx D M IH]; intros ys dy N; [exact N|].
- destruct N as [|h b ys dy E N]; cbn [vadd]; constructor; auto; [|now apply IH]. exact (is_derive_plus g h t a b D E). Qed.
+ destruct N as [|h b ys dy E N]; cbn [vadd]; constructor; auto; [|now apply IH].
+ exact (is_derive_plus g h t a b D E). Qed.
 
 Section Parts.
 Variables (o : observer) (c : witness).
@@ -51,7 +53,8 @@ Lemma value_moves M xs t dx : moves xs t dx ->
   is_derive (fun s => value M (at_ xs s)) t (value_dot M (at_ xs t) dx).
 Proof.
  intros D. assert (E := moves_dot xs (rows (rmat M) xs) t _ D _ (moves_rows (rmat M) xs t _ D)).
- rewrite at_rows in E. unfold value, value_dot. eapply is_derive_ext; [|exact E]. intros s. simpl. now rewrite at_rows. Qed.
+ rewrite at_rows in E. unfold value, value_dot. eapply is_derive_ext; [|exact E]. intros s. simpl.
+ now rewrite at_rows. Qed.
 
 (* The forms, read as inequalities *)
 Section Sizes.
@@ -185,7 +188,8 @@ Proof.
  specialize (Hw s (or_introl eq_refl)). lra. Qed.
 
 (* A measurement, with the interval g that comes *)
-Lemma settles_holds N x b : (forall s k, (exists T, check false N (jump o c s k) T = true) -> value (control s k) x <= b) ->
+Lemma settles_holds N x b : (forall s k, (exists T, check false N (jump o c s k) T = true) ->
+  value (control s k) x <= b) ->
   forall segs from T tau, segs <> [] -> settles o c N from segs T = true ->
   (forall s, In s segs -> 0 < Q2R (width s)) -> Q2R (T2 o) = Q2R from + Q2R (whole segs) ->
   0 <= tau -> Q2R (T1 o) <= Q2R from + tau <= Q2R (T2 o) -> storage segs tau x <= b.
@@ -258,7 +262,8 @@ Proof.
  set (U := fun r => exp (k2 * r) * bez (degree s) (fun k => a k r) (u r)).
  assert (D : forall t, lo <= t <= hi -> is_derive U t
    (k2 * exp (k2 * t) * bez (degree s) (fun k => a k t) (u t)
-    + exp (k2 * t) * (bez (degree s) (da t) (u t) + (-1 / h) * bez (degree s) (slopes (degree s) (fun k => a k t)) (u t)))).
+    + exp (k2 * t) * (bez (degree s) (da t) (u t)
+      + (-1 / h) * bez (degree s) (slopes (degree s) (fun k => a k t)) (u t)))).
  { intros t Hx. assert (De : is_derive (fun r => exp (k2 * r)) t (k2 * exp (k2 * t))) by (auto_derive; auto; ring).
    assert (Du : is_derive u t (-1 / h)) by (unfold u; auto_derive; [lra|field; lra]).
    exact (is_derive_mult _ _ t _ _ De (bez_moves (degree s) a (da t) u _ t
@@ -270,7 +275,8 @@ Proof.
  - intros t Hx. apply weighed_continuous. lra.
  - intros t Hx. apply D. lra.
  - intros t Hx. simpl. set (phi := Q2R (weight c) * sq (zed o (at_ es t)) - Q2R (mu c) * sq (w t)).
-   assert (B : bez (degree s) (fun k => (da t k + -1 / h * slopes (degree s) (fun j => a j t) k) + (k2 * a k t + phi)) (u t) <= 0).
+   assert (B : bez (degree s) (fun k => (da t k + -1 / h * slopes (degree s) (fun j => a j t) k) +
+     (k2 * a k t + phi)) (u t) <= 0).
    { apply bez_le.
      - unfold u. apply poly_place; auto. fold h. lra.
      - intros k Hk. assert (N := everywhere_holds _ _ _ _ F s Hs k Hk (at_ es t ++ at_ ths t ++ f t ++ w t)).
@@ -298,7 +304,8 @@ Proof.
    assert (Pw := proj1 (W s Hs)). destruct segs as [|s' segs].
    + cbn [storage whole] in *. rewrite Q2R_plus, Q2R_zero in Hw. apply on_segment; auto; lra.
    + assert (U : forall tau x, storage (s :: s' :: segs) tau x =
-       if Rlt_dec tau (Q2R (width s)) then poly s tau x else storage (s' :: segs) (tau - Q2R (width s)) x) by reflexivity.
+       if Rlt_dec tau (Q2R (width s)) then poly s tau x else storage (s' :: segs) (tau - Q2R (width s)) x)
+       by reflexivity.
      rewrite !U. change (whole (s :: s' :: segs)) with (width s + whole (s' :: segs))%Q in Hw. rewrite Q2R_plus in Hw.
      change (joined (s :: s' :: segs)) with (same (control s (degree s)) (control s' 0) && joined (s' :: segs)) in Hj.
      apply andb_true_iff in Hj. destruct Hj as [Hj1 Hj2]. apply same_eq in Hj1.

@@ -80,8 +80,8 @@ Definition sized (o : observer) : bool :=
 Section Difference.
 Variable o : observer.
 Hypothesis siz : sized o = true.
-Lemma sizes : length (A o) = n o /\ length (Bf o) = n o /\ length (B o) = n o /\ length (L o) = n o /\ length (K o) = n o
-  /\ length (C o) = ny o /\ length (Cq o) = nq o /\ length (Dqf o) = nq o /\ length (Dq o) = nq o
+Lemma sizes : length (A o) = n o /\ length (Bf o) = n o /\ length (B o) = n o /\ length (L o) = n o
+  /\ length (K o) = n o /\ length (C o) = ny o /\ length (Cq o) = nq o /\ length (Dqf o) = nq o /\ length (Dq o) = nq o
   /\ length (H o) = nt o /\ length (G o) = nt o.
 Proof. unfold sized in siz. rewrite !andb_true_iff, !Nat.eqb_eq in siz. tauto. Qed.
 Ltac len := repeat match goal with
@@ -93,16 +93,22 @@ Ltac pointwise := apply (nth_ext _ _ 0 0); [len|intros i Hi; unfold vsubR;
 Variables x xh th w fq fqh g gq gy eta : list R.
 Hypothesis (len_x : length x = n o) (len_xh : length xh = n o) (len_g : length g = n o).
 Hypothesis (len_gq : length gq = nq o) (len_gy : length gy = ny o) (len_eta : length eta = ny o).
-Lemma dot_difference : vsubR (A o ** x ++++ Bf o ** fq ++++ g ++++ B o ** w) (A o ** xh ++++ Bf o ** fqh ++++ g ++++ L o ** th)
-  = err_dot o (vsubR x xh) th (vsubR fq fqh) w.
-Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). unfold err_dot. rewrite !mv_sub. pointwise. Qed.
-Lemma arg_difference : vsubR (Cq o ** x ++++ Dqf o ** fq ++++ gq ++++ Dq o ** w) (Cq o ** xh ++++ Dqf o ** fqh ++++ gq)
-  = err_arg o (vsubR x xh) (vsubR fq fqh) w.
-Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). unfold err_arg. rewrite !mv_sub. pointwise. Qed.
+Lemma dot_difference :
+  vsubR (A o ** x ++++ Bf o ** fq ++++ g ++++ B o ** w) (A o ** xh ++++ Bf o ** fqh ++++ g ++++ L o ** th) =
+    err_dot o (vsubR x xh) th (vsubR fq fqh) w.
+Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). unfold err_dot. rewrite !mv_sub.
+ pointwise. Qed.
+Lemma arg_difference :
+  vsubR (Cq o ** x ++++ Dqf o ** fq ++++ gq ++++ Dq o ** w) (Cq o ** xh ++++ Dqf o ** fqh ++++ gq) =
+    err_arg o (vsubR x xh) (vsubR fq fqh) w.
+Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). unfold err_arg. rewrite !mv_sub.
+ pointwise. Qed.
 Lemma seen_difference : vsubR (C o ** x ++++ gy ++++ eta) (C o ** xh ++++ gy) = seen o (vsubR x xh) eta.
-Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). unfold seen. rewrite !mv_sub. pointwise. Qed.
+Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). unfold seen. rewrite !mv_sub.
+ pointwise. Qed.
 Lemma after_difference r : vsubR x (xh ++++ K o ** r) = vsubR (vsubR x xh) (K o ** r).
-Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). generalize (K o ** r) (mv_length (K o) r). intros l Hl. pointwise. Qed.
+Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?).
+ generalize (K o ** r) (mv_length (K o) r). intros l Hl. pointwise. Qed.
 Lemma plant_arg_length : length (Cq o ** x ++++ Dqf o ** fq ++++ gq ++++ Dq o ** w) = nq o.
 Proof using All. destruct sizes as (? & ? & ? & ? & ? & ? & ? & ? & ? & ? & ?). len. Qed.
 Lemma observer_arg_length : length (Cq o ** xh ++++ Dqf o ** fqh ++++ gq) = nq o.
