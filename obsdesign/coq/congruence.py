@@ -21,7 +21,15 @@ def congruence(S: Array) -> list[list[int]] | None:
 
     `S`: symmetric, in rationals.
     """
-    return rounded(S) or orthogonal(S)
+    found = rounded(S)
+    return found if found and dominant(S, found) else orthogonal(S)
+
+
+def dominant(S: Array, columns: Sequence[Sequence[int]]) -> bool:
+    """Whether no diagonal entry of T' S T is less than the sum of the others of its row, without their signs."""
+    T = np.array([[0] * j + list(column) for j, column in enumerate(columns)], dtype=object).T
+    turned = T.T @ np.array(integers(S), dtype=object) @ T
+    return all(2 * row[i] >= sum(map(abs, row)) for i, row in enumerate(turned))
 
 
 def orthogonal(S: Array) -> list[list[int]] | None:

@@ -13,6 +13,7 @@ from obsdesign.lmi.formula import Array, identity, zeros
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
 
+TERMS = 60  # of the series of exp(2 lambda T1) that Coq computes
 NOISY = {"energy", "noise"}  # of the kinds, those where eta acts
 
 
@@ -40,9 +41,19 @@ def parts(witnesses: Mapping[str, Witness], constants: Mapping[str, fmpq]) -> di
     found = {}
     for name, kind in KINDS.items():
         known = {**constants, **own(witnesses[name])} if name in witnesses else {}
+        if name == "noise" and name in known and not shown(witnesses[name], known[name]):
+            raise UnexportedError("the bound by sup|eta| is stated with a margin that the series of Coq does not see")
         if known.keys() >= set(kind.levels):
             found[name] = Part(kind, storage(name, witnesses[name]), {key: known[key] for key in kind.levels})
     return found
+
+
+def shown(witness: Witness, noise: fmpq) -> bool:
+    """Whether kappa <= (1 - 1 / p) noise^2 with a p below exp(2 lambda T1): its series as far as Coq takes it."""
+    theorem, p = witness.theorem, fmpq(1)
+    for k in range(TERMS, 0, -1):
+        p = 1 + 2 * theorem.decay * theorem.T1 * p / k
+    return bool(witness.numbers["kappa"] * p <= noise * noise * (p - 1))
 
 
 def own(witness: Witness) -> dict[str, fmpq]:
