@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 from flint import fmpq
@@ -11,7 +12,8 @@ from support.shipped import solved
 import obsdesign as od
 from obsdesign.coq.clock import forms
 from obsdesign.coq.decimals import comment, number
-from obsdesign.coq.theorem import rays
+from obsdesign.coq.instants import exported, told
+from obsdesign.coq.theorem import UnexportedError, rays
 from obsdesign.families.sporadic.clock.exported import observer, parts
 from obsdesign.lmi.formula import Inequality, rational
 from obsdesign.lmi.proof import holds
@@ -71,14 +73,66 @@ def test_a_part_without_a_witness_is_not_stated(results):
 
 def test_the_matrices_for_which_T_is_searched_are_those_of_the_inequalities(results):
     for name in results:
-        spec, design = solved(name)
-        claim = design.claim
-        made = observer(spec.augmented, spec.H, claim.gains, claim.multiplier, claim.T1, claim.T2)
-        for part in parts(claim.witnesses, claim.constants).values():
-            for _, what, stack in forms(made, part.storage, rays(claim.multiplier)):
+        made, found = written_of(name)
+        for part in found.values():
+            for _, what, stack in forms(made, part.storage, rays(made.multiplier)):
                 given = [S for row in stack for S in row if S is not None]
                 assert given, what
                 assert all(holds(Inequality(what, -S)) for S in given), what
+
+
+def written_of(name):
+    """Observer and parts that the theorem of a spec is written of."""
+    spec, design = solved(name)
+    claim = design.claim
+    made = observer(spec.augmented, spec.H, claim.gains, claim.multiplier, claim.T1, claim.T2)
+    return made, parts(claim.witnesses, claim.constants)
+
+
+def casteljau(values, place):
+    """Value of a polynomial at a place of its segment."""
+    while len(values) > 1:
+        values = (1 - place) * values[:-1] + place * values[1:]
+    return values[0]
+
+
+def test_shorter_segments_hold_the_same_polynomials():
+    made, found = written_of("lost-packets")
+    for part in found.values():
+        storage, half = part.storage, part.storage.halved()
+        assert half.knots[::2] == list(storage.knots)
+        for place in (fmpq(1, 7), fmpq(5, 7)):
+            late = place > fmpq(1, 2)
+            for i in range(len(storage.controls)):
+                for whole, parted in ((storage.controls, half.controls), *zip_scales(storage, half)):
+                    expected = casteljau(whole[i], place)
+                    assert (casteljau(parted[2 * i + late], 2 * place - late) == expected).all()
+        for _, what, stack in forms(made, half, rays(made.multiplier)):
+            assert all(holds(Inequality(what, -S)) for row in stack for S in row if S is not None), what
+
+
+def zip_scales(storage, half):
+    """Scales of the multipliers of both."""
+    return [(storage.scales[name][..., None], half.scales[name][..., None]) for name in storage.scales]
+
+
+def test_a_part_that_holds_on_shorter_segments_only_is_written_of_these():
+    spec, (_, found) = od.load(FAST), written_of("lost-packets")
+    gains = {"K": rational([[1]])}
+    made = observer(spec.augmented, spec.H, gains, spec.multiplier, fmpq(1, 2), fmpq(1))
+    P = rational([[[[1]], [[3]], [[1]]]])  # rises from 1 to 2
+    bump = replace(found["overshoot"].storage, roof=fmpq(5, 2), knots=(fmpq(0), fmpq(1)), controls=P, scales={})
+    part, _ = told("overshoot", made, replace(found["overshoot"], storage=bump), {})
+    assert part.storage.controls.ravel().tolist() == [1, 2, 2, 2, 2, 1]
+    with pytest.raises(UnexportedError, match="P <= roof I"):
+        told("overshoot", made, replace(found["overshoot"], storage=replace(bump, roof=fmpq(19, 10))), {})
+
+
+FAST = """
+obsdesign: 1
+system: {A: [[-100]], B: [[1]], C: [[1]]}
+observer: {type: sporadic, T1: 0.5, T2: 1, decay: 0.1, gains: {K: 1}}
+"""
 
 
 def test_a_gain_that_depends_on_the_interval_is_refused(tmp_path):
@@ -126,6 +180,16 @@ def test_the_kernel_accepts_each_on_the_axioms_of_the_reals(results, library):
         accepted, said = compiled(library, od.theorem(path))
         assert accepted, said
         assert set(re.findall(r"^\w+\.(\w+)", said, re.MULTILINE)) <= AXIOMS
+
+
+@pytest.mark.slow
+@needs_coq
+def test_the_kernel_accepts_shorter_segments(library):
+    spec, design = solved("lost-packets")
+    made, found = written_of("lost-packets")
+    halved = {name: replace(part, storage=part.storage.halved()) for name, part in found.items()}
+    accepted, said = compiled(library, exported(made, halved, spec, design.claim.statement(spec)))
+    assert accepted, said
 
 
 def scaled(text, start, factor):

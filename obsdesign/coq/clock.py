@@ -14,7 +14,8 @@ Here they are computed to find the T that shows it.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +75,23 @@ class Storage:
         P, d, width = self.controls[i], self.degree, self.knots[i + 1] - self.knots[i]
         rise, fall = P[min(k + 1, d)] - P[k], P[k] - P[max(k - 1, 0)]
         return np.asarray((fmpq(k) * fall + fmpq(d - k) * rise) / width)
+
+    def halved(self) -> "Storage":
+        """Same polynomials on segments half as long: their control values are closer to them (de Casteljau)."""
+        middles = [(a + b) / 2 for a, b in pairwise(self.knots)]
+        knots = [*(s for ends in zip(self.knots, middles, strict=False) for s in ends), self.knots[-1]]
+        scales = {name: halves(values) for name, values in self.scales.items()}
+        return replace(self, knots=knots, controls=halves(self.controls), scales=scales)
+
+
+def halves(values: Array) -> Array:
+    """Control values (2 N, d + 1, ..) on the halves of the segments of those given, (N, d + 1, ..)."""
+    levels = [values]
+    while levels[-1].shape[1] > 1:
+        levels.append((levels[-1][:, :-1] + levels[-1][:, 1:]) / 2)
+    left = np.stack([level[:, 0] for level in levels], axis=1)
+    right = np.stack([level[:, -1] for level in reversed(levels)], axis=1)
+    return np.stack([left, right], axis=1).reshape(2 * len(values), *values.shape[1:])
 
 
 class Signals(NamedTuple):

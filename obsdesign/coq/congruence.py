@@ -13,7 +13,7 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import Array
 
-BITS = 22  # of the entries of T
+BITS = (8, 14, 22)  # of the entries of T: with fewer the kernel has less to do
 
 
 def congruence(S: Array) -> list[list[int]] | None:
@@ -21,8 +21,8 @@ def congruence(S: Array) -> list[list[int]] | None:
 
     `S`: symmetric, in rationals.
     """
-    found = rounded(S)
-    return found if found and dominant(S, found) else orthogonal(S)
+    tried = (rounded(S, bits) for bits in BITS)
+    return next((found for found in tried if found and dominant(S, found)), None) or orthogonal(S)
 
 
 def dominant(S: Array, columns: Sequence[Sequence[int]]) -> bool:
@@ -51,8 +51,8 @@ def orthogonal(S: Array) -> list[list[int]] | None:
     return [integers(np.array([column[j:]]))[0] for j, column in enumerate(found)]
 
 
-def rounded(S: Array) -> list[list[int]] | None:
-    """The same with a T that is found in doubles; None if these do not see that S is positive.
+def rounded(S: Array, bits: int) -> list[list[int]] | None:
+    """The same with a T of so many bits that is found in doubles; None if these do not see that S is positive.
 
     A row of zeros gets a column of the identity.
     """
@@ -70,7 +70,7 @@ def rounded(S: Array) -> list[list[int]] | None:
     largest = max(size.values(), default=0)
     columns = [[int(i == j) for i in range(order)] for j in range(order)]
     for row, j in zip(inverse, live, strict=True):
-        entry = {i: round(float(x) * 2.0**BITS) << (largest - size[i]) for x, i in zip(row, live, strict=True)}
+        entry = {i: round(float(x) * 2.0**bits) << (largest - size[i]) for x, i in zip(row, live, strict=True)}
         columns[j] = [entry.get(i, 0) for i in range(order)]
     return [column[j:] for j, column in enumerate(columns)] if all(c[j] for j, c in enumerate(columns)) else None
 

@@ -1,10 +1,11 @@
 """The claim of an observer with samples at instants as a file of Coq: its numbers, T, and the theorem.
 
-For the energy of z the rate in the file is 0: then no sign of V is needed but that of P(0), at the samples.
+For the energy of z the rate in the file is 0: then no sign of V is needed but that of P(0), at the samples. The
+control values that prove the claim at its own rate need not do so at this one; those of shorter segments do as a rule.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq
@@ -12,9 +13,11 @@ from flint import fmpq
 from obsdesign.coq.clock import Observer, Storage, forms
 from obsdesign.coq.congruence import triangle
 from obsdesign.coq.decimals import comment, matrix, number
-from obsdesign.coq.theorem import NAME, found, rays
+from obsdesign.coq.theorem import NAME, UnexportedError, found, rays
+from obsdesign.model.multiplier import Matrix
 from obsdesign.spec import Spec
 
+HALVINGS = 2  # of the segments, at most, until the inequalities hold at the rate of the file
 IMPORTS = """\
 Require Import Reals ZArith QArith Qreals List Lra.
 From Coquelicot Require Import Coquelicot.
@@ -118,6 +121,9 @@ def exported(o: Observer, parts: Mapping[str, Part], spec: Spec, statement: str)
 
     Raises `UnexportedError`: a multiplier is no scale, or no T was found.
     """
+    cone = rays(o.multiplier)
+    made = {name: told(name, o, part, cone) for name, part in parts.items()}
+    parts = {name: part for name, (part, _) in made.items()}
     stated = "\n  /\\ ".join(part.kind.conclusion for part in parts.values())
     return "\n".join(
         [
@@ -127,7 +133,7 @@ def exported(o: Observer, parts: Mapping[str, Part], spec: Spec, statement: str)
             record(o),
             *(line for name, part in parts.items() for line in certificate(name, part)),
             "Open Scope Z_scope.",
-            *(line for name, part in parts.items() for line in triangles(name, o, part)),
+            *(line for _, lines in made.values() for line in lines),
             "Open Scope R_scope.",
             "",
             *(line for name, part in parts.items() for line in computed(name, part)),
@@ -215,9 +221,19 @@ def segment(s: Storage, i: int) -> str:
     )
 
 
-def triangles(name: str, o: Observer, part: Part) -> Iterator[str]:
+def told(name: str, o: Observer, part: Part, cone: Mapping[str, Matrix]) -> tuple[Part, list[str]]:
+    """Part and its T; on shorter segments where the control values of its own are too far from the polynomials."""
+    for _ in range(HALVINGS):
+        try:
+            return part, list(triangles(name, o, part.storage, cone))
+        except UnexportedError:
+            part = replace(part, storage=part.storage.halved())
+    return part, list(triangles(name, o, part.storage, cone))
+
+
+def triangles(name: str, o: Observer, s: Storage, cone: Mapping[str, Matrix]) -> Iterator[str]:
     """T of each matrix; an empty list where none is asked."""
-    for key, what, stack in forms(o, part.storage, rays(o.multiplier)):
+    for key, what, stack in forms(o, s, cone):
         rows = [["[]" if S is None else triangle(found(f"{what} ({name})", S)) for S in row] for row in stack]
         text = rows[0][0] if key == "T0" else "[" + ";\n ".join("[" + ";\n ".join(row) + "]" for row in rows) + "]"
         yield f"Definition {name}_{key} := {text}."

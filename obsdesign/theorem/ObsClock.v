@@ -47,10 +47,10 @@ Definition minus_sigma (sm : Q * multiplier) : list term :=
   [(Qopp s, lq, Mul (M11 m) lq); (Qopp (2 * s), lq, Mul (M12 m) lf); (Qopp s, lf, Mul (M22 m) lf)].
 Definition flow (s : segment) (k : nat) : list term :=
   let from := (number k / width s)%Q in let to := ((number (degree s) - number k) / width s)%Q in
-  [(from, lx, Mul (control s k) lx); (Qopp from, lx, Mul (control s (pred k)) lx);
-   (to, lx, Mul (control s (S k)) lx); (Qopp to, lx, Mul (control s k) lx);
+  [(Qopp from, lx, Mul (control s (pred k)) lx); ((from - to - 2 * rate c)%Q, lx, Mul (control s k) lx);
+   (to, lx, Mul (control s (S k)) lx);                        (* from P (k - 1) to P (k + 1): x' (P' - 2 rate P) x *)
    (Qopp 1, ldx, Mul (control s k) lx); (Qopp 1, lx, Mul (control s k) ldx);
-   (Qopp (2 * rate c), lx, Mul (control s k) lx); (Qopp (weight c), lz, lz); (mu c, lw, lw)]
+   (Qopp (weight c), lz, lz); (mu c, lw, lw)]
   ++ flat_map minus_sigma (combine (nth k (scales s) []) (multipliers o)).
 Definition first : list (list Q) := match segments c with s :: _ => control s 0 | [] => [] end.
 Definition jump (s : segment) (k : nat) : list term :=

@@ -111,7 +111,7 @@ Proof.
  rewrite M. unfold quad. cbn [bil bil1 eval]. unfold lz. cbn [eval]. rewrite Ex, Edx, Ee, Ew.
  assert (Hq : ~ (width s == 0)%Q).
  { intros E. apply Qeq_eqR in E. rewrite Q2R_zero in E. lra. }
- rewrite !Q2R_opp, !Q2R_div, Q2R_minus, !number_R, Q2R_mult, Q2R_two, Q2R_one by exact Hq.
+ rewrite !Q2R_opp, !Q2R_minus, !Q2R_div, !Q2R_minus, !number_R, Q2R_mult, Q2R_two, Q2R_one by exact Hq.
  unfold slopes, value, value_dot, sq, zed. field. lra. Qed.
 Lemma flow_holds s k f w : 0 < Q2R (width s) -> length f = nf o -> length w = entries (driven c) (nw o) ->
   forallb (forallb (Qle_bool 0)) (scales s) = true -> 0 <= quad (flow o c s k) (e ++ th ++ f ++ w) ->
