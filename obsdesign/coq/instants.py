@@ -27,9 +27,9 @@ Import ListNotations.
 LIMITS = """\
 These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
 - Of the words it states {told}. The size of an error is |(e, d)|, d = C e - theta, or |e| where xhat is reset.
-- The energy of z is that up to any sample, with w up to it; that up to other instants is no more.
+- The energies of z and w are those up to any measurement, not up to an instant between two of them.
 - Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local;
-  between samples x, xhat and theta are differentiable and w is continuous, up to both ends of each interval.
+  between measurements x, xhat and theta are differentiable and w is continuous, up to both ends of each interval.
 - It does not state {untold}, bounds on gains, that trajectories exist.
 - That the numbers below are those of the spec is believed. Here e = x - xhat."""
 GIVEN = f"""\

@@ -8,7 +8,7 @@ Open Scope R_scope.
 
 (* The certificate: on each segment of the time left P is a polynomial with the matrices `controls`; `scales` are those
    of the multipliers at each of them. What it proves: V' + 2 rate V + weight |z|^2 - mu |w|^2 <= 0 in between,
-   V+ <= V + kappa |eta|^2 at a measurement, floor |Se e + St th|^2 <= V <= roof |Se e + St th|^2. *)
+   V+ <= V + kappa |eta|^2 at a measurement, V <= roof |Se e + St th|^2. *)
 Record segment := { width : Q; controls : list (list (list Q)); scales : list (list Q) }.
 Record witness := {
   rate : Q; weight : Q; mu : Q; kappa : Q; roof : Q;
