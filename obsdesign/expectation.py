@@ -18,7 +18,7 @@ FILE = {  # parts of a result file, each with the names that it has in every fam
     **dict.fromkeys(
         ("name", "spec", "certificate", "diagnosis", "search", "solver", "analysis", "split", "discretised"), ()
     ),
-    **dict.fromkeys(("notes", "assumed", "numerical", "tool", "created", "obsdesign"), ()),
+    **dict.fromkeys(("notes", "assumed", "numerical", "tool", "created", "obsdesign", "theorem"), ()),
     "guarantee": ("statement",),
     "observer": ("type",),
 }

@@ -12,8 +12,8 @@ from support.shipped import solved
 import obsdesign as od
 from obsdesign.coq.clock import forms
 from obsdesign.coq.decimals import comment, number
-from obsdesign.coq.instants import exported, told
-from obsdesign.coq.theorem import UnexportedError, rays
+from obsdesign.coq.instants import exported, rays, told
+from obsdesign.coq.theorem import UnexportedError
 from obsdesign.families.sporadic.clock.exported import observer, parts
 from obsdesign.lmi.formula import Inequality, rational
 from obsdesign.lmi.proof import holds

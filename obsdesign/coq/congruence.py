@@ -1,68 +1,41 @@
 """Why a matrix S is not negative, for a kernel that knows integers: a triangular T with T' S T diagonally dominant.
 
-T is found in doubles, as the inverse of a Cholesky factor of S, and rounded; where S is singular beside its rows of
-zeros, or nearly so, in rationals. Nothing is believed of it: the kernel computes T' S T, and with a wrong T it accepts
-nothing.
+T is found in doubles, as the inverse of a Cholesky factor of S, and rounded; or, where doubles do not see how positive
+S is, in rationals, as the inverse of L in S = L D L'. The kernel believes nothing of it: it computes T' S T.
 """
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from flint import fmpq
 
 from obsdesign.lmi.formula import Array
 
-BITS = (8, 14, 22)  # of the entries of T: with fewer the kernel has less to do
+BITS = (8, 14, 22)  # of the entries of T that are found in doubles: with fewer the kernel has less to do
+Columns = list[list[int]]  # of a lower triangular matrix, without their leading zeros
 
 
-def congruence(S: Array) -> list[list[int]] | None:
-    """Columns of a lower triangular T in integers, without their leading zeros; None if S is not positive.
-
-    `S`: symmetric, in rationals.
-    """
-    tried = (rounded(S, bits) for bits in BITS)
-    return next((found for found in tried if found and dominant(S, found)), None) or orthogonal(S)
-
-
-def dominant(S: Array, columns: Sequence[Sequence[int]]) -> bool:
-    """Whether no diagonal entry of T' S T is less than the sum of the others of its row, without their signs."""
-    T = np.array([[0] * j + list(column) for j, column in enumerate(columns)], dtype=object).T
-    turned = T.T @ np.array(integers(S), dtype=object) @ T
-    return all(2 * row[i] >= sum(map(abs, row)) for i, row in enumerate(turned))
-
-
-def orthogonal(S: Array) -> list[list[int]] | None:
-    """Columns of a T that makes S diagonal, one after the other, in rationals; None if S is not >= 0."""
-    order = len(S)
-    columns: list[tuple[list[fmpq], list[fmpq], fmpq]] = []  # of T, the last one first; S times it; entry of T' S T
-    for j in reversed(range(order)):
-        column = [fmpq(int(i == j)) for i in range(order)]
-        for other, image, size in columns:
-            if size:
-                share = image[j] / size
-                column = [a - share * b for a, b in zip(column, other, strict=True)]
-        image = [sum((x * a for x, a in zip(row, column, strict=True) if x and a), fmpq(0)) for row in S]
-        size = image[j]
-        if size < 0 or (size == 0 and any(image)):
-            return None
-        columns.append((column, image, size))
-    found = [column for column, _, _ in reversed(columns)]
-    return [integers(np.array([column[j:]]))[0] for j, column in enumerate(found)]
-
-
-def rounded(S: Array, bits: int) -> list[list[int]] | None:
-    """The same with a T of so many bits that is found in doubles; None if these do not see that S is positive.
-
-    A row of zeros gets a column of the identity.
-    """
+def congruence(S: Array) -> Columns:
+    """T in integers for a symmetric S in rationals; raises `ValueError`: S has a negative eigenvalue."""
     whole = integers(S)
-    order = len(whole)
-    live = [i for i in reversed(range(order)) if any(whole[i])]  # last variable first, so that T is lower triangular
-    if any(whole[i][i] <= 0 for i in live):
+    for bits in BITS:
+        if (rough := in_doubles(whole, bits)) is not None and dominant(whole, rough):
+            return rough
+    if (exact := in_rationals(whole)) is None:
+        raise ValueError("the matrix has a negative eigenvalue")
+    return exact
+
+
+def in_doubles(S: Columns, bits: int) -> Columns | None:
+    """Inverse of a Cholesky factor, rounded to so many bits; a row of zeros gets a column of the identity."""
+    order = len(S)
+    live = [i for i in reversed(range(order)) if any(S[i])]  # last variable first, so that T is lower triangular
+    if any(S[i][i] <= 0 for i in live):
         return None
-    size = {i: (whole[i][i].bit_length() + 1) // 2 for i in live}  # bits of the square root of a diagonal entry
-    scaled = np.array([[shifted(whole[i][j], -(size[i] + size[j])) for j in live] for i in live])
+    size = {i: (S[i][i].bit_length() + 1) // 2 for i in live}  # bits of the square root of a diagonal entry
+    scaled = np.array([[shifted(S[i][j], -(size[i] + size[j])) for j in live] for i in live])
     try:
         inverse = np.linalg.inv(np.linalg.cholesky(scaled.reshape(len(live), len(live))))
     except np.linalg.LinAlgError:
@@ -73,6 +46,39 @@ def rounded(S: Array, bits: int) -> list[list[int]] | None:
         entry = {i: round(float(x) * 2.0**bits) << (largest - size[i]) for x, i in zip(row, live, strict=True)}
         columns[j] = [entry.get(i, 0) for i in range(order)]
     return [column[j:] for j, column in enumerate(columns)] if all(c[j] for j, c in enumerate(columns)) else None
+
+
+def in_rationals(S: Columns) -> Columns | None:
+    """Inverse of L' in integers, S = L D L' from the last variable on: T' S T is diagonal; None if not D >= 0."""
+    order = len(S)
+    rest = [[fmpq(x) for x in row] for row in S]
+    T = [[fmpq(int(i == j)) for i in range(order)] for j in range(order)]  # columns
+    for k in reversed(range(order)):
+        pivot = rest[k][k]
+        if pivot < 0 or (pivot == 0 and any(rest[k][:k])):
+            return None
+        for i in range(k) if pivot else ():
+            factor = rest[k][i] / pivot
+            if factor:
+                rest[i] = [x - factor * y for x, y in zip(rest[i], rest[k], strict=True)]
+                T[i] = [x - factor * y for x, y in zip(T[i], T[k], strict=True)]
+    scales = (math.lcm(*(int(x.q) for x in column)) for column in T)
+    return [[int(x * scale) for x in column[j:]] for j, (column, scale) in enumerate(zip(T, scales, strict=True))]
+
+
+def dominant(S: Columns, T: Columns) -> bool:
+    """Whether no diagonal entry of T' S T is less than the sum of the other magnitudes in its row."""
+    order = len(S)
+    full = [[0] * j + column for j, column in enumerate(T)]
+    image = [[sum(row[k] * column[k] for k in range(j, order)) for row in S] for j, column in enumerate(full)]
+
+    @cache
+    def entry(i: int, j: int) -> int:
+        return sum(full[i][k] * image[j][k] for k in range(i, order))
+
+    return all(
+        entry(i, i) >= sum(abs(entry(max(i, j), min(i, j))) for j in range(order) if j != i) for i in range(order)
+    )
 
 
 def integers(S: Array) -> list[list[int]]:

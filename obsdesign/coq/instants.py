@@ -11,17 +11,18 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.coq.clock import Observer, Storage, forms
-from obsdesign.coq.congruence import triangle
+from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
-from obsdesign.coq.theorem import NAME, UnexportedError, found, rays
-from obsdesign.model.multiplier import Matrix
+from obsdesign.coq.theorem import NAME, UnexportedError
+from obsdesign.lmi.formula import Array, Values, rational
+from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
 from obsdesign.spec import Spec
 
 HALVINGS = 2  # of the segments, at most, until the inequalities hold at the rate of the file
 IMPORTS = """\
 Require Import Reals ZArith QArith Qreals List Lra.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsSampled ObsClock ObsClockTheorem.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsInstants ObsClock ObsClockTheorem.
 Import ListNotations.
 """
 LIMITS = """\
@@ -237,3 +238,26 @@ def triangles(name: str, o: Observer, s: Storage, cone: Mapping[str, Matrix]) ->
         rows = [["[]" if S is None else triangle(found(f"{what} ({name})", S)) for S in row] for row in stack]
         text = rows[0][0] if key == "T0" else "[" + ";\n ".join("[" + ";\n ".join(row) + "]" for row in rows) + "]"
         yield f"Definition {name}_{key} := {text}."
+
+
+def found(what: str, S: Array) -> list[list[int]]:
+    """T for a matrix that must not be negative, which says what; raises `UnexportedError` if there is none."""
+    try:
+        return congruence(S)
+    except ValueError:
+        said = f"{what} does not hold in the form that Coq is told of, so no file was written"
+        raise UnexportedError(said) from None
+
+
+def rays(multiplier: Multiplier) -> dict[str, Matrix]:
+    """Matrices M11, M12, M22 of each inequality of a class, by the name of its scale.
+
+    Raises `UnexportedError`: the multipliers of a block are no sum of scaled inequalities that each f of it satisfies.
+    """
+    for label, block in multiplier.labelled():
+        if not isinstance(block, Scaled | Sum):
+            said = f"the multiplier of f{label} is one of matrices, which is not exported yet where there is a clock"
+            raise UnexportedError(said)
+    names = [unknown.name for unknown in multiplier.unknowns()]
+    units: dict[str, Values] = {one: {name: rational([[int(name == one)]]) for name in names} for one in names}
+    return {name: multiplier.matrix(unit) for name, unit in units.items()}

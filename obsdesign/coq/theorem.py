@@ -4,83 +4,130 @@ Coq computes the matrix of the inequality itself from the numbers of the file. W
 
     V' + 2 alpha V + weight |H e|^2 - supply |v|^2 <= 0,    V = e' P e >= floor |e|^2,
 
-weight = mu1 and supply = mu2 where a claim is about the energy of z, weight = 0 and supply = 2 alpha mu1 where it is
-about its peak, the theorem states the guarantee for every f of the class and all trajectories of plant and observer.
+or V+ - rho^2 V in the place of V' + 2 alpha V, weight = mu1 and supply = mu2 where a claim is about the energy of z,
+weight = 0 and supply = 2 alpha mu1, or (1 - rho^2) mu1, where it is about its peak, the theorem states the guarantee
+for every f of the class and all trajectories of plant and observer.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import numpy as np
 from flint import fmpq
 
+from obsdesign.coq.bounds import bounded
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
+from obsdesign.coq.hulls import Hull, of_hulls
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.lmi.formula import Array, Values, identity, rational, rational_number
-from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
+from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number, zeros
+from obsdesign.model.filtered import apart
+from obsdesign.model.multiplier import Scaled, Sum
+from obsdesign.model.plant import Plant
+from obsdesign.nonlinearities.cone import Cone
+from obsdesign.nonlinearities.jacobian import Polytope
 from obsdesign.spec import Spec
 
-SAYS = {"T": "the dissipation inequality", "TP": "P > 0", "TO": "|z|^2 <= mu2 V"}  # what T stands for
 NAME = "designed"  # the design in the file
 FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
-IMPORTS = """\
-Require Import Reals ZArith QArith Qreals List Lra Psatz.
-From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsTheorem.
-Import ListNotations.
-"""
-LIMITS = """\
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a theorem speaks of plant and observer over time."""
+
+    run: str  # what x, xhat, .. are: a definition of the library
+    files: str  # of the library
+    instant: str
+    error: str
+    energy: str
+    peak: str
+    decay: str
+    limits: str  # what of the words the theorem does not state
+    claims: str = "claims_{}"  # the boolean that the kernel computes
+    design: str = NAME  # what it is computed of
+
+
+CONTINUOUS = Course(
+    run="trajectories",
+    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem",
+    instant="forall t, 0 <= t ->",
+    error="error_at",
+    energy=f"""\
+RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
+      V {NAME} (e 0) / Q2R (weight {NAME}) + Q2R gamma * Q2R gamma * RInt (fun s => sq (at_ v s)) 0 t""",
+    peak=f"""\
+(forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
+      sq (zed {NAME} (e t)) <= Q2R gamma * Q2R gamma * vbar
+        + Q2R mu2 * exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)
+      /\\ V {NAME} (e t) <= Rmax (V {NAME} (e 0)) (Q2R mu1 * vbar))""",
+    decay=f"""\
+(forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
+      Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)""",
+    limits="""\
 These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
 - Of the words it states the bound on z, and floor |e|^2 <= exp(-2 alpha t) e0' P e0 where v = 0. As floor is less than
   the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at alpha = 0 it says that e stays bounded.
 - Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local;
   x and xhat are differentiable and v is continuous at every t >= 0.
-- It does not state (P2), bounds on gains and P, reconstruction, larger Lipschitz constants, that trajectories exist.
-- That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L."""
-DECAY = f"""\
-(forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
-      Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)"""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What is stated of a claim: the boolean that the kernel computes, the theorem of the library, the conclusion."""
-
-    claims: str
-    lemma: str
-    levels: tuple[str, ...]  # numbers of the claim that they take
-    conclusion: str
-
-
-ENERGY = Kind(
-    "claims_energy",
-    "energy_guarantee",
-    ("gamma",),
-    f"""\
-RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
-      V {NAME} (e 0) / Q2R (weight {NAME}) + Q2R gamma * Q2R gamma * RInt (fun s => sq (at_ v s)) 0 t""",
+- It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
+  storage_bound say of bounds on L1 and P, where there are some, is beside it.
+- That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L.""",
 )
-PEAK = Kind(
-    "claims_peak",
-    "peak_guarantee",
-    ("gamma", "mu1", "mu2"),
-    f"""\
-(forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
-      sq (zed {NAME} (e t)) <= Q2R gamma * Q2R gamma * vbar
-        + Q2R mu2 * exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0))""",
+PREDICTED = Course(
+    run="predicted",
+    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsSamples",
+    instant="forall N : nat,",
+    error="error_of",
+    energy=f"""\
+sum_to (fun k => sq (zed {NAME} (e k))) N <=
+      V {NAME} (e 0%nat) / Q2R (weight {NAME}) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N""",
+    peak=f"""\
+(forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
+      sq (zed {NAME} (e N)) <= Q2R gamma * Q2R gamma * vbar
+        + Q2R mu2 * Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)
+      /\\ V {NAME} (e N) <= Rmax (V {NAME} (e 0%nat)) (Q2R mu1 * vbar))""",
+    decay=f"""\
+(forall k, (k < N)%nat -> sq (v k) = 0) ->
+      Q2R (floor {NAME}) * sq (e N) <= Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)""",
+    limits="""\
+These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
+- Of the words it states the bound on z, and floor |e_N|^2 <= rho^(2 N) e0' P e0 where v = 0; alpha is rho there. As
+  floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at rho = 1 it says that e
+  stays bounded.
+- Its premise: f satisfies the inequalities of multipliers for all arguments, also where the words are local.
+- It does not state larger Lipschitz constants, that there are such sequences, or anything of a plant in continuous
+  time. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
+- That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L.""",
+    claims="claims_{}_of_samples",
 )
+FILTERED = replace(
+    PREDICTED,
+    run="filtered",
+    limits=PREDICTED.limits
+    + """
+- In v k stand the disturbances of the sample k and those of the measurement y (k + 1): gamma is about this v, and
+  where the words have another gamma, of v itself, that follows from it.""",
+    design=f"(ahead {NAME})",
+)
+IMPORTS = """\
+Require Import Reals ZArith QArith Qreals List Lra Psatz.
+From Coquelicot Require Import Coquelicot.
+From Obs Require Import {files}.
+Import ListNotations.
+"""
 
 
 class UnexportedError(Exception):
     """A part of a claim that no file of Coq is written of, in words."""
 
 
-def exported(certificate: Certificate, spec: Spec, statement: str) -> str:
-    """File of Coq with the claim of a certificate that holds, headed by what it is about.
-
-    Raises `UnexportedError`: the claim is one of samples, or has a multiplier that is no scale; or no T was found.
-    """
-    return "\n".join([*map(comment, heading(spec, statement)), written(certificate)])
+def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bounds = NO_BOUNDS) -> str:
+    """File of Coq with the claim of a certificate that holds, headed by what it is about; `bounds`: kept ones."""
+    course, plant = CONTINUOUS, certificate.family.plant
+    if certificate.family.about.pace.sampled:
+        course = FILTERED if spec.observer.filtered else PREDICTED
+        plant = apart(spec.augmented) if spec.observer.filtered else plant
+    return "\n".join([*map(comment, heading(spec, statement, course)), written(certificate, plant, course, bounds)])
 
 
 def stated(text: str) -> str:
@@ -89,41 +136,42 @@ def stated(text: str) -> str:
     return " ".join(text[start : text.index("Proof.", start)].split())
 
 
-def written(certificate: Certificate) -> str:
-    """Design, T, and the theorem with its proof. Raises `UnexportedError`."""
+def written(certificate: Certificate, plant: Plant[Exact], course: Course, bounds: Bounds = NO_BOUNDS) -> str:
+    """Design, T, and the theorem with its proof."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
-    if family.about.pace.sampled:
-        raise UnexportedError("a claim about samples is not exported yet, those of plants in continuous time are")
-    kind, H, P = PEAK if peak else ENERGY, family.H, certificate.P
-    weight, supply = (fmpq(0), 2 * family.rate * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
-    floor = floor_of(P)
+    H, P = family.H, certificate.P
+    weight, supply = (fmpq(0), family.loss * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
     values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
+    floor = rational_number(f"{FLOOR * certificate.guarantee.spectrum[0]:.3g}")
+    levels = {"weight": weight, "supply": supply, "floor": floor}
     forms = {
         "T": -family.dissipation(values, weight * (H.mT @ H), rational([[supply]])),
         "TP": P - floor * identity(len(P), P),
         **({"TO": certificate.mu2 * P - H.mT @ H} if peak else {}),
     }
-    levels = [f"Definition {key} : Q := {number(getattr(certificate, key))}." for key in kind.levels]
-    arguments = " ".join([NAME, *kind.levels, *forms])
+    what, constants = ("peak", ("gamma", "mu1", "mu2")) if peak else ("energy", ("gamma",))
+    arguments = " ".join([*constants, *forms, "TH"])
     return "\n".join(
         [
-            IMPORTS,
+            IMPORTS.format(files=course.files),
             "Open Scope Q_scope.",
-            record(certificate, {"weight": weight, "supply": supply, "floor": floor}),
-            *levels,
+            record(certificate, plant, levels),
+            *(f"Definition {key} : Q := {number(getattr(certificate, key))}." for key in constants),
             "Open Scope Z_scope.",
-            *(f"Definition {name} := {triangle(found(SAYS[name], S))}." for name, S in forms.items()),
+            *(f"Definition {name} := {triangle(congruence(S))}." for name, S in forms.items()),
+            f"Definition TH : list (list (list (list Z))) := {of_hulls(hulls(certificate))}.",
             "Open Scope R_scope.",
             "",
-            f"Lemma proved : {kind.claims} {arguments} = true.",
+            *bounded(certificate, bounds, NAME),
+            f"Lemma proved : {course.claims.format(what)} {course.design} {arguments} = true.",
             "Proof. vm_cast_no_check (eq_refl true). Qed.",
             "",
             f"Theorem for_the_class : forall f, of_class {NAME} f ->",
-            f"  forall x xh v q qh y yh g gq gy, trajectories {NAME} f x xh v q qh y yh g gq gy -> forall t, 0 <= t ->",
-            "  let e := error_at x xh in",
-            f"  {kind.conclusion}",
-            f"  /\\ ({DECAY}).",
-            f"Proof. exact ({kind.lemma} {arguments} proved). Qed.",
+            f"  forall x xh v q qh y yh g gq gy, {course.run} {NAME} f x xh v q qh y yh g gq gy -> {course.instant}",
+            f"  let e := {course.error} x xh in",
+            f"  {getattr(course, what)}",
+            f"  /\\ ({course.decay}).",
+            f"Proof. exact ({what}_of_{course.run} {NAME} {arguments} proved). Qed.",
             "",
             "Print Assumptions for_the_class.",
             "",
@@ -131,26 +179,20 @@ def written(certificate: Certificate) -> str:
     )
 
 
-def floor_of(P: Array) -> fmpq:
-    """Three digits of most of the least eigenvalue of P; zero, which Coq refuses, where doubles see none."""
-    least = float(np.linalg.eigvalsh(P.astype(float))[0])
-    return rational_number(f"{FLOOR * max(least, 0.0):.3g}")
-
-
-def heading(spec: Spec, statement: str) -> list[str]:
+def heading(spec: Spec, statement: str, course: Course) -> list[str]:
     """What the file is about, in words; none of it is checked by Coq."""
     states = ", ".join([*spec.plant.states, *spec.model_states])
     return [
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
         f"states: {states}",
         f"in words: {statement}",
-        *LIMITS.splitlines(),
+        *course.limits.splitlines(),
     ]
 
 
-def record(certificate: Certificate, levels: dict[str, fmpq]) -> str:
+def record(certificate: Certificate, plant: Plant[Exact], levels: dict[str, fmpq]) -> str:
     """The design: plant, gains, storage function, multipliers, with the numbers of the result."""
-    family, plant = certificate.family, certificate.family.plant
+    family = certificate.family
     sizes = {"n": plant.n, "nf": plant.Bf.shape[1], "nv": plant.B.shape[1], "ny": len(plant.C), "nq": len(plant.Cq)}
     matrices = {key: getattr(plant, key) for key in ("A", "Bf", "B", "C", "Df", "D", "Cq", "Dqf", "Dq")}
     matrices |= {"H": family.H, "L1": family.L1, "L2": family.L2, "P": certificate.P}
@@ -158,39 +200,38 @@ def record(certificate: Certificate, levels: dict[str, fmpq]) -> str:
         f"{{| scaling := {number(scale)}; M11 := {matrix(M11)}; M12 := {matrix(M12)}; M22 := {matrix(M22)} |}}"
         for scale, M11, M12, M22 in multipliers(certificate)
     )
-    numbers = {"alpha": family.rate, **levels}
+    written = ";\n    ".join(hull.written() for hull in hulls(certificate))
+    numbers = {"alpha": family.about.pace.told(family.rate), **levels}
     return "\n".join(
         [
             f"Definition {NAME} : design := {{|",
             "  " + " ".join(f"{key} := {size}%nat;" for key, size in sizes.items()),
             *(f"  {key} := {matrix(M)};" for key, M in matrices.items()),
             "  " + " ".join(f"{key} := {number(x)};" for key, x in numbers.items()),
-            f"  multipliers := [{rays}] |}}.",
+            f"  multipliers := [{rays}];",
+            f"  hulls := [{written}] |}}.",
         ]
     )
 
 
 def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
-    """Scale and matrices M11, M12, M22 of each inequality of the class. Raises `UnexportedError`, as `rays` does."""
-    return [(certificate.multipliers[name].item(), *M) for name, M in rays(certificate.family.multiplier).items()]
-
-
-def rays(multiplier: Multiplier) -> dict[str, Matrix]:
-    """Matrices M11, M12, M22 of each inequality of a class, by the name of its scale.
-
-    Raises `UnexportedError`: the multipliers of a block are no sum of scaled inequalities that each f of it satisfies.
-    """
+    """Scale and matrices M11, M12, M22 of each inequality of the class that has a scale."""
+    multiplier, rays = certificate.family.multiplier, []
+    unknowns = multiplier.unknowns()
     for label, block in multiplier.labelled():
-        if not isinstance(block, Scaled | Sum):
-            said = f"the multiplier of f{label} is one of matrices, which is not exported yet; those of scales are"
-            raise UnexportedError(said)
-    names = [unknown.name for unknown in multiplier.unknowns()]
-    units: dict[str, Values] = {one: {name: rational([[int(name == one)]]) for name in names} for one in names}
-    return {name: multiplier.matrix(unit) for name, unit in units.items()}
+        for one in block.unknowns(label) if isinstance(block, Scaled | Sum) else ():
+            none = {other.name: zeros(other.shape, [block.member]) for other in unknowns}
+            unit: Values = none | {one.name: rational([[1]])}
+            rays.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
+    return rays
 
 
-def found(what: str, S: Array) -> list[list[int]]:
-    """T for a matrix that must not be negative, which says what; raises `UnexportedError` if there is none."""
-    if (T := congruence(S)) is None:
-        raise UnexportedError(f"{what} does not hold in the form that Coq is told of, so no file was written")
-    return T
+def hulls(certificate: Certificate) -> list[Hull]:
+    """Multipliers that are matrices."""
+    multiplier, found, q, f = certificate.family.multiplier, [], 0, 0
+    for label, block in multiplier.labelled():
+        if isinstance(block, Cone | Polytope):
+            M = block.matrix(certificate.multipliers, label)
+            found.append(Hull.of(block, M, (q, f), multiplier.member.shape[::-1]))
+        q, f = q + block.nq, f + block.nf
+    return found

@@ -5,6 +5,7 @@ what was computed in doubles. The first must be what is written of the claim whe
 what is cheap to compute again must agree, a limit must not be worse than what is proved, and its path must be listed.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -23,7 +24,8 @@ NUMERICAL = {  # entries of parts of a result file that prove nothing
 }
 HELD = ("observer", "guarantee", "certificate")  # parts that are held against what is proved
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
-KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split", "discretised")
+KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split", "discretised", "theorem")
+RECORD = {"sha256": r"[0-9a-f]{64}", "coq": r"[0-9.]{1,20}", "accepted": r"[0-9TZ:-]{20}"}  # of a theorem
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
 POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "rho", "ceiling")  # what is never negative
@@ -93,6 +95,7 @@ def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> 
     `anew`: the parts of a result file as they are written of the claim that was proved. Raises `UsageError`.
     """
     require_notes(file, spec)
+    require_record(file)
     for part in (part for part in (*HELD, "diagnosis") if part in file.content):
         for key, found in file.table(part).items():
             if part in HELD:
@@ -107,6 +110,18 @@ def require_agreement(file: ResultFile, anew: Mapping[str, Any], spec: Spec) -> 
     for path in numerical(file.content, spec):
         if not isinstance(listed, list) or path not in listed:
             raise file.wrong("numerical", f"does not name {path}, which is not proved", id="OBS705")
+
+
+def require_record(file: ResultFile) -> None:
+    """Refuse a record of a theorem of another form than `verify --compile` writes; whether it is true is not seen."""
+    if "theorem" not in file.content:
+        return
+    record = file.table("theorem")
+    told = {key: value for key, value in record.items() if isinstance(value, str)}
+    known = file.status == "certified" and record.keys() == told.keys() == RECORD.keys()
+    if not known or not all(re.fullmatch(RECORD[key], told[key], re.ASCII) for key in told):
+        said = "is no record of `verify --theorem coq --compile`; of a certified result; leave it out"
+        raise file.wrong("theorem", said, id="OBS702")
 
 
 def require_whole(file: ResultFile, anew: Any, path: tuple[str, ...]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from obsdesign.lmi.formula import Array, Problem, Unknown
-from obsdesign.lmi.probe import Block, Program, matrices, probe, with_one
+from obsdesign.lmi.probe import Block, Program, entries, matrices, probe, with_one
 
 ROUNDED = 1e-13  # relative size of an entry that the first fit shows to be a rounded zero: the second is without it
 TAME = 20.0  # powers of two within which units are left as they are where no data are known to set better ones
@@ -37,6 +37,8 @@ def factors(sizes: Array, powers: Sequence[tuple[Array, Any]], count: int) -> Ar
         u = np.linalg.solve(normal, right)
         left = logs + sum(p * u[a] for a, p in powers)
         used = left > np.log2(ROUNDED) + left.max(initial=0.0)
+        if used.all():
+            break
     return np.asarray(np.exp2(np.round(u)))
 
 
@@ -49,6 +51,8 @@ class Scales:
 
     def of(self, program: Program) -> Program:
         """Scaled program."""
+        if all((factors == 1).all() for factors in (*self.rows, self.s)):
+            return program
         known = zip(program.blocks, self.rows, strict=False)
         rows = (*(block.scaled(row) for block, row in known), *program.blocks[len(self.rows) :])
         return scaled_coordinates(replace(program, blocks=rows), self.s)
@@ -62,9 +66,10 @@ def scales(problem: Problem, program: Program | None = None) -> Scales:
     if program is None or problem.data:
         program = probe(replace(problem, inequalities=problem.data or problem.inequalities, minimise=None))
     blocks = program.blocks
-    first = np.cumsum([0, *(block.order for block in blocks)])
+    orders = [block.order for block in blocks]
+    first = np.cumsum([0, *orders])
     down, across, count = indices(problem.unknowns, first[-1])
-    k, i, j, sizes = (np.concatenate(part) for part in zip(*map(entries, blocks, first), strict=False))
+    k, i, j, sizes = above(entries(blocks), np.repeat(np.arange(len(orders)), orders))
     term, some = np.maximum(k - 1, 0), k > 0
     powers = [(i, 1.0), (j, 1.0), (down[term], some), (across[term], some)]
     u = factors(sizes, powers, count)
@@ -84,10 +89,12 @@ def indices(unknowns: Sequence[Unknown], count: int) -> tuple[Array, Array, int]
     return np.concatenate(down), np.concatenate(across), count
 
 
-def entries(block: Block, first: int) -> tuple[Array, Array, Array, Array]:
-    """Term, row, column and size of each entry that is not zero, on and above the diagonal."""
-    k, i, j = np.nonzero(np.triu(block.terms))
-    return k, i + first, j + first, np.abs(block.terms[k, i, j])
+def above(found: tuple[Array, ...], block: Array) -> tuple[Array, ...]:
+    """Those of the entries that are on and above the diagonal, block by block; `block`: that of each row."""
+    _, i, j, _ = found
+    upper = np.flatnonzero(i <= j)
+    kept = upper[np.argsort(block[i[upper]].astype(np.int16), kind="stable")]
+    return tuple(part[kept] for part in found)
 
 
 def units(problem: Problem) -> dict[str, Array]:

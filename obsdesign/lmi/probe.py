@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -57,6 +58,41 @@ class Program:
     cost: Array  # (N,)
     constant: float
     blocks: tuple[Block, ...]
+
+
+@cache
+def places(orders: tuple[int, ...]) -> tuple[Array, Array]:
+    """Row and column of each column of `flat`, the rows of all blocks numbered one after the other."""
+    firsts = (0, *accumulate(orders))
+    pairs = [np.indices((order, order)).reshape(2, -1) + first for order, first in zip(orders, firsts, strict=False)]
+    row, column = np.concatenate([np.zeros((2, 0), dtype=int), *pairs], axis=1)
+    return row, column
+
+
+def flat(blocks: Sequence[Block]) -> Iterator[Array]:
+    """Terms of all blocks side by side, (1 + N, sum of k^2), in parts that are looked at together.
+
+    Many small blocks are looked at as quickly so as one.
+    """
+    together = sum(block.terms.size for block in blocks) < TOGETHER
+    for group in [blocks] if together and blocks else [[block] for block in blocks]:
+        parts = [block.terms.reshape(len(block.terms), -1) for block in group]
+        yield np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+
+
+def entries(blocks: Sequence[Block]) -> tuple[Array, Array, Array, Array]:
+    """Term, row and column, as in `places`, and size of each entry of some blocks that is not zero."""
+    row, column = places(tuple(block.order for block in blocks))
+    terms, at, sizes, first = [], [], [], 0
+    for part in flat(blocks):
+        found = np.flatnonzero(part != 0)  # many times as fast as a search by two indices
+        term, place = np.divmod(found, part.shape[1])
+        terms.append(term)
+        at.append(first + place)
+        sizes.append(np.abs(part.ravel()[found]))
+        first += part.shape[1]
+    where = np.concatenate(at)
+    return np.concatenate(terms), row[where], column[where], np.concatenate(sizes)
 
 
 def with_one(x: Array) -> Array:
@@ -119,12 +155,16 @@ def affine(inequalities: Sequence[Inequality], witness: Array) -> Iterator[Block
     if not finite.all():
         name = next(i.name for i, (a, b) in zip(inequalities, pairwise(edges), strict=True) if not finite[a:b].all())
         raise UndecidedError(f"the numbers in {name!r} are too large for doubles: choose other units", id="OBS508")
-    terms = (values[:-1] - values[0]) / FAR
+    terms = values[:-1] - values[0]
+    terms /= FAR
     terms[0] = values[0]
     expected, found = with_one(witness) @ terms, values[-1]
-    sizes, off = np.abs(np.stack([expected, found])), np.abs(expected - found)
+    some = [k for k, order in enumerate(orders) if order]
+    seen = np.abs(np.stack([expected - found, expected, found]))
+    off, *sizes = np.maximum.reduceat(seen, [edges[k] for k in some], axis=1) if some else seen
+    wrong = np.flatnonzero(off > 1e-9 * np.sum(sizes, axis=0))
+    if len(wrong):
+        raise ArithmeticError(f"the inequality {inequalities[some[wrong[0]]].name!r} is not affine in its unknowns")
     for inequality, order, (a, b) in zip(inequalities, orders, pairwise(edges), strict=True):
-        if off[a:b].max(initial=0) > 1e-9 * sizes[:, a:b].max(axis=1, initial=0).sum():
-            raise ArithmeticError(f"the inequality {inequality.name!r} is not affine in its unknowns")
         own = np.ascontiguousarray(terms[:, a:b]).reshape(len(terms), order, order)
         yield Block(inequality.name, own, inequality.strict)

@@ -17,7 +17,7 @@ import numpy as np
 
 from obsdesign.lmi.equilibrate import Scales, scaled_coordinates, scales
 from obsdesign.lmi.formula import Array, Injection, Problem, Unknown
-from obsdesign.lmi.probe import Block, Program, probe, split, with_one
+from obsdesign.lmi.probe import Block, Program, entries, flat, places, probe, split, with_one
 
 SLACK = 1e-3  # relative size below which the slack of a constraint counts as none
 ZERO = 1e-13  # relative size below which an entry is a rounded zero
@@ -85,9 +85,10 @@ def eliminate(reduced: Reduced) -> Reduced:
     """Turn structurally zero rows into equalities and solve these, until no such row is left."""
     labels = {b.name: np.arange(b.order) for b in reduced.program.blocks}
     while True:
-        equalities, kept, rows = [], [], []
-        for block in reduced.program.blocks:
-            zero = zero_diagonal(block)
+        equalities, kept, rows, zeros = [], [], [], zero_diagonals(reduced.program.blocks)
+        if not any(zero.any() for zero in zeros):
+            return reduced
+        for block, zero in zip(reduced.program.blocks, zeros, strict=True):
             if not zero.any():
                 kept.append(block)
                 continue
@@ -98,8 +99,6 @@ def eliminate(reduced: Reduced) -> Reduced:
             labels[block.name] = labels[block.name][~zero]
             if not zero.all():
                 kept.append(block.rows(~zero))
-        if not rows:
-            return reduced
         reduced = replace(
             reduced, program=replace(reduced.program, blocks=tuple(kept)), rows=reduced.rows + tuple(rows)
         )
@@ -108,10 +107,14 @@ def eliminate(reduced: Reduced) -> Reduced:
             return reduced
 
 
-def zero_diagonal(block: Block) -> Array:
-    """Mask of the rows whose diagonal entry vanishes for every value of the unknowns, relative to its row."""
-    size = np.abs(block.terms)
-    return np.asarray(size.diagonal(axis1=1, axis2=2).max(axis=0) <= ZERO * size.max(axis=(0, 2)))
+def zero_diagonals(blocks: Sequence[Block]) -> list[Array]:
+    """Masks of the rows whose diagonal entry vanishes for every value of the unknowns, relative to its row."""
+    if not blocks:
+        return []
+    row, column = places(tuple(block.order for block in blocks))
+    size = np.concatenate([np.maximum(part.max(axis=0), -part.min(axis=0)) for part in flat(blocks)])
+    ends = list(accumulate(block.order for block in blocks))
+    return split(size[row == column] <= ZERO * largest(size, row, ends[-1]), ends)
 
 
 def solve_equalities(reduced: Reduced, equalities: Array) -> Reduced:
@@ -208,16 +211,24 @@ def balanced(program: Program, rows: list[Array], factors: Array) -> tuple[Progr
 def balancing(program: Program, sweeps: int = 3) -> tuple[list[Array], Array]:
     """Powers of two for the rows of each block and for the coordinates that take all entries near 1."""
     ends = list(accumulate(block.order for block in program.blocks))
-    sizes = [np.abs(block.terms) for block in program.blocks]
     rows, factors = np.ones(ends[-1] if ends else 0), np.ones(len(program.cost))
+    if not ends:
+        return [], factors
+    term, i, j, sizes = entries(program.blocks)
     for _ in range(sweeps):
-        d = 1 / power_of_two(np.sqrt(np.concatenate([size.max(axis=(0, 2)) for size in sizes])))
-        sizes = [size * (part[:, None] * part) for size, part in zip(sizes, split(d, ends), strict=True)]
-        step = 1 / power_of_two(np.max([size[1:].max(axis=(1, 2)) for size in sizes], axis=0))
-        weights = with_one(step)[:, None, None]
-        sizes = [size * weights for size in sizes]
+        d = 1 / power_of_two(np.sqrt(largest(sizes, i, len(rows))))
+        sizes = sizes * (d[i] * d[j])
+        step = 1 / power_of_two(largest(sizes, term, len(factors) + 1)[1:])
+        sizes = sizes * with_one(step)[term]
         rows, factors = rows * d, factors * step
     return split(rows, ends), factors
+
+
+def largest(sizes: Array, at: Array, count: int) -> Array:
+    """Largest of the sizes at each of so many places; zero where there is none."""
+    found = np.zeros(count)
+    np.maximum.at(found, at, sizes)
+    return found
 
 
 def diagonal(program: Program, z: Array) -> tuple[Program, Array]:

@@ -1,7 +1,7 @@
 """The only code that knows a solver: a program in, how the solve ended and a point out."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import cache
 from itertools import accumulate
@@ -57,11 +57,13 @@ class Columns(NamedTuple):
     has_sorted_indices: bool = True
 
 
-def columns(dense: Array) -> Columns:
-    """Compress a dense matrix."""
-    across, down = np.nonzero(dense.T)
-    counts = np.bincount(across, minlength=dense.shape[1])
-    return Columns(dense.shape, dense[down, across], down, np.concatenate([[0], np.cumsum(counts)]))
+def columns(transposed: Array) -> Columns:
+    """Compress a dense matrix that is given transposed."""
+    count, size = transposed.shape
+    place = np.flatnonzero(transposed != 0)  # many times as fast as a search by two indices
+    across, down = np.divmod(place, size)
+    ends = np.cumsum([0, *np.bincount(across, minlength=count)])
+    return Columns((size, count), transposed.ravel()[place], down, ends)
 
 
 @cache
@@ -71,24 +73,37 @@ def no_columns(size: int) -> Columns:
 
 
 @cache
-def triangle_of(order: int) -> tuple[Array, Array, Array]:
-    """Columns, rows and weights of the triangle cone: upper triangle by columns, off-diagonals times sqrt 2."""
-    column, row = np.tril_indices(order)
-    return column, row, np.where(row == column, 1.0, np.sqrt(2.0))
+def triangles(orders: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """Places among the entries of blocks that are those of triangle cones, their mirror images, and their weights.
+
+    A triangle cone holds an upper triangle by columns, off-diagonals times sqrt 2.
+    """
+    parts, first = [np.zeros((2, 0), dtype=int)], 0
+    for order in orders:
+        column, row = np.tril_indices(order)
+        parts.append(first + np.stack([row * order + column, column * order + row]))
+        first += order * order
+    upper, lower = np.concatenate(parts, axis=1)
+    return upper, lower, np.where(upper == lower, 1.0, np.sqrt(2.0))
 
 
-def triangle(block: Block) -> Array:
-    """Return [-b, A] with b - A z in the triangle cone."""
-    column, row, weight = triangle_of(block.order)
-    return weight[:, None] * block.terms[:, row, column].T
+def in_triangles(blocks: Sequence[Block]) -> Array:
+    """Return [-b, A]', (1 + N, rows), with b - A z in triangle cones."""
+    parts = []
+    for block in blocks:
+        upper, _, weights = triangles((block.order,))
+        parts.append(block.terms.reshape(len(block.terms), -1)[:, upper] * weights)
+    return np.concatenate(parts, axis=1)
 
 
-def from_triangle(entries: Array, order: int) -> Array:
-    """Symmetric matrix of a point of the triangle cone."""
-    column, row, weight = triangle_of(order)
-    matrix = np.zeros((order, order))
-    matrix[row, column] = matrix[column, row] = entries / weight
-    return matrix
+def from_triangles(point: Array, orders: tuple[int, ...]) -> list[Array]:
+    """Symmetric matrices of a point of triangle cones."""
+    upper, lower, weights = triangles(orders)
+    squares = [order * order for order in orders]
+    entries = np.zeros(sum(squares))
+    entries[upper] = entries[lower] = point / weights
+    parts = zip(split(entries, accumulate(squares)), orders, strict=True)
+    return [part.reshape(order, order) for part, order in parts]
 
 
 def quickly(program: Program) -> Solved:
@@ -127,16 +142,15 @@ def clarabel_once(program: Program, *, chordal: bool, refined: bool = True) -> S
 
     order = sorted(range(len(program.blocks)), key=lambda k: program.blocks[k].order > 1)
     blocks = [program.blocks[k] for k in order]
-    scalars = sum(b.order == 1 for b in blocks)
+    orders = tuple(block.order for block in blocks)
+    scalars = orders.count(1)
     cones: list[Any] = [clarabel.NonnegativeConeT(scalars)] if scalars else []
-    cones += [clarabel.PSDTriangleConeT(b.order) for b in blocks[scalars:]]
-    rows = np.concatenate([triangle(b) for b in blocks])
+    cones += [clarabel.PSDTriangleConeT(k) for k in orders[scalars:]]
+    terms = in_triangles(blocks)
     settings = settings_of(chordal=chordal, refined=refined)
     P = no_columns(len(program.cost))
-    solution = clarabel.DefaultSolver(P, program.cost, columns(rows[:, 1:]), -rows[:, 0], cones, settings).solve()
-    ends = accumulate(b.order * (b.order + 1) // 2 for b in blocks)
-    parts = zip(order, blocks, split(np.array(solution.z), ends), strict=True)
-    duals = {k: from_triangle(part, block.order) for k, block, part in parts}
+    solution = clarabel.DefaultSolver(P, program.cost, columns(terms[1:]), -terms[0], cones, settings).solve()
+    duals = dict(zip(order, from_triangles(np.array(solution.z), orders), strict=True))
     ending = CLARABEL.get(str(solution.status), Ending.STALLED)
     return Solved(ending, np.array(solution.x), tuple(duals[k] for k in range(len(blocks))))
 

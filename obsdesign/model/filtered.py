@@ -23,11 +23,10 @@ def channels(plant: Plant[Exact]) -> tuple[Array, Array]:
     return soon | ~late, late
 
 
-def filtered(plant: Plant[Exact]) -> Plant[Exact]:
-    """Plant whose predicted estimates have the errors that filtered estimates of a plant with Df = 0 have."""
+def apart(plant: Plant[Exact]) -> Plant[Exact]:
+    """The same plant whose v holds the channels of B and Dq at k, and those of D, which act on y, at k + 1."""
     now, late = channels(plant)
-    names = np.array(plant.exogenous, dtype=object)
-    count = int(late.sum())
+    names, count = np.array(plant.exogenous, dtype=object), int(late.sum())
 
     def beside(X: Array) -> Array:
         return np.hstack([X[:, now], zeros((len(X), count), [plant.A])])
@@ -36,11 +35,15 @@ def filtered(plant: Plant[Exact]) -> Plant[Exact]:
         plant,
         B=beside(plant.B),
         Dq=beside(plant.Dq),
-        C=plant.C @ plant.A,
-        Df=plant.C @ plant.Bf,
-        D=np.hstack([plant.C @ plant.B[:, now], plant.D[:, late]]),
+        D=np.hstack([zeros((len(plant.C), int(now.sum())), [plant.A]), plant.D[:, late]]),
         exogenous=(*names[now], *map(ahead, names[late])),
     )
+
+
+def filtered(plant: Plant[Exact]) -> Plant[Exact]:
+    """Plant whose predicted estimates have the errors that filtered estimates of a plant with Df = 0 have."""
+    p = apart(plant)
+    return replace(p, C=p.C @ p.A, Df=p.C @ p.Bf, D=p.C @ p.B + p.D)
 
 
 def gain_of(plant: Plant[Exact], peaks: bool) -> int:

@@ -248,7 +248,7 @@ class Entry:
     @property
     def origin(self) -> Rows:
         """Versions and hashes."""
-        tool, solver, spec = (self.content.get(key, {}) for key in ("tool", "solver", "spec"))
+        tool, solver, spec, theorem = (self.content.get(key, {}) for key in ("tool", "solver", "spec", "theorem"))
         rows = [
             ("result file", self.file.path),
             ("SHA-256 of it", hashlib.sha256(self.file.raw).hexdigest()),
@@ -257,8 +257,15 @@ class Entry:
             ("made by", f"obsdesign {tool.get('version')}, Python {tool.get('python')}, cvxpy {tool.get('cvxpy')}"),
             ("solver", f"{solver.get('name')} {solver.get('version')}, {solver.get('solves')} solves"),
             ("created", self.content.get("created")),
+            *([("theorem", recorded(theorem))] if theorem else ()),
         ]
         return [(name, str(value)) for name, value in rows if value is not None]
+
+
+def recorded(theorem: Mapping[str, str]) -> str:
+    """That the kernel of a proof assistant accepted the theorem of a result, as the file has it."""
+    said = f"accepted by Coq {theorem['coq']} on {theorem['accepted']}, SHA-256 of it {theorem['sha256']}"
+    return f"{said}; as recorded: `verify --theorem coq --compile` checks it"
 
 
 def readable(entry: Entry) -> Entry:

@@ -2,7 +2,7 @@
    the next one, what must not be negative of them, and what the kernel computes. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsSampled.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsInstants.
 Import ListNotations.
 Open Scope R_scope.
 

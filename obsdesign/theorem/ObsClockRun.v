@@ -2,7 +2,7 @@
   then of plant and observer with one f. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsSampled ObsClock ObsGap.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsInstants ObsClock ObsGap.
 Import ListNotations.
 Open Scope R_scope.
 

@@ -7,7 +7,7 @@
    size = |Se e + St th|^2. Not stated: that these bounds add, gains, what holds where measurements stay away. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsSampled ObsClock ObsGap ObsClockRun.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsInstants ObsClock ObsGap ObsClockRun.
 Import ListNotations.
 Open Scope R_scope.
 

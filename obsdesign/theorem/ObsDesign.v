@@ -5,6 +5,9 @@ Import ListNotations.
 Open Scope R_scope.
 
 Record multiplier := { scaling : Q; M11 : list (list Q); M12 : list (list Q); M22 : list (list Q) }.
+(* A multiplier that is a matrix, of `count` components of f from `first` on: it is about df = Theta dq with Theta in the
+   hull of `corners`, or, where it is conic, any sum of them with weights that are not negative *)
+Record hull := { form_of : multiplier; conic : bool; first : nat; count : nat; corners : list (list (list Q)) }.
 Record design := {
   n : nat; nf : nat; nv : nat; ny : nat; nq : nat;
   A : list (list Q); Bf : list (list Q); B : list (list Q);
@@ -13,11 +16,15 @@ Record design := {
   H : list (list Q); L1 : list (list Q); L2 : list (list Q);
   alpha : Q; weight : Q; supply : Q;          (* V' + 2 alpha V + weight |z|^2 - supply |v|^2 <= 0 *)
   P : list (list Q); floor : Q;               (* P >= floor I *)
-  multipliers : list multiplier
+  multipliers : list multiplier;
+  hulls : list hull
 }.
 Definition sq (x : list R) := dotR x x.
 Definition sigma (m : multiplier) (q f : list R) :=
   dotR q (mvR (rmat (M11 m)) q) + 2 * dotR q (mvR (rmat (M12 m)) f) + dotR f (mvR (rmat (M22 m)) f).
+
+(* All inequalities that the class satisfies *)
+Definition inequalities (d : design) := multipliers d ++ map form_of (hulls d).
 
 Section Error.
 Variable d : design.
@@ -42,12 +49,15 @@ Definition minus_sigma (m : multiplier) : list term :=
   [(Qopp (scaling m), larg, Mul (M11 m) larg); (Qopp (2 * scaling m), larg, Mul (M12 m) lf); (Qopp (scaling m), lf, Mul (M22 m) lf)].
 Definition dissipation : list term :=
   [(Qopp 1, ldot, Mul (P d) le); (Qopp 1, le, Mul (P d) ldot); (Qopp (2 * alpha d), le, Mul (P d) le);
-   (Qopp (weight d), lz, lz); (supply d, lv, lv)] ++ flat_map minus_sigma (multipliers d).
+   (Qopp (weight d), lz, lz); (supply d, lv, lv)] ++ flat_map minus_sigma (inequalities d).
 Definition definite : list term := [(1%Q, le, Mul (P d) le); (Qopp (floor d), le, le)].
 Definition bounded (mu : Q) : list term := [(mu, le, Mul (P d) le); (Qopp 1, lz, lz)].
+Definition gain_form (kappa : Q) : list term :=
+  let y := Part 0 (ny d) in [((kappa * kappa)%Q, y, y); (Qopp 1, Mul (L1 d) y, Mul (L1 d) y)].
+Definition storage_form (p : Q) : list term := [(p, le, le); (Qopp 1, le, Mul (P d) le)].
 
 Definition certified (T TP : list (list Z)) : bool :=
-  forallb (fun m => Qle_bool 0 (scaling m)) (multipliers d) && Qle_bool 0 (alpha d) && negb (Qle_bool (floor d) 0) &&
+  forallb (fun m => Qle_bool 0 (scaling m)) (inequalities d) && Qle_bool 0 (alpha d) && negb (Qle_bool (floor d) 0) &&
   Qle_bool 0 (weight d) && Qle_bool 0 (supply d) &&
   check false (n d + nf d + nv d) dissipation T && check false (n d) definite TP.
 
@@ -69,24 +79,40 @@ Lemma Q2R_zero : Q2R 0 = 0. Proof. unfold Q2R. simpl. field. Qed.
 Lemma Qle_R q : Qle_bool 0 q = true -> 0 <= Q2R q.
 Proof. intros K. apply Qle_bool_iff, Qle_Rle in K. now rewrite Q2R_zero in K. Qed.
 
+Lemma Qpos_R q : negb (Qle_bool q 0) = true -> 0 < Q2R q.
+Proof. intros K. apply negb_true_iff in K. destruct (Rle_or_lt (Q2R q) 0) as [L|L]; auto.
+ rewrite <- Q2R_zero in L. apply Rle_Qle in L. apply Qle_bool_iff in L. congruence. Qed.
+
+(* The sum of scaling sigma_m over the multipliers, which the class makes nonnegative *)
+Definition sigmas (ms : list multiplier) (q f : list R) := fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m q f) ms).
+Lemma sigmas_value ms x q f : eval larg x = q -> eval lf x = f -> quad (flat_map minus_sigma ms) x = - sigmas ms q f.
+Proof. intros Eq Ef. unfold sigmas. induction ms as [|m ms IH]; [unfold quad; simpl; ring|].
+ cbn [flat_map map fold_right]. rewrite quad_app, IH.
+ unfold quad, minus_sigma. cbn [bil bil1 eval]. rewrite Eq, Ef, !Q2R_opp, Q2R_mult, Q2R_two. unfold sigma. ring. Qed.
+Lemma sigmas_nonneg ms q f :
+  Forall (fun m => 0 <= Q2R (scaling m)) ms -> (forall m, In m ms -> 0 <= sigma m q f) -> 0 <= sigmas ms q f.
+Proof. unfold sigmas. intros K Hs. induction ms as [|m ms IH]; simpl; [lra|]. inversion K; subst.
+ assert (0 <= Q2R (scaling m) * sigma m q f) by (apply Rmult_le_pos; [auto|apply Hs; now left]).
+ assert (IH' := IH ltac:(assumption) ltac:(intros; apply Hs; now right)). lra. Qed.
+
+(* What the programs are at x = e ++ f ++ v *)
+Lemma programs e f v : length e = n d -> length f = nf d -> length v = nv d ->
+  eval ldot (e ++ f ++ v) = err_dot e f v /\ eval larg (e ++ f ++ v) = err_arg e f v /\ eval lz (e ++ f ++ v) = zed e.
+Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev).
+ unfold ldot, larg, lz, lout. cbn [eval]. rewrite Ee, Ef, Ev. now repeat split. Qed.
+
 Lemma dissipation_value e f v : length e = n d -> length f = nf d -> length v = nv d ->
   quad dissipation (e ++ f ++ v) =
   - (V_dot e (err_dot e f v) + 2 * Q2R (alpha d) * V e + Q2R (weight d) * sq (zed e) - Q2R (supply d) * sq v)
-  - fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m (err_arg e f v) f) (multipliers d)).
-Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev).
- unfold dissipation. rewrite quad_app.
- assert (Eo : eval ldot (e ++ f ++ v) = err_dot e f v). { unfold ldot, lout. cbn [eval]. rewrite Ee, Ef, Ev. reflexivity. }
- assert (Eq : eval larg (e ++ f ++ v) = err_arg e f v). { unfold larg, lout. cbn [eval]. rewrite Ee, Ef, Ev. reflexivity. }
- assert (E2 : quad (flat_map minus_sigma (multipliers d)) (e ++ f ++ v) =
-   - fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m (err_arg e f v) f) (multipliers d))).
- { induction (multipliers d) as [|m ms IH]; [unfold quad; simpl; ring|]. cbn [flat_map map fold_right]. rewrite quad_app, IH.
-   unfold quad, minus_sigma. cbn [bil bil1 eval]. rewrite Eq, Ef, !Q2R_opp, Q2R_mult, Q2R_two. unfold sigma. ring. }
- rewrite E2. unfold quad. cbn [bil bil1 eval]. unfold lz. cbn [eval]. rewrite Eo, Ee, Ev, !Q2R_opp, Q2R_mult, Q2R_two, Q2R_one.
- unfold V_dot, V, sq, zed. ring. Qed.
+  - sigmas (inequalities d) (err_arg e f v) f.
+Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev), (programs e f v He Hf Hv) as (Eo & Eq & Ez).
+ unfold dissipation. rewrite quad_app, (sigmas_value _ _ (err_arg e f v) f) by auto.
+ unfold quad. cbn [bil bil1 eval]. rewrite Ez, Eo, Ee, Ev, !Q2R_opp, Q2R_mult, Q2R_two, Q2R_one.
+ unfold V_dot, V, sq. ring. Qed.
 
 Variables T TP : list (list Z).
 Hypothesis cert : certified T TP = true.
-Lemma cert_parts : Forall (fun m => 0 <= Q2R (scaling m)) (multipliers d) /\ 0 <= Q2R (alpha d) /\ 0 < Q2R (floor d) /\ 0 <= Q2R (weight d)
+Lemma cert_parts : Forall (fun m => 0 <= Q2R (scaling m)) (inequalities d) /\ 0 <= Q2R (alpha d) /\ 0 < Q2R (floor d) /\ 0 <= Q2R (weight d)
   /\ 0 <= Q2R (supply d) /\ check false (n d + nf d + nv d) dissipation T = true /\ check false (n d) definite TP = true.
 Proof. unfold certified in cert. rewrite !andb_true_iff in cert. destruct cert as ((((((K1 & K2) & K3) & K4) & K5) & K6) & K7).
  repeat split; auto using Qle_R.
@@ -95,16 +121,12 @@ Proof. unfold certified in cert. rewrite !andb_true_iff in cert. destruct cert a
    rewrite <- Q2R_zero in L. apply Rle_Qle in L. apply Qle_bool_iff in L. congruence. Qed.
 
 Theorem dissipates e f v : length e = n d -> length f = nf d -> length v = nv d ->
-  (forall m, In m (multipliers d) -> 0 <= sigma m (err_arg e f v) f) ->
+  (forall m, In m (inequalities d) -> 0 <= sigma m (err_arg e f v) f) ->
   V_dot e (err_dot e f v) + 2 * Q2R (alpha d) * V e + Q2R (weight d) * sq (zed e) - Q2R (supply d) * sq v <= 0.
 Proof. intros He Hf Hv Hs. destruct cert_parts as (K1 & _ & _ & _ & _ & K & _).
  assert (N := nonnegative _ _ _ K (e ++ f ++ v) ltac:(rewrite !app_length; lia)).
  rewrite dissipation_value in N by auto.
- assert (S : 0 <= fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m (err_arg e f v) f) (multipliers d))).
- { clear N. induction (multipliers d) as [|m ms IH]; simpl; [lra|]. inversion K1; subst.
-   assert (0 <= Q2R (scaling m) * sigma m (err_arg e f v) f) by (apply Rmult_le_pos; [auto|apply Hs; now left]).
-   assert (IH' := IH ltac:(intros; apply Hs; now right) H3). lra. }
- lra. Qed.
+ assert (S := sigmas_nonneg _ (err_arg e f v) f K1 Hs). lra. Qed.
 
 Lemma eval_le e : length e = n d -> eval le e = e.
 Proof. intros He. unfold le. cbn [eval skipn]. rewrite <- He. apply firstn_all. Qed.
@@ -115,4 +137,13 @@ Proof. intros He. destruct cert_parts as (_ & _ & _ & _ & _ & _ & K).
 Theorem below_level mu TO e : check false (n d) (bounded mu) TO = true -> length e = n d -> sq (zed e) <= Q2R mu * V e.
 Proof. intros K He. assert (N := nonnegative _ _ _ K e He). unfold quad, bounded, lz in N. cbn [bil bil1] in N.
  rewrite Q2R_opp, Q2R_one in N. cbn [eval] in N. rewrite !(eval_le e He) in N. unfold V, sq, zed. lra. Qed.
+
+(* Bounds on the gain and on P *)
+Theorem gain_bounded kappa TL : check false (ny d) (gain_form kappa) TL = true -> forall y, length y = ny d ->
+  sq (mvR (rmat (L1 d)) y) <= Q2R kappa * Q2R kappa * sq y.
+Proof. intros K y Hy. assert (N := nonnegative _ _ _ K y Hy). unfold quad, gain_form in N. cbn [bil bil1] in N.
+ rewrite Q2R_opp, Q2R_mult, Q2R_one in N. cbn [eval skipn] in N. rewrite <- Hy, firstn_all in N. unfold sq. lra. Qed.
+Theorem storage_bounded p TS : check false (n d) (storage_form p) TS = true -> forall e, length e = n d -> V e <= Q2R p * sq e.
+Proof. intros K e He. assert (N := nonnegative _ _ _ K e He). unfold quad, storage_form in N. cbn [bil bil1] in N.
+ rewrite Q2R_opp, Q2R_one in N. cbn [eval] in N. rewrite !(eval_le e He) in N. unfold V, sq. lra. Qed.
 End Error.

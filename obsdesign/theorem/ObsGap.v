@@ -1,7 +1,7 @@
 (* obsdesign: What the storage functions of the time that is left do between two measurements, and at one. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsSampled ObsClock.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsBernstein ObsInstants ObsClock.
 Import ListNotations.
 Open Scope R_scope.
 

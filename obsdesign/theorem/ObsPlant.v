@@ -1,7 +1,7 @@
 (* obsdesign: Plant and observer with one and the same nonlinearity: their difference obeys the error equations. Classes of scalar functions. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory.
+From Obs Require Import ObsForm ObsDesign ObsHull ObsTrajectory.
 Import ListNotations.
 Open Scope R_scope.
 
@@ -30,6 +30,21 @@ Proof. intros H. induction H as [|g a xs dx H Hs IH]; intros ys dy K L; destruct
 
 Notation "M ** u" := (mvR (rmat M) u) (at level 40).
 Notation "u ++++ w" := (vaddR u w) (at level 50, left associativity).
+
+(* f of time and q is in the class: its differences satisfy every inequality of the multipliers, and lie in the hulls *)
+Definition of_class {time : Type} (d : design) (f : time -> list R -> list R) := forall t a b, length a = nq d -> length b = nq d ->
+  (forall m, In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)))
+  /\ (forall h, In h (hulls d) -> within h (vsubR a b) (vsubR (f t a) (f t b))).
+Lemma of_scales {time : Type} d (f : time -> list R -> list R) : hulls d = [] ->
+  (forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) ->
+     0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b))) -> of_class d f.
+Proof. intros N K t a b La Lb. split; [intros; now apply K|]. rewrite N. contradiction. Qed.
+Lemma class_holds {time : Type} d TH (f : time -> list R -> list R) : hulls_proved d TH = true -> of_class d f ->
+  forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) ->
+    0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
+Proof. intros K C t a b m La Lb Hm. destruct (C t a b La Lb) as [S W]. unfold inequalities in Hm. apply in_app_iff in Hm.
+ destruct Hm as [Hm|Hm]; [now apply S|]. apply in_map_iff in Hm. destruct Hm as (h & <- & Hh).
+ apply (hulls_hold d TH); auto. rewrite vsub_length; congruence. Qed.
 
 (* One instant: vectors only, so for continuous and discrete time *)
 Section Instant.
@@ -84,7 +99,7 @@ Hypothesis observer_x : forall t, 0 <= t -> moves xh t (A d ** at_ xh t ++++ Bf 
 Hypothesis observer_q : forall t, 0 <= t -> qh t = Cq d ** at_ xh t ++++ Dqf d ** f t (qh t) ++++ gq t ++++ L2 d ** vsubR (yh t) (y t).
 Hypothesis observer_y : forall t, 0 <= t -> yh t = C d ** at_ xh t ++++ Df d ** f t (qh t) ++++ gy t.
 (* the class *)
-Hypothesis class : forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
+Hypothesis class : forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
 
 Definition es := diff xh x.
 Definition fs t := vsubR (f t (qh t)) (f t (q t)).
@@ -99,7 +114,7 @@ Proof. unfold fs. rewrite vsub_length; rewrite !len_f; auto. Qed.
 Lemma error t : 0 <= t -> moves es t (err_dot d (at_ es t) (fs t) (at_ vs t)).
 Proof. intros Ht. rewrite es_at. unfold fs. rewrite (dot_error d siz (at_ x t) (at_ xh t) (at_ vs t) (q t) (qh t) (y t) (yh t) (g t) (gq t) (gy t) (f t (q t)) (f t (qh t))); auto; try (rewrite at_length; assumption).
  apply diff_moves; auto. lia. Qed.
-Lemma member t : 0 <= t -> forall m, In m (multipliers d) -> 0 <= sigma m (err_arg d (at_ es t) (fs t) (at_ vs t)) (fs t).
+Lemma member t : 0 <= t -> forall m, In m (inequalities d) -> 0 <= sigma m (err_arg d (at_ es t) (fs t) (at_ vs t)) (fs t).
 Proof. intros Ht m Hm. rewrite es_at. unfold fs.
  rewrite (arg_error d siz (at_ x t) (at_ xh t) (at_ vs t) (q t) (qh t) (y t) (yh t) (g t) (gq t) (gy t) (f t (q t)) (f t (qh t))); auto; try (rewrite at_length; assumption).
  apply class; auto.
@@ -114,11 +129,13 @@ Proof. intros Cv t Ht. assert (K := l2_bound d T TP cert es vs fs es_length len_
 Theorem plant_decay t : 0 <= t -> (forall s, 0 <= s <= t -> sq (at_ vs s) = 0) ->
   Q2R (floor d) * sq (e t) <= exp (- (2 * Q2R (alpha d) * t)) * V d (e 0).
 Proof. intros Ht Z. assert (K := decay d T TP cert es vs fs es_length len_v fs_length error member t Ht Z). cbv zeta beta in K. rewrite !es_at in K. exact K. Qed.
-Theorem plant_linf mu1 mu2 TO vbar t : check false (n d) (bounded d mu2) TO = true -> 0 <= Q2R mu2 ->
-  Q2R (supply d) = 2 * Q2R (alpha d) * mu1 -> 0 <= t -> (forall s, 0 <= s <= t -> sq (at_ vs s) <= vbar) ->
-  sq (zed d (e t)) <= Q2R mu2 * (mu1 * vbar + exp (- (2 * Q2R (alpha d) * t)) * (V d (e 0) - mu1 * vbar)).
-Proof. intros K1 K2 K3 Ht Hv. assert (K := linf_bound d T TP cert es vs fs es_length len_v fs_length error member mu1 mu2 TO vbar t K1 K2 K3 Ht Hv).
- cbv zeta beta in K. rewrite !es_at in K. exact K. Qed.
+Theorem plant_storage mu1 vbar t : Q2R (supply d) = 2 * Q2R (alpha d) * mu1 -> 0 <= t ->
+  (forall s, 0 <= s <= t -> sq (at_ vs s) <= vbar) ->
+  V d (e t) - mu1 * vbar <= exp (- (2 * Q2R (alpha d) * t)) * (V d (e 0) - mu1 * vbar).
+Proof. intros K Ht Hv. assert (S := storage_bound d T TP cert es vs fs es_length len_v fs_length error member mu1 vbar t K Ht Hv).
+ cbv zeta beta in S. rewrite !es_at in S. exact S. Qed.
+Lemma e_length t : length (e t) = n d.
+Proof. unfold e. rewrite vsub_length; rewrite !at_length; congruence. Qed.
 End Plant.
 
 (* Classes, pair by pair *)

@@ -69,7 +69,7 @@ Hypothesis len_f : forall t, length (fs t) = nf d.
 Let e t := at_ es t.
 Let v t := at_ vs t.
 Hypothesis error : forall t, 0 <= t -> moves es t (err_dot d (e t) (fs t) (v t)).
-Hypothesis class : forall t, 0 <= t -> forall m, In m (multipliers d) -> 0 <= sigma m (err_arg d (e t) (fs t) (v t)) (fs t).
+Hypothesis class : forall t, 0 <= t -> forall m, In m (inequalities d) -> 0 <= sigma m (err_arg d (e t) (fs t) (v t)) (fs t).
 Let V t := ObsDesign.V d (e t).
 Let z t := zed d (e t).
 Let dV t := V_dot d (e t) (err_dot d (e t) (fs t) (v t)).
@@ -134,13 +134,11 @@ Theorem decay t : 0 <= t -> (forall s, 0 <= s <= t -> sq (v s) = 0) ->
   Q2R (floor d) * sq (e t) <= exp (- (2 * Q2R (alpha d) * t)) * V 0.
 Proof. intros Ht Z. assert (K := weighted 0 t Ht). assert (F := V_nonneg t). rewrite !Rminus_0_r in K.
  eapply Rle_trans; [exact F|]. apply K. intros s Hs. rewrite (Z s Hs). lra. Qed.
-(* linf, supply = 2 alpha mu1: V <= mu1 sup|v|^2 + exp(-2 alpha t) (V(0) - mu1 sup|v|^2), |z|^2 <= mu2 V *)
-Theorem linf_bound mu1 mu2 TO vbar t : check false (n d) (bounded d mu2) TO = true -> 0 <= Q2R mu2 ->
+(* Where supply = 2 alpha mu1: V <= c + exp(-2 alpha t) (V(0) - c), c = mu1 sup|v|^2 *)
+Theorem storage_bound mu1 vbar t :
   Q2R (supply d) = 2 * Q2R (alpha d) * mu1 -> 0 <= t -> (forall s, 0 <= s <= t -> sq (v s) <= vbar) ->
-  sq (z t) <= Q2R mu2 * (mu1 * vbar + exp (- (2 * Q2R (alpha d) * t)) * (V 0 - mu1 * vbar)).
-Proof. intros K Hm Hs Ht Hv. assert (O := below_level d mu2 TO (e t) K (e_length t)). fold (z t) in O. fold (V t) in O.
- assert (W := weighted (mu1 * vbar) t Ht). eapply Rle_trans; [exact O|]. apply Rmult_le_compat_l; auto.
- cut (V t - mu1 * vbar <= exp (- (2 * Q2R (alpha d) * t)) * (V 0 - mu1 * vbar)); [lra|]. apply W.
- intros s Hs'. specialize (Hv s Hs'). destruct (cert_parts d T TP cert) as (_ & _ & _ & _ & Ks & _).
+  V t - mu1 * vbar <= exp (- (2 * Q2R (alpha d) * t)) * (V 0 - mu1 * vbar).
+Proof. intros Hs Ht Hv. apply (weighted (mu1 * vbar) t Ht). intros s Hs'. specialize (Hv s Hs').
+ destruct (cert_parts d T TP cert) as (_ & _ & _ & _ & Ks & _).
  assert (Q2R (supply d) * sq (v s) <= Q2R (supply d) * vbar) by now apply Rmult_le_compat_l. rewrite Hs in *. lra. Qed.
 End Theorems.

@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+from obsdesign.coq.library import QUIET
 from support.commands import run
 
 AXIOMS = {"sig_not_dec", "sig_forall_dec", "functional_extensionality_dep", "classic"}
@@ -15,7 +16,12 @@ def compiled(folder, text):
     """What coqc says of a file, and whether it accepts it."""
     (folder / "Theorem.v").write_text(text)
     found = subprocess.run(
-        ["coqc", "-Q", ".", "Obs", "Theorem.v"], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+        ["coqc", *QUIET.split(), "-Q", ".", "Obs", "Theorem.v"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     return found.returncode == 0, found.stdout + found.stderr
 

@@ -103,7 +103,8 @@ class Claim(Proved):
 
     def theorem(self, spec: Spec) -> str:
         """Claim as a file of Coq; raises `UnexportedError`."""
-        return exported(self.certificate, spec, self.statement(spec))
+        request = request_of(spec)
+        return exported(self.certificate, spec, self.statement(spec), NO_BOUNDS if request.gains else request.bounds)
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, what that leaves for an uncertainty, the limit it is near to, and the witnesses."""

@@ -4,7 +4,7 @@ A search takes one solve, in the scaling of its data, and believes it: what is s
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -32,6 +32,7 @@ ONE = np.ones((1, 1))
 VIOLATION, RELATIVE = 1e-5, 1e-7  # of a constraint that a search tolerates, the latter relative to the unknowns
 MAGNIFIED = 100.0  # constant terms, at least, of a second solve: a solver loses them beside large unknowns
 FEASIBLE = 1e-7  # normalised margin above which there is a solution
+DOUBTFUL = 1e-8, 1e-5  # margins about that, of a quick solve, that are solved for more accurately
 BACKOFFS = (1e-3, 5e-3, 2e-2, 0.1)  # of the least number that a claim needs
 DIGITS = (8, 12, 17)  # of a witness
 ROOM = 1e-6  # relative, of numbers that follow from P
@@ -133,13 +134,17 @@ class Analysis:
         """Least gain from w to z; infinite if none is found."""
         return math.sqrt(max(self.least(GOALS["gamma"], T2, decay).objective, 0.0))
 
-    def margin(self, T2: fmpq, decay: fmpq) -> float:
-        """Largest normalised margin of the inequalities without w and z: there is a solution iff it is positive."""
+    def margin(self, T2: fmpq, decay: fmpq, *, quick: bool = False) -> float:
+        """Largest normalised margin of the inequalities without w and z: there is a solution iff it is positive.
+
+        `quick`: whether a quick solve does, where its margin is not doubtful.
+        """
         *_, theorem = self.asked(GOALS["overshoot"], T2, decay)
         fixed = {"weight": 0 * ONE, "mu": 0 * ONE, "floor": 0 * ONE}
         problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**v, **fixed}))
-        _, t = self.widest(reduce(problem))
-        return t
+        reduced = reduce(problem)
+        t = self.widest(reduced, quick=True)[1] if quick else -math.inf
+        return t if t > DOUBTFUL[1] or -math.inf < t < DOUBTFUL[0] else self.widest(reduced)[1]
 
     def solved(
         self,
@@ -187,10 +192,10 @@ class Analysis:
         search.duals = duals
         return ending, y
 
-    def widest(self, reduced: Reduced) -> tuple[Array, float]:
+    def widest(self, reduced: Reduced, *, quick: bool = False) -> tuple[Array, float]:
         """Point of the largest normalised margin, and the margin, by one solve."""
         scaled, T = balance(homogeneous(reduced.program))
-        ending, y = self.solve(with_margin(scaled), Search(call(self.engine.solver)))
+        ending, y = self.solve(with_margin(scaled), Search(call(self.engine.solver, quick=quick)))
         *z, size = unscaled(T, y[:-1])
         t = float(y[-1])
         broken = ending is Ending.FAILED or not np.isfinite([*z, size, t]).all() or size <= 0
@@ -199,11 +204,18 @@ class Analysis:
     # Proofs
 
     def prove(
-        self, goal: Goal, T2: fmpq, decay: fmpq, found: Found | None = None, given: Mapping[str, fmpq] = NOTHING
+        self,
+        goal: Goal,
+        T2: fmpq,
+        decay: fmpq,
+        found: Found | None = None,
+        given: Mapping[str, fmpq] = NOTHING,
+        *,
+        quick: bool = False,
     ) -> Witness | None:
         """Witness of nearly the least number; the last attempt if none holds, None if there is none.
 
-        `found`: the least number, if it is known; `given`: other numbers of the claim.
+        `found`: the least number, if it is known; `given`: other numbers of the claim; `quick`: as of `witness`.
         """
         if goal.least == "mu" and not self.system.Bx.shape[1]:
             return self.witness(goal, T2, decay, {"mu": fmpq(0)})
@@ -217,33 +229,44 @@ class Analysis:
             return None
         witness = None
         for backoff in BACKOFFS:
-            witness = self.witness(goal, T2, decay, {**given, goal.least: number(found.objective, backoff)})
+            numbers = {**given, goal.least: number(found.objective, backoff)}
+            witness = self.witness(goal, T2, decay, numbers, quick=quick)
             if witness and witness.holds:
                 break
         return witness
 
-    def witness(self, goal: Goal, T2: fmpq, decay: fmpq, numbers: Mapping[str, fmpq]) -> Witness | None:
-        """Witness for the numbers of a claim; the last attempt if none holds, None if there is none."""
+    def witness(
+        self, goal: Goal, T2: fmpq, decay: fmpq, numbers: Mapping[str, fmpq], *, quick: bool = False
+    ) -> Witness | None:
+        """Witness for the numbers of a claim; the last attempt if none holds, None if there is none.
+
+        `quick`: whether a quick solve is tried first, which does for a proof that is not near its edge.
+        """
         exact, units, theorem = self.asked(goal, T2, decay)
         fixed = in_units({**goal.fixed(ONE), **in_matrices(numbers, units)}, units.unity)
-        problem = Problem(theorem.unknowns, lambda v: theorem.inequalities({**fixed, **v}))
-        point, t = self.widest(reduce(problem))
-        if t <= 0:
-            return None
-        v = matrices(theorem.unknowns, point)
+        reduced = reduce(Problem(theorem.unknowns, lambda v: theorem.inequalities({**fixed, **v})))
         witness = None
-        for digits in DIGITS:
-            P, M = with_digits(units.storage(theorem.P(v)), digits), units.multipliers(theorem.multipliers(v))
-            M = {name: with_digits(stack, digits) for name, stack in M.items()}
-            if exact.tied:
-                P[0, 0] = exact.first(with_digits(units.V * v["P0"], digits))
-            size = {"r": largest(P)} if "r" in goal.also else {}
-            witness = Witness(goal, replace(exact, tied=None), {**numbers, **size}, P, M)
-            if goal.normal and units.far:
-                witness = normalised(witness)
-            if witness.holds:
-                break
+        for rough in (True, False) if quick else (False,):
+            point, t = self.widest(reduced, quick=rough)
+            for P, M in written(exact, units, matrices(theorem.unknowns, point)) if t > 0 else ():
+                size = {"r": largest(P)} if "r" in goal.also else {}
+                witness = Witness(goal, replace(exact, tied=None), {**numbers, **size}, P, M)
+                if goal.normal and units.far:
+                    witness = normalised(witness)
+                if witness.holds:
+                    return witness
         return witness
+
+
+def written(exact: ClockTheorem, units: ErrorUnits, v: Values) -> Iterator[tuple[Array, dict[str, Array]]]:
+    """P and the multipliers of a solution in the units of the spec, in more and more digits."""
+    theorem = units.theorem(exact.doubles)
+    for digits in DIGITS:
+        P, M = with_digits(units.storage(theorem.P(v)), digits), units.multipliers(theorem.multipliers(v))
+        M = {name: with_digits(stack, digits) for name, stack in M.items()}
+        if exact.tied:
+            P[0, 0] = exact.first(with_digits(units.V * v["P0"], digits))
+        yield P, M
 
 
 def in_units(v: Values, unity: Float) -> dict[str, Array]:

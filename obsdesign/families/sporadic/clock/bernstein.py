@@ -61,17 +61,15 @@ class Clock:
         """Which control value of P is the k-th of a segment, (N, d + 1)."""
         return np.asarray(self.degree * np.arange(self.segments)[:, None] + np.arange(self.degree + 1))
 
-    @cached_property
-    def rates(self) -> Array:
-        """Weights, in rationals, of the control values of P in those of P', (N (d + 1), N d + 1)."""
-        d = self.degree
-        weights = zeros((self.places.size, self.count), like=[np.array([fmpq(0)])])
-        for row, (i, k) in enumerate(np.ndindex(self.places.shape)):
-            h = self.knots[i + 1] - self.knots[i]
-            for j, weight in ((k - 1, -k), (k, 2 * k - d), (k + 1, d - k)):
-                if weight and 0 <= j <= d:
-                    weights[row, self.places[i, j]] += weight / h
-        return weights
+    def rates(self, like: Array) -> Array:
+        """Weights of the control values of P in those of P', (N (d + 1), N d + 1), in the numbers of P."""
+        d, k = self.degree, np.arange(self.degree + 1)
+        steps = np.zeros((d + 1, d + 1), dtype=int)
+        steps[k[1:], k[:-1]], steps[k, k], steps[k[:-1], k[1:]] = -k[1:], 2 * k - d, d - k[:-1]
+        weights = zeros((self.segments, d + 1, self.count), like=[like])
+        for own, places, (a, b) in zip(weights, self.places, pairwise(self.knots), strict=True):
+            own[:, places] = steps / (b - a)
+        return weights.reshape(-1, self.count)
 
     def on(self, P: Array) -> Array:
         """Control values of P (.., N d + 1, m, m) segment by segment, (.., N (d + 1), m, m)."""
@@ -79,7 +77,7 @@ class Clock:
 
     def slope(self, P: Array) -> Array:
         """Control values of P', segment by segment, (.., N (d + 1), m, m), in the numbers of P."""
-        weights = self.rates if P.dtype == object else self.rates.astype(float)
+        weights = self.rates(P)
         flat = P.reshape(*P.shape[:-2], -1)
         return np.asarray((weights @ flat).reshape(*P.shape[:-3], -1, *P.shape[-2:]))
 

@@ -6,7 +6,7 @@ from flint import fmpq
 
 from obsdesign.dissipation import scan
 from obsdesign.dissipation.decimals import round_down, round_up
-from obsdesign.families.sporadic.clock.analysis import FEASIBLE, Analysis
+from obsdesign.families.sporadic.clock.analysis import FEASIBLE, Analysis, Found
 from obsdesign.families.sporadic.clock.witness import GOALS, Goal, Witness, constants
 from obsdesign.families.sporadic.gains import EDGE, PART, SHORTENED
 from obsdesign.lmi.formula import approximate, printed
@@ -23,7 +23,7 @@ def fastest(analysis: Analysis, T2: fmpq, low: fmpq, high: float | None = None, 
     """Largest rate for which there is a solution, or None if there is none at the lowest; numerical."""
 
     def missing(decay: float) -> float:
-        return FEASIBLE - analysis.margin(T2, printed(decay))
+        return FEASIBLE - analysis.margin(T2, printed(decay), quick=accuracy > EDGE)
 
     begin = float(low)
     if missing(begin) >= 0:
@@ -88,18 +88,18 @@ def witnesses(analysis: Analysis, T2: fmpq, decay: fmpq) -> dict[str, Witness]:
 
 def best(analysis: Analysis, goal: Goal, T2: fmpq, rates: list[fmpq]) -> Witness | None:
     """Witness of the least constant over a few rates, by their solves; None where none is found."""
-    sizes = {rate: size(analysis, goal, T2, rate) for rate in rates if rate}
+    found = {rate: analysis.least(goal, T2, rate) for rate in rates if rate}
+    sizes = {rate: size(goal, one, rate, analysis.T1) for rate, one in found.items()}
     for rate in sorted((r for r in sizes if math.isfinite(sizes[r])), key=sizes.__getitem__):
-        witness = analysis.prove(goal, T2, rate)
+        witness = analysis.prove(goal, T2, rate, found[rate])
         if witness and witness.holds:
             return witness
     return None
 
 
-def size(analysis: Analysis, goal: Goal, T2: fmpq, rate: fmpq) -> float:
+def size(goal: Goal, found: Found, rate: fmpq, T1: fmpq) -> float:
     """Constant that a solve finds at a rate."""
-    found = analysis.least(goal, T2, rate)
     if found.values is None or found.objective <= 0:
         return math.inf
-    known = constants(goal, {goal.least: printed(found.objective)}, rate, analysis.T1)
+    known = constants(goal, {goal.least: printed(found.objective)}, rate, T1)
     return min(map(approximate, known.values()), default=math.inf)

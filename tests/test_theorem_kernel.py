@@ -1,0 +1,162 @@
+"""What `verify --compile` makes of what coqc says: accepted on which axioms, refused, not installed; its record."""
+
+import json
+import os
+import re
+import shutil
+import stat
+
+import pytest
+from support.commands import run
+
+import obsdesign as od
+from obsdesign.coq.kernel import AXIOMS, axioms_of, judged, refused
+
+SPEC = """
+obsdesign: 1
+name: Tank
+system: {A: [[-1]], B: [[1]], C: [[1]]}
+observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
+"""
+COQC = """#!/bin/sh
+if [ "$1" = --print-version ]; then echo 8.16.1 4.13.1; exit; fi
+for last; do :; done
+echo "$last" >> "{log}"
+if [ "$last" = Theorem.v ]; then {theorem}; fi
+"""
+ACCEPTS = "printf 'Axioms:\\nClassicalDedekindReals.sig_forall_dec\\n  : forall P, P\\n'"
+CHEATS = "printf 'Axioms:\\nTheorem.cheat : 0 = 1\\nClassical_Prop.classic : forall P : Prop, P\\n'"
+REFUSES = "printf 'File \"./Theorem.v\", line 1000, characters 0-5:\\nError: no.\\n' >&2; exit 1"
+
+
+@pytest.fixture
+def coqc(tmp_path, monkeypatch):
+    """A coqc that says what it is told to, and a list of what it compiled."""
+
+    def made(theorem):
+        program = tmp_path / "bin" / "coqc"
+        program.parent.mkdir(exist_ok=True)
+        program.write_text(COQC.format(log=tmp_path / "log", theorem=theorem))
+        program.chmod(program.stat().st_mode | stat.S_IXUSR)
+        return lambda: (tmp_path / "log").read_text().split()
+
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:/usr/bin:/bin")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return made
+
+
+@pytest.fixture
+def gains(here):
+    """A result, here."""
+    od.solve(od.load(SPEC)).save(here / "tank.gains.json")
+    return here / "tank.gains.json"
+
+
+def test_an_accepted_theorem_is_told_and_recorded_in_the_result(gains, coqc):
+    compiled = coqc(ACCEPTS)
+    before = json.loads(gains.read_text())
+    for _ in range(2):
+        outcome = run("verify", gains, "--theorem", "coq", "--compile", "--json")
+        assert outcome.exit_code == 0, outcome.stderr
+    told, after = json.loads(outcome.stdout)["theorem"], json.loads(gains.read_text())
+    assert told["accepted"] is True
+    assert told["time_s"] > 0
+    record = after.pop("theorem")
+    assert after == before
+    assert (record["sha256"], record["coq"]) == (told["sha256"], "8.16.1")
+    assert compiled().count("ObsForm.v") == 1
+    assert compiled().count("Theorem.v") == 2
+    assert run("verify", gains).exit_code == 0
+    assert "accepted by its kernel" in run("verify", gains, "--theorem", "coq", "--compile").stdout
+    report = gains.parent / "report.html"
+    assert run("report", gains, "-o", report).exit_code == 0
+    assert f"accepted by Coq 8.16.1 on {record['accepted'][:10]}" in report.read_text()
+
+
+@pytest.mark.parametrize(("says", "name"), [(REFUSES, "for_the_class"), (CHEATS, "Theorem.cheat")])
+def test_what_is_refused_or_rests_on_another_axiom_is_exit_4_and_not_recorded(says, name, gains, coqc):
+    coqc(says)
+    before = gains.read_text()
+    outcome = run("verify", gains, "--theorem", "coq", "--compile", "--json")
+    assert outcome.exit_code == 4
+    assert f"coqc 8.16.1 refuses {name}: " in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1
+    assert json.loads(outcome.stdout)["theorem"]["accepted"] is False
+    assert gains.read_text() == before
+
+
+def test_a_library_that_does_not_compile_is_told_and_not_kept(gains, coqc, tmp_path):
+    coqc("true")
+    (tmp_path / "bin" / "coqc").write_text(
+        "#!/bin/sh\n[ $1 = --print-version ] && echo 7 3 || { echo Error >&2; exit 1; }"
+    )
+    outcome = run("verify", gains, "--theorem", "coq", "--compile")
+    assert outcome.exit_code == 2
+    assert "coqc 7 does not take the library" in outcome.stderr
+    assert os.listdir(tmp_path / "cache" / "obsdesign") == []
+
+
+def test_without_coqc_nothing_is_compiled(gains, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    outcome = run("verify", gains, "--theorem", "coq", "--compile")
+    assert outcome.exit_code == 2
+    assert "coqc is not installed" in outcome.stderr
+    assert run("verify", gains, "--compile").exit_code == 2
+
+
+def test_a_lack_of_memory_is_told(coqc):
+    coqc("echo 'Out of memory.' >&2; exit 2")
+    with pytest.raises(od.UndecidedError, match="needs more than 12 GiB"):
+        judged("")
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        "yes",
+        {},
+        {"sha256": "0" * 64, "coq": "8.16.1"},
+        {"sha256": "0" * 63, "coq": "8.16.1", "accepted": "2026-01-01T00:00:00Z"},
+        {"sha256": "0" * 64, "coq": "8.16.1", "accepted": "2026-01-01T00:00:00Z", "by": "me"},
+        {"sha256": "0" * 64, "coq": ["8"], "accepted": "2026-01-01T00:00:00Z"},
+    ],
+)
+def test_a_record_of_another_form_is_refused(record, gains):
+    content = json.loads(gains.read_text())
+    gains.write_text(json.dumps({**content, "theorem": record}))
+    outcome = run("verify", gains)
+    assert outcome.exit_code == 2
+    assert "theorem: " in outcome.stderr
+
+
+def test_the_statement_in_which_an_error_is_has_a_name():
+    text = "Definition a := 1.\n\nLemma b : a = 1.\nProof. no. Qed.\nTheorem c : b.\n"
+    assert refused(text, 'File "./Theorem.v", line 4, characters 0-3:') == "b"
+    assert refused(text, 'File "./Theorem.v", line 5, characters 0-3:') == "c"
+    assert refused(text, "killed") == "the file"
+
+
+def test_the_axioms_are_read_with_their_types_left_out():
+    printed = "Axioms:\nA.one : forall x : R,\n  x = x\nB.two\n  : Prop\n"
+    assert axioms_of(printed) == {"A.one", "B.two"}
+    assert axioms_of("Closed under the global context\n") == set()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("coqc") is None, reason="needs Debian's coq and libcoq-coquelicot")
+def test_coq_accepts_a_design_from_the_command_line_and_refuses_a_false_text(gains, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    outcome = run("verify", gains, "--theorem", "coq", "--compile")
+    assert outcome.exit_code == 0, outcome.stderr
+    text = (gains.parent / "tank.theorem.v").read_text()
+    assert judged(text).axioms <= AXIOMS
+    false = judged(re.sub(r"gamma : Q := 0\.", "gamma : Q := 0.0", text))
+    assert not false.accepted
+    assert false.refused == "proved"
+    cheat = judged(
+        text.replace("Lemma proved", "Axiom cheat : forall P : Prop, P.\nLemma proved").replace(
+            "Proof. vm_cast_no_check (eq_refl true). Qed.", "Proof. apply cheat. Qed."
+        )
+    )
+    assert not cheat.accepted
+    assert cheat.refused.endswith("cheat")
