@@ -13,22 +13,23 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import Array
 
-BITS = 22  # of the entries of T that are found in doubles
+BITS = (8, 14, 22)  # of the entries of T that are found in doubles: with fewer the kernel has less to do
 Columns = list[list[int]]  # of a lower triangular matrix, without their leading zeros
 
 
 def congruence(S: Array) -> Columns:
     """T in integers for a symmetric S in rationals; raises `ValueError`: S has a negative eigenvalue."""
     whole = integers(S)
-    if (rough := in_doubles(whole)) is not None and dominant(whole, rough):
-        return rough
+    for bits in BITS:
+        if (rough := in_doubles(whole, bits)) is not None and dominant(whole, rough):
+            return rough
     if (exact := in_rationals(whole)) is None:
         raise ValueError("the matrix has a negative eigenvalue")
     return exact
 
 
-def in_doubles(S: Columns) -> Columns | None:
-    """Rounded inverse of a Cholesky factor; a row of zeros gets a column of the identity."""
+def in_doubles(S: Columns, bits: int) -> Columns | None:
+    """Inverse of a Cholesky factor, rounded to so many bits; a row of zeros gets a column of the identity."""
     order = len(S)
     live = [i for i in reversed(range(order)) if any(S[i])]  # last variable first, so that T is lower triangular
     if any(S[i][i] <= 0 for i in live):
@@ -42,7 +43,7 @@ def in_doubles(S: Columns) -> Columns | None:
     largest = max(size.values(), default=0)
     columns = [[int(i == j) for i in range(order)] for j in range(order)]
     for row, j in zip(inverse, live, strict=True):
-        entry = {i: round(float(x) * 2.0**BITS) << (largest - size[i]) for x, i in zip(row, live, strict=True)}
+        entry = {i: round(float(x) * 2.0**bits) << (largest - size[i]) for x, i in zip(row, live, strict=True)}
         columns[j] = [entry.get(i, 0) for i in range(order)]
     return [column[j:] for j, column in enumerate(columns)] if all(c[j] for j, c in enumerate(columns)) else None
 

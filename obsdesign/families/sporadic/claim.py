@@ -6,6 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.coq.theorem import UnexportedError
 from obsdesign.families.outcome import Outcome
 from obsdesign.families.sporadic.certificate import (
     CONSTANTS,
@@ -69,6 +70,10 @@ class Claim(Proved):
     def statement(self, spec: Spec) -> str:
         """Guarantee in words, with the observer written out, and where it holds."""
         return "; ".join([self.certificate.statement(self.constants), *spec.provisos])
+
+    def theorem(self, spec: Spec) -> str:  # noqa: ARG002
+        """None: raises `UnexportedError`."""
+        raise UnexportedError("claims of a proposition are not exported yet, those of relaxation clock are")
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, the limit it is near to, and the witnesses."""

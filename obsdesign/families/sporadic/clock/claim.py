@@ -8,7 +8,9 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.coq.instants import exported
 from obsdesign.families.sporadic.certificate import jitter, sequences, span
+from obsdesign.families.sporadic.clock.exported import observer, parts
 from obsdesign.families.sporadic.clock.guarantee import ClockGuarantee
 from obsdesign.families.sporadic.clock.outage import Outage
 from obsdesign.families.sporadic.clock.theorem import ErrorSystem, equations
@@ -148,6 +150,11 @@ class ClockClaim(Proved):
             parts.append(self.overdue(self.outage, w))
         told = "; ".join(f"(P{i}) {part}" for i, part in enumerate(parts, start=1))
         return "; ".join([f"{sequences(self.T1, self.T2)}: {told}; for {equations(self.system)}", *spec.provisos])
+
+    def theorem(self, spec: Spec) -> str:
+        """Claim as a file of Coq; raises `UnexportedError`."""
+        made = observer(spec.augmented, spec.H, self.gains, self.multiplier, self.T1, self.T2)
+        return exported(made, parts(self.witnesses, self.constants), spec, self.statement(spec))
 
     def overdue(self, outage: Outage, w: str) -> str:
         """What holds where measurements stay away, in words."""
