@@ -26,7 +26,7 @@ LAYERS = (
     ("reading", "starters"),
     ("families",),
     ("coq.theorem",),
-    ("coq.hulls", "coq.bounds"),
+    ("coq.hulls", "coq.bounds", "coq.membership"),
     ("constants",),
     ("spec",),
     ("trial",),
