@@ -176,7 +176,7 @@ def verify(path: str | os.PathLike[str] | ResultFile, spec: Spec | None = None) 
 
 
 def theorem(path: str | os.PathLike[str] | ResultFile, spec: Spec | None = None) -> str:
-    """Guarantee of a result file as a file of Coq: its numbers, the theorem for every f of the class, and the proof.
+    """Guarantee of a result file as a file of Coq: its numbers, the theorem for its f or its class, and the proof.
 
     The kernel of Coq accepts it with the library that `obsdesign theorem --library DIR` writes; see `explain theorem`.
     Raises `UsageError`: the file is malformed or belongs to another spec, or its claim is one that is not exported;

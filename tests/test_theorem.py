@@ -111,6 +111,9 @@ observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
 }
 
 
+UNKNOWN = {"abbaszadeh2010-flexible-joint", *MATRICES}  # the first has a constant below that of f, the others no f
+
+
 @pytest.fixture(scope="module")
 def gains(tmp_path_factory):
     """Results of one design of each family whose claims are exported."""
@@ -131,7 +134,8 @@ def test_the_file_holds_the_numbers_of_the_result_and_ends_with_the_guarantee(ga
             for entry in row:
                 assert number(fmpq(*map(int, entry.split("/")))) in record
         assert "Theorem for_the_class : forall f, of_class designed f ->" in theorem
-        assert theorem.endswith("Print Assumptions for_the_class.\n")
+        last = "for_the_class" if path.name.partition(".")[0] in UNKNOWN else "for_this_f"
+        assert theorem.endswith(f"Print Assumptions {last}.\n")
         assert not re.search(r"Admitted|Axiom|Parameter|admit", text)
 
 
@@ -160,7 +164,10 @@ def test_the_words_at_the_head_say_what_of_them_is_stated_and_what_is_a_premise(
     for path in gains:
         head = od.theorem(path).partition("Require Import")[0]
         head = " ".join(head.replace("*)", "").replace("(*", "").split())
-        for words in ("is for_the_class", "As floor is less", "for all arguments, also where", "does not state"):
+        own = ("is for_this_f", "f is the one that is defined below")
+        if path.name.partition(".")[0] in UNKNOWN:
+            own = ("is for_the_class", "for all arguments, also where")
+        for words in (*own, "As floor is less", "does not state"):
             assert words in head
         assert ("anything of a plant in continuous time" in head) is path.name.startswith("discrete")
 
@@ -295,12 +302,13 @@ def test_the_kernel_refuses_what_is_false(name, gains, library):
     run = re.search(r"g gq gy, (\w+) designed", text)[1]
     false = {what: change(text) for what, change in FALSE.items()}
     false["a faster decay"] = re.sub(r"alpha := \d+\.?\d*", FASTER[run], text)
-    computed = text.splitlines().index("Proof. vm_cast_no_check (eq_refl true). Qed.") + 1
+    casts = "Proof. vm_cast_no_check (eq_refl true). Qed."  # of the claim, and of bounds on gains and P
+    computed = {str(i) for i, line in enumerate(text.splitlines(), start=1) if line == casts}
     for what, changed in false.items():
         assert changed != text, what
         accepted, said = compiled(library, changed)
         assert not accepted, what
-        assert re.search(r"line (\d+), characters", said)[1] == str(computed), (what, said)
+        assert re.search(r"line (\d+), characters", said)[1] in computed, (what, said)
 
 
 @pytest.mark.slow
@@ -309,7 +317,6 @@ def test_the_kernel_refuses_what_is_false(name, gains, library):
     ("name", "changes"),
     {
         "cone": {
-            "conic := true": "conic := false",
             "count := 2": "count := 1",
             "[[0; 0; 0]; [0; 1; 1]": "[[0; 0; 0]; [0; -1; 1]",
         },

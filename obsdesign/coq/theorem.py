@@ -17,6 +17,7 @@ from obsdesign.coq.bounds import bounded
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.coq.hulls import Hull, of_hulls
+from obsdesign.coq.membership import Ending, Words, ending
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number, zeros
@@ -36,6 +37,8 @@ class Course:
     """How a theorem speaks of plant and observer over time."""
 
     run: str  # what x, xhat, .. are: a definition of the library
+    time: str  # variable and type
+    always: str  # for all of it
     files: str  # of the library
     instant: str
     error: str
@@ -49,7 +52,9 @@ class Course:
 
 CONTINUOUS = Course(
     run="trajectories",
-    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem",
+    time="t : R",
+    always="forall t, 0 <= t ->",
+    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsMembers ObsRegions",
     instant="forall t, 0 <= t ->",
     error="error_at",
     energy=f"""\
@@ -64,18 +69,21 @@ RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
 (forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
       Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)""",
     limits="""\
-These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
+These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
 - Of the words it states the bound on z, and floor |e|^2 <= exp(-2 alpha t) e0' P e0 where v = 0. As floor is less than
   the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at alpha = 0 it says that e stays bounded.
-- Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local;
+- Its premises: {premise};
   x and xhat are differentiable and v is continuous at every t >= 0.
 - It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
   storage_bound say of bounds on L1 and P, where there are some, is beside it.
-- That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L.""",
+- That the numbers and the f below are those of the spec is believed.
+  Here e = xhat - x, and L1 = -L where the words have L.""",
 )
 PREDICTED = Course(
     run="predicted",
-    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsSamples",
+    time="k : nat",
+    always="forall k,",
+    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsMembers ObsSamples ObsRegions",
     instant="forall N : nat,",
     error="error_of",
     energy=f"""\
@@ -90,14 +98,15 @@ sum_to (fun k => sq (zed {NAME} (e k))) N <=
 (forall k, (k < N)%nat -> sq (v k) = 0) ->
       Q2R (floor {NAME}) * sq (e N) <= Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)""",
     limits="""\
-These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
+These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
 - Of the words it states the bound on z, and floor |e_N|^2 <= rho^(2 N) e0' P e0 where v = 0; alpha is rho there. As
   floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at rho = 1 it says that e
   stays bounded.
-- Its premise: f satisfies the inequalities of multipliers for all arguments, also where the words are local.
+- Its premise: {premise}.
 - It does not state larger Lipschitz constants, that there are such sequences, or anything of a plant in continuous
   time. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
-- That the numbers below are those of the spec is believed. Here e = xhat - x, and L1 = -L where the words have L.""",
+- That the numbers and the f below are those of the spec is believed.
+  Here e = xhat - x, and L1 = -L where the words have L.""",
     claims="claims_{}_of_samples",
 )
 FILTERED = replace(
@@ -127,17 +136,20 @@ def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bound
     if certificate.family.about.pace.sampled:
         course = FILTERED if spec.observer.filtered else PREDICTED
         plant = apart(spec.augmented) if spec.observer.filtered else plant
-    return "\n".join([*map(comment, heading(spec, statement, course)), written(certificate, plant, course, bounds)])
+    text, end = written(certificate, spec, plant, course, bounds)
+    return "\n".join([*map(comment, heading(spec, statement, course, end)), text])
 
 
 def stated(text: str) -> str:
     """What the theorem of such a file states, in Coq, on one line."""
-    start = text.index("Theorem for_the_class : ")
+    start = text.rindex("\nTheorem for_") + 1
     return " ".join(text[start : text.index("Proof.", start)].split())
 
 
-def written(certificate: Certificate, plant: Plant[Exact], course: Course, bounds: Bounds = NO_BOUNDS) -> str:
-    """Design, T, and the theorem with its proof."""
+def written(
+    certificate: Certificate, spec: Spec, plant: Plant[Exact], course: Course, bounds: Bounds = NO_BOUNDS
+) -> tuple[str, Ending]:
+    """Design, T, and the theorems with their proofs; and how they end."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
     H, P = family.H, certificate.P
     weight, supply = (fmpq(0), family.loss * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
@@ -151,7 +163,13 @@ def written(certificate: Certificate, plant: Plant[Exact], course: Course, bound
     }
     what, constants = ("peak", ("gamma", "mu1", "mu2")) if peak else ("energy", ("gamma",))
     arguments = " ".join([*constants, *forms, "TH"])
-    return "\n".join(
+    run = f"forall x xh v q qh y yh g gq gy, {course.run} {NAME} f x xh v q qh y yh g gq gy ->"
+    error = f"let e := {course.error} x xh in"
+    concluded = f"{course.instant}\n  {error}\n  {getattr(course, what)}\n  /\\ ({course.decay})."
+    words = Words(course.time, course.always, course.run, run, concluded)
+    rays = [*multipliers(certificate), *((fmpq(1), *hull.M) for hull in hulls(certificate))]
+    end = ending(spec.nonlinearities, rays, NAME, words)
+    text = "\n".join(
         [
             IMPORTS.format(files=course.files),
             "Open Scope Q_scope.",
@@ -167,26 +185,23 @@ def written(certificate: Certificate, plant: Plant[Exact], course: Course, bound
             "Proof. vm_cast_no_check (eq_refl true). Qed.",
             "",
             f"Theorem for_the_class : forall f, of_class {NAME} f ->",
-            f"  forall x xh v q qh y yh g gq gy, {course.run} {NAME} f x xh v q qh y yh g gq gy -> {course.instant}",
-            f"  let e := {course.error} x xh in",
-            f"  {getattr(course, what)}",
-            f"  /\\ ({course.decay}).",
+            f"  {run} {concluded}",
             f"Proof. exact ({what}_of_{course.run} {NAME} {arguments} proved). Qed.",
             "",
-            "Print Assumptions for_the_class.",
-            "",
+            *end.lines,
         ]
     )
+    return text, end
 
 
-def heading(spec: Spec, statement: str, course: Course) -> list[str]:
+def heading(spec: Spec, statement: str, course: Course, end: Ending) -> list[str]:
     """What the file is about, in words; none of it is checked by Coq."""
     states = ", ".join([*spec.plant.states, *spec.model_states])
     return [
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
         f"states: {states}",
         f"in words: {statement}",
-        *course.limits.splitlines(),
+        *course.limits.format(theorem=end.theorem, premise=end.premise).splitlines(),
     ]
 
 

@@ -175,9 +175,9 @@ Proof. unfold hull_proved. rewrite !andb_true_iff. intros ((((K1 & K2) & K3) & K
      cbn [eval] in R. rewrite Eu in R. lra. }
    rewrite weighted_scale in Ng by exact Lf. unfold sigma. lra. Qed.
 Theorem hulls_hold d TH q df : hulls_proved d TH = true -> length q = nq d ->
-  (forall h, In h (hulls d) -> within h q df) -> forall h, In h (hulls d) -> 0 <= sigma (form_of h) q df.
-Proof. unfold hulls_proved. rewrite andb_true_iff, Nat.eqb_eq. intros [L K] Lq W. revert TH L K W.
- induction (hulls d) as [|g hs IH]; intros TH L K W h Hh; [contradiction|]. destruct TH as [|Ts TH]; [discriminate L|].
+  forall h, In h (hulls d) -> within h q df -> 0 <= sigma (form_of h) q df.
+Proof. unfold hulls_proved. rewrite andb_true_iff, Nat.eqb_eq. intros [L K] Lq. revert TH L K.
+ induction (hulls d) as [|g hs IH]; intros TH L K h Hh W; [contradiction|]. destruct TH as [|Ts TH]; [discriminate L|].
  cbn [combine forallb fst snd] in K. rewrite andb_true_iff in K. destruct K as [K0 K]. destruct Hh as [<-|Hh].
- - exact (hull_holds _ _ _ _ _ _ K0 Lq (W g ltac:(now left))).
- - apply (IH TH); auto. intros; apply W; now right. Qed.
+ - exact (hull_holds _ _ _ _ _ _ K0 Lq W).
+ - apply (IH TH); auto. Qed.

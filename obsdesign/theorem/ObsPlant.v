@@ -31,20 +31,23 @@ Proof. intros H. induction H as [|g a xs dx H Hs IH]; intros ys dy K L; destruct
 Notation "M ** u" := (mvR (rmat M) u) (at level 40).
 Notation "u ++++ w" := (vaddR u w) (at level 50, left associativity).
 
-(* f of time and q is in the class: its differences satisfy every inequality of the multipliers, and lie in the hulls *)
+(* f of time and q is in the class: its differences satisfy every inequality of the multipliers, and lie in the hulls,
+   or satisfy their inequalities *)
+Definition in_hull (h : hull) (dq df : list R) := within h dq df \/ 0 <= sigma (form_of h) dq df.
 Definition of_class {time : Type} (d : design) (f : time -> list R -> list R) := forall t a b, length a = nq d -> length b = nq d ->
   (forall m, In m (multipliers d) -> 0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)))
-  /\ (forall h, In h (hulls d) -> within h (vsubR a b) (vsubR (f t a) (f t b))).
-Lemma of_scales {time : Type} d (f : time -> list R -> list R) : hulls d = [] ->
-  (forall t a b m, length a = nq d -> length b = nq d -> In m (multipliers d) ->
+  /\ (forall h, In h (hulls d) -> in_hull h (vsubR a b) (vsubR (f t a) (f t b))).
+Lemma of_inequalities {time : Type} d (f : time -> list R -> list R) :
+  (forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) ->
      0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b))) -> of_class d f.
-Proof. intros N K t a b La Lb. split; [intros; now apply K|]. rewrite N. contradiction. Qed.
+Proof. intros K t a b La Lb. unfold inequalities in K. split; [intros m Hm|intros h Hh; right]; apply K; auto;
+ apply in_app_iff; [now left|right; now apply in_map]. Qed.
 Lemma class_holds {time : Type} d TH (f : time -> list R -> list R) : hulls_proved d TH = true -> of_class d f ->
   forall t a b m, length a = nq d -> length b = nq d -> In m (inequalities d) ->
     0 <= sigma m (vsubR a b) (vsubR (f t a) (f t b)).
 Proof. intros K C t a b m La Lb Hm. destruct (C t a b La Lb) as [S W]. unfold inequalities in Hm. apply in_app_iff in Hm.
  destruct Hm as [Hm|Hm]; [now apply S|]. apply in_map_iff in Hm. destruct Hm as (h & <- & Hh).
- apply (hulls_hold d TH); auto. rewrite vsub_length; congruence. Qed.
+ destruct (W h Hh) as [Wh|Wh]; [|exact Wh]. apply (hulls_hold d TH); auto. rewrite vsub_length; congruence. Qed.
 
 (* One instant: vectors only, so for continuous and discrete time *)
 Section Instant.
@@ -137,35 +140,3 @@ Proof. intros K Ht Hv. assert (S := storage_bound d T TP cert es vs fs es_length
 Lemma e_length t : length (e t) = n d.
 Proof. unfold e. rewrite vsub_length; rewrite !at_length; congruence. Qed.
 End Plant.
-
-(* Classes, pair by pair *)
-Definition slope (a b : R) (f : R -> R) := forall p r, 0 <= (f p - f r - a * (p - r)) * (b * (p - r) - (f p - f r)).
-Definition monotone (f : R -> R) := forall p r, 0 <= (p - r) * (f p - f r).
-Lemma slope_derivative f df a b : (forall x, is_derive f x (df x)) -> (forall x, a <= df x <= b) -> slope a b f.
-Proof. intros Hd Hb p r. destruct (MVT_gen f r p df) as (c & _ & ->).
- - intros; apply Hd.
- - intros. apply derivable_continuous_pt. exists (df x). now apply is_derive_Reals.
- - specialize (Hb c). replace ((df c * (p - r) - a * (p - r)) * (b * (p - r) - df c * (p - r))) with ((df c - a) * (b - df c) * ((p - r) * (p - r))) by ring.
-   apply Rmult_le_pos; [apply Rmult_le_pos; lra|apply Rle_0_sqr]. Qed.
-Lemma sin_slope : slope (-1) 1 sin.
-Proof. apply (slope_derivative sin cos); [intros; auto_derive; auto; ring|]. intros; split; apply COS_bound. Qed.
-Lemma square_law_monotone : monotone (fun q => q * Rabs q).
-Proof. intros p r. assert (S := Rle_0_sqr (p - r)). assert (Sp := Rle_0_sqr p). assert (Sr := Rle_0_sqr r). unfold Rsqr in *.
- unfold Rabs. destruct (Rcase_abs p), (Rcase_abs r).
- - replace ((p - r) * (p * - p - r * - r)) with (- (p + r) * ((p - r) * (p - r))) by ring. apply Rmult_le_pos; lra.
- - replace ((p - r) * (p * - p - r * r)) with ((r - p) * (p * p + r * r)) by ring. apply Rmult_le_pos; lra.
- - replace ((p - r) * (p * p - r * - r)) with ((p - r) * (p * p + r * r)) by ring. apply Rmult_le_pos; lra.
- - replace ((p - r) * (p * p - r * r)) with ((p + r) * ((p - r) * (p - r))) by ring. apply Rmult_le_pos; lra. Qed.
-Lemma cubic_monotone : monotone (fun q => q ^ 3).
-Proof. intros p r. replace ((p - r) * (p ^ 3 - r ^ 3)) with ((p - r) * (p - r) * (p * p + p * r + r * r)) by ring.
- apply Rmult_le_pos; [apply Rle_0_sqr|]. nra. Qed.
-Lemma tanh_slope : slope 0 1 tanh.
-Proof. apply (slope_derivative tanh (fun x => 1 - tanh x ^ 2)).
- - intros x. unfold tanh, sinh, cosh. auto_derive; [|].
-   + assert (0 < exp x) by apply exp_pos. assert (0 < exp (- x)) by apply exp_pos. intuition lra.
-   + assert (0 < exp x) by apply exp_pos. assert (0 < exp (- x)) by apply exp_pos. field. lra.
- - intros x. assert (T : tanh x ^ 2 <= 1).
-   { unfold tanh, sinh, cosh. assert (0 < exp x) by apply exp_pos. assert (0 < exp (- x)) by apply exp_pos.
-     set (a := exp x) in *. set (b := exp (- x)) in *. replace (((a - b) / 2 / ((a + b) / 2)) ^ 2) with ((a - b) * (a - b) / ((a + b) * (a + b))) by (field; lra).
-     apply Rle_div_l; [nra|]. nra. }
-   assert (0 <= tanh x ^ 2) by (rewrite <- Rsqr_pow2; apply Rle_0_sqr). lra. Qed.
