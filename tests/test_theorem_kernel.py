@@ -154,7 +154,7 @@ def test_coq_accepts_a_design_from_the_command_line_and_refuses_a_false_text(gai
     assert not false.accepted
     assert false.refused == "proved"
     cheat = judged(
-        text.replace("Lemma proved", "Axiom cheat : forall P : Prop, P.\nLemma proved").replace(
+        text.replace("Lemma gain_proved", "Axiom cheat : forall P : Prop, P.\nLemma gain_proved").replace(
             "Proof. vm_cast_no_check (eq_refl true). Qed.", "Proof. apply cheat. Qed."
         )
     )
