@@ -20,6 +20,7 @@ import obsdesign as od
 from obsdesign.coq.congruence import congruence, integers
 from obsdesign.coq.decimals import comment, number
 from obsdesign.coq.library import command
+from obsdesign.coq.library import library as library_files
 from obsdesign.lmi.formula import rational
 
 
@@ -170,6 +171,14 @@ def test_the_words_at_the_head_say_what_of_them_is_stated_and_what_is_a_premise(
         for words in (*own, "As floor is less", "does not state"):
             assert words in head
         assert ("anything of a plant in continuous time" in head) is path.name.startswith("discrete")
+
+
+def test_the_library_is_written_to_be_read_and_holds_no_axiom():
+    for name, content in library_files().items():
+        text = content.decode()
+        assert all(len(line) <= 120 for line in text.splitlines()), name
+        assert not re.search(r"\b(Admitted|admit|Axiom|Axioms|Parameter|Parameters|Conjecture)\b", text), name
+        assert name.startswith("_") or text.startswith("(* obsdesign: ")
 
 
 def test_a_command_for_a_shell_takes_any_path():

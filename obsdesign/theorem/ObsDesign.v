@@ -1,12 +1,13 @@
-(* obsdesign: The observer, its error equations, the dissipation inequality as a form, and the theorem for every e, f~, v. *)
+(* obsdesign: The observer, its error equations, the dissipation inequality as a form, and the theorem for every
+   e, f and v. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Obs Require Import ObsForm.
 Import ListNotations.
 Open Scope R_scope.
 
 Record multiplier := { scaling : Q; M11 : list (list Q); M12 : list (list Q); M22 : list (list Q) }.
-(* A multiplier that is a matrix, of `count` components of f from `first` on: it is about df = Theta dq with Theta in the
-   hull of `corners`, or, where it is conic, any sum of them with weights that are not negative *)
+(* A multiplier that is a matrix, of `count` components of f from `first` on: it is about df = Theta dq with
+   Theta in the hull of `corners`, or, where it is conic, any sum of them with weights that are not negative *)
 Record hull := { form_of : multiplier; conic : bool; first : nat; count : nat; corners : list (list (list Q)) }.
 Record design := {
   n : nat; nf : nat; nv : nat; ny : nat; nq : nat;
@@ -30,9 +31,11 @@ Section Error.
 Variable d : design.
 Definition err_out (e f v : list R) := vsubR (vaddR (mvR (rmat (C d)) e) (mvR (rmat (Df d)) f)) (mvR (rmat (D d)) v).
 Definition err_dot (e f v : list R) :=
-  vaddR (vsubR (vaddR (mvR (rmat (A d)) e) (mvR (rmat (Bf d)) f)) (mvR (rmat (B d)) v)) (mvR (rmat (L1 d)) (err_out e f v)).
+  vaddR (vsubR (vaddR (mvR (rmat (A d)) e) (mvR (rmat (Bf d)) f)) (mvR (rmat (B d)) v))
+    (mvR (rmat (L1 d)) (err_out e f v)).
 Definition err_arg (e f v : list R) :=
-  vaddR (vsubR (vaddR (mvR (rmat (Cq d)) e) (mvR (rmat (Dqf d)) f)) (mvR (rmat (Dq d)) v)) (mvR (rmat (L2 d)) (err_out e f v)).
+  vaddR (vsubR (vaddR (mvR (rmat (Cq d)) e) (mvR (rmat (Dqf d)) f)) (mvR (rmat (Dq d)) v))
+    (mvR (rmat (L2 d)) (err_out e f v)).
 Definition zed (e : list R) := mvR (rmat (H d)) e.
 Definition V (e : list R) := dotR e (mvR (rmat (P d)) e).
 Definition V_dot (e de : list R) := dotR de (mvR (rmat (P d)) e) + dotR e (mvR (rmat (P d)) de).
@@ -46,7 +49,8 @@ Definition ldot := Add (Sub (Add (Mul (A d) le) (Mul (Bf d) lf)) (Mul (B d) lv))
 Definition larg := Add (Sub (Add (Mul (Cq d) le) (Mul (Dqf d) lf)) (Mul (Dq d) lv)) (Mul (L2 d) lout).
 Definition lz := Mul (H d) le.
 Definition minus_sigma (m : multiplier) : list term :=
-  [(Qopp (scaling m), larg, Mul (M11 m) larg); (Qopp (2 * scaling m), larg, Mul (M12 m) lf); (Qopp (scaling m), lf, Mul (M22 m) lf)].
+  [(Qopp (scaling m), larg, Mul (M11 m) larg); (Qopp (2 * scaling m), larg, Mul (M12 m) lf);
+    (Qopp (scaling m), lf, Mul (M22 m) lf)].
 Definition dissipation : list term :=
   [(Qopp 1, ldot, Mul (P d) le); (Qopp 1, le, Mul (P d) ldot); (Qopp (2 * alpha d), le, Mul (P d) le);
    (Qopp (weight d), lz, lz); (supply d, lv, lv)] ++ flat_map minus_sigma (inequalities d).
@@ -84,7 +88,8 @@ Proof. intros K. apply negb_true_iff in K. destruct (Rle_or_lt (Q2R q) 0) as [L|
  rewrite <- Q2R_zero in L. apply Rle_Qle in L. apply Qle_bool_iff in L. congruence. Qed.
 
 (* The sum of scaling sigma_m over the multipliers, which the class makes nonnegative *)
-Definition sigmas (ms : list multiplier) (q f : list R) := fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m q f) ms).
+Definition sigmas (ms : list multiplier) (q f : list R) :=
+  fold_right Rplus 0 (map (fun m => Q2R (scaling m) * sigma m q f) ms).
 Lemma sigmas_value ms x q f : eval larg x = q -> eval lf x = f -> quad (flat_map minus_sigma ms) x = - sigmas ms q f.
 Proof. intros Eq Ef. unfold sigmas. induction ms as [|m ms IH]; [unfold quad; simpl; ring|].
  cbn [flat_map map fold_right]. rewrite quad_app, IH.
@@ -112,9 +117,12 @@ Proof. intros He Hf Hv. destruct (parts e f v He Hf Hv) as (Ee & Ef & Ev), (prog
 
 Variables T TP : list (list Z).
 Hypothesis cert : certified T TP = true.
-Lemma cert_parts : Forall (fun m => 0 <= Q2R (scaling m)) (inequalities d) /\ 0 <= Q2R (alpha d) /\ 0 < Q2R (floor d) /\ 0 <= Q2R (weight d)
-  /\ 0 <= Q2R (supply d) /\ check false (n d + nf d + nv d) dissipation T = true /\ check false (n d) definite TP = true.
-Proof. unfold certified in cert. rewrite !andb_true_iff in cert. destruct cert as ((((((K1 & K2) & K3) & K4) & K5) & K6) & K7).
+Lemma cert_parts : Forall (fun m => 0 <= Q2R (scaling m)) (inequalities d) /\ 0 <= Q2R (alpha d) /\
+   0 < Q2R (floor d) /\ 0 <= Q2R (weight d)
+  /\ 0 <= Q2R (supply d) /\ check false (n d + nf d + nv d) dissipation T = true /\
+    check false (n d) definite TP = true.
+Proof. unfold certified in cert. rewrite !andb_true_iff in cert.
+ destruct cert as ((((((K1 & K2) & K3) & K4) & K5) & K6) & K7).
  repeat split; auto using Qle_R.
  - rewrite forallb_forall in K1. apply Forall_forall. intros m Hm. apply Qle_R. now apply K1.
  - apply negb_true_iff in K3. destruct (Rle_or_lt (Q2R (floor d)) 0) as [L|L]; auto.
@@ -143,7 +151,8 @@ Theorem gain_bounded kappa TL : check false (ny d) (gain_form kappa) TL = true -
   sq (mvR (rmat (L1 d)) y) <= Q2R kappa * Q2R kappa * sq y.
 Proof. intros K y Hy. assert (N := nonnegative _ _ _ K y Hy). unfold quad, gain_form in N. cbn [bil bil1] in N.
  rewrite Q2R_opp, Q2R_mult, Q2R_one in N. cbn [eval skipn] in N. rewrite <- Hy, firstn_all in N. unfold sq. lra. Qed.
-Theorem storage_bounded p TS : check false (n d) (storage_form p) TS = true -> forall e, length e = n d -> V e <= Q2R p * sq e.
+Theorem storage_bounded p TS : check false (n d) (storage_form p) TS = true -> forall e, length e = n d ->
+   V e <= Q2R p * sq e.
 Proof. intros K e He. assert (N := nonnegative _ _ _ K e He). unfold quad, storage_form in N. cbn [bil bil1] in N.
  rewrite Q2R_opp, Q2R_one in N. cbn [eval] in N. rewrite !(eval_le e He) in N. unfold V, sq. lra. Qed.
 End Error.

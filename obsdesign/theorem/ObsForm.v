@@ -46,7 +46,8 @@ Proof. unfold mv. induction M; simpl; auto. rewrite IHM. f_equal. apply dot_scal
 Lemma vadd_comm x : forall y, vaddR x y = vaddR y x.
 Proof. induction x; destruct y; simpl; auto. f_equal; [ring|auto]. Qed.
 Lemma vadd_assoc x : forall y z, vaddR x (vaddR y z) = vaddR (vaddR x y) z.
-Proof. induction x; intros y z; simpl; auto. destruct y; simpl; auto. destruct z; simpl; auto. f_equal; [ring|auto]. Qed.
+Proof. induction x; intros y z; simpl; auto. destruct y; simpl; auto. destruct z; simpl; auto. f_equal; [ring|auto].
+ Qed.
 Lemma vadd_swap a b c d : vaddR (vaddR a b) (vaddR c d) = vaddR (vaddR a c) (vaddR b d).
 Proof. rewrite <- !vadd_assoc. f_equal. rewrite !vadd_assoc. f_equal. apply vadd_comm. Qed.
 Lemma scale_add c x : forall y, scaleR c (vaddR x y) = vaddR (scaleR c x) (scaleR c y).
@@ -54,7 +55,8 @@ Proof. induction x; intros y; simpl; auto. destruct y; simpl; auto. f_equal; [ri
 Lemma scale_scale c d x : scaleR c (scaleR d x) = scaleR (c * d) x.
 Proof. unfold scale. rewrite map_map. apply map_ext. intros; ring. Qed.
 Lemma skipn_add k : forall x y, skipn k (vaddR x y) = vaddR (skipn k x) (skipn k y).
-Proof. induction k; intros x y; simpl; auto. destruct x; simpl; auto. destruct y; simpl; auto. now rewrite vadd_nil_r. Qed.
+Proof. induction k; intros x y; simpl; auto. destruct x; simpl; auto. destruct y; simpl; auto.
+ now rewrite vadd_nil_r. Qed.
 Lemma firstn_add k : forall x y, firstn k (vaddR x y) = vaddR (firstn k x) (firstn k y).
 Proof. induction k; intros x y; simpl; auto. destruct x; simpl; auto. destruct y; simpl; auto. f_equal; auto. Qed.
 Lemma scale_length c x : length (scaleR c x) = length x. Proof. apply map_length. Qed.
@@ -131,10 +133,12 @@ Fixpoint compile (l : lin) : linZ * Z :=
       (CombZ (d / da) az (- (d / db)) bz, d)
   end.
 Lemma lcm_pos a b : 0 < a -> 0 < b -> 0 < Z.lcm a b.
-Proof. intros. assert (0 <= Z.lcm a b) by apply Z.lcm_nonneg. assert (Z.lcm a b <> 0); [|lia]. rewrite Z.lcm_eq_0. lia. Qed.
+Proof. intros. assert (0 <= Z.lcm a b) by apply Z.lcm_nonneg. assert (Z.lcm a b <> 0); [|lia]. rewrite Z.lcm_eq_0.
+ lia. Qed.
 Lemma div_mul d a : 0 < a -> (a | d) -> d / a * a = d.
 Proof. intros Ha [k ->]. rewrite Z.div_mul; lia. Qed.
-Lemma lcm_row_spec r : forall d, 0 < d -> 0 < lcm_row d r /\ (d | lcm_row d r) /\ Forall (fun q => (QDen q | lcm_row d r)) r.
+Lemma lcm_row_spec r : forall d, 0 < d -> 0 < lcm_row d r /\ (d | lcm_row d r) /\
+   Forall (fun q => (QDen q | lcm_row d r)) r.
 Proof. induction r as [|q r IH]; intros d Hd; simpl.
  - repeat split; auto. apply Z.divide_refl.
  - destruct (IH d Hd) as (P & D & F). repeat split.
@@ -145,7 +149,8 @@ Proof. induction r as [|q r IH]; intros d Hd; simpl.
 Lemma lcm_mat_spec M : 0 < lcm_mat M /\ Forall (Forall (fun q => (QDen q | lcm_mat M))) M.
 Proof. induction M as [|r M [P F]]; simpl; [split; [lia|constructor]|].
  destruct (lcm_row_spec r _ P) as (P' & D' & F'). split; auto. constructor; auto.
- eapply Forall_impl; [|exact F]. intros a. apply Forall_impl. intros b Hb. eapply Z.divide_trans; [exact Hb|exact D']. Qed.
+ eapply Forall_impl; [|exact F]. intros a. apply Forall_impl. intros b Hb.
+ eapply Z.divide_trans; [exact Hb|exact D']. Qed.
 Open Scope R_scope.
 Lemma numer_spec d q : (0 < d)%Z -> (QDen q | d)%Z -> IZR (numer d q) = IZR d * Q2R q.
 Proof. intros Hd Hq. unfold numer, Q2R. rewrite mult_IZR.
@@ -160,25 +165,32 @@ Proof. unfold scale. rewrite !map_map. apply map_ext. intros; apply mult_IZR. Qe
 Lemma mv_IZR M x : map IZR (mvZ M x) = mvR (map (map IZR) M) (map IZR x).
 Proof. unfold mv. rewrite !map_map. apply map_ext. intros; symmetry; apply dot_IZR. Qed.
 Lemma mv_mult d M x : mvR (map (map (fun q => d * Q2R q)) M) x = scaleR d (mvR (rmat M) x).
-Proof. unfold mv, scale, rmat. rewrite !map_map. apply map_ext. intros r. rewrite <- dot_scale_l. f_equal. unfold scale. now rewrite map_map. Qed.
+Proof. unfold mv, scale, rmat. rewrite !map_map. apply map_ext. intros r. rewrite <- dot_scale_l. f_equal.
+ unfold scale. now rewrite map_map. Qed.
 Lemma compile_spec l : (0 < snd (compile l))%Z /\
   forall x, map IZR (evalZ (fst (compile l)) x) = scaleR (IZR (snd (compile l))) (eval l (map IZR x)).
 Proof.
  assert (L : forall da d c, (0 < da)%Z -> (da | d)%Z -> c = (d / da)%Z -> IZR c * IZR da = IZR d).
  { intros da d c H D ->. rewrite <- mult_IZR. f_equal. now apply div_mul. }
  induction l as [k n|M l IH|a IHa b IHb|a IHa b IHb]; cbn [compile].
- - split; [simpl; lia|]. intros x. cbn. rewrite skipn_map, firstn_map. unfold scale. rewrite map_map. apply map_ext. intros; ring.
- - destruct (compile l) as [lz d]. simpl in IH. destruct IH as [P H]. simpl. destruct (lcm_mat_spec M) as [PM FM]. split; [lia|].
+ - split; [simpl; lia|]. intros x. cbn. rewrite skipn_map, firstn_map. unfold scale. rewrite map_map. apply map_ext.
+   intros; ring.
+ - destruct (compile l) as [lz d]. simpl in IH. destruct IH as [P H]. simpl. destruct (lcm_mat_spec M) as [PM FM].
+   split; [lia|].
    intros x. rewrite mv_IZR, H, mv_scale, mult_IZR.
    assert (E : map (map IZR) (map (map (numer (lcm_mat M))) M) = map (map (fun q => IZR (lcm_mat M) * Q2R q)) M).
-   { rewrite map_map. apply map_ext_in. intros r Hr. rewrite map_map. apply map_ext_in. intros q Hq. apply numer_spec; auto.
+   { rewrite map_map. apply map_ext_in. intros r Hr. rewrite map_map. apply map_ext_in. intros q Hq.
+   apply numer_spec; auto.
      rewrite Forall_forall in FM. specialize (FM r Hr). rewrite Forall_forall in FM. auto. }
    rewrite E, mv_mult, scale_scale. f_equal. ring.
- - destruct (compile a) as [az da], (compile b) as [bz db]. simpl in IHa, IHb. destruct IHa as [Pa Ha], IHb as [Pb Hb]. simpl.
+ - destruct (compile a) as [az da], (compile b) as [bz db]. simpl in IHa, IHb.
+   destruct IHa as [Pa Ha], IHb as [Pb Hb]. simpl.
    split; [now apply lcm_pos|]. intros x. rewrite vadd_IZR, !scale_IZR, Ha, Hb, !scale_scale, scale_add.
    rewrite (L da (Z.lcm da db)), (L db (Z.lcm da db)); auto using Z.divide_lcm_l, Z.divide_lcm_r.
- - destruct (compile a) as [az da], (compile b) as [bz db]. simpl in IHa, IHb. destruct IHa as [Pa Ha], IHb as [Pb Hb]. simpl.
-   split; [now apply lcm_pos|]. intros x. unfold vsubR. rewrite vadd_IZR, !scale_IZR, Ha, Hb, !scale_scale, scale_add, opp_IZR, scale_scale.
+ - destruct (compile a) as [az da], (compile b) as [bz db]. simpl in IHa, IHb.
+   destruct IHa as [Pa Ha], IHb as [Pb Hb]. simpl.
+   split; [now apply lcm_pos|]. intros x. unfold vsubR.
+   rewrite vadd_IZR, !scale_IZR, Ha, Hb, !scale_scale, scale_add, opp_IZR, scale_scale.
    rewrite (L da (Z.lcm da db)); auto using Z.divide_lcm_l. f_equal. f_equal.
    rewrite <- (L db (Z.lcm da db) _ Pb (Z.divide_lcm_r _ _) eq_refl). ring. Qed.
 
@@ -190,17 +202,20 @@ Definition compile1 (d : Z) (t : term) : termZ :=
 Definition bilZ1 (t : termZ) x y := let '(c, u, w) := t in (c * dotZ (evalZ u x) (evalZ w y))%Z.
 Fixpoint bilZ (F : list termZ) x y : Z := match F with nil => 0%Z | t :: F => (bilZ1 t x y + bilZ F x y)%Z end.
 Lemma den1_pos t : (0 < den1 t)%Z.
-Proof. destruct t as [[c u] w]. unfold den1. destruct (compile_spec u), (compile_spec w). apply Z.mul_pos_pos; [lia|]. now apply Z.mul_pos_pos. Qed.
+Proof. destruct t as [[c u] w]. unfold den1. destruct (compile_spec u), (compile_spec w).
+ apply Z.mul_pos_pos; [lia|]. now apply Z.mul_pos_pos. Qed.
 Lemma compile1_spec d t x y : (0 < d)%Z -> (den1 t | d)%Z ->
   IZR (bilZ1 (compile1 d t) x y) = IZR d * bil1 t (map IZR x) (map IZR y).
-Proof. intros Hd H. assert (P := den1_pos t). assert (E := div_mul d _ P H). destruct t as [[c u] w]. cbn [compile1 bilZ1 bil1].
+Proof. intros Hd H. assert (P := den1_pos t). assert (E := div_mul d _ P H). destruct t as [[c u] w].
+ cbn [compile1 bilZ1 bil1].
  destruct (compile_spec u) as [Pu Hu], (compile_spec w) as [Pw Hw].
  rewrite !mult_IZR, <- dot_IZR, Hu, Hw, dot_scale_l, dot_scale_r. unfold den1 in *.
  set (k := (d / _)%Z) in *. apply (f_equal IZR) in E. rewrite !mult_IZR in E. rewrite <- E.
  unfold Q2R. assert (IZR (QDen c) <> 0) by (apply not_0_IZR; lia). field. exact H0. Qed.
 Lemma den_spec F : (0 < den F)%Z /\ Forall (fun t => (den1 t | den F)%Z) F.
 Proof. induction F as [|t F [P H]]; simpl; [split; [lia|constructor]|]. split; [apply lcm_pos; auto using den1_pos|].
- constructor; [apply Z.divide_lcm_l|]. eapply Forall_impl; [|exact H]. intros a Ha. eapply Z.divide_trans; [exact Ha|apply Z.divide_lcm_r]. Qed.
+ constructor; [apply Z.divide_lcm_l|]. eapply Forall_impl; [|exact H]. intros a Ha.
+ eapply Z.divide_trans; [exact Ha|apply Z.divide_lcm_r]. Qed.
 
 (* Columns: what a vector gives under the two programs of each term; the coefficient is multiplied into the first. *)
 Definition column (F : list termZ) (x : list Z) : list (list Z * list Z) :=
@@ -210,11 +225,13 @@ Fixpoint pair (a b : list (list Z * list Z)) : Z :=
 Lemma dotZ_scale c x : forall y, dotZ (scaleZ c x) y = (c * dotZ x y)%Z.
 Proof. unfold scale. induction x; intros y; simpl; [ring|]. destruct y; simpl; [ring|]. rewrite IHx. ring. Qed.
 Lemma pair_spec F x y : pair (column F x) (column F y) = bilZ F x y.
-Proof. unfold column. induction F as [|[[c u] w] F IH]; [reflexivity|]. cbn [map pair bilZ]. rewrite IH, dotZ_scale. reflexivity. Qed.
+Proof. unfold column. induction F as [|[[c u] w] F IH]; [reflexivity|]. cbn [map pair bilZ]. rewrite IH, dotZ_scale.
+ reflexivity. Qed.
 Lemma pair_bil F x y : IZR (pair (column (map (compile1 (den F)) F) x) (column (map (compile1 (den F)) F) y))
   = IZR (den F) * bil F (map IZR x) (map IZR y).
 Proof. rewrite pair_spec. destruct (den_spec F) as [P H]. revert P H. generalize (den F). intros d P.
- induction F as [|t F IH]; intros H; simpl; [ring|]. inversion H; subst. rewrite plus_IZR, IH, compile1_spec; auto. ring. Qed.
+ induction F as [|t F IH]; intros H; simpl; [ring|]. inversion H; subst. rewrite plus_IZR, IH, compile1_spec; auto.
+ ring. Qed.
 
 (* Dominance: `debit` is what the diagonal owes *)
 Definition vabs (r : list Z) := map Z.abs r.
@@ -235,37 +252,45 @@ Lemma young_row y : forall r s, length s = length r ->
   - IZR (total (vabs r)) * (y * y) <= 2 * (y * dotR s (map IZR r)) + dotR (map IZR (vabs r)) (squares s).
 Proof. induction r; intros s H; destruct s; simpl in *; try lia; try lra.
  rewrite plus_IZR, abs_IZR. specialize (IHr s ltac:(lia)). assert (Y := young y (IZR a) r0). unfold vabs in *. nra. Qed.
-Lemma row_spec F c (x : list R) : forall cs X y, Forall2 (fun k v => IZR (pair c k + pair k c) = IZR (den F) * (bil F x v + bil F v x)) cs X ->
+Lemma row_spec F c (x : list R) : forall cs X y, Forall2 (fun k v => IZR (pair c k + pair k c) = IZR (den F) * (bil F
+   x v + bil F v x)) cs X ->
   length y = length X ->
-  IZR (den F) * (bil F x (comb y X) + bil F (comb y X) x) = dotR y (map IZR (map (fun k => (pair c k + pair k c)%Z) cs)).
+  IZR (den F) * (bil F x (comb y X) + bil F (comb y X) x) = dotR y (map IZR (map (fun k => (pair c k + pair k c)%Z)
+    cs)).
 Proof. intros cs X y H. revert y. induction H; intros z Hl; destruct z; simpl in *; try lia.
  - rewrite bil_nil_l, bil_nil_r. ring.
  - rewrite bil_add_l, bil_add_r, bil_scale_l, bil_scale_r, H, <- (IHForall2 z) by lia. ring. Qed.
 Lemma dominant_spec F : forall X debit y, let col := column (map (compile1 (den F)) F) in
   dominant debit (map col X) = true -> length y = length X ->
   dotR (map IZR debit) (squares y) <= 2 * IZR (den F) * quad F (comb y (map (map IZR) X)).
-Proof. intros X debit y col. revert debit y. induction X as [|x X IH]; intros debit y H Hl; destruct y; try (simpl in Hl; lia); cbn [map dominant comb squares] in *; simpl in Hl.
+Proof. intros X debit y col. revert debit y. induction X as [|x X IH]; intros debit y H Hl; destruct y;
+   try (simpl in Hl; lia); cbn [map dominant comb squares] in *; simpl in Hl.
  - rewrite dot_nil_r. unfold quad. rewrite bil_nil_l. lra.
  - apply andb_true_iff in H. destruct H as [H1 H2]. apply Z.leb_le, IZR_le in H1. rewrite plus_IZR, mult_IZR in H1.
    specialize (IH _ y H2 ltac:(lia)).
    set (rr := map (fun c' => (pair (col x) c' + pair c' (col x))%Z) (map col X)) in *.
    rewrite vadd_IZR, dot_add_l in IH.
    assert (Y := young_row r rr y ltac:(unfold rr; rewrite !map_length; lia)).
-   assert (E : IZR (den F) * (bil F (map IZR x) (comb y (map (map IZR) X)) + bil F (comb y (map (map IZR) X)) (map IZR x)) = dotR y (map IZR rr)).
+   assert (E : IZR (den F) * (bil F (map IZR x) (comb y (map (map IZR) X)) + bil F (comb y (map (map IZR) X)) (map
+     IZR x)) = dotR y (map IZR rr)).
    { apply row_spec; [|rewrite map_length; lia]. clear. induction X; simpl; constructor; auto.
      rewrite plus_IZR. unfold col. rewrite !pair_bil. ring. }
    unfold quad in *. rewrite bil_add_l, !bil_add_r, !bil_scale_l, !bil_scale_r.
-   set (q := bil F (map IZR x) (map IZR x)). assert (Q : IZR (pair (col x) (col x)) = IZR (den F) * q) by apply pair_bil.
+   set (q := bil F (map IZR x) (map IZR x)). assert (Q : IZR (pair (col x) (col x)) = IZR (den F) * q) by
+     apply pair_bil.
    rewrite Q in H1. set (cy := comb y _) in *.
-   assert (D : dotR (map IZR debit) (r * r :: squares y) = IZR (hd 0%Z debit) * (r * r) + dotR (map IZR (tl debit)) (squares y)).
+   assert (D : dotR (map IZR debit) (r * r :: squares y) = IZR (hd 0%Z debit) * (r * r) + dotR (map IZR (tl debit))
+     (squares y)).
    { destruct debit; simpl; ring. }
    change (map (fun a => a * a) y) with (squares y). rewrite D.
    replace (2 * IZR (den F) * (r * (r * q) + r * bil F (map IZR x) cy + (r * bil F cy (map IZR x) + bil F cy cy)))
-     with (2 * (IZR (den F) * q) * (r * r) + 2 * (r * (IZR (den F) * (bil F (map IZR x) cy + bil F cy (map IZR x)))) + 2 * IZR (den F) * bil F cy cy) by ring.
+     with (2 * (IZR (den F) * q) * (r * r) + 2 * (r * (IZR (den F) * (bil F (map IZR x) cy + bil F cy (map IZR x))))
+       + 2 * IZR (den F) * bil F cy cy) by ring.
    rewrite E. assert (0 <= r * r) by apply Rle_0_sqr. nra. Qed.
 
 (* Triangular T: row j holds what follows its j zeros *)
-Fixpoint pad (rows : list (list Z)) : list (list Z) := match rows with nil => nil | r :: rs => r :: map (cons 0%Z) (pad rs) end.
+Fixpoint pad (rows : list (list Z)) : list (list Z) := match rows with
+   nil => nil | r :: rs => r :: map (cons 0%Z) (pad rs) end.
 Fixpoint triangular (rows : list (list Z)) : bool :=
   match rows with nil => true | r :: rs => (length r =? length rows)%nat && negb (hd 0 r =? 0)%Z && triangular rs end.
 Lemma pad_length rows : length (pad rows) = length rows.
@@ -281,24 +306,30 @@ Lemma onto : forall rows x, triangular rows = true -> length x = length rows ->
   exists y, length y = length rows /\ comb y (map (map IZR) (pad rows)) = x.
 Proof. induction rows as [|r rows IH]; intros x H Hl; [exists []; destruct x; simpl in *; auto; lia|].
  cbn [triangular] in H. apply andb_true_iff in H. destruct H as [H H3]. apply andb_true_iff in H. destruct H as [H1 H2].
- apply Nat.eqb_eq in H1. destruct r as [|t r]; [simpl in H1; lia|]. destruct x as [|x0 x]; [simpl in Hl; lia|]. simpl in H1, H2, Hl.
+ apply Nat.eqb_eq in H1. destruct r as [|t r]; [simpl in H1; lia|]. destruct x as [|x0 x]; [simpl in Hl; lia|].
+ simpl in H1, H2, Hl.
  assert (Ht : IZR t <> 0). { apply not_0_IZR. intros ->. discriminate. }
  set (y0 := x0 / IZR t). set (r' := map IZR r).
  assert (Lr : length r' = length rows) by (unfold r'; rewrite map_length; lia).
  destruct (IH (vaddR x (scaleR (- y0) r')) H3) as (y & Ly & Cy).
  { rewrite vadd_length; [lia|]. rewrite scale_length. lia. }
  exists (y0 :: y). split; [simpl; lia|]. cbn [pad map comb]. rewrite !map_map.
- replace (map (fun l => map IZR (0%Z :: l)) (pad rows)) with (map (cons 0) (map (map IZR) (pad rows))) by (rewrite map_map; reflexivity).
+ replace (map (fun l => map IZR (0%Z :: l)) (pad rows)) with (map (cons 0) (map (map IZR) (pad rows))) by
+   (rewrite map_map; reflexivity).
  destruct rows as [|r1 rows].
- - simpl in *. destruct y; [|simpl in Ly; lia]. simpl. destruct x; [|simpl in Hl; lia]. destruct r; [|simpl in H1; lia]. simpl. f_equal. unfold y0. field. exact Ht.
+ - simpl in *. destruct y; [|simpl in Ly; lia]. simpl. destruct x; [|simpl in Hl; lia].
+   destruct r; [|simpl in H1; lia]. simpl. f_equal. unfold y0. field. exact Ht.
  - rewrite comb_zero; [|rewrite map_length, pad_length; exact Ly|simpl; discriminate].
-   rewrite Cy. cbn [map scale vadd]. fold r'. f_equal; [unfold y0; field; exact Ht|]. apply sub_add. simpl in *. lia. Qed.
+   rewrite Cy. cbn [map scale vadd]. fold r'. f_equal; [unfold y0; field; exact Ht|]. apply sub_add. simpl in *. lia.
+   Qed.
 
 Definition check (strict : bool) (N : nat) (F : list term) (rows : list (list Z)) : bool :=
   (length rows =? N)%nat && triangular rows &&
-  (let d := den F in let FZ := map (compile1 d) F in dominant (if strict then repeat 1%Z N else []) (map (column FZ) (pad rows))).
+  (let d := den F in let FZ := map (compile1 d) F in dominant (if strict then repeat 1%Z N else []) (map (column FZ)
+    (pad rows))).
 Theorem nonnegative N F rows : check false N F rows = true -> forall x, length x = N -> 0 <= quad F x.
-Proof. unfold check. intros H x Hx. apply andb_true_iff in H. destruct H as [H D]. apply andb_true_iff in H. destruct H as [L T].
+Proof. unfold check. intros H x Hx. apply andb_true_iff in H. destruct H as [H D]. apply andb_true_iff in H.
+ destruct H as [L T].
  apply Nat.eqb_eq in L. destruct (onto rows x T ltac:(lia)) as (y & Ly & <-).
  assert (S := dominant_spec F (pad rows) [] y D ltac:(rewrite pad_length; exact Ly)). cbn [map dot] in S.
  destruct (den_spec F) as [P _]. apply IZR_lt in P.
@@ -310,15 +341,21 @@ Proof. unfold squares. assert (P : forall y, 0 <= dotR (repeat 1 (length y)) (ma
  induction y as [|a y IH]; intros H; constructor; cbn [repeat length map dot] in H; specialize (P y).
  - assert (0 <= a * a) by apply Rle_0_sqr. assert (a * a = 0) by lra. apply Rsqr_0_uniq. assumption.
  - apply IH. assert (0 <= a * a) by apply Rle_0_sqr. lra. Qed.
-Lemma vadd_zeros a : forall b, Forall (fun a => a = 0) a -> Forall (fun a => a = 0) b -> Forall (fun a => a = 0) (vaddR a b).
-Proof. induction a; intros b' H K; simpl; auto. destruct b'; auto. inversion H; inversion K; subst. constructor; [ring|auto]. Qed.
+Lemma vadd_zeros a : forall b, Forall (fun a => a = 0) a -> Forall (fun a => a = 0) b ->
+   Forall (fun a => a = 0) (vaddR a b).
+Proof. induction a; intros b' H K; simpl; auto. destruct b'; auto. inversion H; inversion K; subst.
+ constructor; [ring|auto]. Qed.
 Lemma comb_zeros : forall y X, Forall (fun a => a = 0) y -> Forall (fun a => a = 0) (comb y X).
 Proof. induction y; intros X H; destruct X; simpl; try constructor. inversion H; subst. apply vadd_zeros; auto.
  clear. induction l; simpl; constructor; auto. ring. Qed.
-Theorem positive N F rows : check true N F rows = true -> forall x, length x = N -> ~ Forall (fun a => a = 0) x -> 0 < quad F x.
-Proof. unfold check. intros H x Hx Nz. apply andb_true_iff in H. destruct H as [H D]. apply andb_true_iff in H. destruct H as [L T].
+Theorem positive N F rows : check true N F rows = true -> forall x, length x = N -> ~ Forall (fun a => a = 0) x ->
+   0 < quad F x.
+Proof. unfold check. intros H x Hx Nz. apply andb_true_iff in H. destruct H as [H D]. apply andb_true_iff in H.
+ destruct H as [L T].
  apply Nat.eqb_eq in L. destruct (onto rows x T ltac:(lia)) as (y & Ly & E).
  assert (S := dominant_spec F (pad rows) _ y D ltac:(rewrite pad_length; exact Ly)).
- replace (map IZR (if true then repeat 1%Z N else [])) with (repeat 1 (length y)) in S by (rewrite Ly, L; clear; induction N; simpl in *; congruence).
+ replace (map IZR (if true then repeat 1%Z N else [])) with (repeat 1 (length y)) in S by (rewrite Ly, L; clear;
+   induction N; simpl in *; congruence).
  rewrite E in S. destruct (den_spec F) as [P _]. apply IZR_lt in P.
- destruct (Rlt_or_le 0 (quad F x)) as [|B]; auto. exfalso. apply Nz. rewrite <- E. apply comb_zeros. apply squares_zero. assert (0 <= IZR (den F) * - quad F x) by (apply Rmult_le_pos; lra). lra. Qed.
+ destruct (Rlt_or_le 0 (quad F x)) as [|B]; auto. exfalso. apply Nz. rewrite <- E. apply comb_zeros.
+ apply squares_zero. assert (0 <= IZR (den F) * - quad F x) by (apply Rmult_le_pos; lra). lra. Qed.

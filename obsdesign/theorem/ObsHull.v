@@ -1,4 +1,5 @@
-(* obsdesign: Multipliers that are matrices: df = Theta dq with Theta between given matrices, the corners of a hull, or a
+(* obsdesign: Multipliers that are matrices: df = Theta dq with Theta between given matrices, the corners of a hull,
+   or a
    sum of them with weights that are not negative. What holds of the corners holds of every such Theta. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
 From Obs Require Import ObsForm ObsDesign.
@@ -9,7 +10,8 @@ Open Scope R_scope.
 Fixpoint mix (s : list R) (fs : list (list R)) : list R :=
   match s, fs with a :: s, f :: fs => vaddR (scaleR a f) (mix s fs) | _, _ => [] end.
 Fixpoint total (s : list R) : R := match s with [] => 0 | a :: s => a + total s end.
-(* The components of df that belong to a hull are those of sum_i s_i Theta_i dq, s_i >= 0; their sum is 1 but of a cone *)
+(* The components of df that belong to a hull are those of sum_i s_i Theta_i dq, s_i >= 0;
+   their sum is 1 but of a cone *)
 Definition inside (h : hull) (i : nat) : bool := (first h <=? i)%nat && (i <? first h + count h)%nat.
 Definition within (h : hull) (dq df : list R) : Prop := exists s,
   List.Forall (fun a => 0 <= a) s /\ length s = length (corners h) /\ (conic h = false -> total s = 1) /\
@@ -41,7 +43,8 @@ Definition hull_proved (nq nf : nat) (h : hull) (Ts : list (list (list Z))) : bo
       else check false nf [(Qopp 1, f, Mul (M22 m) f)] T && each nq (corner nq m) (corners h) Ts
   end.
 Definition hulls_proved (d : design) (TH : list (list (list (list Z)))) : bool :=
-  (length TH =? length (hulls d))%nat && forallb (fun p => hull_proved (nq d) (nf d) (fst p) (snd p)) (combine (hulls d) TH).
+  (length TH =? length (hulls d))%nat && forallb (fun p => hull_proved (nq d) (nf d) (fst p) (snd p)) (combine (hulls
+    d) TH).
 
 (* A product does not change where r is zero *)
 Lemma agree r : forall f g : list R, (forall i, nth i r 0 = 0 \/ nth i f 0 = nth i g 0) -> dotR r f = dotR r g.
@@ -112,7 +115,8 @@ Proof. induction s as [|a s IH]; intros fs L; destruct fs as [|f fs]; try discri
 Lemma weighted_const s c : forall fs, length s = length fs -> weighted s (fun _ => c) fs = total s * c.
 Proof. induction s as [|a s IH]; intros fs L; destruct fs as [|f fs]; try discriminate L; cbn [weighted total]; [ring|].
  rewrite (IH fs) by (injection L; auto). ring. Qed.
-Lemma weighted_sign s g : List.Forall (fun a => 0 <= a) s -> forall fs, (forall f, In f fs -> 0 <= g f) -> 0 <= weighted s g fs.
+Lemma weighted_sign s g : List.Forall (fun a => 0 <= a) s -> forall fs, (forall f, In f fs -> 0 <= g f) ->
+   0 <= weighted s g fs.
 Proof. intros K. induction K as [|a s Ha K IH]; intros fs G; [destruct fs; simpl; lra|].
  destruct fs as [|f fs]; cbn [weighted]; [lra|].
  assert (0 <= a * g f) by (apply Rmult_le_pos; [auto|apply G; now left]).
@@ -127,14 +131,16 @@ Proof. induction s as [|a s IH]; intros fs L K N; [congruence|]. destruct fs as 
 End Mixed.
 
 (* Hence the inequality of M for every df of the hull, or of the cone *)
-Lemma each_spec N form : forall cs Ts, each N form cs Ts = true -> forall Theta, In Theta cs -> forall x, length x = N ->
+Lemma each_spec N form : forall cs Ts, each N form cs Ts = true -> forall Theta, In Theta cs ->
+   forall x, length x = N ->
   0 <= quad (form Theta) x.
 Proof. unfold each. intros cs Ts K. rewrite andb_true_iff, Nat.eqb_eq in K. destruct K as [L K]. revert Ts L K.
  induction cs as [|c cs IH]; intros Ts L K Theta Hc x Hx; [contradiction|]. destruct Ts as [|T Ts]; [discriminate L|].
  cbn [combine forallb fst snd] in K. rewrite andb_true_iff in K. destruct K as [K0 K]. destruct Hc as [<-|Hc].
  - exact (nonnegative _ _ _ K0 x Hx).
  - apply (IH Ts); auto. Qed.
-Theorem hull_holds nq nf h Ts q f : hull_proved nq nf h Ts = true -> length q = nq -> within h q f -> 0 <= sigma (form_of h) q f.
+Theorem hull_holds nq nf h Ts q f : hull_proved nq nf h Ts = true -> length q = nq -> within h q f ->
+   0 <= sigma (form_of h) q f.
 Proof. unfold hull_proved. rewrite !andb_true_iff. intros ((((K1 & K2) & K3) & K4) & K5) Lq (s & Ws & Ls & One & E).
  set (fs := map (fun Theta => mvR (rmat Theta) q) (corners h)) in *. set (m := form_of h) in *.
  assert (Lf : length s = length fs) by (unfold fs; now rewrite map_length).
@@ -142,7 +148,8 @@ Proof. unfold hull_proved. rewrite !andb_true_iff. intros ((((K1 & K2) & K3) & K
  assert (Ep : eval (Part 0 nq) q = q) by (cbn [eval skipn]; rewrite <- Lq; apply firstn_all).
  destruct Ts as [|T Ts]; [discriminate|]. destruct (conic h).
  - rewrite !andb_true_iff in K5. destruct K5 as [[Z K11] Kr].
-   assert (N := nonnegative _ _ _ K11 q Lq). unfold quad in N. cbn [bil bil1] in N. rewrite Q2R_one in N. cbn [eval] in N.
+   assert (N := nonnegative _ _ _ K11 q Lq). unfold quad in N. cbn [bil bil1] in N. rewrite Q2R_one in N.
+   cbn [eval] in N.
    cbn [eval] in Ep. rewrite Ep in N.
    unfold sigma. rewrite linear_mix by exact Lf.
    replace (dotR (mix s fs) (mvR (rmat (M22 m)) (mix s fs))) with 0.
@@ -161,7 +168,8 @@ Proof. unfold hull_proved. rewrite !andb_true_iff. intros ((((K1 & K2) & K3) & K
    unfold sigma in S. rewrite (weighted_sum s _ _ fs Lf), (weighted_sum s _ _ fs Lf), (weighted_const s _ fs Lf),
      (weighted_scale s 2 _ fs Lf), <- (linear_mix m q s fs Lf), One in S.
    assert (J := form_mix m (mix s fs) s fs Lf). rewrite One in J.
-   assert (Ng : 0 <= weighted s (fun g => - (1) * dotR (vsubR g (mix s fs)) (mvR (rmat (M22 m)) (vsubR g (mix s fs)))) fs).
+   assert (Ng : 0 <= weighted s (fun g => - (1) * dotR (vsubR g (mix s fs)) (mvR (rmat (M22 m)) (vsubR g (mix s
+     fs)))) fs).
    { assert (sN : s <> []) by (intros ->; simpl in One; lra).
      assert (Lg : forall g, In g fs -> length g = nf).
      { intros g Hg. unfold fs in Hg. apply in_map_iff in Hg. destruct Hg as (Theta & <- & Ht).

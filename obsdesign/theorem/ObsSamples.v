@@ -79,7 +79,8 @@ Hypothesis (len_e : forall k, length (e k) = n d) (len_v : forall k, length (v k
 Hypothesis (len_f : forall k, length (f k) = nf d).
 Hypothesis error : forall k, e (S k) = err_dot d (e k) (f k) (v k).
 Hypothesis class : forall k m, In m (inequalities d) -> 0 <= sigma m (err_arg d (e k) (f k) (v k)) (f k).
-Lemma step_at k : V d (e (S k)) + Q2R (weight d) * sq (zed d (e k)) <= rho * rho * V d (e k) + Q2R (supply d) * sq (v k).
+Lemma step_at k :
+  V d (e (S k)) + Q2R (weight d) * sq (zed d (e k)) <= rho * rho * V d (e k) + Q2R (supply d) * sq (v k).
 Proof. assert (N := step (e k) (f k) (v k) (len_e k) (len_f k) (len_v k) (class k)). rewrite <- error in N. lra. Qed.
 Lemma sq_pos x : 0 <= sq x.
 Proof. unfold sq. induction x; simpl; [lra|]. assert (0 <= a * a) by apply Rle_0_sqr. lra. Qed.
@@ -112,7 +113,8 @@ Proof. rewrite pow_mult. replace (rho ^ 2) with (rho * rho) by ring. induction N
  assert (rho * rho * (V d (e k) - c) <= rho * rho * ((rho * rho) ^ k * (V d (e 0%nat) - c)))
    by (apply Rmult_le_compat_l; [apply rho2|exact IH]).
  cbn [pow]. lra. Qed.
-Theorem decayed N : (forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= rho ^ (2 * N) * V d (e 0%nat).
+Theorem decayed N : (forall k, (k < N)%nat -> sq (v k) = 0) ->
+   Q2R (floor d) * sq (e N) <= rho ^ (2 * N) * V d (e 0%nat).
 Proof. intros Z. assert (W := contracted 0 N). rewrite !Rminus_0_r in W. eapply Rle_trans; [apply floor_of_V|].
  apply W. intros k Hk. rewrite (Z k Hk). lra. Qed.
 End Step.
@@ -132,33 +134,41 @@ Lemma df_length k : length (df k) = nf d.
 Proof. destruct run. unfold df. rewrite vsub_length; rewrite ?of_f0; auto. Qed.
 Lemma error_next k : error_of x xh (S k) = err_dot d (error_of x xh k) (df k) (v k).
 Proof. destruct run. unfold error_of, df.
- rewrite (dot_error d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k))); auto.
+ rewrite (dot_error d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k)));
+   auto.
  rewrite next_x0, next_xh0. reflexivity. Qed.
 Lemma error_class k m : In m (inequalities d) -> 0 <= sigma m (err_arg d (error_of x xh k) (df k) (v k)) (df k).
 Proof. intros Hm. destruct run. unfold error_of, df.
- rewrite (arg_error d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k))); auto.
+ rewrite (arg_error d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k)));
+   auto.
  apply class; auto.
- - apply (qh_length d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k))); auto.
- - apply (q_length d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k))); auto.
+ - apply (qh_length d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k)));
+     auto.
+ - apply (q_length d siz (x k) (xh k) (v k) (q k) (qh k) (y k) (yh k) (g k) (gq k) (gy k) (f k (q k)) (f k (qh k)));
+     auto.
 Qed.
 End Error.
 
 (* What is stated of samples *)
 Definition claims_energy_of_samples (d : design) (gamma : Q) (T TP : list (list Z))
   (TH : list (list (list (list Z)))) : bool :=
-  sized d && certified_step d T TP && hulls_proved d TH && negb (Qle_bool (weight d) 0) && Qle_bool (supply d) (gamma * gamma * weight d).
+  sized d && certified_step d T TP && hulls_proved d TH && negb (Qle_bool (weight d) 0) &&
+    Qle_bool (supply d) (gamma * gamma * weight d).
 Definition claims_peak_of_samples (d : design) (gamma mu1 mu2 : Q) (T TP TO : list (list Z))
   (TH : list (list (list (list Z)))) : bool :=
-  sized d && certified_step d T TP && hulls_proved d TH && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 && Qle_bool 0 mu1 &&
+  sized d && certified_step d T TP && hulls_proved d TH && check false (n d) (bounded d mu2) TO && Qle_bool 0 mu2 &&
+    Qle_bool 0 mu1 &&
   Qeq_bool (supply d) ((1 - alpha d * alpha d) * mu1) && Qle_bool (mu1 * mu2) (gamma * gamma).
 
 Theorem energy_of_predicted d gamma T TP TH : claims_energy_of_samples d gamma T TP TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, predicted d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
-  sum_to (fun k => sq (zed d (e k))) N <= V d (e 0%nat) / Q2R (weight d) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N
+  sum_to (fun k => sq (zed d (e k))) N
+  <= V d (e 0%nat) / Q2R (weight d) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_energy_of_samples in K. rewrite !andb_true_iff in K.
- destruct K as ((((S & K) & KH) & W) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf. apply Qpos_R in W. apply Qle_bool_iff, Qle_Rle in G. rewrite !Q2R_mult in G.
+ destruct K as ((((S & K) & KH) & W) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf.
+ apply Qpos_R in W. apply Qle_bool_iff, Qle_Rle in G. rewrite !Q2R_mult in G.
  assert (Le := error_length d f x xh v q qh y yh g gq gy H). assert (Lf := df_length d f x xh v q qh y yh g gq gy H).
  assert (E := error_next d S f x xh v q qh y yh g gq gy H).
  assert (M := error_class d S f x xh v q qh y yh g gq gy Hf H). destruct H. split.
@@ -181,7 +191,8 @@ Theorem peak_of_predicted d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples d 
      /\ V d (e N) <= Rmax (V d (e 0%nat)) (Q2R mu1 * vbar))
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_peak_of_samples in K. rewrite !andb_true_iff in K.
- destruct K as (((((((S & K) & KH) & O) & M2) & M1) & E1) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf. rename Hc into Hf.
+ destruct K as (((((((S & K) & KH) & O) & M2) & M1) & E1) & G). assert (Hc := class_holds d TH f KH Hf). clear Hf.
+ rename Hc into Hf.
  apply Qle_R in M1, M2. apply Qeq_bool_iff, Qeq_eqR in E1. apply Qle_bool_iff, Qle_Rle in G.
  rewrite !Q2R_mult, Q2R_minus, Q2R_one, Q2R_mult in *.
  assert (Le := error_length d f x xh v q qh y yh g gq gy H). assert (Lf := df_length d f x xh v q qh y yh g gq gy H).
@@ -216,7 +227,8 @@ Definition ahead (d : design) : design := {|
   n := n d; nf := nf d; nv := nv d; ny := ny d; nq := nq d; A := A d; Bf := Bf d; B := B d;
   C := product (C d) (A d); Df := product (C d) (Bf d); D := sum (product (C d) (B d)) (D d);
   Cq := Cq d; Dqf := Dqf d; Dq := Dq d; H := H d; L1 := L1 d; L2 := L2 d;
-  alpha := alpha d; weight := weight d; supply := supply d; P := P d; floor := floor d; multipliers := multipliers d; hulls := hulls d |}.
+  alpha := alpha d; weight := weight d; supply := supply d; P := P d; floor := floor d;
+  multipliers := multipliers d; hulls := hulls d |}.
 
 Lemma add_R u : forall w, map Q2R (vadd Q add_q u w) = vaddR (map Q2R u) (map Q2R w).
 Proof. induction u; intros w; simpl; auto. destruct w; simpl; auto. f_equal; auto.
@@ -238,7 +250,8 @@ Theorem filtered_is_predicted d f x xh v q qh y yh g gq gy : sized (ahead d) = t
   filtered d f x xh v q qh y yh g gq gy ->
   predicted (ahead d) f x xh v q qh (fun k => y (S k)) (fun k => yh (S k)) g gq (fun k => C d ** g k ++++ gy (S k)).
 Proof. intros S []. assert (Lc : length (C d) = ny d).
- { unfold sized in S. rewrite !andb_true_iff, !Nat.eqb_eq in S. cbn in S. unfold product in S. rewrite map_length in S. tauto. }
+ { unfold sized in S. rewrite !andb_true_iff, !Nat.eqb_eq in S. cbn in S. unfold product in S.
+   rewrite map_length in S. tauto. }
  constructor; auto; intros k; cbn [ahead ny A Bf B C Df D].
  - rewrite vadd_length; rewrite mv_length; auto. now rewrite size_of_gy0.
  - rewrite measured0, state0, sum_R, !product_R, !mv_add, <- !vadd_assoc. do 3 f_equal.
@@ -248,13 +261,16 @@ Proof. intros S []. assert (Lc : length (C d) = ny d).
 Theorem energy_of_filtered d gamma T TP TH : claims_energy_of_samples (ahead d) gamma T TP TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, filtered d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
-  sum_to (fun k => sq (zed d (e k))) N <= V d (e 0%nat) / Q2R (weight d) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N
+  sum_to (fun k => sq (zed d (e k))) N
+  <= V d (e 0%nat) / Q2R (weight d) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H. assert (S : sized (ahead d) = true).
  { unfold claims_energy_of_samples in K. rewrite !andb_true_iff in K. tauto. }
- exact (energy_of_predicted (ahead d) gamma T TP TH K f Hf _ _ _ _ _ _ _ _ _ _ (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
+ exact (energy_of_predicted (ahead d) gamma T TP TH K f Hf _ _ _ _ _ _ _ _ _ _
+   (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
 Qed.
-Theorem peak_of_filtered d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples (ahead d) gamma mu1 mu2 T TP TO TH = true ->
+Theorem peak_of_filtered d gamma mu1 mu2 T TP TO TH :
+  claims_peak_of_samples (ahead d) gamma mu1 mu2 T TP TO TH = true ->
   forall f, of_class d f -> forall x xh v q qh y yh g gq gy, filtered d f x xh v q qh y yh g gq gy -> forall N,
   let e := error_of x xh in
   (forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
@@ -263,5 +279,6 @@ Theorem peak_of_filtered d gamma mu1 mu2 T TP TO TH : claims_peak_of_samples (ah
   /\ ((forall k, (k < N)%nat -> sq (v k) = 0) -> Q2R (floor d) * sq (e N) <= Q2R (alpha d) ^ (2 * N) * V d (e 0%nat)).
 Proof. intros K f Hf x xh v q qh y yh g gq gy H. assert (S : sized (ahead d) = true).
  { unfold claims_peak_of_samples in K. rewrite !andb_true_iff in K. tauto. }
- exact (peak_of_predicted (ahead d) gamma mu1 mu2 T TP TO TH K f Hf _ _ _ _ _ _ _ _ _ _ (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
+ exact (peak_of_predicted (ahead d) gamma mu1 mu2 T TP TO TH K f Hf _ _ _ _ _ _ _ _ _ _
+   (filtered_is_predicted d f _ _ _ _ _ _ _ _ _ _ S H)).
 Qed.

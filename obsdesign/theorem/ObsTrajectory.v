@@ -13,14 +13,17 @@ Definition steady (vs : list (R -> R)) (t : R) := List.Forall (fun g => continuo
 Lemma der_const (c t : R) : is_derive (fun _ : R => c) t 0.
 Proof. apply (is_derive_const (K := R_AbsRing) (V := R_NormedModule)). Qed.
 Lemma moves_steady es t ds : moves es t ds -> steady es t.
-Proof. intros H. induction H; constructor; auto. apply (ex_derive_continuous (K := R_AbsRing) (V := R_NormedModule)). now exists y. Qed.
+Proof. intros H. induction H; constructor; auto. apply (ex_derive_continuous (K := R_AbsRing) (V := R_NormedModule)).
+ now exists y. Qed.
 Lemma moves_dot es fs t ds : moves es t ds -> forall dfs, moves fs t dfs ->
   is_derive (fun s => dotR (at_ es s) (at_ fs s)) t (dotR ds (at_ fs t) + dotR (at_ es t) dfs).
-Proof. intros H. revert fs. induction H as [|g d es ds H Hs IH]; intros fs dfs K; [simpl; apply (is_derive_ext (fun _ => 0)); [reflexivity|]; replace (0+0) with 0 by ring; apply der_const|].
+Proof. intros H. revert fs. induction H as [|g d es ds H Hs IH]; intros fs dfs K; [simpl;
+   apply (is_derive_ext (fun _ => 0)); [reflexivity|]; replace (0+0) with 0 by ring; apply der_const|].
  destruct K as [|h k fs ks K Ks]; simpl.
  - apply (is_derive_ext (fun _ => 0)); [reflexivity|]. replace (0+0) with 0 by ring. apply der_const.
  - replace (d * h t + dotR ds (at_ fs t) + (g t * k + dotR (at_ es t) ks))
-     with (plus (plus (mult d (h t)) (mult (g t) k)) (dotR ds (at_ fs t) + dotR (at_ es t) ks)) by (unfold plus, mult; simpl; ring).
+     with (plus (plus (mult d (h t)) (mult (g t) k)) (dotR ds (at_ fs t) + dotR (at_ es t) ks)) by (unfold plus,
+       mult; simpl; ring).
    apply (is_derive_plus (fun s => g s * h s) (fun s => dotR (at_ es s) (at_ fs s))).
    + apply (is_derive_mult g h); auto. intros; apply Rmult_comm.
    + apply IH. exact Ks. Qed.
@@ -43,10 +46,12 @@ Lemma moves_length es t ds : moves es t ds -> length ds = length es.
 Proof. intros H. induction H; simpl; auto. Qed.
 
 (* A function that does not rise *)
-Lemma falls (W w : R -> R) T : 0 <= T -> (forall t, 0 <= t -> is_derive W t (w t)) -> (forall t, 0 <= t <= T -> w t <= 0) -> W T <= W 0.
+Lemma falls (W w : R -> R) T : 0 <= T -> (forall t, 0 <= t -> is_derive W t (w t)) -> (forall t, 0 <= t <= T ->
+   w t <= 0) -> W T <= W 0.
 Proof. intros HT D N. destruct (MVT_gen W 0 T w) as (c & Hc & E).
  - intros x Hx. apply D. rewrite Rmin_left in Hx by lra. lra.
- - intros x Hx. rewrite Rmin_left in Hx by lra. apply derivable_continuous_pt. exists (w x). apply is_derive_Reals. apply D. lra.
+ - intros x Hx. rewrite Rmin_left in Hx by lra. apply derivable_continuous_pt. exists (w x). apply is_derive_Reals.
+   apply D. lra.
  - rewrite Rmin_left, Rmax_right in Hc by lra. specialize (N c Hc). nra. Qed.
 Definition energy (g : R -> R) (t : R) := RInt g 0 t.
 Lemma energy_derive (g : R -> R) : (forall t, 0 <= t -> continuous g t) ->
@@ -54,7 +59,8 @@ Lemma energy_derive (g : R -> R) : (forall t, 0 <= t -> continuous g t) ->
 Proof. intros C t. assert (K : forall r, continuous (fun r => g (Rabs r)) r).
  { intros r. apply (continuous_comp Rabs g); [apply continuous_Rabs|]. apply C. apply Rabs_pos. }
  apply (is_derive_RInt (fun r => g (Rabs r)) _ 0 t); [|apply K].
- apply filter_forall. intros s. apply (RInt_correct (V := R_CompleteNormedModule)). apply (ex_RInt_continuous (V := R_CompleteNormedModule)). intros; apply K. Qed.
+ apply filter_forall. intros s. apply (RInt_correct (V := R_CompleteNormedModule)).
+ apply (ex_RInt_continuous (V := R_CompleteNormedModule)). intros; apply K. Qed.
 Lemma energy_abs (g : R -> R) t : 0 <= t -> RInt (fun r => g (Rabs r)) 0 t = energy g t.
 Proof. intros Ht. apply RInt_ext. intros x Hx. rewrite Rmin_left in Hx by lra. rewrite Rabs_pos_eq; auto. lra. Qed.
 
@@ -69,7 +75,8 @@ Hypothesis len_f : forall t, length (fs t) = nf d.
 Let e t := at_ es t.
 Let v t := at_ vs t.
 Hypothesis error : forall t, 0 <= t -> moves es t (err_dot d (e t) (fs t) (v t)).
-Hypothesis class : forall t, 0 <= t -> forall m, In m (inequalities d) -> 0 <= sigma m (err_arg d (e t) (fs t) (v t)) (fs t).
+Hypothesis class : forall t, 0 <= t -> forall m, In m (inequalities d) ->
+   0 <= sigma m (err_arg d (e t) (fs t) (v t)) (fs t).
 Let V t := ObsDesign.V d (e t).
 Let z t := zed d (e t).
 Let dV t := V_dot d (e t) (err_dot d (e t) (fs t) (v t)).
@@ -78,15 +85,18 @@ Lemma v_length t : length (v t) = nv d. Proof. unfold v, at_. now rewrite map_le
 Lemma V_moves t : 0 <= t -> is_derive V t (dV t).
 Proof. intros Ht. specialize (error t Ht).
  assert (K := moves_dot es (rows (rmat (P d)) es) t _ error _ (moves_rows (rmat (P d)) es t _ error)).
- rewrite at_rows in K. unfold V, dV, V_dot, ObsDesign.V. eapply is_derive_ext; [|exact K]. intros s. simpl. now rewrite at_rows. Qed.
-Lemma inequality t : 0 <= t -> dV t + 2 * Q2R (alpha d) * V t + Q2R (weight d) * sq (z t) - Q2R (supply d) * sq (v t) <= 0.
+ rewrite at_rows in K. unfold V, dV, V_dot, ObsDesign.V. eapply is_derive_ext; [|exact K]. intros s. simpl.
+ now rewrite at_rows. Qed.
+Lemma inequality t : 0 <= t -> dV t + 2 * Q2R (alpha d) * V t + Q2R (weight d) * sq (z t) - Q2R (supply d) * sq (v t)
+   <= 0.
 Proof. intros Ht. apply (dissipates d T TP cert); auto using e_length, v_length. Qed.
 Lemma V_nonneg t : Q2R (floor d) * sq (e t) <= V t.
 Proof. apply (above_floor d T TP cert). apply e_length. Qed.
 Lemma sq_nonneg x : 0 <= sq x.
 Proof. unfold sq. induction x; simpl; [lra|]. assert (0 <= a * a) by apply Rle_0_sqr. lra. Qed.
 Lemma V_pos t : 0 <= V t.
-Proof. destruct (cert_parts d T TP cert) as (_ & _ & F & _). assert (K := V_nonneg t). assert (S := sq_nonneg (e t)). nra. Qed.
+Proof. destruct (cert_parts d T TP cert) as (_ & _ & F & _). assert (K := V_nonneg t). assert (S := sq_nonneg (e t)).
+ nra. Qed.
 Lemma alpha_nonneg : 0 <= Q2R (alpha d). Proof. now destruct (cert_parts d T TP cert) as (_ & K & _). Qed.
 
 (* weight int |z|^2 <= V(0) + supply int |v|^2 *)
@@ -97,17 +107,22 @@ Proof. intros Cv t Ht.
  { intros s Hs. eapply continuous_ext; [|apply (steady_sq (rows (rmat (H d)) es) s)].
    - intros r. simpl. unfold z, zed. now rewrite at_rows.
    - apply (moves_steady _ _ _ (moves_rows _ _ _ _ (error s Hs))). }
- assert (Dz := energy_derive _ Cz). assert (Dv := energy_derive (fun s => sq (v s)) (fun s Hs => steady_sq vs s (Cv s Hs))).
- set (Iz := fun s => RInt (fun r => sq (z (Rabs r))) 0 s) in *. set (Iv := fun s => RInt (fun r => sq (v (Rabs r))) 0 s) in *.
+ assert (Dz := energy_derive _ Cz). assert (Dv := energy_derive (fun s => sq (v s)) (fun s Hs => steady_sq vs s (Cv s
+   Hs))).
+ set (Iz := fun s => RInt (fun r => sq (z (Rabs r))) 0 s) in *.
+ set (Iv := fun s => RInt (fun r => sq (v (Rabs r))) 0 s) in *.
  set (W := fun s => (V s + Q2R (weight d) * Iz s) - Q2R (supply d) * Iv s).
  assert (F : W t <= W 0).
  { apply (falls W (fun s => (dV s + Q2R (weight d) * sq (z (Rabs s))) - Q2R (supply d) * sq (v (Rabs s)))); auto.
    - intros s Hs. apply (is_derive_minus (fun s => V s + Q2R (weight d) * Iz s) (fun s => Q2R (supply d) * Iv s)).
-     + apply (is_derive_plus V (fun s => Q2R (weight d) * Iz s)); [now apply V_moves|]. apply (is_derive_scal Iz). apply Dz.
+     + apply (is_derive_plus V (fun s => Q2R (weight d) * Iz s)); [now apply V_moves|]. apply (is_derive_scal Iz).
+       apply Dz.
      + apply (is_derive_scal Iv). apply Dv.
-   - intros s Hs. rewrite Rabs_pos_eq by lra. assert (I := inequality s ltac:(lra)). assert (V0 := V_pos s). assert (A0 := alpha_nonneg).
+   - intros s Hs. rewrite Rabs_pos_eq by lra. assert (I := inequality s ltac:(lra)). assert (V0 := V_pos s).
+     assert (A0 := alpha_nonneg).
      assert (0 <= Q2R (alpha d) * V s) by now apply Rmult_le_pos. lra. }
- unfold W, Iz, Iv in F. rewrite !RInt_point in F. rewrite (energy_abs (fun r => sq (z r))), (energy_abs (fun r => sq (v r))) in F by auto.
+ unfold W, Iz, Iv in F. rewrite !RInt_point in F. rewrite (energy_abs (fun r => sq (z r))),
+   (energy_abs (fun r => sq (v r))) in F by auto.
  unfold zero in F. simpl in F. unfold energy in F. assert (P := V_pos t). lra. Qed.
 
 (* exp(2 alpha t) (V - c) does not rise where supply |v|^2 <= 2 alpha c *)
@@ -124,7 +139,8 @@ Proof. intros Ht S. set (k := 2 * Q2R (alpha d)) in *. set (W := fun s => exp (k
    - intros s Hs. assert (I := inequality s ltac:(lra)). specialize (S s Hs). fold k in I.
      assert (0 <= Q2R (weight d) * sq (z s)).
      { destruct (cert_parts d T TP cert) as (_ & _ & _ & Kw & _). apply Rmult_le_pos; auto. apply sq_nonneg. }
-     assert (E := exp_pos (k * s)). replace (k * exp (k * s) * (V s - c) + exp (k * s) * dV s) with (exp (k * s) * (dV s + k * V s - k * c)) by ring.
+     assert (E := exp_pos (k * s)). replace (k * exp (k * s) * (V s - c) + exp (k * s) * dV s) with
+       (exp (k * s) * (dV s + k * V s - k * c)) by ring.
      assert (0 <= exp (k * s) * - (dV s + k * V s - k * c)) by (apply Rmult_le_pos; lra). lra. }
  unfold W in F. rewrite Rmult_0_r, exp_0, Rmult_1_l in F.
  rewrite exp_Ropp. assert (E := exp_pos (k * t)). apply (Rmult_le_reg_l (exp (k * t))); auto.
