@@ -80,11 +80,12 @@ def test_the_kernel_accepts_what_is_proved_in_rationals_and_nothing_else(tmp_pat
     draw = rng(17)
     written, expected = [], []
     for name in NAMES:
-        certificate = solved(name)[1].claim.certificate
+        spec, design = solved(name)
+        certificate = design.claim.certificate
         course = theorem.PREDICTED if certificate.family.about.pace.sampled else theorem.CONTINUOUS
         for _ in range(SWEEP.size(40)):
             one, proved = mutated(certificate, draw)
-            text = theorem.written(one, one.family.plant, course)
+            text, _ = theorem.written(one, spec, one.family.plant, course)
             head, body = text.split("Open Scope Q_scope.", 1)
             claim = re.search(r"Lemma proved : (.*) = true\.", body)[1]
             data = body[: body.index("Lemma proved")]

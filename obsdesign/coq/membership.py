@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import fmpq
 
-from obsdesign.coq.congruence import integers, triangle
+from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.coq.functions import ONE, Function, Limits, added
 from obsdesign.coq.regions import UnprovedError, rational_function, signed
@@ -257,21 +257,11 @@ def told(columns: list[list[int]]) -> str:
 
 
 def shown(S: Array) -> list[list[int]]:
-    """Columns of a triangular T with T' S T diagonal, in integers, for S >= 0; raises `NoMemberError` for others.
-
-    Exact: the columns are made orthogonal in the form S, the last one first. S may be singular.
-    """
-    order, columns = len(S), dict[int, Array]()
-    for j in reversed(range(order)):
-        column = rational(np.eye(order, dtype=int)[j])
-        for later in columns.values():
-            if (size := later @ S @ later) != 0:
-                column = column - (later @ S @ column) / size * later
-        size = column @ S @ column
-        if size < 0 or (size == 0 and (S @ column).any()):
-            raise NoMemberError("the inequality fails at an end of the slopes of its terms")
-        columns[j] = column
-    return [integers(columns[j][None, j:])[0] for j in range(order)]
+    """Columns of T for S >= 0; raises `NoMemberError` for others."""
+    try:
+        return congruence(S)
+    except ValueError:
+        raise NoMemberError("the inequality fails at an end of the slopes of its terms") from None
 
 
 def defined(f: Sum, time: str) -> list[str]:
