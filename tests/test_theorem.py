@@ -152,10 +152,11 @@ def test_verify_writes_the_theorem_and_says_how_to_compile_it(gains, tmp_path, m
     said = run("verify", gains[0], "--theorem", "coq")
     name = gains[0].name.replace(".gains.json", ".theorem.v")
     assert said.exit_code == 0
-    assert f"theorem for Coq, not compiled  {name}" in said.stdout
+    assert f"theorem for Coq about every f of the class, not compiled  {name}" in said.stdout
+    assert "\nthat the f of the spec is one of them is not shown: " in said.stdout
     assert (tmp_path / name).read_text() == od.theorem(gains[0])
     report = json.loads(run("verify", gains[0], "--theorem", "coq", "-o", "here.v", "--json").stdout)
-    assert report["theorem"].keys() == {"file", "sha256", "statement", "accepted", "time_s"}
+    assert report["theorem"].keys() == {"file", "sha256", "statement", "about", "accepted", "time_s"}
     assert report["theorem"]["statement"].startswith("Theorem for_the_class : forall f, of_class designed f ->")
     assert report["theorem"]["accepted"] is None
     assert run("verify", gains[0], "--theorem", "coq", "-o", "-").stdout.startswith("(* obsdesign: ")
@@ -197,6 +198,7 @@ def test_what_cannot_be_asked_or_exported_is_said_in_one_line(gains, tmp_path, m
         ("verify", gains[0], "--theorem", "coq", "-o", "a.json"): "OBS904",
         ("verify", gains[0], "--theorem", "coq", "-o", "-", "--json"): "OBS904",
         ("theorem", "--library", gains[0]): "OBS904",
+        ("theorem", "--library", ""): "OBS904",
         ("verify", gains[0], "--theorem", "coq", "-o", "nowhere/a.v"): "OBS902",
     }
     (tmp_path / "mine.v").write_text("(* mine *)")

@@ -26,6 +26,7 @@ if [ "$last" = Theorem.v ]; then {theorem}; fi
 """
 ACCEPTS = "printf 'Axioms:\\nClassicalDedekindReals.sig_forall_dec\\n  : forall P, P\\n'"
 CHEATS = "printf 'Axioms:\\nTheorem.cheat : 0 = 1\\nClassical_Prop.classic : forall P : Prop, P\\n'"
+RECORD = {"name": "for_the_class", "sha256": "0" * 64, "coq": "8.16.1", "accepted": "2026-01-01T00:00:00Z"}
 REFUSES = "printf 'File \"./Theorem.v\", line 1000, characters 0-5:\\nError: no.\\n' >&2; exit 1"
 
 
@@ -63,17 +64,20 @@ def test_an_accepted_theorem_is_told_and_recorded_in_the_result(gains, coqc):
     assert told["time_s"] > 0
     record = after.pop("theorem")
     assert after == before
-    assert (record["sha256"], record["coq"]) == (told["sha256"], "8.16.1")
+    assert (record["name"], record["sha256"], record["coq"]) == ("for_this_f", told["sha256"], "8.16.1")
     assert compiled().count("ObsForm.v") == 1
     assert compiled().count("Theorem.v") == 2
     assert run("verify", gains).exit_code == 0
     assert "accepted by its kernel" in run("verify", gains, "--theorem", "coq", "--compile").stdout
     report = gains.parent / "report.html"
     assert run("report", gains, "-o", report).exit_code == 0
-    assert f"accepted by Coq 8.16.1 on {record['accepted'][:10]}" in report.read_text()
+    assert f"for_this_f accepted by Coq 8.16.1 on {record['accepted'][:10]}" in report.read_text()
+    coqc(REFUSES)
+    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 4
+    assert json.loads(gains.read_text()) == before
 
 
-@pytest.mark.parametrize(("says", "name"), [(REFUSES, "for_the_class"), (CHEATS, "Theorem.cheat")])
+@pytest.mark.parametrize(("says", "name"), [(REFUSES, "for_this_f"), (CHEATS, "Theorem.cheat")])
 def test_what_is_refused_or_rests_on_another_axiom_is_exit_4_and_not_recorded(says, name, gains, coqc):
     coqc(says)
     before = gains.read_text()
@@ -96,6 +100,22 @@ def test_a_library_that_does_not_compile_is_told_and_not_kept(gains, coqc, tmp_p
     assert os.listdir(tmp_path / "cache" / "obsdesign") == []
 
 
+def test_a_coqc_that_says_nothing_is_told(gains, coqc, tmp_path):
+    coqc("true")
+    (tmp_path / "bin" / "coqc").write_text("#!/bin/sh\nexit 0")
+    outcome = run("verify", gains, "--theorem", "coq", "--compile")
+    assert outcome.exit_code == 2
+    assert "coqc does not tell its version" in outcome.stderr
+
+
+def test_a_library_is_compiled_anew_where_a_theorem_is_refused_with_the_one_in_the_cache(gains, coqc, tmp_path):
+    compiled = coqc(f"[ -e '{tmp_path}/damaged' ] && rm '{tmp_path}/damaged' && exit 1; {ACCEPTS}")
+    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 0
+    (tmp_path / "damaged").touch()
+    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 0
+    assert compiled().count("ObsForm.v") == 2
+
+
 def test_without_coqc_nothing_is_compiled(gains, monkeypatch):
     monkeypatch.setenv("PATH", "")
     outcome = run("verify", gains, "--theorem", "coq", "--compile")
@@ -115,10 +135,11 @@ def test_a_lack_of_memory_is_told(coqc):
     [
         "yes",
         {},
-        {"sha256": "0" * 64, "coq": "8.16.1"},
-        {"sha256": "0" * 63, "coq": "8.16.1", "accepted": "2026-01-01T00:00:00Z"},
-        {"sha256": "0" * 64, "coq": "8.16.1", "accepted": "2026-01-01T00:00:00Z", "by": "me"},
-        {"sha256": "0" * 64, "coq": ["8"], "accepted": "2026-01-01T00:00:00Z"},
+        {key: text for key, text in RECORD.items() if key != "coq"},
+        {**RECORD, "sha256": "0" * 63},
+        {**RECORD, "name": "for_all"},
+        {**RECORD, "by": "me"},
+        {**RECORD, "coq": ["8"]},
     ],
 )
 def test_a_record_of_another_form_is_refused(record, gains):

@@ -16,7 +16,7 @@ import obsdesign as od
 from obsdesign.coq.membership import NoMemberError, Words, ending, shown
 from obsdesign.coq.regions import Piece, UnprovedError, pieces, rational_function, rounded_root, text
 from obsdesign.coq.ridges import UnknownFunctionError, ridges
-from obsdesign.coq.theorem import stated
+from obsdesign.coq.theorem import stated, subject
 from obsdesign.expressions import parse
 from obsdesign.lmi.formula import rational
 
@@ -244,6 +244,7 @@ def test_f_is_in_the_file_as_the_spec_has_it(many):
 
 
 def test_what_is_told_as_stated_is_the_last_theorem(many):
+    assert subject(many) == ("for_this_f", "")
     assert stated(many).startswith("Theorem for_this_f : forall x xh v q qh y yh g gq gy, trajectories designed f x")
 
 
@@ -257,7 +258,9 @@ UNKNOWN = {
 @pytest.mark.parametrize(("block", "words"), UNKNOWN.items())
 def test_where_f_is_not_known_the_theorem_is_about_its_class(block, words, tmp_path):
     text = theorem_of(spec_of(block), tmp_path)
-    assert f"(* for_the_class is about every f of its class: {words} *)" in text.splitlines()
+    assert f"\n(* for_the_class is about every f of its class: {words}" in text
+    assert subject(text).theorem == "for_the_class"
+    assert subject(text).reason.startswith(words)
     assert text.endswith("Print Assumptions for_the_class.\n")
     assert "for_this_f" not in text
     assert "f satisfies the inequalities of multipliers" in text.partition("Require Import")[0]
@@ -266,8 +269,8 @@ def test_where_f_is_not_known_the_theorem_is_about_its_class(block, words, tmp_p
 WORDS = Words("t : R", "forall t, 0 <= t ->", "trajectories", "..", "..")
 OUTSIDE = {
     "q**3": "its slope has no bound",
-    "1.01*sin(q)/2 + q/2": "the inequality fails at an end of the slopes of its terms",
-    "-tanh(q)": "the inequality fails at an end of the slopes of its terms",
+    "1.01*sin(q)/2 + q/2": "its slopes reach beyond the class",
+    "-tanh(q)": "its slopes reach beyond the class",
 }
 
 

@@ -17,6 +17,8 @@ def theorem(
     ],
 ) -> None:
     """Write the library in Coq that theorems of `verify --theorem coq` are compiled with, and say how."""
+    if not folder:
+        raise UsageError("--library: the name of the folder is empty; name a folder, which is made", id="OBS904")
     if Path(folder).is_file():
         raise UsageError(Problem("is a file; name a folder, which is made", folder, id="OBS904"))
     Path(folder).mkdir(parents=True, exist_ok=True)

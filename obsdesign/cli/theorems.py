@@ -10,6 +10,7 @@ from obsdesign.cli.printing import say
 from obsdesign.cli.steps import stem
 from obsdesign.coq.kernel import Judgement, judged
 from obsdesign.coq.library import command
+from obsdesign.coq.theorem import stated, subject
 from obsdesign.disk import require_ending, require_writable, write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile, digest
@@ -60,24 +61,25 @@ class Exported:
 
     def lines(self) -> list[str]:
         """What is said of it on a terminal."""
-        made = self.judgement
+        made, about = self.judgement, subject(self.text).words()
         if made is None:
             compile_it = f"to compile it: obsdesign theorem --library library; {command('library', self.path)}"
-            return [f"theorem for Coq, not compiled  {self.told}", compile_it]
+            return [f"theorem for Coq {about[0]}, not compiled  {self.told}", *about[1:], compile_it]
         if not made.accepted:
             return [f"theorem for Coq, REFUSED  {self.told}"]
         names = ", ".join(sorted(axiom.rpartition(".")[2] for axiom in made.axioms)) or "none"
-        said = f"theorem for Coq, accepted by its kernel  {self.told}"
-        return [said, f"by Coq {made.coq} in {made.seconds:.1f} s, on the axioms {names}"]
+        said = f"theorem for Coq {about[0]}, accepted by its kernel  {self.told}"
+        return [said, *about[1:], f"by Coq {made.coq} in {made.seconds:.1f} s, on the axioms {names}"]
 
     def report(self) -> dict[str, Any]:
         """The same in JSON."""
-        from obsdesign.coq.theorem import stated
-
         made = self.judgement
-        found = {"file": self.path, "sha256": digest(self.text), "statement": stated(self.text)}
-        accepted, seconds = (None, None) if made is None else (made.accepted, round(made.seconds, 3))
-        return {**found, "accepted": accepted, "time_s": seconds}
+        words = "; ".join(subject(self.text).words())
+        found = {"file": self.path, "sha256": digest(self.text), "statement": stated(self.text), "about": words}
+        if made is None:
+            return {**found, "accepted": None, "time_s": None}
+        axioms = {"coq": made.coq, "axioms": sorted(made.axioms)}
+        return {**found, "accepted": made.accepted, "time_s": round(made.seconds, 3), **axioms}
 
     @property
     def failure(self) -> UndecidedError | None:
@@ -90,17 +92,18 @@ class Exported:
 
 
 def exported(file: ResultFile, text: str, path: str, told: str, *, compiled: bool) -> Exported:
-    """Write a theorem, compile it where that is asked for, and record in the result that it was accepted."""
+    """Write a theorem, compile it where that is asked for, and record in the result that it was accepted, if it was."""
     if path == "-":
         say(text.rstrip())
     else:
         write_whole(path, text.encode())
     made = Exported(text, path, told, judged(text) if compiled else None)
-    if made.judgement and made.judgement.accepted and os.access(file.path, os.W_OK):
+    if made.judgement and os.access(file.path, os.W_OK) and (made.judgement.accepted or "theorem" in file.content):
         record = {
+            "name": subject(text).theorem,
             "sha256": digest(text),
             "coq": made.judgement.coq,
             "accepted": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
         }
-        write_whole(file.path, amended(file, "theorem", record))
+        write_whole(file.path, amended(file, "theorem", record if made.judgement.accepted else None))
     return made

@@ -6,9 +6,7 @@ from flint import fmpq
 
 from obsdesign.lmi.formula import Array
 
-UNSAFE = re.compile(
-    r"[^A-Za-z0-9_ .,:;=/+^|<>()\[\]{}~'-]", re.ASCII
-)  # what could end a comment, or begin a text within it
+UNSAFE = re.compile(r"[^\w .,:;=/+^|<>()\[\]{}~'%-]")  # what could end a comment, or begin a text within it
 
 
 def number(x: fmpq) -> str:

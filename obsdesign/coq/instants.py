@@ -29,7 +29,8 @@ LIMITS = """\
 These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
 - Of the words it states {told}. The size of an error is |(e, d)|, d = C e - theta, or |e| where xhat is reset.
 - The energies of z and w are those up to any measurement, not up to an instant between two of them.
-- Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local;
+- Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local: the f of
+  a spec that does so on a region only is not meant;
   between measurements x, xhat and theta are differentiable and w is continuous, up to both ends of each interval.
 - It does not state {untold}, bounds on gains, that trajectories exist.
 - That the numbers below are those of the spec is believed. Here e = x - xhat."""
@@ -40,6 +41,7 @@ Theorem for_the_class : forall f, of_class {NAME} f ->
   let size j s := sq (joint {NAME} (e j s) (at_ (th j) s)) in
   let z2 j s := sq (zed {NAME} (e j s)) in
   let w2 j s := sq (at_ (w j) s) in"""
+UNSEEN = "for_the_class is about every f of its class: of measurements at instants the f of a spec is not looked at yet"
 INTRODUCED = "intros f F t x xh th w q qh g gq y gy eta X e size z2 w2."
 SIGNALS = "f t x xh th w q qh g gq y gy eta F X"
 
@@ -141,6 +143,7 @@ def exported(o: Observer, parts: Mapping[str, Part], spec: Spec, statement: str)
             f"{GIVEN}\n  {stated}.",
             f"Proof.\n {INTRODUCED}\n exact {proof(parts)}. Qed.",
             "",
+            *([comment(UNSEEN)] if spec.nonlinearities else []),
             "Print Assumptions for_the_class.",
             "",
         ]

@@ -50,18 +50,29 @@ def judged(text: str) -> Judgement:
     """
     if shutil.which("coqc") is None:
         raise UsageError(f"--compile: coqc is not installed; {INSTALL}", id="OBS712")
-    version = run(".", "--print-version").stdout.split()[0]
+    known = re.match(r"[0-9][0-9.]*", run(".", "--print-version").stdout)
+    if known is None:
+        raise UsageError(f"--compile: coqc does not tell its version; {INSTALL}", id="OBS712")
+    version = known[0]
     compiled = compiled_library(version)
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, NAME).write_text(text)
-        start = time.monotonic()
-        found = run(folder, *QUIET.split(), "-Q", str(compiled), "Obs", NAME)
-        seconds = time.monotonic() - start
+    found, seconds = attempt(text, compiled)
+    if found.returncode:
+        shutil.rmtree(compiled)  # it may be damaged
+        found, seconds = attempt(text, compiled_library(version))
     if found.returncode == 0:
         axioms = axioms_of(found.stdout)
         others = ", ".join(sorted(axioms - AXIOMS))
         return Judgement(not others, version, seconds, axioms, others, "an axiom that is none of the real numbers")
     return Judgement(False, version, seconds, refused=refused(text, found.stderr), why=" ".join(found.stderr.split()))
+
+
+def attempt(text: str, compiled: Path) -> tuple[subprocess.CompletedProcess[str], float]:
+    """Compile a theorem with a library; and the seconds that took."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, NAME).write_text(text)
+        start = time.monotonic()
+        found = run(folder, *QUIET.split(), "-Q", str(compiled), "Obs", NAME)
+        return found, time.monotonic() - start
 
 
 def axioms_of(printed: str) -> frozenset[str]:

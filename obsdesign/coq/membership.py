@@ -22,9 +22,15 @@ from obsdesign.model.multiplier import Multiplier, roots
 from obsdesign.spec import Nonlinearity, arguments
 
 Rays = Sequence[tuple[fmpq, Array, Array, Array]]  # scale, M11, M12, M22 of each inequality of the class
-OF_A_CLASS = "f satisfies the inequalities of multipliers for all arguments, also where the words are local"
+OF_A_CLASS = (
+    "f satisfies the inequalities of multipliers, and lies in the hulls, for all arguments, also\n"
+    "  where the words are local: the f of a spec that does so on a region only is not meant"
+)
 OF_THIS_F = "f is the one that is defined below"
-OF_A_LOCAL_F = f"{OF_THIS_F}; q and qhat stay inside the region that is defined there"
+OF_A_LOCAL_F = (
+    f"{OF_THIS_F}; q and qhat stay inside the region that is defined there, at\n"
+    "  all times: a run that leaves it once is not meant, not even before, where the words say as long as"
+)
 MAX_ENDS = 256  # of the quotients of all ridges that enter one inequality
 
 
@@ -183,7 +189,8 @@ def split(block: Nonlinearity, i: int, box: Box, *, local: bool) -> list[Ridge]:
     names = {"q": 0} if block.nq == 1 else {}
     names |= {name: k for k, name in enumerate(arguments(block.nq)[-block.nq :])}
     if foreign := sorted(frozenset().union(*(one.names for one in block.f)) - names.keys()):
-        raise NoMemberError(f"f{i} depends on {', '.join(foreign)}")
+        more = "a plant in matrices may have what is known of q in its gq"
+        raise NoMemberError(f"f{i} depends on {', '.join(foreign)}; {more}")
     scalar = block.nq == len(block.f) == 1
     if local and box and scalar and (slopes := declared(block.multiplier)):
         try:
@@ -261,7 +268,7 @@ def shown(S: Array) -> list[list[int]]:
     try:
         return congruence(S)
     except ValueError:
-        raise NoMemberError("the inequality fails at an end of the slopes of its terms") from None
+        raise NoMemberError("its slopes reach beyond the class that is certified, as far as is seen") from None
 
 
 def defined(f: Sum, time: str) -> list[str]:

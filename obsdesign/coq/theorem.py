@@ -9,7 +9,9 @@ weight = 0 and supply = 2 alpha mu1, or (1 - rho^2) mu1, where it is about its p
 for every f of the class and all trajectories of plant and observer.
 """
 
+import re
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from flint import fmpq
 
@@ -71,12 +73,12 @@ RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
     limits="""\
 These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
 - Of the words it states the bound on z, and floor |e|^2 <= exp(-2 alpha t) e0' P e0 where v = 0. As floor is less than
-  the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at alpha = 0 it says that e stays bounded.
+  the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
 - Its premises: {premise};
   x and xhat are differentiable and v is continuous at every t >= 0.
 - It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
   storage_bound say of bounds on L1 and P, where there are some, is beside it.
-- That the numbers and the f below are those of the spec is believed.
+- That {given} below are those of the spec is believed.
   Here e = xhat - x, and L1 = -L where the words have L.""",
 )
 PREDICTED = Course(
@@ -100,12 +102,11 @@ sum_to (fun k => sq (zed {NAME} (e k))) N <=
     limits="""\
 These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
 - Of the words it states the bound on z, and floor |e_N|^2 <= rho^(2 N) e0' P e0 where v = 0; alpha is rho there. As
-  floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)); at rho = 1 it says that e
-  stays bounded.
+  floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
 - Its premise: {premise}.
 - It does not state larger Lipschitz constants, that there are such sequences, or anything of a plant in continuous
   time. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
-- That the numbers and the f below are those of the spec is believed.
+- That {given} below are those of the spec is believed.
   Here e = xhat - x, and L1 = -L where the words have L.""",
     claims="claims_{}_of_samples",
 )
@@ -137,13 +138,34 @@ def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bound
         course = FILTERED if spec.observer.filtered else PREDICTED
         plant = apart(spec.augmented) if spec.observer.filtered else plant
     text, end = written(certificate, spec, plant, course, bounds)
-    return "\n".join([*map(comment, heading(spec, statement, course, end)), text])
+    head = heading(spec, statement, course, end, plant, not certificate.rate)
+    return "\n".join([*map(comment, head), text])
 
 
 def stated(text: str) -> str:
     """What the theorem of such a file states, in Coq, on one line."""
     start = text.rindex("\nTheorem for_") + 1
     return " ".join(text[start : text.index("Proof.", start)].split())
+
+
+class Subject(NamedTuple):
+    """The last theorem of a file: its name, and why it is about a class and not about the f of the spec."""
+
+    theorem: str
+    reason: str  # empty where it is about that f
+
+    def words(self) -> list[str]:
+        """What is said of it."""
+        if not self.reason:
+            return ["about the f of the spec"]
+        return ["about every f of the class", f"that the f of the spec is one of them is not shown: {self.reason}"]
+
+
+def subject(text: str) -> Subject:
+    """What the theorem of such a file is about."""
+    name = re.findall(r"^Theorem (for_\w+)", text, re.MULTILINE)[-1]
+    reason = re.search(r"^\(\* for_the_class is about every f of its class: (.*) \*\)$", text, re.MULTILINE)
+    return Subject(name, reason[1] if reason else "")
 
 
 def written(
@@ -194,14 +216,21 @@ def written(
     return text, end
 
 
-def heading(spec: Spec, statement: str, course: Course, end: Ending) -> list[str]:
-    """What the file is about, in words; none of it is checked by Coq."""
-    states = ", ".join([*spec.plant.states, *spec.model_states])
+def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plant[Exact], still: bool) -> list[str]:
+    """What the file is about, in words; none of it is checked by Coq. `still`: whether the rate is that of no decay."""
+    names = {"x": [*spec.plant.states, *spec.model_states], "v": plant.exogenous, "y": plant.outputs}
+    rate = "rho = 1" if course.error == "error_of" else "alpha = 0"
+    limits = course.limits.format(
+        theorem=end.theorem,
+        premise=end.premise,
+        given="the numbers and the f" if end.theorem == "for_this_f" else "the numbers",
+        still=f"; at {rate} it\n  says that e stays bounded" if still else "",
+    )
     return [
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
-        f"states: {states}",
+        "; ".join(f"{key}: {', '.join(name)}" for key, name in names.items()),
         f"in words: {statement}",
-        *course.limits.format(theorem=end.theorem, premise=end.premise).splitlines(),
+        *limits.splitlines(),
     ]
 
 

@@ -25,7 +25,12 @@ NUMERICAL = {  # entries of parts of a result file that prove nothing
 HELD = ("observer", "guarantee", "certificate")  # parts that are held against what is proved
 HEAD = ("obsdesign", "name", "spec", "status", "solver", "tool", "created")  # claims nothing
 KNOWN = (*HEAD, "diagnosis", "assumed", "notes", "numerical", "split", "discretised", "theorem")
-RECORD = {"sha256": r"[0-9a-f]{64}", "coq": r"[0-9.]{1,20}", "accepted": r"[0-9TZ:-]{20}"}  # of a theorem
+RECORD = {
+    "name": r"for_(the_class|this_f)",
+    "sha256": r"[0-9a-f]{64}",
+    "coq": r"[0-9.]{1,20}",
+    "accepted": r"[0-9TZ:-]{20}",
+}  # of a theorem
 EXACT = "exact"  # what a diagnosis with a certificate says of its proof
 REASON = ("id", "condition", "reason")  # what every diagnosis has
 POSITIVE = ("gamma", "lipschitz", "T2", "alpha", "decay", "rho", "ceiling")  # what is never negative

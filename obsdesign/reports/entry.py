@@ -264,8 +264,8 @@ class Entry:
 
 def recorded(theorem: Mapping[str, str]) -> str:
     """That the kernel of a proof assistant accepted the theorem of a result, as the file has it."""
-    said = f"accepted by Coq {theorem['coq']} on {theorem['accepted']}, SHA-256 of it {theorem['sha256']}"
-    return f"{said}; as recorded: `verify --theorem coq --compile` checks it"
+    said = f"{theorem['name']} accepted by Coq {theorem['coq']} on {theorem['accepted']}"
+    return f"{said}, SHA-256 of it {theorem['sha256']}; as recorded: `verify --theorem coq --compile` checks it"
 
 
 def readable(entry: Entry) -> Entry:
