@@ -14,6 +14,7 @@ from obsdesign.nonlinearities.lipschitz import lipschitz
 from obsdesign.nonlinearities.monotone import monotone
 from obsdesign.nonlinearities.slope import slope
 from obsdesign.nonlinearities.user import user
+from obsdesign.reading import loads
 
 
 def whole(multiplier, scales=None):
@@ -142,3 +143,16 @@ def test_a_naive_block_diagonal_of_a_cone_and_a_polytope_is_wrong():
     assert smallest(edge(combine(parts)), f, 2) >= -1e-6
     first, second = (edge(part)[0] for part in parts)
     assert smallest([block_diagonal([first, second])], f, 2) < -0.1
+
+
+@pytest.mark.parametrize("margin", ["1.0e-3", "1.0e-13", "1.0e-200"])
+def test_a_matrix_that_no_f_satisfies_is_refused_however_little_is_missing(margin):
+    spec = f"""
+obsdesign: 1
+system: {{A: [[-1, 0.1], [0, -2]], B: [[1], [0]], C: [[1, 0]]}}
+nonlinearities:
+  - {{type: {{multiplier: [[1, 0, 0], [0, -{margin}, 0], [0, 0, -1]]}}, Bf: [0, 0.5], Cq: [[1, 0], [0, 1]]}}
+observer: {{type: l2, alpha: 0.05, bounds: {{L1: 100}}}}
+"""
+    with pytest.raises(UsageError, match="no f was found that satisfies it"):
+        loads(spec)

@@ -10,7 +10,7 @@ import pytest
 from support.commands import run
 
 import obsdesign as od
-from obsdesign.coq.kernel import AXIOMS, axioms_of, judged, refused
+from obsdesign.coq.kernel import AXIOMS, assumed, judged, refused
 
 SPEC = """
 obsdesign: 1
@@ -19,13 +19,15 @@ system: {A: [[-1]], B: [[1]], C: [[1]]}
 observer: {type: l2, alpha: 0.1, bounds: {L1: 10}}
 """
 COQC = """#!/bin/sh
-if [ "$1" = --print-version ]; then echo 8.16.1 4.13.1; exit; fi
+if [ "$2" = --print-version ]; then echo 8.16.1 4.13.1; exit; fi
 for last; do :; done
 echo "$last" >> "{log}"
+touch "${{last%.v}}.vo"
 if [ "$last" = Theorem.v ]; then {theorem}; fi
 """
-ACCEPTS = "printf 'Axioms:\\nClassicalDedekindReals.sig_forall_dec\\n  : forall P, P\\n'"
-CHEATS = "printf 'Axioms:\\nTheorem.cheat : 0 = 1\\nClassical_Prop.classic : forall P : Prop, P\\n'"
+HEAD = "printf 'Axioms:\\nClassical_Prop.classic : P\\n'"  # of the bound of the gain
+ACCEPTS = f"{HEAD}; printf 'Axioms:\\nClassicalDedekindReals.sig_forall_dec\\n  : forall P, P\\n'"
+CHEATS = f"{HEAD}; printf 'Axioms:\\nTheorem.cheat : 0 = 1\\nClassical_Prop.classic : forall P : Prop, P\\n'"
 RECORD = {"name": "for_the_class", "sha256": "0" * 64, "coq": "8.16.1", "accepted": "2026-01-01T00:00:00Z"}
 REFUSES = "printf 'File \"./Theorem.v\", line 1000, characters 0-5:\\nError: no.\\n' >&2; exit 1"
 
@@ -92,12 +94,48 @@ def test_what_is_refused_or_rests_on_another_axiom_is_exit_4_and_not_recorded(sa
 def test_a_library_that_does_not_compile_is_told_and_not_kept(gains, coqc, tmp_path):
     coqc("true")
     (tmp_path / "bin" / "coqc").write_text(
-        "#!/bin/sh\n[ $1 = --print-version ] && echo 7 3 || { echo Error >&2; exit 1; }"
+        "#!/bin/sh\n[ $2 = --print-version ] && echo 7 3 || { echo Error >&2; exit 1; }"
     )
     outcome = run("verify", gains, "--theorem", "coq", "--compile")
     assert outcome.exit_code == 2
     assert "coqc 7 does not take the library" in outcome.stderr
     assert os.listdir(tmp_path / "cache" / "obsdesign") == []
+
+
+def test_a_result_that_changes_meanwhile_is_not_overwritten(gains, coqc):
+    coqc(f"echo >> '{gains}'; {ACCEPTS}")
+    before = gains.read_text()
+    outcome = run("verify", gains, "--theorem", "coq", "--compile")
+    assert outcome.exit_code == 0
+    assert "not recorded: the result was changed meanwhile" in outcome.stdout
+    assert gains.read_text() == before + "\n"
+
+
+def test_a_record_leaves_the_rights_of_the_file_as_they_were_and_one_of_another_text_is_told(gains, coqc):
+    coqc(ACCEPTS)
+    gains.chmod(0o600)
+    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 0
+    assert stat.S_IMODE(gains.stat().st_mode) == 0o600
+    assert "record of another" not in run("verify", gains, "--theorem", "coq").stdout
+    content = json.loads(gains.read_text())
+    content["theorem"]["sha256"] = "0" * 64
+    gains.write_text(json.dumps(content))
+    assert "the result holds a record of another text" in run("verify", gains, "--theorem", "coq").stdout
+
+
+def test_a_coqc_that_is_killed_is_told(coqc):
+    coqc("kill -9 $$")
+    with pytest.raises(od.UndecidedError, match="signal 9 ended it"):
+        judged("")
+
+
+def test_a_folder_of_the_environment_that_is_relative_is_no_cache(gains, coqc, monkeypatch, tmp_path):
+    coqc(ACCEPTS)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert run("verify", gains, "--theorem", "coq", "--compile").exit_code == 0
+    assert (tmp_path / "home" / ".cache" / "obsdesign").is_dir()
+    assert not (gains.parent / "relative").exists()
 
 
 def test_a_coqc_that_says_nothing_is_told(gains, coqc, tmp_path):
@@ -126,7 +164,7 @@ def test_without_coqc_nothing_is_compiled(gains, monkeypatch):
 
 def test_a_lack_of_memory_is_told(coqc):
     coqc("echo 'Out of memory.' >&2; exit 2")
-    with pytest.raises(od.UndecidedError, match="needs more than 12 GiB"):
+    with pytest.raises(od.UndecidedError, match="it lacked memory; it may take 12 GiB"):
         judged("")
 
 
@@ -152,15 +190,33 @@ def test_a_record_of_another_form_is_refused(record, gains):
 
 def test_the_statement_in_which_an_error_is_has_a_name():
     text = "Definition a := 1.\n\nLemma b : a = 1.\nProof. no. Qed.\nTheorem c : b.\n"
-    assert refused(text, 'File "./Theorem.v", line 4, characters 0-3:') == "b"
-    assert refused(text, 'File "./Theorem.v", line 5, characters 0-3:') == "c"
+    warning = 'File "./Theorem.v", line 1, characters 0-3:\nWarning: old.\n'
+    assert refused(text, f'{warning}File "./Theorem.v", line 4, characters 0-3:\nError: no') == "b"
+    assert refused(text, 'File "./Theorem.v", line 5, characters 0-3:\nError:\nno') == "c"
     assert refused(text, "killed") == "the file"
 
 
-def test_the_axioms_are_read_with_their_types_left_out():
-    printed = "Axioms:\nA.one : forall x : R,\n  x = x\nB.two\n  : Prop\n"
-    assert axioms_of(printed) == {"A.one", "B.two"}
-    assert axioms_of("Closed under the global context\n") == set()
+CLASSIC = "Classical_Prop.classic"
+
+
+@pytest.mark.parametrize(
+    ("printed", "count", "axioms", "other"),
+    [
+        (f"Axioms:\n{CLASSIC} : forall P : Prop,\n  P\n", 1, {CLASSIC}, ""),
+        (f"Axioms:\n{CLASSIC}\n  : Prop\nClosed under the global context\n", 2, {CLASSIC}, ""),
+        ("Closed under the global context\n", 1, set(), ""),
+        (f"Axioms:\n{CLASSIC} : P\nbad' : False\n", 1, {CLASSIC, "bad'"}, "bad'"),
+        ("Axioms:\nbad is assumed to be guarded.\n", 1, {"bad is assumed to be guarded."}, "bad is assumed"),
+        ("", 1, set(), "what is printed of 1 statements"),
+        ("Closed under the global context\n", 2, set(), "what is printed of 2 statements"),
+        ("", 0, set(), "what is printed of 0 statements"),
+    ],
+)
+def test_only_what_rests_on_the_axioms_of_the_reals_is_accepted(printed, count, axioms, other):
+    found, stranger = assumed(printed, count)
+    assert found == axioms
+    assert stranger.startswith(other)
+    assert bool(stranger) is bool(other)
 
 
 @pytest.mark.slow

@@ -8,10 +8,10 @@ from typing import Any
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.steps import stem
-from obsdesign.coq.kernel import Judgement, judged
+from obsdesign.coq.kernel import Judgement, judged, version
 from obsdesign.coq.library import command
 from obsdesign.coq.theorem import stated, subject
-from obsdesign.disk import require_ending, require_writable, write_whole
+from obsdesign.disk import LARGEST, content_of, require_ending, require_writable, write_whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.files import ResultFile, digest
 from obsdesign.files.amended import amended
@@ -45,6 +45,8 @@ class Export:
         """Path of the theorem of a result file, and what is said of it; None where none is asked for."""
         if not self.assistant:
             return None
+        if self.compiled:
+            version()
         path = self.output or f"{stem(gains)}.theorem.v"
         require_ending(path, "theorems")
         return path, require_writable({path: "theorems"}, (gains,))[path]
@@ -58,9 +60,14 @@ class Exported:
     path: str
     told: str  # its path, and whether it was replaced
     judgement: Judgement | None
+    note: str = ""  # on the record in the result
 
     def lines(self) -> list[str]:
         """What is said of it on a terminal."""
+        return [*self.said(), *([self.note] if self.note else [])]
+
+    def said(self) -> list[str]:
+        """The same without the note."""
         made, about = self.judgement, subject(self.text).words()
         if made is None:
             compile_it = f"to compile it: obsdesign theorem --library library; {command('library', self.path)}"
@@ -92,18 +99,41 @@ class Exported:
 
 
 def exported(file: ResultFile, text: str, path: str, told: str, *, compiled: bool) -> Exported:
-    """Write a theorem, compile it where that is asked for, and record in the result that it was accepted, if it was."""
+    """Write a theorem, and compile it where that is asked for."""
     if path == "-":
         say(text.rstrip())
     else:
         write_whole(path, text.encode())
-    made = Exported(text, path, told, judged(text) if compiled else None)
-    if made.judgement and os.access(file.path, os.W_OK) and (made.judgement.accepted or "theorem" in file.content):
-        record = {
-            "name": subject(text).theorem,
-            "sha256": digest(text),
-            "coq": made.judgement.coq,
-            "accepted": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
-        }
-        write_whole(file.path, amended(file, "theorem", record if made.judgement.accepted else None))
-    return made
+    if not compiled:
+        return Exported(text, path, told, None, outdated(file, text))
+    judgement = judged(text)
+    return Exported(text, path, told, judgement, recorded(file, text, judgement))
+
+
+def outdated(file: ResultFile, text: str) -> str:
+    """That the record in a result is of another theorem; empty if it is not."""
+    record = file.content.get("theorem")
+    if record is None or record["sha256"] == digest(text):
+        return ""
+    return "the result holds a record of another text of its theorem; --compile makes a new one"
+
+
+def recorded(file: ResultFile, text: str, judgement: Judgement) -> str:
+    """Record in a result that its theorem was accepted, or take such a record out; why not, where that cannot be."""
+    if not (judgement.accepted or "theorem" in file.content):
+        return ""
+    record = {
+        "name": subject(text).theorem,
+        "sha256": digest(text),
+        "coq": judgement.coq,
+        "accepted": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
+    }
+    try:
+        if content_of(file.path, LARGEST) != file.raw:
+            return "not recorded: the result was changed meanwhile"
+        mode = os.stat(file.path).st_mode
+        write_whole(file.path, amended(file, "theorem", record if judgement.accepted else None))
+        os.chmod(file.path, mode)
+    except (OSError, UsageError):
+        return "not recorded: the result is no file that may be written"
+    return ""

@@ -47,5 +47,6 @@ class Kept:
             "Proof. vm_cast_no_check (eq_refl true). Qed.",
             f"Theorem {self.name}_bound : forall x, length x = {self.size} {self.design} -> {self.said}.",
             f"Proof. exact ({self.name}_bounded {self.design} {self.symbol} {T} {self.name}_proved). Qed.",
+            f"Print Assumptions {self.name}_bound.",
             "",
         ]

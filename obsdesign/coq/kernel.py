@@ -8,6 +8,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -15,9 +16,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from obsdesign.coq.library import PROJECT, QUIET, library
-from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.errors import Problem, UndecidedError, UsageError
 
 AXIOMS = {  # of the real numbers of Coq's library
     "ClassicalDedekindReals.sig_not_dec",
@@ -28,7 +30,9 @@ AXIOMS = {  # of the real numbers of Coq's library
 MEMORY = 12  # GiB of address space that coqc may take
 INSTALL = "apt-get install coq libcoq-coquelicot"
 NAME = "Theorem.v"
+NONE, SOME = "Closed under the global context", "Axioms:"  # first lines of what `Print Assumptions` says
 STATEMENT = re.compile(r"^(?:Lemma|Theorem|Definition) (\w+)", re.MULTILINE)
+PLACE = re.compile(r'^File "[^"]*", line (\d+), characters [^:]*:\s*Error', re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -43,72 +47,112 @@ class Judgement:
     why: str = ""  # what coqc says, in one line
 
 
+class Call(NamedTuple):
+    """How a call of coqc ended, and what it printed."""
+
+    code: int
+    output: str
+    errors: str
+
+
+def version() -> str:
+    """Version of coqc; raises `UsageError`: it is not installed, or does not tell it."""
+    if shutil.which("coqc") is None:
+        raise UsageError(f"--compile: coqc is not installed; {INSTALL}", id="OBS712")
+    known = re.match(r"[0-9][0-9.]{0,19}", run(".", "--print-version").output)
+    if known is None:
+        raise UsageError(f"--compile: coqc does not tell its version; {INSTALL}", id="OBS712")
+    return known[0]
+
+
 def judged(text: str) -> Judgement:
     """Compile a theorem, and see what its proof rests on.
 
-    Raises `UsageError`: coqc is not installed, or lacks Coquelicot. Raises `UndecidedError`: it lacks memory.
+    Where it is refused with the library of the cache, the library is compiled anew, for it may be damaged.
+
+    Raises `UsageError`: coqc is not installed, or lacks Coquelicot. Raises `UndecidedError`: it was ended from outside.
     """
-    if shutil.which("coqc") is None:
-        raise UsageError(f"--compile: coqc is not installed; {INSTALL}", id="OBS712")
-    known = re.match(r"[0-9][0-9.]*", run(".", "--print-version").stdout)
-    if known is None:
-        raise UsageError(f"--compile: coqc does not tell its version; {INSTALL}", id="OBS712")
-    version = known[0]
-    compiled = compiled_library(version)
-    found, seconds = attempt(text, compiled)
-    if found.returncode:
-        shutil.rmtree(compiled)  # it may be damaged
-        found, seconds = attempt(text, compiled_library(version))
-    if found.returncode == 0:
-        axioms = axioms_of(found.stdout)
-        others = ", ".join(sorted(axioms - AXIOMS))
-        return Judgement(not others, version, seconds, axioms, others, "an axiom that is none of the real numbers")
-    return Judgement(False, version, seconds, refused=refused(text, found.stderr), why=" ".join(found.stderr.split()))
+    coq = version()
+    kept = compiled_library(coq)
+    made = attempt(text, kept, coq)
+    if made.accepted:
+        return made
+    shutil.rmtree(kept, ignore_errors=True)
+    return attempt(text, compiled_library(coq), coq)
 
 
-def attempt(text: str, compiled: Path) -> tuple[subprocess.CompletedProcess[str], float]:
-    """Compile a theorem with a library; and the seconds that took."""
+def attempt(text: str, compiled: Path, coq: str) -> Judgement:
+    """Compile a theorem with a library."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, NAME).write_text(text)
         start = time.monotonic()
         found = run(folder, *QUIET.split(), "-Q", str(compiled), "Obs", NAME)
-        return found, time.monotonic() - start
+        seconds = time.monotonic() - start
+        made = Path(folder, NAME).with_suffix(".vo").is_file()
+    if found.code or not made:
+        why = " ".join(found.errors[found.errors.find("Error") :].split()) or "it says nothing"
+        return Judgement(False, coq, seconds, refused=refused(text, found.errors), why=why)
+    axioms, others = assumed(found.output, text.count("\nPrint Assumptions "))
+    why = "is none of the axioms of the real numbers"
+    return Judgement(not others, coq, seconds, axioms, others, why if others else "")
 
 
-def axioms_of(printed: str) -> frozenset[str]:
-    """Names that `Print Assumptions` lists: each begins a line, and its type goes on in indented ones."""
-    return frozenset(re.findall(r"^([\w.]+)\s*:", printed.partition("Axioms:")[2], re.MULTILINE))
+def assumed(printed: str, count: int) -> tuple[frozenset[str], str]:
+    """Axioms that so many `Print Assumptions` list; and the first thing they say that is no known axiom, or "".
+
+    The name of an axiom begins a line, and its type goes on in indented ones.
+    """
+    lines = [line for line in printed.splitlines() if line and not line.startswith(" ")]
+    names = [line.split(" :")[0] for line in lines if line not in {NONE, SOME}]
+    others = [name for name in names if name not in AXIOMS]
+    told = sum(line in {NONE, SOME} for line in lines)
+    if not others and (told != count or not count):
+        others = [f"what is printed of {count} statements"]
+    return frozenset(names), others[0] if others else ""
 
 
 def refused(text: str, said: str) -> str:
     """Name of the statement in which an error of coqc is."""
-    place = re.search(r"line (\d+)", said)
+    place = PLACE.search(said)
     before = "\n".join(text.splitlines()[: int(place[1])]) if place else ""
     return next((found[1] for found in reversed([*STATEMENT.finditer(before)])), "the file")
 
 
-def compiled_library(version: str) -> Path:
-    """Folder with the library, compiled; made if it is not in the cache, whole or not at all."""
+def compiled_library(coq: str) -> Path:
+    """Folder with the library, compiled; made if it is not in the cache, whole or not at all.
+
+    Raises `UsageError`: coqc does not take it, or it cannot be kept.
+    """
     files = library()
-    key = hashlib.sha256(b"\0".join([version.encode(), *files.values()])).hexdigest()[:16]
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "obsdesign")
-    kept = home / f"coq-{key}"
-    if kept.is_dir():
+    names = list(modules(files[PROJECT].decode()))
+    key = hashlib.sha256(b"\0".join([coq.encode(), *files.values()])).hexdigest()[:16]
+    kept = cache() / f"coq-{key}"
+    if all((kept / name).with_suffix(".vo").is_file() for name in names):
         return kept
-    home.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=home) as folder:
-        made = Path(folder, "library")
-        made.mkdir()
-        for name, content in files.items():
-            (made / name).write_bytes(content)
-        for name in modules(files[PROJECT].decode()):
-            found = run(str(made), *QUIET.split(), "-Q", ".", "Obs", name)
-            if found.returncode:
-                said = " ".join(found.stderr.split())[-300:]
-                raise UsageError(f"--compile: coqc {version} does not take the library: {said}; {INSTALL}", id="OBS712")
-        with suppress(OSError):  # another process was faster
-            os.rename(made, kept)
+    try:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=kept.parent) as folder:
+            made = Path(folder, "library")
+            made.mkdir()
+            for name, content in files.items():
+                (made / name).write_bytes(content)
+            for name in names:
+                found = run(str(made), *QUIET.split(), "-Q", ".", "Obs", name)
+                if found.code or not (made / name).with_suffix(".vo").is_file():
+                    said = " ".join(found.errors.split())[-300:] or "it says nothing"
+                    raise UsageError(f"--compile: coqc {coq} does not take the library: {said}; {INSTALL}", id="OBS712")
+            if kept.exists():  # damaged, or by another process
+                shutil.rmtree(kept) if kept.is_dir() else kept.unlink()
+            made.rename(kept)
+    except OSError as error:
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", str(kept), id="OBS902")) from None
     return kept
+
+
+def cache() -> Path:
+    """Folder of the user for what can be made again; a relative one of the environment counts as none."""
+    given = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return Path(given if given.is_absolute() else Path.home() / ".cache", "obsdesign")
 
 
 def modules(project: str) -> Iterator[str]:
@@ -116,15 +160,31 @@ def modules(project: str) -> Iterator[str]:
     return (line for line in project.splitlines() if line.endswith(".v"))
 
 
-def run(folder: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """One call of coqc; raises `UndecidedError` where it lacks memory."""
+def run(folder: str, *arguments: str) -> Call:
+    """One call of coqc, without the settings of the user; it ends with all that it has started.
 
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY << 30, MEMORY << 30))
-
-    found = subprocess.run(
-        ["coqc", *arguments], cwd=folder, capture_output=True, text=True, check=False, preexec_fn=limit
-    )
-    if found.returncode < 0 or "Out of memory" in found.stderr:
-        raise UndecidedError(f"coqc needs more than {MEMORY} GiB of memory for this theorem", id="OBS908")
-    return found
+    Raises `UndecidedError`: a signal ended it, as where it lacks memory.
+    """
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = MEMORY << 30 if hard == resource.RLIM_INFINITY else min(MEMORY << 30, hard)
+    with subprocess.Popen(
+        ["coqc", "-q", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as process:
+        try:
+            with suppress(ProcessLookupError):
+                resource.prlimit(process.pid, resource.RLIMIT_AS, (most, hard))
+            output, errors = process.communicate()
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    if process.returncode < 0 or "Out of memory" in errors:
+        cause = "it lacked memory" if process.returncode >= 0 else f"signal {-process.returncode} ended it"
+        raise UndecidedError(f"coqc did not finish: {cause}; it may take {MEMORY} GiB", id="OBS908")
+    return Call(process.returncode, output, errors)

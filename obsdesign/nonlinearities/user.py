@@ -6,7 +6,8 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 
 from obsdesign.errors import UsageError
-from obsdesign.lmi.formula import Array, rational
+from obsdesign.lmi.formula import Array, Inequality, rational
+from obsdesign.lmi.proof import holds
 from obsdesign.model.multiplier import Multiplier, Scaled
 from obsdesign.nonlinearities.data import WholeMatrix
 from obsdesign.nonlinearities.template import Template, require_shape
@@ -49,9 +50,8 @@ def linear_member(given: Scaled) -> Array:
 
 
 def positive(symmetric: Array) -> bool:
-    """Whether a matrix is positive semidefinite, up to rounding."""
-    values = np.linalg.eigvalsh(symmetric.astype(float))
-    return bool(values[0] >= -1e-12 * abs(values).max())
+    """Whether a matrix is positive semidefinite, in rationals: a class without this K may be empty."""
+    return holds(Inequality("M11 >= 0", -symmetric))
 
 
 USER = Template(
