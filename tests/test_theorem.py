@@ -307,9 +307,8 @@ FASTER = {"trajectories": "alpha := 40", "predicted": "alpha := 0.1", "filtered"
 
 @pytest.mark.slow
 @needs_coq
-@pytest.mark.parametrize("name", ["corless2019-magnetic-bearing-bounded", "discrete-flexible-joint", "discrete-peak"])
-def test_the_kernel_refuses_what_is_false(name, gains, library):
-    text = od.theorem(next(path for path in gains if name in path.name))
+def test_the_kernel_refuses_what_is_false(gains, library):
+    text = od.theorem(next(path for path in gains if "discrete-flexible-joint" in path.name))
     run = re.search(r"g gq gy, (\w+) designed", text)[1]
     false = {what: change(text) for what, change in FALSE.items()}
     false["a faster decay"] = re.sub(r"alpha := \d+\.?\d*", FASTER[run], text)

@@ -3,14 +3,16 @@
 import json
 import os
 import re
-import shutil
 import stat
+import subprocess
 
 import pytest
 from support.commands import run
+from support.coq import CACHE, needs_coq
 
 import obsdesign as od
 from obsdesign.coq.kernel import AXIOMS, assumed, judged, refused
+from obsdesign.coq.library import command as command_of
 
 SPEC = """
 obsdesign: 1
@@ -220,9 +222,20 @@ def test_only_what_rests_on_the_axioms_of_the_reals_is_accepted(printed, count, 
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("coqc") is None, reason="needs Debian's coq and libcoq-coquelicot")
-def test_coq_accepts_a_design_from_the_command_line_and_refuses_a_false_text(gains, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+@needs_coq
+def test_the_command_that_is_printed_compiles_library_and_theorem(gains):
+    for command in ("obsdesign theorem --library library", "obsdesign verify tank.gains.json --theorem coq"):
+        assert run(*command.split()[1:]).exit_code == 0
+    script = command_of("library", "tank.theorem.v")
+    done = subprocess.run(script, shell=True, capture_output=True, text=True, check=False, cwd=gains.parent)
+    assert done.returncode == 0, done.stderr
+    assert "Axioms:" in done.stdout
+
+
+@pytest.mark.slow
+@needs_coq
+def test_coq_accepts_a_design_from_the_command_line_and_refuses_a_false_text(gains, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", CACHE)
     outcome = run("verify", gains, "--theorem", "coq", "--compile")
     assert outcome.exit_code == 0, outcome.stderr
     text = (gains.parent / "tank.theorem.v").read_text()

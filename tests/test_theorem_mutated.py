@@ -1,7 +1,6 @@
 """The kernel of Coq and the proof in rationals come to one verdict of claims whose numbers are changed."""
 
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 from fractions import Fraction
@@ -9,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import fmpq
-from support.commands import run
+from support.coq import compiled_library, needs_coq
 from support.shipped import solved
 from support.sweep import SWEEP, rng
 
@@ -69,21 +68,19 @@ def mutated(certificate, draw):
 
 
 @pytest.mark.slow
-@pytest.mark.sweep
-@pytest.mark.skipif(shutil.which("coqc") is None, reason="needs Debian's coq and libcoq-coquelicot")
+@needs_coq
 def test_the_kernel_accepts_what_is_proved_in_rationals_and_nothing_else(tmp_path, monkeypatch):
     monkeypatch.setattr(theorem, "congruence", or_none)
     monkeypatch.setattr(hulls, "congruence", or_none)
     monkeypatch.setattr(bounds, "congruence", or_none)
-    assert run("theorem", "--library", tmp_path).exit_code == 0
-    subprocess.run("coq_makefile -f _CoqProject -o Makefile && make -s", shell=True, cwd=tmp_path, check=True)
+    compiled_library(tmp_path)
     draw = rng(17)
     written, expected = [], []
     for name in NAMES:
         spec, design = solved(name)
         certificate = design.claim.certificate
         course = theorem.PREDICTED if certificate.family.about.pace.sampled else theorem.CONTINUOUS
-        for _ in range(SWEEP.size(40)):
+        for _ in range(SWEEP.size(16)):
             one, proved = mutated(certificate, draw)
             text, _ = theorem.written(one, spec, one.family.plant, course)
             head, body = text.split("Open Scope Q_scope.", 1)
