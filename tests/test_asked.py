@@ -142,6 +142,7 @@ def test_what_is_not_proved_must_be_named(path):
         ("certificate.theorem", "gamma = 1e-9"),
         ("certificate.checks", [{"name": "gamma <= 1e-9", "holds": True, "margin": 1.0}]),
         ("theorem", {"accepted": True}),
+        ("verdict", {"accepted": True}),
     ],
 )
 def test_what_contradicts_what_is_proved_or_is_not_proved_is_refused(key, value):
@@ -154,7 +155,7 @@ def test_what_contradicts_what_is_proved_or_is_not_proved_is_refused(key, value)
     part[last] = value
     outcome = verified(content)
     assert outcome.exit_code == 2
-    assert (key if key != "theorem" else "numerical") in outcome.stderr
+    assert (key if key != "verdict" else "numerical") in outcome.stderr
     assert verified(genuine).exit_code == 0
 
 

@@ -9,7 +9,7 @@ import typer
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.sources import RESULTS, Answer, each, found
 from obsdesign.cli.steps import as_text, loaded
-from obsdesign.cli.theorems import Export, exported
+from obsdesign.cli.theorems import Export
 from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.sections.scalars import described
 from obsdesign.watch import limited
@@ -94,6 +94,8 @@ def proved(gains: str, spec: str, export: Export, as_json: bool, quiet: bool) ->
     report = {"proved": proof.holds, "claim": proof.claim, "checks": rows, "numerical": list(proof.numerical)}
     failure: UndecidedError | None = None
     if target and isinstance(file, ResultFile) and proof.holds:
+        from obsdesign.cli.exported import exported
+
         made = exported(file, work.theorem(file, problem), *target, compiled=export.compiled)
         report["theorem"], failure = made.report(), made.failure
         lines += made.lines()
