@@ -5,6 +5,7 @@ import os
 import re
 import stat
 import subprocess
+import sys
 
 import pytest
 from support.commands import run
@@ -111,6 +112,15 @@ def test_a_result_that_changes_meanwhile_is_not_overwritten(gains, coqc):
     assert outcome.exit_code == 0
     assert "not recorded: the result was changed meanwhile" in outcome.stdout
     assert gains.read_text() == before + "\n"
+
+
+def test_a_result_on_standard_input_is_compiled_and_has_no_record(gains, coqc):
+    coqc(ACCEPTS)
+    command = [sys.executable, "-m", "obsdesign", "verify", "-", "--theorem", "coq", "--compile", "-o", "a.v"]
+    done = subprocess.run(command, input=gains.read_text(), capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "accepted by its kernel" in done.stdout
+    assert "recorded" not in done.stdout
 
 
 def test_a_record_leaves_the_rights_of_the_file_as_they_were_and_one_of_another_text_is_told(gains, coqc):

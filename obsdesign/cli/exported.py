@@ -83,7 +83,7 @@ def outdated(file: ResultFile, text: str) -> str:
 
 def recorded(file: ResultFile, text: str, judgement: Judgement) -> str:
     """Record in a result that its theorem was accepted, or take such a record out; why not, where that cannot be."""
-    if not (judgement.accepted or "theorem" in file.content):
+    if file.path == "-" or not (judgement.accepted or "theorem" in file.content):
         return ""
     record = {
         "name": subject(text).theorem,
