@@ -22,7 +22,7 @@ from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
-from obsdesign.trial import Simulation
+from obsdesign.trial import Implementation, Simulation
 
 PROVED = "is proved from f"  # of a type, in a note
 MODEL = "of the plant in samples, a model of the continuous one"  # of a claim
@@ -174,6 +174,7 @@ class Spec(metaclass=Called):
     as_equations: bool = False  # whether the plant is written as equations, which were split into the matrices
     period: fmpq | None = None  # s, of a plant x+ = A x + ..; None: x' = A x + ..
     continuous: Continuous | None = None  # plant that this one in samples stands for
+    implementation: Implementation | None = None
 
     @contextmanager
     def placed(self) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""How an observer is tried: the section `simulation:` of a spec, read."""
+"""How an observer is tried and implemented: the sections `simulation:` and `implementation:` of a spec, read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -43,3 +43,12 @@ class Simulation:
     constants: Mapping[str, fmpq] = field(default_factory=dict)  # theta of coordinates at t = 0; others are 0
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
     silent: tuple[str, ...] = ()  # known inputs that are not given, and are zero
+    stepped: bool = False  # the observer runs in the steps of its implementation
+
+
+@dataclass(frozen=True)
+class Implementation:
+    """How an observer in continuous time runs on a computer: in steps of a period, with y held over each."""
+
+    period: fmpq  # s
+    method: Literal["euler", "rk4", "exact"]

@@ -37,6 +37,7 @@ class Observer:
     received: Named = field(default_factory=dict)  # signals that exist at a measurement only
     gap: str = ""  # name of the time since the measurement before, s, which these may depend on
     initial: Named = field(default_factory=dict)  # of states that copy none, where not 0: of t, u and y at the start
+    located: Named = field(default_factory=dict)  # where such states begin at an estimate of x: of its names too
     twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
     following: tuple[str, ...] = ()  # names of what it knows of the next sample: t+, u+, y+
     proved: bool = False  # to estimate, by what bounds no run

@@ -15,6 +15,7 @@ from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
+from obsdesign.reading.implementation import read_implementation, require_steps
 from obsdesign.reading.period import read_period
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
@@ -64,6 +65,9 @@ def resolve(document: Document) -> Spec:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
+    implementation = read_implementation(reader, file.implementation, period)
+    if file.simulation:
+        require_steps(reader, file.simulation.observer, file.implementation, period)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
@@ -89,6 +93,7 @@ def resolve(document: Document) -> Spec:
         H_names=H_names,
         observer=observer,
         simulation=simulation,
+        implementation=implementation,
         expect=expect,
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),

@@ -13,7 +13,7 @@ from obsdesign.families import FAMILIES
 from obsdesign.families.asked import FAMILY, ObserverSection
 from obsdesign.reading.disturbance_schema import CHANNEL, CHANNEL_NAME, CHANNELWISE, ChannelData, Disturbance
 from obsdesign.reading.plant_schema import MAX_BLOCKS, Equations, InMatrices, Nonlinearity, System
-from obsdesign.reading.trial_schema import Simulation
+from obsdesign.reading.trial_schema import Implementation, Simulation
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
@@ -107,6 +107,12 @@ class File(Section):
     observer: ObserverSection | None = required(Observer(), "what is designed", example="{type: l2, alpha: 0.5}")
     simulation: Simulation | None = key(
         Simulation, "how to try the observer", otherwise="the spec cannot be simulated", example="{horizon: 10}"
+    )
+    implementation: Implementation | None = key(
+        Implementation,
+        "how the observer runs on a computer",
+        otherwise="export asks for --period and --method; a discrete plant needs none",
+        example="{period: 1.0e-3, method: rk4}",
     )
     expect: dict[str, Any] | None = key(
         MapOf(ANYTHING),

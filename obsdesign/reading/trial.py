@@ -82,6 +82,7 @@ def read_simulation(
         xi0=read_values(reader, section.xi0 or {}, (*loc, "xi0")),
         constants=read_values(reader, constants, (*loc, "theta0")),
         events=read_events(reader, section.events, layout),
+        stepped=section.observer == "implementation",
         silent=tuple(name for name in called if not given(section.u, name)),
     )
 

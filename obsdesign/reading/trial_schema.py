@@ -1,4 +1,4 @@
-"""The section `simulation:` of a spec: which keys there are and what form their values have."""
+"""The sections `simulation:` and `implementation:` of a spec: which keys there are and what form their values have."""
 
 from typing import Literal, get_args
 
@@ -31,6 +31,8 @@ SIGNALS_BY_NAME = Named(
 Numbers = str | list[str] | dict[str, str]
 Signals = str | list[str] | dict[str, str]
 
+MethodName = Literal["euler", "rk4", "exact"]
+RunsName = Literal["continuous", "implementation"]
 NoiseName = Literal["uniform", "gaussian", "normal"]
 SamplingName = Literal["periodic", "random"]
 
@@ -54,6 +56,18 @@ class Noise(Section):
         unit="s",
         otherwise=f"required; {SAMPLED} it is drawn at each measurement, in discrete time at each sample",
         example="1.0e-4",
+    )
+
+
+class Implementation(Section):
+    """How the observer runs on a computer, in steps."""
+
+    period: str = required(ENTRY, "time of a step, > 0", unit="s", example="1.0e-3")
+    method: MethodName = key(
+        OneOf("method", get_args(MethodName)),
+        "of a step: Euler, Runge-Kutta 4, or exact of the linear part with the rest held",
+        default="rk4",
+        example="exact",
     )
 
 
@@ -115,6 +129,12 @@ class Simulation(Section):
         "correction before the first measurement, or estimated constants of coordinates",
         otherwise="0",
         example="{xi1: 0.5}",
+    )
+    observer: RunsName = key(
+        OneOf("observer", get_args(RunsName)),
+        "how the observer runs: in continuous time, or in the steps of `implementation`, on u and y at their instants",
+        default="continuous",
+        example="implementation",
     )
     seed: str | None = key(ENTRY, "of noise and of random intervals", otherwise="0", example="1")
     points: str | None = key(

@@ -12,6 +12,7 @@ from obsdesign.simulate.record import Record
 from obsdesign.simulate.run import Run
 from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.simulation import follow, initial, system_of
+from obsdesign.simulate.stepped import passage
 from obsdesign.simulate.summary import summarise
 from obsdesign.simulate.undefined import undefined
 from obsdesign.spec import Spec
@@ -50,6 +51,8 @@ def recorded(
     simulation = spec.simulation
     if simulation is None:
         raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation", id="OBS801"))
+    if simulation.stepped and spec.period is None:
+        return passage(spec, observer, sampling, progress)[1]
     system = system_of(spec, simulation, observer, guarantee, sampling)
     try:
         start, breaks = initial(system, simulation, sampling), system.breaks()

@@ -1,5 +1,6 @@
 """Equations of an observer without an LMI, as it runs, and where it begins."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from flint import fmpq
@@ -24,6 +25,7 @@ def observer(spec: Spec, form: Form) -> Observer:
     """
     claim = Claim.of(spec, form)
     made = replace(claim.scheme.observer, proved=claim.holds)
+    made = replace(made, located=located(spec, form, {name: Expression.variable(name) for name in spec.plant.states}))
     if spec.simulation is None:
         return made
     begin = {**begins(spec, form), **{name: Expression.number(e) for name, e in spec.simulation.xi0.items()}}
@@ -37,21 +39,26 @@ def observer(spec: Spec, form: Form) -> Observer:
 
 
 def begins(spec: Spec, form: Form) -> dict[str, Expression]:
-    """Coordinates of an estimate xhat0 that is not 0, by name: phi(xhat0), the states that outputs show as measured.
-
-    None where a copy of the plant begins there by itself, and where beta(y, chi) = phi(xhat0) is not solved for chi.
-    """
-    assert spec.typed
+    """Coordinates of an estimate xhat0 that is not 0, by name; see `located`."""
     assert spec.simulation
     if not spec.simulation.xhat0.any():
         return {}
+    xhat0 = map(Expression.number, printed(spec.simulation.xhat0))
+    return located(spec, form, dict(zip(spec.plant.states, xhat0, strict=True)))
+
+
+def located(spec: Spec, form: Form, estimate: Mapping[str, Expression]) -> dict[str, Expression]:
+    """Coordinates phi(xhat) of an estimate, by name, the states that outputs show as measured.
+
+    None where a copy of the plant begins there by itself, and where beta(y, chi) = phi(xhat) is not solved for chi.
+    """
+    assert spec.typed
     plant = Plant.of(spec.typed)
-    estimate = dict(zip(spec.plant.states, map(Expression.number, printed(spec.simulation.xhat0)), strict=True))
-    estimate |= plant.measured()
+    known = {**estimate, **plant.measured()}
     if isinstance(form, Immersion):
-        return on_manifold(form, estimate)
+        return on_manifold(form, known)
     phi = {c.name: c.phi for c in form.coordinates} if isinstance(form, Transformed) else form.states or {}
-    return {name: side.substituted(estimate) for name, side in phi.items()}
+    return {name: side.substituted(known) for name, side in phi.items()}
 
 
 def beginning(spec: Spec, form: Form) -> dict[str, str]:

@@ -1,0 +1,153 @@
+"""An observer as it is implemented: routines that run it in steps of a period."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from flint import fmpq
+
+from obsdesign.errors import Problem, UsageError
+from obsdesign.expressions import Expression
+from obsdesign.families.observer import Observer
+from obsdesign.lmi.formula import Array
+from obsdesign.model.ahead import ahead
+from obsdesign.model.equations import Named, free
+from obsdesign.spec import Spec
+from obsdesign.stepping.method import step as step_of
+from obsdesign.stepping.method import taken_by
+from obsdesign.stepping.routine import Routine, routine
+from obsdesign.stepping.sharing import shared
+from obsdesign.trial import Implementation
+
+T_NEXT = ahead("t")
+
+
+@dataclass(frozen=True)
+class Implemented:
+    """Routines of an observer, over its signals t, s, u and y by their names.
+
+    step        s(t + period) from s(t), with u and y held from t on; of measurements at instants, without y
+    part        the same over a time `dt`, s, of at most a period; none in discrete time
+    jump        s after a measurement y
+    estimate    what is estimated, from s, u and y at t
+    begin       s at the start, of states that begin at a function of t, u and y then
+    locate      the same of states that begin at a function of an estimate of x
+
+    In discrete time a step is that of the plant; where estimates know y of their sample, it takes u and y of the sample
+    that it reaches, t+, u+ and y+. A state `gap`, where there is one, is the time since the measurement before.
+    """
+
+    observer: Observer
+    period: fmpq  # s
+    method: str  # empty in discrete time
+    plant_states: tuple[str, ...]  # names of x, which an estimate xhat0 at the start is over
+    xhat0: Array  # where the estimate begins if nothing else is said, (n + nm,)
+
+    def __post_init__(self) -> None:
+        if self.observer.following and any(name in self.observer.outputs for name in self.step.given):
+            said = "a right side has y of the sample before the one that a step reaches, which it does not know"
+            raise UsageError(f"{said}: this observer is not written in steps", id="OBS920")
+
+    @cached_property
+    def dt(self) -> str:
+        """Name of the time of a part of a step."""
+        return free("dt", taken_by(self.observer))
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        gap = self.observer.gap
+        return (*self.observer.states, gap) if gap else self.observer.states
+
+    @property
+    def begins(self) -> tuple[float, ...]:
+        """Value of each state at the start; of those in `begin`, none that counts."""
+        known = dict(zip((*self.plant_states, *self.model_states), map(float, self.xhat0), strict=False))
+        twins, numbers = self.observer.twins, self.fixed
+        return tuple(numbers.get(name, known.get(twins.get(name, ""), 0.0)) for name in self.states)
+
+    @property
+    def copied(self) -> tuple[tuple[int, int], ...]:
+        """Places of the states that copy one of x, and the places of these in x."""
+        twins = ((i, self.observer.twins.get(name)) for i, name in enumerate(self.states))
+        return tuple((i, self.plant_states.index(twin)) for i, twin in twins if twin in self.plant_states)
+
+    @cached_property
+    def model_states(self) -> tuple[str, ...]:
+        """Names of the states that are copied beside x: of the disturbance model."""
+        copied = [self.observer.twins[name] for name in self.observer.states if name in self.observer.twins]
+        return tuple(name for name in copied if name not in self.plant_states)
+
+    @cached_property
+    def fixed(self) -> Mapping[str, float]:
+        """States that begin at a number."""
+        return {name: side.scalar([])() for name, side in self.observer.initial.items() if not side.names}
+
+    @cached_property
+    def begin(self) -> Routine | None:
+        """States that begin at a function of t, u and y; None where there are none."""
+        moving = {name: side for name, side in self.observer.initial.items() if side.names}
+        return self.routine((), {}, moving) if moving else None
+
+    @cached_property
+    def locate(self) -> Routine | None:
+        """States that begin at a function of an estimate of x as well; None where there are none."""
+        located = self.observer.located
+        return self.routine(self.plant_states, {}, located) if located else None
+
+    @cached_property
+    def step(self) -> Routine:
+        """Step of a period."""
+        if not self.method:
+            t, h = Expression.variable("t"), Expression.number(self.period)
+            return self.routine((), {**self.observer.algebraic, T_NEXT: t + h}, self.observer.dynamics)
+        return self.flowing(Expression.number(self.period))
+
+    @cached_property
+    def part(self) -> Routine | None:
+        """Step over a time dt; None in discrete time."""
+        return self.flowing(Expression.variable(self.dt)) if self.method else None
+
+    def flowing(self, h: Expression) -> Routine:
+        """Step over a time."""
+        algebraic, following = step_of(self.observer, self.method, h, self.period)
+        gap = self.observer.gap
+        since = {gap: Expression.variable(gap) + h} if gap else {}
+        return self.routine((self.dt,), algebraic, {**following, **since})
+
+    @cached_property
+    def jump(self) -> Routine | None:
+        """What a measurement changes; None where y is known at all times."""
+        if not self.observer.jump:
+            return None
+        gap = {self.observer.gap: Expression.number(0)} if self.observer.gap else {}
+        known = {**self.observer.algebraic, **self.observer.received}
+        return self.routine((), known, {**self.observer.jump, **gap})
+
+    @cached_property
+    def estimate(self) -> Routine:
+        """Estimates."""
+        return self.routine((), self.observer.algebraic, self.observer.estimates)
+
+    def routine(self, further: tuple[str, ...], definitions: Named, results: Named) -> Routine:
+        """Routine over the signals of the observer, and further ones."""
+        given = ("t", *self.states, *self.observer.inputs, *self.observer.outputs)
+        late = tuple(name for name in self.observer.following if name != T_NEXT)
+        known = tuple(dict.fromkeys((*given, *late, *further)))
+        return shared(routine(known, definitions, results), {*known, *definitions})
+
+
+def implemented(spec: Spec, observer: Observer, steps: Implementation | None = None) -> Implemented:
+    """Observer of a spec in steps: those of the plant in discrete time, else the given ones or those of the spec.
+
+    Raises `UsageError`: there are no steps, or these cannot be written.
+    """
+    xhat0 = spec.simulation.xhat0 if spec.simulation else np.zeros(spec.augmented.n)
+    if spec.period is not None:
+        return Implemented(observer, spec.period, "", spec.plant.states, xhat0)
+    steps = steps or spec.implementation
+    if steps is None:
+        said = "is missing; write implementation: {period: 1.0e-3, method: rk4}"
+        raise UsageError(Problem(said, key="implementation", id="OBS801"))
+    return Implemented(observer, steps.period, steps.method, spec.plant.states, xhat0)
