@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from obsdesign.design import Design
     from obsdesign.difference import diff
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
+    from obsdesign.exports import Exported, export
     from obsdesign.families.finding import Finding
     from obsdesign.families.outcome import Proof
     from obsdesign.reading import Spec
@@ -31,6 +32,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Comparison",
     "Design",
+    "Exported",
     "Finding",
     "InfeasibleError",
     "ObsdesignError",
@@ -45,6 +47,7 @@ __all__ = [
     "check",
     "compare",
     "diff",
+    "export",
     "lipschitz",
     "load",
     "read",
@@ -60,6 +63,7 @@ HOMES = {
     "design": ("Design",),
     "reports.page": ("Report", "report"),
     "difference": ("diff",),
+    "exports": ("Exported", "export"),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
     "simulate.comparison": ("Comparison",),

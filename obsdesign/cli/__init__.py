@@ -5,6 +5,7 @@ from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
 from obsdesign.cli.diff import diff
 from obsdesign.cli.explain import explain
+from obsdesign.cli.export import export
 from obsdesign.cli.init import init
 from obsdesign.cli.lipschitz import lipschitz
 from obsdesign.cli.program import Command, app, main
@@ -27,6 +28,7 @@ for command in (
     lipschitz,
     verify,
     theorem,
+    export,
     diff,
     report,
     schema,

@@ -15,6 +15,7 @@ from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.clock import steps_within
 from obsdesign.simulate.integrate import Trajectory
 from obsdesign.simulate.record import Record
+from obsdesign.simulate.recursion import ESCAPE, GROWS
 from obsdesign.simulate.run import Samples
 from obsdesign.simulate.sampling import Sampling, Schedule
 from obsdesign.simulate.scenario import measurement_noise, received, scenario
@@ -119,6 +120,8 @@ def ran(machine: Machine, rows: Sequence[Row], u: Float, y: Float) -> tuple[Floa
                 machine.step(row.t, inputs, outputs)
             elif row.on > 0:
                 machine.part(row.t, row.on, inputs, outputs)
+            if np.abs(machine.state).max(initial=0.0) > ESCAPE:
+                raise StuckError(GROWS, id="OBS304")
     except StuckError as error:
         done = min(len(states), len(estimates))
         return np.array(states[:done]), np.array(estimates[:done]), f"after t = {rows[done - 1].t:.6g}: {error}"
@@ -145,7 +148,7 @@ class Stepped(Record):
         )
 
     @property
-    def uncovered(self) -> str:  # type: ignore[override]
+    def uncovered(self) -> str:
         """Why no bound can be stated."""
         period, method = float(self.one.period), self.one.method
         return f"the observer runs in steps of {period:g} s ({method}): what is proved is about it in continuous time"
@@ -159,7 +162,7 @@ class Stepped(Record):
         return np.asarray(self.states[:, self.one.states.index(hat)])
 
     @cached_property
-    def errors(self) -> Array:  # type: ignore[override]
+    def errors(self) -> Array:
         """Errors of the estimates of states; of a disturbance model that has no copy, zero."""
         known = {*self.one.observer.estimates, *self.one.observer.twins.values()}
         xi = self.now.of(self.acting.plant.states)

@@ -1,7 +1,6 @@
 """Routines that run, on numbers: what a simulation of the implementation and the vectors of a self-test come from."""
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 
 import numpy as np
 
@@ -85,18 +84,17 @@ class Machine:
 
     def __init__(self, one: Implemented, xhat0: Values | None = None) -> None:
         self.one, self.xhat0 = one, xhat0
+        self._functions: dict[str, Function] = {}
         self.state, self.begun = np.array(one.begins), False
         if xhat0 is not None:
             for i, k in one.copied:
                 self.state[i] = xhat0[k]
 
-    @cached_property
-    def functions(self) -> dict[str, Function]:
-        """Routines as functions."""
-        one = self.one
-        found = {"begin": one.begin, "locate": one.locate, "step": one.step, "part": one.part}
-        made = {**found, "jump": one.jump, "estimate": one.estimate}
-        return {name: compiled(routine) for name, routine in made.items() if routine is not None}
+    def function(self, which: str) -> Function:
+        """One of the routines as a function."""
+        if which not in self._functions:
+            self._functions[which] = compiled(getattr(self.one, which))
+        return self._functions[which]
 
     def step(self, t: float, u: Values, y: Values) -> None:
         """Go on by a period; of estimates that know their sample, u is that of both samples and y that of the next."""
@@ -125,14 +123,14 @@ class Machine:
         """Results of a routine."""
         if not self.begun:
             self.begin(t, u, y)
-        return self.functions[which](self.given(which, t, u, y, dt))
+        return self.function(which)(self.given(which, t, u, y, dt))
 
     def begin(self, t: float, u: Values, y: Values) -> None:
         """Set the states that begin at a function of t, u and y."""
         self.begun = True
         for which in ("begin", "locate") if self.xhat0 is not None else ("begin",):
             if routine := getattr(self.one, which):
-                self.set(routine, self.functions[which](self.given(which, t, u, y, 0.0)))
+                self.set(routine, self.function(which)(self.given(which, t, u, y, 0.0)))
 
     def given(self, which: str, t: float, u: Values, y: Values, dt: float) -> list[float]:
         """Values of the signals that a routine is given."""

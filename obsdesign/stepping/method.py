@@ -9,8 +9,8 @@ from flint import fmpq
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.observer import Observer
-from obsdesign.lmi.formula import Array, Exact, in_floats, printed, rational
-from obsdesign.model.equations import Named, free, linear, total
+from obsdesign.lmi.formula import Array, Exact, in_floats, rational
+from obsdesign.model.equations import free, linear, total
 
 METHODS = ("euler", "rk4", "exact")
 SMALL = 2.0**-56  # terms of a series are left out below this
@@ -125,7 +125,9 @@ def series(
         z = r
         for m in range(terms, 1, -1):
             share = d * Expression.number(fmpq(1, m))
-            z = named(f"z{part}_{m}", [Expression.variable(a) + share * b for a, b in zip(r, linear(A, z), strict=True)])
+            z = named(
+                f"z{part}_{m}", [Expression.variable(a) + share * b for a, b in zip(r, linear(A, z), strict=True)]
+            )
         grown = [d * Expression.variable(name) for name in z]
         w = named(f"w{part}", total([Expression.variable(name) for name in w], grown) if w else grown)
     return made, [Expression.variable(name) for name in w]
@@ -156,5 +158,3 @@ def linear_part(observer: Observer) -> Exact:
 def taken_by(observer: Observer) -> set[str]:
     """Names that an observer uses."""
     return {"t", *observer.states, *observer.algebraic, *observer.inputs, *observer.outputs, *observer.following}
-
-

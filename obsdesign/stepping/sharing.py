@@ -81,7 +81,8 @@ def shared(routine: Routine, taken: set[str]) -> Routine:
         return made
 
     for one in routine.statements:
-        statements.append(Let(one.name, written(one.value)) if isinstance(one, Let) else one)
+        made = Let(one.name, written(one.value)) if isinstance(one, Let) else one  # after what it names
+        statements.append(made)
     results = {name: written(side) for name, side in routine.results.items()}
     return replace(routine, statements=tuple(statements), results=results)
 

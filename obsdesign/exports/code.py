@@ -51,25 +51,32 @@ class Language:
 
     def operation(self, node: Call, arguments: list[Code]) -> Code:
         """An operation of the table, from the codes of its arguments."""
-        name = node.operation
-        if name == "+":
-            terms = [one.within(PRODUCT) for one in arguments]
-            return Code(terms[0] + "".join(f" - {t[1:]}" if t[0] == "-" else f" + {t}" for t in terms[1:]), SUM)
-        if name == "*":
-            if equals(node.arguments[0], -1):
-                return Code("-" + "*".join(one.within(UNARY + 1) for one in arguments[1:]), PRODUCT)
-            first, *others = arguments
-            return Code("*".join([first.within(PRODUCT), *(one.within(UNARY + 1) for one in others)]), PRODUCT)
-        if name == "/":
-            return Code(f"{arguments[0].within(PRODUCT)}/{arguments[1].within(UNARY + 1)}", PRODUCT)
-        if name == "**":
-            return self.power(node, arguments)
-        if name in COMPARISONS:
-            return self.comparison(name, arguments)
-        if name == "where":
-            condition = arguments[0].truth or f"{arguments[0].within(SUM)} {self.unequal} {self.number(0.0)}"
-            return Code(self.choice.format(c=condition, a=arguments[1].text, b=arguments[2].text), ATOM)
-        return self.call(name, arguments)
+        made = {"+": self.sum, "*": self.product, "/": self.quotient, "**": self.power, "where": self.where}
+        if node.operation in made:
+            return made[node.operation](node, arguments)
+        return (self.comparison if node.operation in COMPARISONS else self.call)(node.operation, arguments)
+
+    def sum(self, _: Call, arguments: list[Code]) -> Code:
+        """A sum, from the left."""
+        terms = [one.within(PRODUCT) for one in arguments]
+        return Code(terms[0] + "".join(f" - {t[1:]}" if t[0] == "-" else f" + {t}" for t in terms[1:]), SUM)
+
+    def product(self, node: Call, arguments: list[Code]) -> Code:
+        """A product, from the left."""
+        first, *others = arguments
+        tail = [one.within(ATOM) for one in others]
+        if equals(node.arguments[0], -1):
+            return Code("-" + "*".join(tail), PRODUCT)
+        return Code("*".join([first.within(PRODUCT), *tail]), PRODUCT)
+
+    def quotient(self, _: Call, arguments: list[Code]) -> Code:
+        """A quotient."""
+        return Code(f"{arguments[0].within(PRODUCT)}/{arguments[1].within(ATOM)}", PRODUCT)
+
+    def where(self, _: Call, arguments: list[Code]) -> Code:
+        """A choice by a condition."""
+        condition = arguments[0].truth or f"{arguments[0].within(SUM)} {self.unequal} {self.number(0.0)}"
+        return Code(self.choice.format(c=condition, a=arguments[1].text, b=arguments[2].text), ATOM)
 
     def power(self, node: Call, arguments: list[Code]) -> Code:
         """Power: squares and cubes by multiplication."""
