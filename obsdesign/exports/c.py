@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from obsdesign.exports.c_language import FINITE, NEWTON, OWN, PAIRS, RESERVED, TOLERANCE, language
 from obsdesign.exports.code import Language, identifiers
 from obsdesign.exports.selftest import selftest
-from obsdesign.exports.subject import ITERATIONS, Subject, comment, loops_of, shortest
+from obsdesign.exports.subject import ITERATIONS, READ, TIMED, Subject, comment, loops_of, shortest
 from obsdesign.exports.vectors import Vectors
 from obsdesign.model.ahead import ahead
 from obsdesign.stepping.routine import Let, Routine, Solve
@@ -169,9 +169,8 @@ def function(subject: Subject, which: str, tongue: Language) -> str:
     ID, routine = subject.name, subject.routines[which]
     names = identifiers(signals(routine), RESERVED)
     inner = which in ("begin", "locate")
-    dt = ", real dt" if which == "flow" else ""
-    takes_y, out = ("" if which == "flow" else ", const real *y"), (", real *out" if which == "estimate" else "")
-    constant = "const " if which == "estimate" else ""
+    dt, takes_y = ", real dt" if which in TIMED else "", "" if which == "flow" else ", const real *y"
+    constant, out = ("const ", ", real *out") if which in READ else ("", "")
     head = f"{'static ' if inner else ''}int {'' if inner else f'{ID}_'}{which}({constant}{ID}_state *s, real t{dt}, "
     lines = ["(void)t;", "(void)u;", "(void)y;"] if inner else guards(subject, which)
     if subject.begins and not inner:
@@ -209,18 +208,17 @@ def signals(routine: Routine) -> tuple[str, ...]:
 def guards(subject: Subject, which: str) -> list[str]:
     """Refusals of what a function cannot take."""
     ID, given = subject.name, subject.routines[which].given
-    nu, ny = len(subject.inputs) * (2 if subject.ahead and which == "step" else 1), len(subject.outputs)
+    both = subject.ahead and which in ("step", "predict")
+    nu, ny, slack = len(subject.inputs) * (1 + both), len(subject.outputs), language(subject.single).number(1e-6)
     least = ["s == NULL", "!isfinite(t)"]
-    least += ["out == NULL"] if which == "estimate" else []
-    least += (
-        [f"!(dt >= 0 && dt <= {ID}_PERIOD*(1 + {language(subject.single).number(1e-6)}))"] if which == "flow" else []
-    )
+    least += ["out == NULL"] if which in READ else []
+    least += [f"!(dt >= 0 && dt <= {ID}_PERIOD*(1 + {slack}))"] if which in TIMED else []
     if nu:
         least.append(f"u == NULL || !finite({nu}, u)")
-    needs_y = which in ("step", "jump") and not (which == "step" and subject.instants)
+    needs_y = which in ("step", "part", "jump") and not (which == "step" and subject.instants)
     if needs_y or subject.begins or any(name in subject.outputs for name in given):
         least.append(f"y == NULL || !finite({ny}, y)")
-    elif which == "estimate":
+    elif which in READ:
         least.append(f"(y != NULL && !finite({ny}, y))")
     lines = [f"if ({' || '.join(least)}) return 1;"]
     return [*lines, *([] if nu else ["(void)u;"]), *(["(void)y;"] if which == "step" and subject.instants else [])]
@@ -268,7 +266,7 @@ def stored(subject: Subject, which: str, state: str) -> Iterator[str]:
     one, routine = subject.implemented, subject.routines[which]
     inner = which in ("begin", "locate")
     yield f"if (!finite({len(routine.results)}, new)) return {0 if inner else 2};"
-    if which == "estimate":
+    if which in READ:
         yield from (f"out[{i}] = new[{i}];" for i in range(len(routine.results)))
     else:
         if state == "here." and not inner:

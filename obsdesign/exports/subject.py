@@ -24,6 +24,8 @@ from obsdesign.stepping.method import METHODS
 from obsdesign.stepping.routine import Routine, Solve
 from obsdesign.trial import Implementation
 
+READ = ("estimate", "predict", "arguments")  # routines that leave the state as it is
+TIMED = ("flow", "part")  # .. that go over a time of at most a period
 ITERATIONS = 60  # of Newton's method in a loop
 ARITHMETIC = {"+": "additions", "*": "products", "/": "quotients"}
 

@@ -1,7 +1,7 @@
 """An observer as it is implemented: routines that run it in steps of a period."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,8 @@ class Implemented:
     part        the same over a time `dt`, s, of at most a period; none in discrete time
     jump        s after a measurement y
     estimate    what is estimated, from s, u and y at t
+    predict     y as it is expected
+    arguments   arguments of f in the observer, where it has a copy of them
     begin       s at the start, of states that begin at a function of t, u and y then
     locate      the same of states that begin at a function of an estimate of x
 
@@ -43,6 +45,8 @@ class Implemented:
     method: str  # empty in discrete time
     plant_states: tuple[str, ...]  # names of x, which an estimate xhat0 at the start is over
     xhat0: Array  # where the estimate begins if nothing else is said, (n + nm,)
+    expected: Named = field(default_factory=dict)  # y as it is expected before it is known, by the names of the outputs
+    watched: Named = field(default_factory=dict)  # arguments of f that the types restrict, in the observer
 
     def __post_init__(self) -> None:
         if self.observer.following and any(name in self.observer.outputs for name in self.step.given):
@@ -130,6 +134,18 @@ class Implemented:
         """Estimates."""
         return self.routine((), self.observer.algebraic, self.observer.estimates)
 
+    @cached_property
+    def predict(self) -> Routine:
+        """Outputs as they are expected before they are known; where a step waits for y, those at its end."""
+        t, h = Expression.variable("t"), Expression.number(self.period)
+        late = {T_NEXT: t + h} if self.observer.following else {}
+        return self.routine((), {**self.observer.algebraic, **late}, self.expected)
+
+    @cached_property
+    def arguments(self) -> Routine:
+        """Arguments of f."""
+        return self.routine((), self.observer.algebraic, self.watched)
+
     def routine(self, further: tuple[str, ...], definitions: Named, results: Named) -> Routine:
         """Routine over the signals of the observer, and further ones."""
         given = ("t", *self.states, *self.observer.inputs, *self.observer.outputs)
@@ -144,10 +160,34 @@ def implemented(spec: Spec, observer: Observer, steps: Implementation | None = N
     Raises `UsageError`: there are no steps, or these cannot be written.
     """
     xhat0 = spec.simulation.xhat0 if spec.simulation else np.zeros(spec.augmented.n)
+    more = {"expected": expected(spec, observer), "watched": watched(spec, observer)}
     if spec.period is not None:
-        return Implemented(observer, spec.period, "", spec.plant.states, xhat0)
+        return Implemented(observer, spec.period, "", spec.plant.states, xhat0, **more)
     steps = steps or spec.implementation
     if steps is None:
         said = "is missing; write implementation: {period: 1.0e-3, method: rk4}"
         raise UsageError(Problem(said, key="implementation", id="OBS801"))
-    return Implemented(observer, steps.period, steps.method, spec.plant.states, xhat0)
+    return Implemented(observer, steps.period, steps.method, spec.plant.states, xhat0, **more)
+
+
+def expected(spec: Spec, observer: Observer) -> Named:
+    """Outputs as the observer expects them: its own yhat, where it has one, else h at its estimates, without w.
+
+    A disturbance that it estimates counts with its estimate.
+    """
+    hats = {twin: hat for hat, twin in observer.twins.items()}
+    if all(hats.get(name) in observer.algebraic for name in observer.outputs):
+        return {name: Expression.variable(hats[name]) for name in observer.outputs}
+    plant = spec.typed.equations if spec.typed else spec.equations(spec.plant)
+    known = {**dict.fromkeys(plant.exogenous, Expression.number(0)), **observer.estimates}
+    inner = {name: side.substituted(known) for name, side in plant.algebraic.items()}
+    return {name: plant.outputs[name].substituted(inner).substituted(known) for name in observer.outputs}
+
+
+def watched(spec: Spec, observer: Observer) -> Named:
+    """Arguments q of f in the observer, in the order of the spec; none where it has no copy of them."""
+    hats = {twin: hat for hat, twin in observer.twins.items()}
+    names = tuple(spec.equations(spec.augmented).algebraic) if spec.typed is None else ()
+    if not all(hats.get(name) in observer.algebraic for name in names):
+        return {}
+    return {name: Expression.variable(hats[name]) for name in names}

@@ -1,0 +1,171 @@
+"""A file of columns of numbers, read block by block, so that its length does not matter."""
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import numpy as np
+
+from obsdesign.errors import Problem, UsageError
+from obsdesign.lmi.formula import Array, Float
+from obsdesign.sections.words import nearest
+
+BLOCK = 4 * 2**20  # bytes that are parsed at once
+LONGEST = 2**18  # bytes of a header, or of a row
+DELIMITERS = ",;\t"
+MISSING = ("", "nan", "na", "null", "none")  # of a value, in whatever case
+UNIT = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+
+
+class Header(NamedTuple):
+    """The head of a column: as it is written, its name, and its unit, which may be empty."""
+
+    text: str
+    name: str
+    unit: str
+
+    @classmethod
+    def of(cls, text: str) -> "Header":
+        """Of a text such as `theta [rad]` or `Current (A)`."""
+        found = UNIT.match(text.strip())
+        name, unit = (found["name"], found["unit"]) if found else (text, "")
+        return cls(text.strip(), name.strip(), unit.strip())
+
+
+class Block(NamedTuple):
+    """Some rows of a table."""
+
+    rows: Float  # (K, columns); NaN where a value is missing
+    lines: Array  # (K,), of the file, from 1
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file of comma-separated values, with a line of heads; separators may be ; or tabs too.
+
+    Raises `UsageError`: there is no such file or no head, a row is incomplete, or a value is no number.
+    """
+
+    path: str
+
+    @cached_property
+    def head(self) -> str:
+        """First line."""
+        with self.opened() as file:
+            line = file.readline(LONGEST)
+        if len(line) == LONGEST or not line.strip():
+            raise self.wrong("begins with no line of column names, such as t,y1,u", 1)
+        return self.decoded(line, 1).lstrip("\ufeff").rstrip("\r\n")
+
+    @cached_property
+    def delimiter(self) -> str:
+        """What separates columns."""
+        return max(DELIMITERS, key=self.head.count)
+
+    @cached_property
+    def columns(self) -> tuple[Header, ...]:
+        """Heads of the columns."""
+        made = tuple(Header.of(text) for text in next(csv.reader([self.head], delimiter=self.delimiter)))
+        texts = [one.text for one in made if one.text]
+        if twice := sorted({text for text in texts if texts.count(text) > 1}):
+            raise self.wrong(f"two columns have the head {twice[0]}; name them apart", 1)
+        if all(number(text) for text in texts):
+            raise self.wrong("begins with numbers; the first line must name the columns, such as t,y1,u", 1)
+        return made
+
+    def column(self, text: str) -> int:
+        """Number of a column by its head, as it is written or without its unit. Raises `UsageError`."""
+        for key in ("text", "name"):
+            found = [i for i, one in enumerate(self.columns) if getattr(one, key) == text]
+            if len(found) == 1:
+                return found[0]
+        known = [one.name for one in self.columns]
+        near = nearest(text, known)
+        said = f"has no column {text}" + (f"; did you mean {near}?" if near else "")
+        raise self.wrong(f"{said}; it has {', '.join(one.text for one in self.columns)}", 1)
+
+    def blocks(self, wanted: Sequence[int]) -> Iterator[Block]:
+        """Rows of some columns, block by block."""
+        with self.opened() as file:
+            file.readline(LONGEST)
+            line, rest = 2, b""
+            while part := file.read(BLOCK):
+                whole, newline, rest = (rest + part).rpartition(b"\n")
+                if newline:
+                    yield self.parsed(whole + newline, line, wanted)
+                    line += whole.count(b"\n") + 1
+                elif len(rest) > LONGEST:
+                    raise self.wrong(f"a row is longer than {LONGEST:,} bytes; is this a text file?", line)
+            if rest.strip():
+                yield self.slowly(rest, line, wanted)
+
+    def parsed(self, text: bytes, line: int, wanted: Sequence[int]) -> Block:
+        """Rows of whole lines; where nothing is missing, at once."""
+        lines = text.count(b"\n")
+        if text.count(self.delimiter.encode()) == lines * (len(self.columns) - 1):
+            try:
+                rows = np.loadtxt(io.BytesIO(text), delimiter=self.delimiter, comments=None, ndmin=2, usecols=wanted)
+                if len(rows) == lines:
+                    return Block(rows, np.arange(line, line + lines))
+            except ValueError:
+                pass
+        return self.slowly(text, line, wanted)
+
+    def slowly(self, text: bytes, line: int, wanted: Sequence[int]) -> Block:
+        """Rows of lines some of which are blank, have values missing, or are wrong."""
+        rows, lines = list[list[float]](), list[int]()
+        written = io.StringIO(self.decoded(text, line), newline="")
+        for k, fields in enumerate(csv.reader(written, delimiter=self.delimiter), start=line):
+            if not any(field.strip() for field in fields):
+                continue
+            if len(fields) != len(self.columns):
+                said = f"has {len(fields)} values and {len(self.columns)} columns have a name; is the log cut off here?"
+                raise self.wrong(said, k)
+            rows.append([self.value(fields[i], i, k) for i in wanted])
+            lines.append(k)
+        return Block(np.array(rows, dtype=float).reshape(-1, len(wanted)), np.array(lines, dtype=int))
+
+    def value(self, text: str, column: int, line: int) -> float:
+        """A number; NaN where it is missing."""
+        if text.strip().lower() in MISSING:
+            return float("nan")
+        found = number(text)
+        if found is None:
+            said = (
+                f"{self.columns[column].text}: {text.strip()[:40]!r} is no number; leave it empty where it is missing"
+            )
+            raise self.wrong(said, line)
+        return found
+
+    def opened(self) -> IO[bytes]:
+        """The file."""
+        try:
+            return Path(self.path).open("rb")
+        except IsADirectoryError:
+            raise UsageError(Problem("is a folder; give a file", self.path, id="OBS101")) from None
+        except OSError as error:
+            raise UsageError(Problem(f"cannot be read: {error.strerror}", self.path, id="OBS101")) from None
+
+    def decoded(self, text: bytes, line: int) -> str:
+        """Text in UTF-8."""
+        try:
+            return text.decode()
+        except UnicodeDecodeError:
+            raise self.wrong("is no text in UTF-8", line) from None
+
+    def wrong(self, said: str, line: int) -> UsageError:
+        """Error about a line."""
+        return UsageError(Problem(said, self.path, line, id="OBS811"))
+
+
+def number(text: str) -> float | None:
+    """Number of a text; None where it is none."""
+    try:
+        return float(text) if "_" not in text else None
+    except ValueError:
+        return None
