@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obsdesign.batches import batch
+    from obsdesign.data.estimation import Estimates, estimate
     from obsdesign.design import Design
     from obsdesign.difference import diff
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Comparison",
     "Design",
+    "Estimates",
     "Exported",
     "Finding",
     "InfeasibleError",
@@ -47,6 +49,7 @@ __all__ = [
     "check",
     "compare",
     "diff",
+    "estimate",
     "export",
     "lipschitz",
     "load",
@@ -63,6 +66,7 @@ HOMES = {
     "design": ("Design",),
     "reports.page": ("Report", "report"),
     "difference": ("diff",),
+    "data.estimation": ("Estimates", "estimate"),
     "exports": ("Exported", "export"),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),

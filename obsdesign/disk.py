@@ -8,10 +8,10 @@ import stat
 import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, NamedTuple, cast
 
 from obsdesign.errors import Problem, UsageError
 
@@ -37,6 +37,7 @@ KINDS = {
     "specs": Kind((".yaml", ".yml"), marked(rb"(?!)")),  # which people write, and no command replaces
     "results": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"name":\ "(?:\\.|[^"\\])*",\s*"spec"')),
     "samples": Kind((".csv",), marked(rb"t,(?:[^\n]*,)?hat_")),
+    "estimates": Kind((".csv",), marked(rb"t,hat_")),
     "figures": Kind((".png", ".svg"), marked(rb"\x89PNG.*Software\x00obsdesign | <.*<dc:title>obsdesign<")),
     "theorems": Kind((".v",), marked(rb"\(\*\ obsdesign:\ | -Q\ \.\ Obs")),
     "pages": Kind((".html", ".htm"), marked(rb'\s*<!DOCTYPE\ html>.*<meta\ name="generator"\ content="obsdesign\ ')),
@@ -145,6 +146,31 @@ def write_all(files: Mapping[str, bytes]) -> None:
     finally:
         for temporary in staged.values():
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole(path: str) -> Iterator[IO[bytes]]:
+    """File to be written part by part, which is there when all of it is, or not at all.
+
+    Raises `UsageError` if its folder does not exist or may not be written.
+    """
+    if not is_regular(path):
+        with Path(path).open("wb") as through:
+            yield through
+        return
+    place = Path(path).resolve()
+    try:
+        with tempfile.NamedTemporaryFile(dir=place.parent, prefix=STAGED, delete=False) as file:
+            staged = Path(file.name)
+            try:
+                yield cast("IO[bytes]", file)
+            except BaseException:
+                staged.unlink(missing_ok=True)
+                raise
+        staged.chmod(0o666 & ~umask())
+        staged.replace(place)
+    except OSError as error:
+        raise UsageError(Problem(f"cannot be written: {error.strerror}", path, id="OBS902")) from None
 
 
 def remove_earlier(path: str) -> None:

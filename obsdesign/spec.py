@@ -22,7 +22,7 @@ from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
-from obsdesign.trial import Implementation, Simulation
+from obsdesign.trial import Implementation, Recorded, Simulation
 
 PROVED = "is proved from f"  # of a type, in a note
 MODEL = "of the plant in samples, a model of the continuous one"  # of a claim
@@ -175,6 +175,7 @@ class Spec(metaclass=Called):
     period: fmpq | None = None  # s, of a plant x+ = A x + ..; None: x' = A x + ..
     continuous: Continuous | None = None  # plant that this one in samples stands for
     implementation: Implementation | None = None
+    data: Recorded | None = None
 
     @contextmanager
     def placed(self) -> Iterator[None]:

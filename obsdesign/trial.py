@@ -1,4 +1,4 @@
-"""How an observer is tried and implemented: the sections `simulation:` and `implementation:` of a spec, read."""
+"""How an observer is tried, implemented and fed: `simulation:`, `implementation:` and `data:` of a spec, read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -52,3 +52,16 @@ class Implementation:
 
     period: fmpq  # s
     method: Literal["euler", "rk4", "exact"]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Where the signals of a spec are in a log, and what is known of the plant that made it."""
+
+    time: str = ""  # column; empty: t
+    columns: Mapping[str, str] = field(default_factory=dict)  # by signal, where its name is another
+    scale: Mapping[str, fmpq] = field(default_factory=dict)  # factor from the unit of a column to that of the spec
+    hold: Literal["zero", "first"] = "zero"  # of u and y between rows
+    arrival: str = ""  # column of when a row became known
+    v_sup: fmpq | None = None  # bound on |v|
+    e0: Mapping[str, fmpq] = field(default_factory=dict)  # bounds on the error of each state at the start

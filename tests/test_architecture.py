@@ -18,6 +18,7 @@ MODULES = {".".join(p.relative_to(ROOT.parent).with_suffix("").parts).removesuff
 LAYERS = (
     ("__main__",),
     ("cli",),
+    ("data",),
     ("exports.c", "exports.python", "exports.matlab", "exports.fmu"),
     ("exports.selftest",),
     ("exports.vectors", "exports.c_language"),

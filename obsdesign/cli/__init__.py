@@ -4,6 +4,7 @@ from obsdesign.cli.batch import batch
 from obsdesign.cli.check import check
 from obsdesign.cli.compare import compare
 from obsdesign.cli.diff import diff
+from obsdesign.cli.estimate import estimate
 from obsdesign.cli.explain import explain
 from obsdesign.cli.export import export
 from obsdesign.cli.init import init
@@ -28,6 +29,7 @@ for command in (
     lipschitz,
     verify,
     theorem,
+    estimate,
     export,
     diff,
     report,

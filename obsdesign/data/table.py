@@ -2,9 +2,10 @@
 
 import csv
 import io
+import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -52,6 +53,13 @@ class Table:
     """
 
     path: str
+    progress: list[int] = field(default_factory=lambda: [0])  # bytes that are read
+
+    @property
+    def share(self) -> float:
+        """Share of the file that is read."""
+        size = os.path.getsize(self.path) if os.path.isfile(self.path) else 0
+        return min(1.0, self.progress[0] / size) if size else 0.0
 
     @cached_property
     def head(self) -> str:
@@ -95,6 +103,7 @@ class Table:
             file.readline(LONGEST)
             line, rest = 2, b""
             while part := file.read(BLOCK):
+                self.progress[0] += len(part)
                 whole, newline, rest = (rest + part).rpartition(b"\n")
                 if newline:
                     yield self.parsed(whole + newline, line, wanted)

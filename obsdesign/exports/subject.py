@@ -67,7 +67,12 @@ class Subject:
 
     @cached_property
     def routines(self) -> dict[str, Routine]:
-        """Routines that are exported, by name."""
+        """Routines that are written, by name."""
+        return self.exported
+
+    @cached_property
+    def exported(self) -> dict[str, Routine]:
+        """Routines of an observer on its own, by name."""
         one = self.implemented
         start = {"begin": one.begin, "locate": one.locate}
         runs = {"step": one.step, "flow": one.part if self.instants else None, "jump": one.jump}

@@ -1,11 +1,15 @@
-"""The section `implementation:` of a spec: how the observer runs on a computer."""
+"""The sections `implementation:` and `data:` of a spec: how the observer runs on a computer, and on a log."""
+
+from collections.abc import Mapping, Sequence
 
 from flint import fmpq
 
+from obsdesign.reading.trial_schema import Data
 from obsdesign.reading.trial_schema import Implementation as Section
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
-from obsdesign.trial import Implementation
+from obsdesign.sections.words import unknown
+from obsdesign.trial import Implementation, Recorded
 
 
 def read_implementation(reader: Reader, section: Section | None, samples: fmpq | None) -> Implementation | None:
@@ -24,3 +28,31 @@ def require_steps(reader: Reader, asked: str, implementation: Section | None, sa
     if asked == "implementation" and implementation is None and samples is None:
         said = "needs the section implementation; write implementation: {period: 1.0e-3, method: rk4}"
         reader.wrong(("simulation", "observer"), said, id="OBS205")
+
+
+def read_data(
+    reader: Reader, section: Data | None, signals: Sequence[str] | None, states: Sequence[str]
+) -> Recorded | None:
+    """Where signals are in a log. `signals`: outputs and inputs, None where they are not known; `states`: x and xm."""
+    if section is None:
+        return None
+    loc: Loc = ("data",)
+    known = () if signals is None else tuple(signals)
+
+    def named(key: str, written: Mapping[str, str], allowed: Sequence[str], what: str) -> None:
+        for name in written if signals is not None else ():
+            if name not in allowed:
+                reader.wrong((*loc, key, name), unknown(what, name, allowed, {}), at_key=True, id="OBS203")
+
+    named("columns", section.columns, known, "signal")
+    named("scale", section.scale, (*known, "time"), "signal")
+    named("e0", section.e0, states, "state")
+    return Recorded(
+        time=section.time or "",
+        columns=section.columns,
+        scale={name: reader.number(text, (*loc, "scale", name), "> 0") for name, text in section.scale.items()},
+        hold=section.hold,
+        arrival=section.arrival or "",
+        v_sup=None if section.v_sup is None else reader.number(section.v_sup, (*loc, "v_sup"), ">= 0"),
+        e0={name: reader.number(text, (*loc, "e0", name), ">= 0") for name, text in section.e0.items()},
+    )

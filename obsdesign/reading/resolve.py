@@ -15,7 +15,7 @@ from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
-from obsdesign.reading.implementation import read_implementation, require_steps
+from obsdesign.reading.implementation import read_data, read_implementation, require_steps
 from obsdesign.reading.period import read_period
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
@@ -66,6 +66,9 @@ def resolve(document: Document) -> Spec:
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
     implementation = read_implementation(reader, file.implementation, period)
+    signals = (*layout.names.outputs, *layout.names.inputs) if layout.names else None
+    states = (*layout.names.states, *exogenous.states) if layout.names else ()
+    data = read_data(reader, file.data, signals, states)
     if file.simulation:
         require_steps(reader, file.simulation.observer, file.implementation, period)
     expect = read_expectations(reader, file.expect or {})
@@ -94,6 +97,7 @@ def resolve(document: Document) -> Spec:
         observer=observer,
         simulation=simulation,
         implementation=implementation,
+        data=data,
         expect=expect,
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),

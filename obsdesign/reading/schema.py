@@ -13,7 +13,7 @@ from obsdesign.families import FAMILIES
 from obsdesign.families.asked import FAMILY, ObserverSection
 from obsdesign.reading.disturbance_schema import CHANNEL, CHANNEL_NAME, CHANNELWISE, ChannelData, Disturbance
 from obsdesign.reading.plant_schema import MAX_BLOCKS, Equations, InMatrices, Nonlinearity, System
-from obsdesign.reading.trial_schema import Implementation, Simulation
+from obsdesign.reading.trial_schema import Data, Implementation, Simulation
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
@@ -113,6 +113,12 @@ class File(Section):
         "how the observer runs on a computer",
         otherwise="export asks for --period and --method; a discrete plant needs none",
         example="{period: 1.0e-3, method: rk4}",
+    )
+    data: Data | None = key(
+        Data,
+        "where the signals are in a log, for estimate",
+        otherwise="columns have the names of the outputs and inputs, and t",
+        example="{columns: {y1: Current (A)}, scale: {y1: 0.001}}",
     )
     expect: dict[str, Any] | None = key(
         MapOf(ANYTHING),

@@ -1,10 +1,11 @@
-"""The sections `simulation:` and `implementation:` of a spec: which keys there are and what form their values have."""
+"""Sections `simulation:`, `implementation:` and `data:` of a spec: their keys, and what form their values have."""
 
 from typing import Literal, get_args
 
 from obsdesign.families import FAMILIES
 from obsdesign.sections.forms import (
     ENTRY,
+    LINE,
     NUMBERS,
     VECTOR,
     Either,
@@ -33,6 +34,7 @@ Signals = str | list[str] | dict[str, str]
 
 MethodName = Literal["euler", "rk4", "exact"]
 RunsName = Literal["continuous", "implementation"]
+HoldName = Literal["zero", "first"]
 NoiseName = Literal["uniform", "gaussian", "normal"]
 SamplingName = Literal["periodic", "random"]
 
@@ -68,6 +70,39 @@ class Implementation(Section):
         "of a step: Euler, Runge-Kutta 4, or exact of the linear part with the rest held",
         default="rk4",
         example="exact",
+    )
+
+
+class Data(Section):
+    """Where the signals are in a log, and what is known of the plant that made it."""
+
+    time: str | None = key(LINE, "column of the time, in s", otherwise="t", example="time")
+    columns: dict[str, str] = key(
+        MapOf(LINE), "columns of outputs and inputs, by name", default={}, example="{y1: Current (A)}"
+    )
+    scale: dict[str, str] = key(
+        MapOf(ENTRY),
+        "factors from the units of columns to those of the spec, by name of output, input or time",
+        default={},
+        example="{y1: 0.001}",
+    )
+    hold: HoldName = key(
+        OneOf("hold", get_args(HoldName)),
+        "u and y between two rows: that of the first, or on the line between both",
+        default="zero",
+        example="first",
+    )
+    arrival: str | None = key(
+        LINE, "column of when a row became known, in s", otherwise="rows are known at their time", example="t_rx"
+    )
+    v_sup: str | None = key(
+        ENTRY, "bound on |v| while the log was made, for radii", otherwise="no radii", example="1.2"
+    )
+    e0: dict[str, str] = key(
+        MapOf(ENTRY),
+        "bounds on the errors of the estimates of x and xm at the start, for radii",
+        default={},
+        example="{theta: 0.1, omega: 2}",
     )
 
 

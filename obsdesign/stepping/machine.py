@@ -90,6 +90,12 @@ class Machine:
             for i, k in one.copied:
                 self.state[i] = xhat0[k]
 
+    def copied(self) -> "Machine":
+        """The same where it is now, which goes on by itself."""
+        other = Machine(self.one, self.xhat0)
+        other.state, other.begun, other._functions = self.state.copy(), self.begun, self._functions
+        return other
+
     def function(self, which: str) -> Function:
         """One of the routines as a function."""
         if which not in self._functions:

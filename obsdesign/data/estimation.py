@@ -1,0 +1,285 @@
+"""An observer on a log of any length: estimates, radii, innovations, row by row."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import IO, Any, Literal
+
+import numpy as np
+
+from obsdesign.data.innovations import Innovations
+from obsdesign.data.log import Log, Rows
+from obsdesign.data.radius import Radius, radius
+from obsdesign.data.runner import Passed, Runner, runner
+from obsdesign.design import Design
+from obsdesign.disk import whole
+from obsdesign.errors import Problem, UndecidedError, UsageError
+from obsdesign.families.observer import Observer
+from obsdesign.lmi.formula import Array, Float, rational_number
+from obsdesign.spec import Spec, limited
+from obsdesign.stepping.implemented import implemented, watched
+from obsdesign.trial import Implementation
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
+DRAWN = 6000  # rows of a figure at most
+RTOL = 1e-6  # of estimates between rows, where the spec tells no steps
+FINEST = 2**14  # parts of the time between rows, beyond which a spec must tell its steps
+
+
+@dataclass(frozen=True)
+class Part:
+    """Estimates of some rows."""
+
+    t: Float  # (K,), s
+    estimates: Float  # (K, ne)
+    innovations: Float  # (K, ny); NaN where y is missing
+    radii: Float  # (K, names of the radius)
+    covered: Array  # (K,), whether a local guarantee still holds
+
+    def table(self) -> Float:
+        """Columns side by side, as in the file."""
+        return np.column_stack([self.t, self.estimates, self.innovations, self.radii, self.covered])
+
+
+class Estimation:
+    """A design on a log; `parts` runs it, once, and `report` is what is said of it then.
+
+    Raises `UsageError`: see `Log`; the observer cannot be written in steps.
+    """
+
+    def __init__(self, design: Design, log: Log) -> None:
+        self.design, self.log, self.spec = design, log, design.spec
+        self.observer = design.observer
+        self.first = log.where.hold == "first"
+        self.innovations = Innovations(self.observer.outputs)
+        self.radius = radius(design, log.where, self.names)
+        self.rows = self.missing = self.late = self.uncovered = 0
+        self.engine = ""
+        self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
+        self.since: float | None = None  # time of the first row
+        self.left = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is estimated."""
+        return tuple(self.observer.estimates)
+
+    @cached_property
+    def header(self) -> list[str]:
+        """Heads of the columns."""
+        radii = self.radius.names if isinstance(self.radius, Radius) else ()
+        heads = [[f"hat_{n}" for n in self.names], [f"innov_{y}" for y in self.observer.outputs]]
+        return ["t", *heads[0], *heads[1], *(f"radius_{n}" for n in radii), "covered"]
+
+    def parts(self) -> Iterator[Part]:
+        """Estimates, some rows at a time."""
+        before: Rows | None = None
+        made: Runner | None = None
+        for rows in self.log.rows():
+            if made is None:
+                made = self.begun(rows)
+                self.engine = made.engine
+            joined = rows if before is None else Rows(*(np.concatenate(p) for p in zip(before, rows, strict=True)))
+            begin = 0 if before is None else 1
+            made, passed = self.advanced(made, joined, begin)
+            estimates, expected, arguments = (part[begin : passed.rows] for part in passed[:3])
+            yield self.part(rows, Passed(estimates, expected, arguments, passed.rows))
+            if passed.rows < len(joined.t):
+                line = int(joined.lines[max(passed.rows - 1, 0)])
+                said = "the observer has no finite value after this row"
+                raise UndecidedError(Problem(said, self.log.table.path, line, id="OBS813"))
+            before = Rows(*(part[-1:] for part in rows))
+        if made is None:
+            raise UsageError(Problem("has no rows", self.log.table.path, id="OBS811"))
+
+    def begun(self, rows: Rows) -> Runner:
+        """Observer at its start, in the steps of the spec, or in steps that are found."""
+        if self.spec.period is not None or self.spec.implementation is not None:
+            return runner(implemented(self.spec, self.observer))
+        gaps = np.diff(rows.known)
+        self.coarsest = self.step = float(np.median(gaps)) if len(gaps) else 1.0
+        return runner(implemented(self.spec, self.observer, Implementation(rational_number(self.step), "rk4")))
+
+    def advanced(self, made: Runner, rows: Rows, begin: int) -> tuple[Runner, Passed]:
+        """Go along rows; where the spec tells no steps, in such that halving them changes no estimate by 1e-6."""
+        if not self.step:
+            return made, made.run(rows.known, rows.u, rows.y, begin, self.first)
+
+        def run(h: float) -> tuple[Runner, Passed]:
+            one = made.copied()
+            return one, one.run(rows.known, rows.u, rows.y, begin, self.first, h)
+
+        _, found = run(self.step)
+        while True:
+            one, finer = run(self.step / 2)
+            if finer.rows == found.rows and agree(found.estimates[begin:], finer.estimates[begin:]):
+                return one, finer
+            self.step, found = self.step / 2, finer
+            if self.step * FINEST < self.coarsest:
+                said = "between rows the observer is faster than steps that are found by halving"
+                why = f"{said}; write implementation: {{period: .., method: exact}} into the spec"
+                raise UndecidedError(Problem(why, self.log.table.path, id="OBS813"))
+
+    def part(self, rows: Rows, passed: Passed) -> Part:
+        """Rows as they are written, and counted."""
+        K = len(passed.estimates)
+        y = rows.y[:K]
+        innovations = y - passed.expected
+        self.innovations.add(innovations)
+        self.rows += K
+        self.missing += int(np.isnan(y).any(axis=1).sum())
+        if self.since is None:
+            self.since = float(rows.known[0])
+        t = rows.known[:K]
+        radii = self.radius.along(t - self.since) if isinstance(self.radius, Radius) else np.zeros((K, 0))
+        covered = self.inside(passed.arguments, y)
+        self.uncovered += int((~covered).sum())
+        return Part(t, passed.estimates, innovations, radii, covered)
+
+    def inside(self, q: Float, y: Float) -> Array:
+        """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing."""
+        kept = np.ones(len(q), dtype=bool)
+        for column, low, high in self.limits:
+            kept &= (q[:, column] >= low) & (q[:, column] <= high)
+        if isinstance(self.radius, Radius):
+            kept &= np.isfinite(y).all(axis=1)
+        if self.left:
+            return np.zeros(len(q), dtype=bool)
+        kept = np.logical_and.accumulate(kept)
+        self.left = not kept.all()
+        return kept
+
+    @cached_property
+    def limits(self) -> list[tuple[int, float, float]]:
+        """Argument of f, and the limits within which its type holds."""
+        known = implemented_arguments(self.spec, self.observer)
+        return [(column, *ends) for _, _, column, ends in limited(self.spec.nonlinearities) if column < known]
+
+    def report(self) -> dict[str, Any]:
+        """What is said of the log."""
+        told = {name: count for name, count in self.log.counts.items() if count}
+        return {
+            "rows": self.rows,
+            "missing": self.missing,
+            "late": self.late,
+            "engine": self.engine,
+            "step": self.step or None,
+            "uncovered": self.uncovered,
+            "radius": {"premise": self.radius.premise} if isinstance(self.radius, Radius) else {"none": self.radius},
+            "innovations": self.innovations.report(),
+            **({"repaired": told} if told else {}),
+        }
+
+
+class Thinned:
+    """Some of the rows of a log, evenly apart, enough for a figure."""
+
+    def __init__(self) -> None:
+        self.rows = np.zeros((0, 0))
+        self.stride, self.seen = 1, 0
+
+    def add(self, table: Float) -> None:
+        """Take rows."""
+        chosen = table[(-self.seen) % self.stride :: self.stride]
+        self.seen += len(table)
+        self.rows = np.vstack([self.rows, chosen]) if self.rows.size else chosen
+        while len(self.rows) > DRAWN:
+            self.rows, self.stride = self.rows[::2], 2 * self.stride
+
+
+@dataclass(frozen=True, repr=False)
+class Estimates:
+    """Estimates on a log: `estimates["hat_theta"]` is a column by its head, of all rows where these are held here.
+
+    `report`: what is said of them, as `--json`. Of estimates that were written to a file some rows are held.
+    """
+
+    name: str
+    header: list[str]
+    rows: Float  # (K, header)
+    report: dict[str, Any]
+
+    def __getitem__(self, name: str) -> Float:
+        """Return a column by its head."""
+        if name not in self.header:
+            raise UsageError(f"{name!r} is no column; there are {', '.join(self.header)}", id="OBS203")
+        return np.asarray(self.rows[:, self.header.index(name)])
+
+    def plot(self, path: str | None = None) -> bytes:
+        """Draw them, and write the figure where a path is given: as SVG if this ends so, else as PNG."""
+        from obsdesign.disk import write_whole
+        from obsdesign.plot import form_of
+        from obsdesign.plot.estimates import estimates_figure
+
+        figure = estimates_figure(self.name, self.header, self.rows, self.report, form=form_of(path))
+        if path is not None:
+            write_whole(path, figure)
+        return figure
+
+    def __repr__(self) -> str:
+        return f"<estimates of {self.name!r}: {self.report['rows']} rows>"
+
+
+def estimate(
+    source: "Design | Spec | str | os.PathLike[str]",
+    data: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    *,
+    columns: Mapping[str, str] = NOTHING,
+    hold: Literal["zero", "first"] | None = None,
+    repair: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Estimates:
+    """Run the observer of a result on a log: one row of estimates a row of the log.
+
+    `source`: a design, or the path of a result file or of a spec, which is solved first; `data`: path of the log (CSV,
+    or Parquet where pyarrow is installed); `output`: path of the estimates as CSV, so that they need not be held;
+    `columns`: heads of columns by signal, where they are not its name; `hold`: u and y between rows; `repair`: put rows
+    in order of time, and leave out those without a time of their own; `progress`: called with the share that is done.
+
+    Raises `UsageError`: there are no gains, a column is missing or in another unit, times do not rise;
+    `UndecidedError`: the observer has no finite value on the log.
+    """
+    from obsdesign.work import trial
+
+    design = trial(source)
+    with design.spec.placed():
+        made = Estimation(design, Log.of(os.fspath(data), design.spec, columns, hold, repair=repair))
+        if output is None:
+            rows = [part.table() for part in told(made, progress)]
+            return Estimates(design.spec.name, made.header, np.vstack(rows), made.report())
+        with whole(os.fspath(output)) as file:
+            return written(made, file, progress)
+
+
+def written(made: Estimation, file: IO[bytes], progress: Callable[[float], None] | None = None) -> Estimates:
+    """Write the estimates of a log as CSV, some rows at a time; those that a figure shows are kept."""
+    file.write((",".join(made.header) + "\n").encode())
+    line, thinned = ",".join(["%.12g"] * len(made.header)) + "\n", Thinned()
+    for part in told(made, progress):
+        table = part.table()
+        thinned.add(table)
+        text = (line * len(table)) % tuple(table.ravel().tolist())
+        file.write(text.replace("nan", "").encode())
+    return Estimates(made.spec.name, made.header, thinned.rows, made.report())
+
+
+def told(made: Estimation, progress: Callable[[float], None] | None) -> Iterator[Part]:
+    """Parts of the estimates, after each of which it is told how much of the log is read."""
+    for part in made.parts():
+        yield part
+        if progress is not None:
+            progress(made.log.table.share)
+
+
+def implemented_arguments(spec: Spec, observer: Observer) -> int:
+    """How many arguments of f the observer shows."""
+    return len(watched(spec, observer))
+
+
+def agree(one: Float, other: Float) -> bool:
+    """Whether estimates are the same but for 1e-6 of the largest of each."""
+    size = np.abs(other).max(axis=0, initial=1e-300)
+    return bool((np.abs(one - other).max(axis=0, initial=0.0) <= RTOL * size).all())

@@ -1,0 +1,83 @@
+"""Statistics of innovations y - yhat: mean, size, autocorrelation, and whether they are white."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from obsdesign.lmi.formula import Float
+
+LAGS = 20
+
+
+@dataclass
+class Innovations:
+    """Statistics of rows that come some at a time; those in which a value is missing have none.
+
+    autocorrelation r_k = sum (i_j - m)(i_(j+k) - m) / sum (i_j - m)^2, k = 1, .., 20, with m the mean.
+    white           probability that innovations of white noise are correlated as much or more: that of chi-squared with
+                    20 degrees of freedom above n (n + 2) sum r_k^2 / (n - k) (Ljung and Box, 1978). Below .05 or so
+                    they are not white: noise, gains or the plant are other than in the spec.
+    """
+
+    names: tuple[str, ...]
+    count: Float = field(init=False)
+    sum: Float = field(init=False)
+    products: Float = field(init=False)  # (LAGS + 1, names): of rows that are k apart
+    first: Float = field(init=False)  # (LAGS, names): the first rows, and the last
+    last: Float = field(init=False)
+
+    def __post_init__(self) -> None:
+        m = len(self.names)
+        self.count, self.sum, self.products = np.zeros(m), np.zeros(m), np.zeros((LAGS + 1, m))
+        self.first, self.last = np.zeros((0, m)), np.zeros((0, m))
+
+    def add(self, rows: Float) -> None:
+        """Take more rows, (K, names)."""
+        known = np.isfinite(rows)
+        values = np.where(known, rows, 0.0)
+        self.count += known.sum(axis=0)
+        self.sum += values.sum(axis=0)
+        joined = np.vstack([self.last, values])
+        before = len(self.last)
+        for k in range(LAGS + 1):
+            late = joined[max(before, k) :]
+            self.products[k] += np.einsum("ij,ij->j", late, joined[max(before, k) - k : len(joined) - k])
+        self.first = np.vstack([self.first, values[: LAGS - len(self.first)]])
+        self.last = joined[-LAGS:]
+
+    def report(self) -> dict[str, Any]:
+        """Entries by output; None where nothing is known."""
+        return {name: self.of(i) for i, name in enumerate(self.names)}
+
+    def of(self, i: int) -> dict[str, Any]:
+        """Entry of one output."""
+        n = float(self.count[i])
+        if n == 0:
+            return {"mean": None, "rms": None, "autocorrelation": [], "white": None}
+        mean, rms = self.sum[i] / n, float(np.sqrt(self.products[0, i] / n))
+        r = self.correlation(i, float(mean), n)
+        white = self.whiteness(r, n) if r else None
+        return {"mean": float(mean), "rms": rms, "autocorrelation": r, "white": white}
+
+    def correlation(self, i: int, mean: float, n: float) -> list[float]:
+        """Autocorrelation at lags 1, 2, ..; none where nothing varies, or there are too few rows."""
+        spread = self.products[0, i] - n * mean * mean
+        if n <= LAGS + 1 or not spread > 1e-24 * max(self.products[0, i], 1e-300):
+            return []
+        found = []
+        for k in range(1, LAGS + 1):
+            ends = self.first[:k, i].sum() + self.last[-k:, i].sum()
+            found.append(
+                float((self.products[k, i] - mean * (2 * self.sum[i] - ends) + (n - k) * mean * mean) / spread)
+            )
+        return found
+
+    @staticmethod
+    def whiteness(r: Sequence[float], n: float) -> float:
+        """Probability of a correlation as large, of white noise."""
+        from scipy.special import chdtrc
+
+        sizes = sum(value * value / (n - k) for k, value in enumerate(r, start=1))
+        return float(chdtrc(len(r), n * (n + 2) * sizes))

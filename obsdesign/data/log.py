@@ -1,0 +1,187 @@
+"""The signals of a spec in a log: which columns they are, in which units, and rows whose instants rise."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from obsdesign.data.table import Header, Table
+from obsdesign.errors import Problem, UsageError
+from obsdesign.lmi.formula import Array, Float
+from obsdesign.spec import Spec
+from obsdesign.trial import Recorded
+
+APART = 0.01  # of a period: how far the instants of a plant in samples may be off
+SECONDS = ("s", "sec", "seconds", "")  # units of time that need no factor
+MOST = 50_000_000  # values that are held at once, where rows are put in order
+ROWS = 200_000  # that are given at once, where they are
+
+
+COUNTED = ("without_time", "moved", "repeated")
+
+
+class Rows(NamedTuple):
+    """Some rows of a log, in the order in which they are known."""
+
+    t: Float  # (K,), s
+    u: Float  # (K, nu); what is missing is as it was in the row before
+    y: Float  # (K, ny); NaN where it is missing
+    known: Float  # (K,), s: when each row is known; t where the log says nothing of it
+    lines: Array  # (K,), of the file
+
+
+@dataclass(frozen=True)
+class Log:
+    """A log of a plant.
+
+    Raises `UsageError`: a column is missing, its unit is not that of the spec, an instant is missing, repeated or out
+    of order and nothing says what to do, or rows of a plant in samples are not a period apart.
+    """
+
+    table: Table
+    spec: Spec
+    where: Recorded
+    repair: bool = False
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))  # of what was done to rows
+
+    @classmethod
+    def of(
+        cls,
+        path: str,
+        spec: Spec,
+        columns: Mapping[str, str],
+        hold: Literal["zero", "first"] | None = None,
+        *,
+        repair: bool = False,
+    ) -> "Log":
+        """Log at a path. `columns`: of signals, in place of those of the spec; `hold`: likewise."""
+        where = spec.data or Recorded()
+        allowed = ("t", "arrival", *spec.plant.outputs, *spec.inputs)
+        for name in columns:
+            if name not in allowed:
+                said = f"{name} is no signal; allowed: {', '.join(allowed)}"
+                raise UsageError(Problem(f"--map {name}: {said}", id="OBS203"))
+        own = {name: column for name, column in columns.items() if name not in ("t", "arrival")}
+        where = replace(where, columns={**where.columns, **own}, hold=hold or where.hold)
+        where = replace(where, time=columns.get("t", where.time), arrival=columns.get("arrival", where.arrival))
+        return cls(Table(path), spec, where, repair)
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of u and y, in the order of `places`."""
+        return (*self.spec.inputs, *self.spec.plant.outputs)
+
+    @cached_property
+    def places(self) -> tuple[int, ...]:
+        """Columns of the time, of u and y, and of the arrival, if there is one."""
+        where = self.where
+        found = [self.table.column(where.time or "t")]
+        found += [self.table.column(where.columns.get(name, name)) for name in self.signals]
+        return (*found, self.table.column(where.arrival)) if where.arrival else tuple(found)
+
+    @cached_property
+    def factors(self) -> Float:
+        """Factor of each of these columns to the unit of the spec."""
+        where, heads = self.where, [self.table.columns[i] for i in self.places]
+        names = ("time", *self.signals, *(["time"] if where.arrival else []))
+        for name, head in zip(names, heads, strict=True):
+            if name not in where.scale:
+                self.require_unit(name, head)
+        return np.array([float(where.scale.get(name, 1)) for name in names])
+
+    def require_unit(self, name: str, head: Header) -> None:
+        """Refuse a column that says another unit than the spec."""
+        unit = "s" if name == "time" else self.spec.units.get(name, "")
+        same = head.unit in SECONDS if name == "time" else head.unit == unit
+        if head.unit and unit and not same:
+            said = f"column {head.text} is in {head.unit}, {name} of the spec in {unit}"
+            raise self.table.wrong(
+                f"{said}; write data: {{scale: {{{name}: factor}}}}, which is 1 if they are the same", 1
+            )
+
+    def rows(self) -> Iterator[Rows]:
+        """All rows, some at a time."""
+        last, values = -np.inf, np.full(len(self.spec.inputs), np.nan)
+        for rows in self.ordered() if self.repair else self.raw():
+            made = self.filled(rows, values)
+            self.require_rising(made, last)
+            if len(made.t):
+                last, values = made.known[-1], made.u[-1]
+                yield made
+
+    def raw(self) -> Iterator[Rows]:
+        """Rows as they are in the file."""
+        nu, ny = len(self.spec.inputs), len(self.spec.plant.outputs)
+        for block in self.table.blocks(self.places):
+            if len(wrong := np.argwhere(np.isinf(block.rows))):
+                k, column = wrong[0]
+                said = f"{self.table.columns[self.places[column]].text}: infinite; leave it empty where it is missing"
+                raise self.table.wrong(said, int(block.lines[k]))
+            values = block.rows * self.factors
+            t = values[:, 0]
+            known = np.fmax(values[:, -1], t) if self.where.arrival else t
+            yield Rows(t, values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny], known, block.lines)
+
+    def ordered(self) -> Iterator[Rows]:
+        """Rows in order, each instant once, those without one left out."""
+        held, size = list[Rows](), 0
+        for rows in self.raw():
+            held.append(rows)
+            size += rows.t.size * (len(self.places) + 1)
+            if size > MOST:
+                raise UsageError(
+                    Problem(f"more than {MOST:,} values, too many to be put in order", self.table.path, id="OBS812")
+                )
+        if not held:
+            return
+        rows = Rows(*(np.concatenate(parts) for parts in zip(*held, strict=True)))
+        timed = np.isfinite(rows.known)
+        self.counts["without_time"] += int((~timed).sum())
+        order = np.flatnonzero(timed)[np.argsort(rows.known[timed], kind="stable")]
+        self.counts["moved"] += int((np.diff(rows.known[timed]) < 0).sum())
+        once = np.diff(rows.known[order], prepend=-np.inf) > 0
+        self.counts["repeated"] += int((~once).sum())
+        order = order[once]
+        for k in range(0, len(order), ROWS):
+            yield Rows(*(part[order[k : k + ROWS]] for part in rows))
+
+    def filled(self, rows: Rows, before: Float) -> Rows:
+        """Rows with what is missing of u as it was in the row before."""
+        if not np.isnan(rows.u).any():
+            return rows
+        u = np.vstack([before, rows.u])
+        for column in u.T:
+            known = np.maximum.accumulate(np.where(np.isnan(column), 0, np.arange(len(column))))
+            column[:] = column[known]
+        if len(wrong := np.argwhere(np.isnan(u[1:]))):
+            k, i = wrong[0]
+            said = (
+                f"{self.spec.inputs[i]}: the first value of a known input is missing; begin the log where it is known"
+            )
+            raise self.table.wrong(said, int(rows.lines[k]))
+        return rows._replace(u=u[1:])
+
+    def require_rising(self, rows: Rows, last: float) -> None:
+        """Refuse rows that are not each after the one before, or of a plant in samples not a period after it."""
+        gaps = np.diff(rows.known, prepend=last)
+        if len(wrong := np.flatnonzero(~(gaps > 0))):
+            k = int(wrong[0])
+            t, before = rows.known[k], rows.known[k - 1] if k else last
+            what = (
+                "the time is missing"
+                if np.isnan(t)
+                else f"t = {t:.9g} "
+                + ("is that of the row before" if t == before else f"is before that of the row before, {before:.9g}")
+            )
+            said = "--repair sorts rows and leaves out those without a time of their own"
+            raise self.table.wrong(f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]))
+        if self.spec.period is None:
+            return
+        period = float(self.spec.period)
+        inner = gaps[np.isfinite(gaps)]
+        if len(wrong := np.flatnonzero(np.abs(inner - period) > APART * period)):
+            k = int(wrong[0]) + len(gaps) - len(inner)
+            said = f"{gaps[k]:.6g} s after the row before; rows of this plant are {period:g} s apart"
+            raise self.table.wrong(said, int(rows.lines[k]))

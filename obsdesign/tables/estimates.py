@@ -1,0 +1,35 @@
+"""Estimates on a log as text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from obsdesign.tables.text import aligned, plain
+
+ENGINES = {"c": "C, compiled here", "numpy": "Python: gcc is not installed"}
+
+
+def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str:
+    """What is said of a log, and the files that estimates and figure are in."""
+    holes = f", {report['missing']:,} with something missing" if report["missing"] else ""
+    rows = [("rows", f"{report['rows']:,}{holes}")]
+    rows += [("late", f"{report['late']:,} rows")] if report["late"] else []
+    counts = report.get("repaired", {}).items()
+    rows += [("repaired", ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts))] if counts else []
+    steps = f", in steps of {plain(report['step'])} s, found by halving" if report["step"] else ""
+    rows.append(("engine", f"{ENGINES[report['engine']]}{steps}"))
+    for name, told in report["innovations"].items():
+        if told["rms"] is None:
+            rows.append(("innovation", f"{name}: never known"))
+            continue
+        white = "" if told["white"] is None else f", {whiteness(told['white'])}"
+        rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
+    radius = report["radius"]
+    rows.append(("radius", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
+    if report["uncovered"]:
+        rows.append(("uncovered", f"{report['uncovered']:,} rows, of which nothing is proved (column covered)"))
+    return aligned([*rows, ("estimates", samples), ("figure", figure or "none")])
+
+
+def whiteness(p: float) -> str:
+    """What the probability of a correlation says."""
+    return f"white noise would be as correlated with probability {p:.2g}" if p >= 1e-3 else "not white"
