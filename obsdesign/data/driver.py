@@ -67,11 +67,14 @@ long observer_run(observer_state *s, long K, int begin, int first, double h, con
 """
 RECORD = """\
             if (!filled(s, t[k], now, seen, last, expected + k*{ny}, full)) return k;
-{jump}            if (observer_estimate(s, t[k], now, full, out + k*{ne})) return k;
+{start}{jump}            if (observer_estimate(s, t[k], now, full, out + k*{ne})) return k;
 {arguments}"""
 AHEAD = """\
             for (j = 0; j < {ny}; j++) full[j] = isfinite(seen[j]) ? seen[j] : 0;
             if (observer_estimate(s, t[k], now, full, out + k*{ne})) return k;
+"""
+BEGIN = """\
+            if (!start(s, t[k], now, full)) return k;
 """
 JUMP = """\
             for (j = 0; j < {ny} && !isfinite(seen[j]); j++) continue;
@@ -114,7 +117,10 @@ def driver(subject: Engine) -> str:
     arguments = f"            if (observer_arguments(s, t[k], now, full, arguments + k*{len(one.watched)})) return k;\n"
     jump = JUMP.format(**sizes) if subject.instants else ""
     record = (AHEAD if subject.ahead else RECORD).format(
-        **sizes, jump=jump, arguments=arguments if one.watched and not subject.ahead else ""
+        **sizes,
+        start=BEGIN if subject.begins else "",
+        jump=jump,
+        arguments=arguments if one.watched and not subject.ahead else "",
     )
     whole = "observer_step(s, from, inputs, full)" if not subject.instants else "observer_flow(s, from, on, inputs)"
     go = (

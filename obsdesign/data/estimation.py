@@ -10,6 +10,7 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from obsdesign.data.innovations import Innovations
+from obsdesign.data.late import History
 from obsdesign.data.log import Log, Rows
 from obsdesign.data.radius import Radius, radius
 from obsdesign.data.runner import Passed, Runner, runner
@@ -55,7 +56,7 @@ class Estimation:
         self.first = log.where.hold == "first"
         self.innovations = Innovations(self.observer.outputs)
         self.radius = radius(design, log.where, self.names)
-        self.rows = self.missing = self.late = self.uncovered = 0
+        self.rows = self.missing = self.late = self.lost = self.uncovered = 0
         self.engine = ""
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
         self.since: float | None = None  # time of the first row
@@ -77,13 +78,20 @@ class Estimation:
         """Estimates, some rows at a time."""
         before: Rows | None = None
         made: Runner | None = None
+        history: History | None = None
         for rows in self.log.rows():
             if made is None:
                 made = self.begun(rows)
                 self.engine = made.engine
-            joined = rows if before is None else Rows(*(np.concatenate(p) for p in zip(before, rows, strict=True)))
-            begin = 0 if before is None else 1
-            made, passed = self.advanced(made, joined, begin)
+                history = self.history(made, rows) if self.late_ones else None
+            joined, begin = rows, 0
+            if history is not None:
+                passed = history.run(rows, self.step)
+                self.late, self.lost = history.late, history.lost
+            else:
+                if before is not None:
+                    joined, begin = Rows(*(np.concatenate(p) for p in zip(before, rows, strict=True))), 1
+                made, passed = self.advanced(made, joined, begin)
             estimates, expected, arguments = (part[begin : passed.rows] for part in passed[:3])
             yield self.part(rows, Passed(estimates, expected, arguments, passed.rows))
             if passed.rows < len(joined.t):
@@ -94,11 +102,33 @@ class Estimation:
         if made is None:
             raise UsageError(Problem("has no rows", self.log.table.path, id="OBS811"))
 
+    def history(self, made: Runner, rows: Rows) -> History:
+        """Measurements of an observer at its start; its steps, where the spec tells none, are found by halving."""
+        while self.step:
+            found, finer = (History(made, self.first).run(rows, h) for h in (self.step, self.step / 2))
+            if finer.rows == found.rows and agree(found.estimates, finer.estimates):
+                break
+            self.refine()
+        return History(made, self.first)
+
+    def refine(self) -> None:
+        """Halve the step; raises `UndecidedError` where it is short already."""
+        self.step /= 2
+        if self.step * FINEST < self.coarsest:
+            said = "between rows the observer is faster than steps that are found by halving"
+            why = f"{said}; write implementation: {{period: .., method: exact}} into the spec"
+            raise UndecidedError(Problem(why, self.log.table.path, id="OBS813"))
+
+    @property
+    def late_ones(self) -> bool:
+        """Whether measurements may come late and are taken at their own time."""
+        return bool(self.log.where.arrival and self.observer.jump)
+
     def begun(self, rows: Rows) -> Runner:
         """Observer at its start, in the steps of the spec, or in steps that are found."""
         if self.spec.period is not None or self.spec.implementation is not None:
             return runner(implemented(self.spec, self.observer))
-        gaps = np.diff(rows.known)
+        gaps = np.diff(np.unique(rows.t if self.late_ones else rows.known))
         self.coarsest = self.step = float(np.median(gaps)) if len(gaps) else 1.0
         return runner(implemented(self.spec, self.observer, Implementation(rational_number(self.step), "rk4")))
 
@@ -116,11 +146,8 @@ class Estimation:
             one, finer = run(self.step / 2)
             if finer.rows == found.rows and agree(found.estimates[begin:], finer.estimates[begin:]):
                 return one, finer
-            self.step, found = self.step / 2, finer
-            if self.step * FINEST < self.coarsest:
-                said = "between rows the observer is faster than steps that are found by halving"
-                why = f"{said}; write implementation: {{period: .., method: exact}} into the spec"
-                raise UndecidedError(Problem(why, self.log.table.path, id="OBS813"))
+            found = finer
+            self.refine()
 
     def part(self, rows: Rows, passed: Passed) -> Part:
         """Rows as they are written, and counted."""
@@ -131,8 +158,8 @@ class Estimation:
         self.rows += K
         self.missing += int(np.isnan(y).any(axis=1).sum())
         if self.since is None:
-            self.since = float(rows.known[0])
-        t = rows.known[:K]
+            self.since = float((rows.t if self.late_ones else rows.known)[0])
+        t = (rows.t if self.late_ones else rows.known)[:K]
         radii = self.radius.along(t - self.since) if isinstance(self.radius, Radius) else np.zeros((K, 0))
         covered = self.inside(passed.arguments, y)
         self.uncovered += int((~covered).sum())
@@ -164,6 +191,7 @@ class Estimation:
             "rows": self.rows,
             "missing": self.missing,
             "late": self.late,
+            **({"lost": self.lost} if self.lost else {}),
             "engine": self.engine,
             "step": self.step or None,
             "uncovered": self.uncovered,

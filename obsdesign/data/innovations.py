@@ -43,7 +43,7 @@ class Innovations:
         before = len(self.last)
         for k in range(LAGS + 1):
             late = joined[max(before, k) :]
-            self.products[k] += np.einsum("ij,ij->j", late, joined[max(before, k) - k : len(joined) - k])
+            self.products[k] += np.einsum("ij,ij->j", late, joined[max(before, k) - k :][: len(late)])
         self.first = np.vstack([self.first, values[: LAGS - len(self.first)]])
         self.last = joined[-LAGS:]
 

@@ -82,7 +82,7 @@ class Table:
         texts = [one.text for one in made if one.text]
         if twice := sorted({text for text in texts if texts.count(text) > 1}):
             raise self.wrong(f"two columns have the head {twice[0]}; name them apart", 1)
-        if all(number(text) for text in texts):
+        if all(number(text) is not None for text in texts):
             raise self.wrong("begins with numbers; the first line must name the columns, such as t,y1,u", 1)
         return made
 

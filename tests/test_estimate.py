@@ -1,0 +1,453 @@
+"""An observer on a log: the estimates of the simulator, whatever the file looks like, and what is proved of them."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from support.commands import files, run
+from support.shipped import SPECS, solved
+
+import obsdesign as od
+from obsdesign.data import runner, table
+from obsdesign.data.innovations import LAGS, Innovations
+from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.reading import loads
+from obsdesign.stepping.implemented import implemented
+
+SCALAR = """
+obsdesign: 1
+name: Scalar
+system: {time: discrete, period: 0.1, states: [x], inputs: [force], outputs: [y], A: [[0.9]], B: [[0.1, 0]], C: [[1]],
+         D: [[0, 0.05]], gx: [0.1*force], units: {y: m}}
+observer: {type: linf, rho: 0.8, objective: min-gamma}
+simulation: {horizon: 5, x0: [2], u: [sin(t)], w: ["cos(3*t)", "sin(5*t)"]}
+data: {v_sup: 1.5, e0: {x: 2}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def scalar():
+    """A design, and a run of it: signals and the truth."""
+    design = od.solve(loads(SCALAR))
+    return design, design.simulate()
+
+
+def log(path, header, *columns, sep=","):
+    """A log with these columns, NaN where nothing stands."""
+    rows = [sep.join("" if np.isnan(x) else repr(float(x)) for x in row) for row in np.column_stack(columns)]
+    Path(path).write_text("\n".join([sep.join(header), *rows, ""]))
+    return path
+
+
+def of_run(made, path="log.csv"):
+    """Log of a run: time, inputs, outputs as they are measured."""
+    return log(path, ["t", *made.spec.inputs, *made.outputs], made.t, made.u, made.y)
+
+
+def assert_same(found, expected):
+    """Numbers that agree to 1e-9 of their size."""
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * max(1e-300, np.abs(expected).max()))
+
+
+# the simulator
+
+
+@pytest.mark.parametrize(
+    ("name", "period", "method"),
+    [
+        ("discrete-battery", None, None),
+        ("discrete-motor", None, None),  # filtered
+        ("pendulum-embedded", None, None),
+        ("cuk-kkl-pebo", "1.0e-5", "rk4"),
+        ("noisy-output", "1.0e-2", "exact"),
+    ],
+)
+def test_estimates_are_those_of_the_simulator(name, period, method):
+    spec, design = solved(name)
+    text = spec.text if period is None else f"{spec.text}\nimplementation: {{period: {period}, method: {method}}}\n"
+    if period:
+        design = od.solve(loads(text, spec.path))
+    horizon = min(spec.simulation.horizon, 0.02 if "cuk" in name else 2)
+    made = design.simulate(observer="implementation", horizon=horizon)
+    found = od.estimate(design, of_run(made))
+    for state in spec.plant.states:
+        assert_same(found[f"hat_{state}"], made[f"hat_{state}"])
+    assert found.report["rows"] == len(made.t)
+    assert (found["covered"] == 1).all()
+
+
+def test_between_rows_it_is_as_exact_as_it_says():
+    """Against an integrator to 1e-10, with y held, at instants of all kinds."""
+    spec, design = solved("noisy-output")
+    one, L1 = spec.augmented.doubles, design.gains["L1"]
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.uniform(0.001, 0.4, 60))
+    y = np.sin(t)[:, None] + 0.1 * rng.normal(size=(60, len(one.C)))
+    found = od.estimate(design, log("log.csv", ["t", *spec.plant.outputs], t, y))
+    x = np.zeros(one.n)
+    block = spec.nonlinearities[0]
+    f = block.f[0].scalar(["q"])
+
+    def rate(_, x, y):
+        q = one.Cq @ x + design.gains["L2"] @ (one.C @ x - y)
+        return one.A @ x + one.Bf @ np.array([f(float(q[0]))]) + L1 @ (one.C @ x - y)
+
+    for k in range(59):
+        x = solve_ivp(rate, (t[k], t[k + 1]), x, args=(y[k],), rtol=1e-10, atol=1e-12, method="DOP853").y[:, -1]
+    hats = np.array([found[f"hat_{state}"][-1] for state in spec.plant.states])
+    assert hats == pytest.approx(x[: spec.plant.n], rel=1e-5, abs=1e-6)
+    assert found.report["step"] < np.median(np.diff(t))
+
+
+def test_straight_lines_are_nearer_to_continuous_time_than_steps():
+    design = solved("noisy-output")[1]
+    made = design.simulate(horizon=4, points=81)
+    path, off = of_run(made), {}
+    for hold in ("zero", "first"):
+        found = od.estimate(design, path, hold=hold)
+        off[hold] = max(np.abs(found[f"hat_{s}"] - made[f"hat_{s}"]).max() for s in design.spec.plant.states)
+    assert off["first"] < off["zero"] / 5
+
+
+def test_both_engines_agree(scalar, monkeypatch):
+    """Rows at all kinds of instants, with holes."""
+    rng = np.random.default_rng(0)
+    for name in ("noisy-output", "ferrante2019-oscillator-gap", "cuk-kkl-pebo"):
+        spec, _ = solved(name)
+        design = od.solve(loads(f"{spec.text}\nimplementation: {{period: {1e-5 if 'cuk' in name else 1e-2}}}\n"))
+        one = implemented(design.spec, design.observer)
+        made = design.simulate()
+        pick = np.linspace(0, len(made.t) - 1, 200).astype(int)
+        t, u, y = np.cumsum(float(one.period) * rng.uniform(0.2, 3, 200)), made.u[pick], made.y[pick].copy()
+        y[1:][rng.uniform(size=y[1:].shape) < 0.1] = np.nan
+        for first in (False, True):
+            found = [kind.run(t, u, y, 0, first) for kind in (runner.Compiled.of(one), runner.Interpreted(one))]
+            for part, other in zip(found[0][:3], found[1][:3], strict=True):
+                assert part == pytest.approx(other, rel=1e-9, abs=1e-9, nan_ok=True)
+    design, made = scalar
+    compiled = od.estimate(design, of_run(made))
+    monkeypatch.setattr(runner.shutil, "which", lambda _: None)
+    plain = od.estimate(design, of_run(made))
+    assert (compiled.report["engine"], plain.report["engine"]) == ("c", "numpy")
+    assert_same(compiled.rows, plain.rows)
+
+
+def test_the_size_of_blocks_does_not_matter(scalar, monkeypatch):
+    design, made = scalar
+    whole = od.estimate(design, of_run(made))
+    monkeypatch.setattr(table, "BLOCK", 97)
+    part = od.estimate(design, "log.csv")
+    assert part.rows.tolist() == whole.rows.tolist()
+    assert part.report["innovations"]["y"]["rms"] == pytest.approx(whole.report["innovations"]["y"]["rms"], rel=1e-12)
+
+
+# what is proved
+
+
+def test_the_truth_is_within_the_radius_and_that_is_not_vacuous(scalar):
+    design, made = scalar
+    found = od.estimate(design, of_run(made))
+    share = np.abs(made["x"] - found["hat_x"]) / found["radius_x"]
+    assert share.max() <= 1
+    assert share.max() > 0.2
+
+
+def test_the_radius_is_the_closed_form_of_its_inequality(scalar):
+    """One state: radius^2 = V / P, V = rho^(2 k) P e0^2 + c |v|^2 (1 - rho^(2 k)) / (1 - rho^2)."""
+    design, made = scalar
+    found = od.estimate(design, of_run(made))
+    P = float(design.claim.guarantee(design.spec).P[0, 0])
+    rates = design.guarantee.rates()
+    left = rates.rho ** (2 * np.arange(len(made.t)))
+    V = left * P * 4 + rates.c * 1.5**2 * (1 - left) / (1 - rates.rho**2)
+    assert found["radius_x"] == pytest.approx(np.sqrt(V / P), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("data: {v_sup: 1.5, e0: {x: 2}}", "data: {v_sup: 1.5}"), "e0 of x"),
+        (("data: {v_sup: 1.5, e0: {x: 2}}", ""), "v_sup"),
+    ],
+)
+def test_without_what_it_rests_on_there_is_no_radius(scalar, change, why):
+    _, made = scalar
+    found = od.estimate(od.solve(loads(SCALAR.replace(*change))), of_run(made))
+    assert "radius_x" not in found.header
+    assert why in found.report["radius"]["none"]
+
+
+CONTINUOUS = """
+obsdesign: 1
+name: Continuous
+system: {states: [x], outputs: [y], A: [[-1]], B: [[1, 0]], C: [[1]], D: [[0, 0.1]]}
+observer: {type: linf, objective: min-gamma, alpha: 0.9}
+simulation: {horizon: 5, x0: [2], w: ["cos(3*t)", "sin(5*t)"]}
+data: {v_sup: 3, e0: {x: 2}}
+"""
+
+
+def test_in_continuous_time_y_between_rows_must_be_a_noise_of_the_spec():
+    design = od.solve(loads(CONTINUOUS))
+    made = design.simulate(points=501)
+    found = od.estimate(design, of_run(made))
+    assert np.all(np.abs(made["x"] - found["hat_x"]) <= found["radius_x"])
+    assert "v counts what y does between rows" in found.report["radius"]["premise"]
+    silent = od.solve(loads(CONTINUOUS.replace("D: [[0, 0.1]]", "D: [[0.1, 0]]")))
+    assert "channel of its own in D" in od.estimate(silent, "log.csv").report["radius"]["none"]
+    steps = od.solve(loads(f"{CONTINUOUS}implementation: {{period: 0.01}}\n"))
+    assert "nothing is proved of the steps" in od.estimate(steps, "log.csv").report["radius"]["none"]
+
+
+LOCAL = CONTINUOUS.replace("A: [[-1]]", "A: [[-3]]").replace(
+    "observer:", "nonlinearities: [{f: q**3/3, type: {slope: auto, region: {q: [-1, 1]}}, Bf: [1], Cq: [1]}]\nobserver:"
+)
+
+
+def test_a_local_guarantee_that_is_left_is_told_row_by_row():
+    design = od.solve(loads(LOCAL))
+    t = np.arange(0, 6, 0.05)
+    y = np.where((t > 2) & (t < 4), 3.0, 0.0)
+    found = od.estimate(design, log("log.csv", ["t", "y"], t, y))
+    left = np.argmax(np.abs(found["hat_x"]) > 1)
+    assert 0 < left < len(t) - 1
+    assert (found["covered"] == (np.arange(len(t)) < left)).all()
+    assert found.report["uncovered"] == len(t) - left
+
+
+def test_a_row_without_a_measurement_ends_what_is_proved(scalar):
+    design, made = scalar
+    y = made.y.copy()
+    y[20] = np.nan
+    found = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, made.u, y))
+    assert found.report["missing"] == 1
+    assert found["covered"].tolist() == [1.0] * 20 + [0.0] * (len(y) - 20)
+    assert np.isnan(found["innov_y"]).sum() == 1
+    assert np.isfinite(found["hat_x"]).all()
+
+
+# the file
+
+
+def test_any_dialect_is_read(scalar):
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    plain = Path("log.csv").read_text()
+    Path("tabs.csv").write_text(plain.replace(",", "\t"))
+    Path("semi.csv").write_bytes(("\ufeff" + plain.replace(",", ";").replace("\n", "\r\n")).encode())
+    rows = plain.splitlines()
+    Path("quoted.csv").write_text("\n".join(['"t","force","y [m]"', rows[1], "", *rows[2:], "", ""]))
+    Path("notes.csv").write_text("\n".join([f"{rows[0]},note", *(f"{row},a b" for row in rows[1:])]))
+    for path in ("tabs.csv", "semi.csv", "quoted.csv", "notes.csv"):
+        assert od.estimate(design, path).rows.tolist() == expected.rows.tolist()
+
+
+def test_columns_are_mapped_and_scaled(scalar):
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    log("mm.csv", ["time [ms]", "F (N)", "Position (mm)"], 1000 * made.t, made.u, 1000 * made.y)
+    section = "{columns: {y: Position (mm)}, scale: {y: 0.001, time: 0.001}, time: 'time [ms]', v_sup: 1.5, e0: {x: 2}}"
+    other = od.solve(loads(SCALAR.replace("{v_sup: 1.5, e0: {x: 2}}", section)))
+    found = od.estimate(other, "mm.csv", columns={"force": "F"})
+    assert_same(found.rows, expected.rows)
+
+
+ROWS = "t,force,y\n0,0,1\n0.1,0,1\n0.2,0,1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "begins with no line of column names"),
+        ("0,1,2\n0.1,1,2\n", "the first line must name the columns"),
+        (ROWS.replace("force", "farce"), "has no column force; did you mean farce?"),
+        (ROWS.replace("force", "y"), "two columns have the head y"),
+        (ROWS.replace(",y\n", ",y [mm]\n"), "column y [mm] is in mm, y of the spec in m"),
+        (ROWS.replace("t,", "t [ms],"), "column t [ms] is in ms, time of the spec in s"),
+        (f"{ROWS}0.3,0", "log.csv:5:0: has 2 values and 3 columns have a name; is the log cut off here?"),
+        (f"{ROWS}0.3,0,x\n", "log.csv:5:0: y: 'x' is no number"),
+        (f"{ROWS}0.3,0,inf\n", "log.csv:5:0: y: infinite"),
+        (f"{ROWS}0.2,0,1\n", "log.csv:5:0: t = 0.2 is that of the row before"),
+        (f"{ROWS}0.15,0,1\n", "log.csv:5:0: t = 0.15 is before that of the row before, 0.2; --repair"),
+        (f"{ROWS},0,1\n", "log.csv:5:0: the time is missing"),
+        (f"{ROWS}0.45,0,1\n", "log.csv:5:0: 0.25 s after the row before; rows of this plant are 0.1 s apart"),
+        ("t,force,y\n0,,1\n", "force: the first value of a known input is missing"),
+        ("t,force,y\n", "has no rows"),
+        ("t,force,y\n" + "0" * 300_000, "log.csv:2:0: a row is longer than 262,144 bytes"),
+    ],
+)
+def test_a_log_that_is_wrong_is_told_with_its_line(scalar, text, said):
+    Path("log.csv").write_text(text)
+    with pytest.raises(UsageError) as error:
+        od.estimate(scalar[0], "log.csv")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_no_text_is_refused(scalar):
+    Path("log.csv").write_bytes(b"t,force,y\n" + bytes(range(128, 256)) * 3000)
+    with pytest.raises(UsageError, match=r"UTF-8|longer than"):
+        od.estimate(scalar[0], "log.csv")
+    with pytest.raises(UsageError, match="cannot be read"):
+        od.estimate(scalar[0], "none.csv")
+    with pytest.raises(UsageError, match="is a folder"):
+        od.estimate(scalar[0], ".")
+
+
+def test_repair_puts_rows_in_order(scalar):
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    lines = Path("log.csv").read_text().splitlines()
+    mixed = [lines[0], *lines[3:7], lines[5], ",0,1", *lines[1:3], *lines[7:]]
+    Path("log.csv").write_text("\n".join(mixed))
+    found = od.estimate(design, "log.csv", repair=True)
+    assert found.rows.tolist() == expected.rows.tolist()
+    assert found.report["repaired"] == {"without_time": 1, "moved": 2, "repeated": 1}
+
+
+# measurements at instants
+
+
+def test_late_measurements_are_taken_at_their_own_time():
+    """In whatever order they arrive, the last estimate is that of all of them in the order of their time."""
+    spec, _ = solved("ferrante2019-oscillator-clock")
+    design = od.solve(loads(f"{spec.text}\nimplementation: {{period: 1.0e-2, method: rk4}}\n"))
+    made = design.simulate(horizon=10)
+    t = np.cumsum(np.random.default_rng(3).uniform(0.1, 0.3, 40))
+    y = np.column_stack([np.interp(t, made.t, column) for column in made.y_true.T])
+    names = list(spec.plant.outputs)
+    expected = od.estimate(design, log("sorted.csv", ["t", *names], t, y))
+    delay = np.where((np.arange(40) % 7 == 3) & (np.arange(40) < 30), 0.9, 0.01)
+    order = np.argsort(t + delay, kind="stable")
+    path = log("late.csv", ["t", *names, "t_rx"], t[order], y[order], (t + delay)[order])
+    found = od.estimate(design, path, columns={"arrival": "t_rx"})
+    last = int(np.argmax(found["t"]))
+    assert found.report["late"] >= 4
+    for state in spec.plant.states:
+        assert found[f"hat_{state}"][last] == pytest.approx(expected[f"hat_{state}"][-1], rel=1e-9)
+    assert found["t"].tolist() == t[order].tolist()
+
+
+def test_others_use_a_late_row_when_it_arrives(scalar):
+    design, made = scalar
+    path = log("log.csv", ["t", "force", "y", "rx"], made.t - 0.03, made.u, made.y, made.t)
+    found = od.estimate(design, path, columns={"arrival": "rx"})
+    assert found.rows.tolist() == od.estimate(design, of_run(made, "other.csv")).rows.tolist()
+
+
+# innovations
+
+
+def test_statistics_of_parts_are_those_of_the_whole():
+    rng = np.random.default_rng(5)
+    rows = np.cumsum(rng.normal(size=(500, 2)), axis=0) * 0.1 + [3.0, 0.0]
+    streamed = Innovations(("a", "b"))
+    for part in np.split(rows, [3, 4, 11, 60, 61, 300]):
+        streamed.add(part)
+    for i, told in enumerate(streamed.report().values()):
+        x = rows[:, i] - rows[:, i].mean()
+        r = [x[k:] @ x[:-k] / (x @ x) for k in range(1, LAGS + 1)]
+        assert told["mean"] == pytest.approx(rows[:, i].mean())
+        assert told["rms"] == pytest.approx(math.sqrt((rows[:, i] ** 2).mean()))
+        assert told["autocorrelation"] == pytest.approx(r, abs=1e-9)
+        assert told["white"] < 1e-6
+
+
+@given(st.integers(0, 1000))
+def test_white_noise_looks_white_and_filtered_noise_does_not(seed):
+    noise = np.random.default_rng(seed).normal(size=(2000, 1))
+    white, colored = Innovations(("y",)), Innovations(("y",))
+    white.add(noise)
+    colored.add(noise[1:] + 0.5 * noise[:-1])
+    assert white.report()["y"]["white"] > 1e-5
+    assert colored.report()["y"]["white"] < 1e-6
+
+
+def test_what_is_not_known_has_no_statistics():
+    silent = Innovations(("y",))
+    silent.add(np.full((30, 1), np.nan))
+    assert silent.report() == {"y": {"mean": None, "rms": None, "autocorrelation": [], "white": None}}
+    constant = Innovations(("y",))
+    constant.add(np.full((30, 1), 2.0))
+    assert constant.report()["y"]["white"] is None
+
+
+# the command
+
+
+@pytest.fixture
+def gains(scalar):
+    design, made = scalar
+    design.save("scalar.gains.json")
+    of_run(made)
+    return "scalar.gains.json"
+
+
+def test_the_command_writes_estimates_and_a_figure(gains, scalar):
+    outcome = run("estimate", gains, "log.csv")
+    assert outcome.exit_code == 0, outcome.output
+    assert files() == ["log.csv", "scalar.estimate.csv", "scalar.estimate.png", "scalar.gains.json"]
+    text = Path("scalar.estimate.csv").read_text().splitlines()
+    assert text[0] == "t,hat_x,innov_y,radius_x,covered"
+    assert len(text) == 1 + len(scalar[1].t)
+    report = json.loads(run("estimate", gains, "log.csv", "--json", "-o", "other.csv", "--plot", "b.svg").stdout)
+    assert report["rows"] == len(scalar[1].t)
+    assert report["innovations"]["y"].keys() == {"mean", "rms", "autocorrelation", "white"}
+    piped = run("estimate", gains, "log.csv", "-o", "-", "-q")
+    assert piped.stdout == Path("other.csv").read_text() == Path("scalar.estimate.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--map", "y"], "write SIGNAL=COLUMN"),
+        (["--map", "z=y"], "z is no signal; allowed: t, arrival, y, force"),
+        (["--map", "y=Y"], "has no column Y; did you mean y?"),
+        (["--hold", "second"], "allowed: zero, first"),
+        (["-o", "out.json"], "whose names end with .csv"),
+        (["-o", "log.csv"], "is read here, and would be overwritten"),
+        (["--plot", "log.csv"], "whose names end with .png or .svg"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_write_nothing(gains, arguments, said):
+    before = files()
+    outcome = run("estimate", gains, "log.csv", *arguments)
+    assert outcome.exit_code == 2, outcome.output
+    assert said in outcome.stderr
+    assert len(outcome.stderr.strip().splitlines()) == 1
+    assert files() == before
+
+
+def test_a_log_that_breaks_off_leaves_nothing(gains, monkeypatch):
+    monkeypatch.setattr(table, "BLOCK", 200)
+    Path("log.csv").write_text(f"{Path('log.csv').read_text()}5.1,0")
+    outcome = run("estimate", gains, "log.csv")
+    assert outcome.exit_code == 2
+    assert files() == ["log.csv", "scalar.gains.json"]
+
+
+def test_an_observer_that_escapes_is_told_with_the_row():
+    spec, _ = solved("corless2019-magnetic-bearing")
+    design = od.solve(loads(f"{spec.text}\nimplementation: {{period: 1.0e-3}}\n"))
+    t = np.arange(0, 0.1, 1e-3)
+    with pytest.raises(UndecidedError, match=r"log.csv:[0-9]+:0: the observer has no finite value after this row"):
+        od.estimate(design, log("log.csv", ["t", *spec.plant.outputs], t, np.ones((len(t), 2))))
+
+
+def test_gains_that_are_not_there_are_told():
+    outcome = run("solve", SPECS / "infeasible" / "hidden-sensor-bias.yaml", "-o", "none.gains.json", "-q")
+    assert outcome.exit_code == 3
+    Path("log.csv").write_text(ROWS)
+    outcome = run("estimate", "none.gains.json", "log.csv")
+    assert outcome.exit_code == 2
+    assert "no gains" in outcome.stderr
