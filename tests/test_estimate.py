@@ -413,7 +413,7 @@ def test_the_command_writes_estimates_and_a_figure(gains, scalar):
         (["--map", "y"], "write SIGNAL=COLUMN"),
         (["--map", "z=y"], "z is no signal; allowed: t, arrival, y, force"),
         (["--map", "y=Y"], "has no column Y; did you mean y?"),
-        (["--hold", "second"], "allowed: zero, first"),
+        (["--hold", "second"], "'second' is not known; allowed: zero, first"),
         (["-o", "out.json"], "whose names end with .csv"),
         (["-o", "log.csv"], "is read here, and would be overwritten"),
         (["--plot", "log.csv"], "whose names end with .png or .svg"),

@@ -2,16 +2,22 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from obsdesign.cli.printing import say
 from obsdesign.cli.program import AsJson, Quiet, Timeout
 from obsdesign.cli.steps import as_text, interruptible, progress, stem
-from obsdesign.disk import require_ending, require_two, require_writable, write_whole
+from obsdesign.disk import require_ending, require_two, require_writable
 from obsdesign.errors import UsageError
 from obsdesign.watch import limited
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Literal
+
+    from obsdesign.data.estimation import Estimates, Estimation
 
 
 def estimate(
@@ -31,10 +37,7 @@ def estimate(
     quiet: Quiet = False,
 ) -> None:
     """Run an observer on a log of measurements; write estimates, innovations and a figure."""
-    from obsdesign.sections.words import unknown
-
-    if hold and hold not in ("zero", "first"):
-        raise UsageError(f"--hold: {unknown('hold', hold, ('zero', 'first'), {})}", id="OBS904")
+    named(hold)
     chosen = dict(map(pair, columns))
     name = stem(source)
     paths = output or f"{name}.estimate.csv", plot or figure_of(output or f"{name}.estimate.csv")
@@ -44,29 +47,17 @@ def estimate(
     kinds = {paths[0]: "estimates", **({paths[1]: "figures"} if paths[1] else {})}
     kept = require_writable(kinds, read=[source, data])
     with limited(timeout), interruptible(lambda: "no estimates and no figure are written"):
-        from obsdesign.data.estimation import Estimation, written
+        from obsdesign.data.estimation import Estimation
         from obsdesign.data.log import Log
-        from obsdesign.disk import whole
         from obsdesign.work import trial
 
         with progress(quiet) as report:
             design = trial(source, "", "clarabel", report)
             with design.spec.placed():
-                log = Log.of(data, design.spec, chosen, "first" if hold == "first" else "zero" if hold else None,
-                             repair=repair)  # fmt: skip
-                made = Estimation(design, log)
-                heard = lambda share: report(share, "estimates")  # noqa: E731
-                if paths[0] == "-":
-                    found = written(made, sys.stdout.buffer, heard)
-                else:
-                    with whole(paths[0]) as file:
-                        found = written(made, file, heard)
+                made = Estimation(design, Log.of(data, design.spec, chosen, named(hold), repair=repair))
+                found = kept_in(paths[0], made, lambda share: report(share, "estimates"))
         if paths[1]:
-            from obsdesign.plot import form_of
-            from obsdesign.plot.estimates import estimates_figure
-
-            write_whole(paths[1], estimates_figure(found.name, found.header, found.rows, found.report,
-                                                   form=form_of(paths[1])))  # fmt: skip
+            found.plot(paths[1])
     if paths[0] == "-":
         return
     if as_json:
@@ -75,6 +66,26 @@ def estimate(
         from obsdesign.tables.estimates import estimates_table
 
         say(estimates_table(found.report, kept[paths[0]], kept[paths[1]]))
+
+
+def kept_in(path: str, made: "Estimation", heard: "Callable[[float], None]") -> "Estimates":
+    """Estimates, written to a path or to standard output as they are made."""
+    from obsdesign.data.estimation import written
+    from obsdesign.disk import whole
+
+    if path == "-":
+        return written(made, sys.stdout.buffer, heard)
+    with whole(path) as file:
+        return written(made, file, heard)
+
+
+def named(hold: str) -> "Literal['zero', 'first'] | None":
+    """How u and y are held, of an option; None: as the spec says. Raises `UsageError`."""
+    if hold in ("zero", "first"):
+        return "zero" if hold == "zero" else "first"
+    if hold:
+        raise UsageError(f"--hold: {hold!r} is not known; allowed: zero, first", id="OBS904")
+    return None
 
 
 def pair(text: str) -> tuple[str, str]:

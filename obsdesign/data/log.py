@@ -98,7 +98,7 @@ class Log:
         if head.unit and unit and not same:
             said = f"column {head.text} is in {head.unit}, {name} of the spec in {unit}"
             raise self.table.wrong(
-                f"{said}; write data: {{scale: {{{name}: factor}}}}, which is 1 if they are the same", 1
+                f"{said}; write data: {{scale: {{{name}: factor}}}}, which is 1 if they are the same", 1, id="OBS811"
             )
 
     def rows(self) -> Iterator[Rows]:
@@ -118,7 +118,7 @@ class Log:
             if len(wrong := np.argwhere(np.isinf(block.rows))):
                 k, column = wrong[0]
                 said = f"{self.table.columns[self.places[column]].text}: infinite; leave it empty where it is missing"
-                raise self.table.wrong(said, int(block.lines[k]))
+                raise self.table.wrong(said, int(block.lines[k]), id="OBS811")
             values = block.rows * self.factors
             t = values[:, 0]
             known = np.fmax(values[:, -1], t) if self.where.arrival else t
@@ -160,7 +160,7 @@ class Log:
             said = (
                 f"{self.spec.inputs[i]}: the first value of a known input is missing; begin the log where it is known"
             )
-            raise self.table.wrong(said, int(rows.lines[k]))
+            raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")
         return rows._replace(u=u[1:])
 
     def require_rising(self, rows: Rows, last: float) -> None:
@@ -176,7 +176,9 @@ class Log:
                 + ("is that of the row before" if t == before else f"is before that of the row before, {before:.9g}")
             )
             said = "--repair sorts rows and leaves out those without a time of their own"
-            raise self.table.wrong(f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]))
+            raise self.table.wrong(
+                f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]), id="OBS811"
+            )
         if self.spec.period is None:
             return
         period = float(self.spec.period)
@@ -184,4 +186,4 @@ class Log:
         if len(wrong := np.flatnonzero(np.abs(inner - period) > APART * period)):
             k = int(wrong[0]) + len(gaps) - len(inner)
             said = f"{gaps[k]:.6g} s after the row before; rows of this plant are {period:g} s apart"
-            raise self.table.wrong(said, int(rows.lines[k]))
+            raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")

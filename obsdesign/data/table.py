@@ -67,7 +67,7 @@ class Table:
         with self.opened() as file:
             line = file.readline(LONGEST)
         if len(line) == LONGEST or not line.strip():
-            raise self.wrong("begins with no line of column names, such as t,y1,u", 1)
+            raise self.wrong("begins with no line of column names, such as t,y1,u", 1, id="OBS811")
         return self.decoded(line, 1).lstrip("\ufeff").rstrip("\r\n")
 
     @cached_property
@@ -81,9 +81,11 @@ class Table:
         made = tuple(Header.of(text) for text in next(csv.reader([self.head], delimiter=self.delimiter)))
         texts = [one.text for one in made if one.text]
         if twice := sorted({text for text in texts if texts.count(text) > 1}):
-            raise self.wrong(f"two columns have the head {twice[0]}; name them apart", 1)
+            raise self.wrong(f"two columns have the head {twice[0]}; name them apart", 1, id="OBS811")
         if all(number(text) is not None for text in texts):
-            raise self.wrong("begins with numbers; the first line must name the columns, such as t,y1,u", 1)
+            raise self.wrong(
+                "begins with numbers; the first line must name the columns, such as t,y1,u", 1, id="OBS811"
+            )
         return made
 
     def column(self, text: str) -> int:
@@ -95,7 +97,7 @@ class Table:
         known = [one.name for one in self.columns]
         near = nearest(text, known)
         said = f"has no column {text}" + (f"; did you mean {near}?" if near else "")
-        raise self.wrong(f"{said}; it has {', '.join(one.text for one in self.columns)}", 1)
+        raise self.wrong(f"{said}; it has {', '.join(one.text for one in self.columns)}", 1, id="OBS811")
 
     def blocks(self, wanted: Sequence[int]) -> Iterator[Block]:
         """Rows of some columns, block by block."""
@@ -109,7 +111,7 @@ class Table:
                     yield self.parsed(whole + newline, line, wanted)
                     line += whole.count(b"\n") + 1
                 elif len(rest) > LONGEST:
-                    raise self.wrong(f"a row is longer than {LONGEST:,} bytes; is this a text file?", line)
+                    raise self.wrong(f"a row is longer than {LONGEST:,} bytes; is this a text file?", line, id="OBS811")
             if rest.strip():
                 yield self.slowly(rest, line, wanted)
 
@@ -134,7 +136,7 @@ class Table:
                 continue
             if len(fields) != len(self.columns):
                 said = f"has {len(fields)} values and {len(self.columns)} columns have a name; is the log cut off here?"
-                raise self.wrong(said, k)
+                raise self.wrong(said, k, id="OBS811")
             rows.append([self.value(fields[i], i, k) for i in wanted])
             lines.append(k)
         return Block(np.array(rows, dtype=float).reshape(-1, len(wanted)), np.array(lines, dtype=int))
@@ -148,7 +150,7 @@ class Table:
             said = (
                 f"{self.columns[column].text}: {text.strip()[:40]!r} is no number; leave it empty where it is missing"
             )
-            raise self.wrong(said, line)
+            raise self.wrong(said, line, id="OBS811")
         return found
 
     def opened(self) -> IO[bytes]:
@@ -165,11 +167,11 @@ class Table:
         try:
             return text.decode()
         except UnicodeDecodeError:
-            raise self.wrong("is no text in UTF-8", line) from None
+            raise self.wrong("is no text in UTF-8", line, id="OBS811") from None
 
-    def wrong(self, said: str, line: int) -> UsageError:
+    def wrong(self, said: str, line: int, *, id: str) -> UsageError:
         """Error about a line."""
-        return UsageError(Problem(said, self.path, line, id="OBS811"))
+        return UsageError(Problem(said, self.path, line, id=id))
 
 
 def number(text: str) -> float | None:

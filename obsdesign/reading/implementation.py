@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from flint import fmpq
 
-from obsdesign.reading.trial_schema import Data
+from obsdesign.reading.plant import Layout
+from obsdesign.reading.trial_schema import Data, Simulation
 from obsdesign.reading.trial_schema import Implementation as Section
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
@@ -12,9 +13,17 @@ from obsdesign.sections.words import unknown
 from obsdesign.trial import Implementation, Recorded
 
 
-def read_implementation(reader: Reader, section: Section | None, samples: fmpq | None) -> Implementation | None:
-    """Steps of the observer; None where the spec says nothing of them. `samples`: period of a plant in samples."""
+def read_implementation(
+    reader: Reader, section: Section | None, simulation: Simulation | None, samples: fmpq | None
+) -> Implementation | None:
+    """Steps of the observer; None where the spec says nothing of them, and its simulation does not ask for them.
+
+    `samples`: period of a plant in samples.
+    """
     if section is None:
+        if simulation and simulation.observer == "implementation" and samples is None:
+            said = "needs the section implementation; write implementation: {period: 1.0e-3, method: rk4}"
+            reader.wrong(("simulation", "observer"), said, id="OBS205")
         return None
     loc: Loc = ("implementation",)
     if samples is not None:
@@ -23,24 +32,16 @@ def read_implementation(reader: Reader, section: Section | None, samples: fmpq |
     return Implementation(reader.number(section.period, (*loc, "period"), "> 0"), section.method)
 
 
-def require_steps(reader: Reader, asked: str, implementation: Section | None, samples: fmpq | None) -> None:
-    """Refuse a run in steps that the spec does not tell."""
-    if asked == "implementation" and implementation is None and samples is None:
-        said = "needs the section implementation; write implementation: {period: 1.0e-3, method: rk4}"
-        reader.wrong(("simulation", "observer"), said, id="OBS205")
-
-
-def read_data(
-    reader: Reader, section: Data | None, signals: Sequence[str] | None, states: Sequence[str]
-) -> Recorded | None:
-    """Where signals are in a log. `signals`: outputs and inputs, None where they are not known; `states`: x and xm."""
+def read_data(reader: Reader, section: Data | None, layout: Layout, xm: Sequence[str]) -> Recorded | None:
+    """Where signals are in a log. `xm`: states of the disturbance model."""
     if section is None:
         return None
     loc: Loc = ("data",)
-    known = () if signals is None else tuple(signals)
+    names = layout.names
+    known, states = ((*names.outputs, *names.inputs), (*names.states, *xm)) if names else ((), ())
 
     def named(key: str, written: Mapping[str, str], allowed: Sequence[str], what: str) -> None:
-        for name in written if signals is not None else ():
+        for name in written if names else ():
             if name not in allowed:
                 reader.wrong((*loc, key, name), unknown(what, name, allowed, {}), at_key=True, id="OBS203")
 

@@ -15,7 +15,7 @@ from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
-from obsdesign.reading.implementation import read_data, read_implementation, require_steps
+from obsdesign.reading.implementation import read_data, read_implementation
 from obsdesign.reading.period import read_period
 from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
@@ -65,12 +65,10 @@ def resolve(document: Document) -> Spec:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
-    implementation = read_implementation(reader, file.implementation, period)
-    signals = (*layout.names.outputs, *layout.names.inputs) if layout.names else None
-    states = (*layout.names.states, *exogenous.states) if layout.names else ()
-    data = read_data(reader, file.data, signals, states)
-    if file.simulation:
-        require_steps(reader, file.simulation.observer, file.implementation, period)
+    running = {
+        "implementation": read_implementation(reader, file.implementation, file.simulation, period),
+        "data": read_data(reader, file.data, layout, exogenous.states),
+    }
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
@@ -96,8 +94,7 @@ def resolve(document: Document) -> Spec:
         H_names=H_names,
         observer=observer,
         simulation=simulation,
-        implementation=implementation,
-        data=data,
+        **running,
         expect=expect,
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),
