@@ -123,7 +123,7 @@ def argument(one: Term) -> str:
 def opaque(f: Expression) -> Expression:
     """Function of which ring knows no more than the rational operations, other functions as variables.
 
-    Exponentials of sums are products of those of the terms.
+    Exponentials of sums are products of those of the terms; exponentials and logarithms undo each other.
     """
 
     def call(node: Call, arguments: list[Node]) -> Node:
@@ -135,6 +135,8 @@ def opaque(f: Expression) -> Expression:
             case "exp", (inner,):
                 terms = inner.arguments if isinstance(inner, Call) and inner.operation == "+" else (inner,)
                 return product([exponential(term) for term in terms])
+            case "log", (Call("exp", (inner,)),):
+                return opaque(Expression(inner)).root
         return Variable(Expression(node).text)
 
     return Expression(fold(f.order, number, Variable, call))
@@ -150,6 +152,8 @@ def exponential(term: Node) -> Node:
             negative = product([number(-c), *others])
         case Call("/", (Number(c), below)) if c < 0:
             negative = quotient(number(-c), below)
+    if isinstance(term, Call) and term.operation == "log":
+        return opaque(Expression(term.arguments[0])).root
     if negative is term:
         return Variable(f"exp({Expression(term)})")
     return quotient(number(1), Variable(f"exp({Expression(negative)})"))

@@ -84,7 +84,9 @@ Ltac needed K := first
   | apply Rmult_integral_contrapositive_currified; needed K
   | apply pow_nonzero; needed K ].
 (* An equation of rational functions, of terms whose exponents are split *)
-Ltac algebra K := unfold Rminus; rewrite ?exp_plus, ?exp_Ropp; integers; field; repeat split; needed K.
+Ltac algebra K :=
+  unfold Rminus; rewrite ?ln_exp, ?exp_plus, ?exp_Ropp; repeat rewrite exp_ln by needed K;
+  integers; field; repeat split; needed K.
 (* The derivative of a signal, by those of the signals that it is made of *)
 Ltac moves K :=
   auto_derive;

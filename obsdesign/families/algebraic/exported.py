@@ -32,7 +32,7 @@ These words are checked by nothing here. What Coq proves is for_this_f, at the e
   constant theta of x; r_1, .. what is left of Y - psi theta of a regression; theta_x any estimate of theta.
 - Where an error decays without a number, at every c with rate <= - c, and other errors have to vanish where it says so.
 - Its premises are those of run: up to a time T the equations hold, without disturbance and noise, x is in its ranges,
-  and what stands there as needed_1, .. of divisors, roots and logarithms.
+  inputs that stand there as held_ are constant, and divisors, roots and logarithms have what is needed_1, ..
 - It does not state that there is such a run, a bound on xhat - x, or that estimates of constants converge. That errors
   which act on each other decay it states where a sum of squares is bounded.
 - That the equations of run are those of the spec and of its observer is believed."""
