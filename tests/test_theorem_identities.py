@@ -67,6 +67,15 @@ observer:
   coordinates: [{name: z, phi: log(x2), lambda: -1, B: y}]
   left_inverse: {x2: exp(z)}
 """
+DIVIDED = """
+obsdesign: 1
+name: Rate that is a quotient
+system:
+  dynamics: {x1: -x1 + 3 + 0.1*sin(x2), x2: -2*x2/x1 + sqrt(x1)}
+  outputs: {y: x1}
+  domain: {x1: [1, 4]}
+observer: {type: kkl, coordinates: [{name: z, phi: x2, lambda: -2/y, B: sqrt(y)}], left_inverse: {x2: z}}
+"""
 HELD = """
 obsdesign: 1
 name: High gain in coordinates with an input
@@ -96,7 +105,7 @@ observer:
   left_inverse: {x2: b1, x3: b2}
   dynamics: {c1: -(c1+2*y) + c2 - 2*(-y + c1 + 2*y), c2: -2*c2 + y}
 """
-OWN = {"names": NAMED, "copy": COPY, "undone": UNDONE, "held": HELD, "waiting": WAITING}
+OWN = {"names": NAMED, "copy": COPY, "undone": UNDONE, "divided": DIVIDED, "held": HELD, "waiting": WAITING}
 
 
 def theorem(name, tmp_path):
@@ -134,6 +143,7 @@ STATED = {
     ),
     "copy": ("<= 494 * exp (- (2 * 0.989 * t)) * (e_hat_x1 0 ^ 2 + e_hat_x2 0 ^ 2 + e_hat_x3 0 ^ 2)",),
     "undone": ("let e_z t := z t - ln (x2 t) in", "e_z t = 0 -> x2 t = exp (z t)"),
+    "divided": ("(obeys T e_z rate_e_z /\\ decays T e_z 0.5)",),
     "held": ("<= 6.99 * exp (- (2 * 1.97 * t)) * (e_z1 0 ^ 2 + e_z2 0 ^ 2)", "x2 t = z2 t / (2 + u t)"),
     "waiting": ("(vanishes T e_2 -> obeys T e_1 rate_e_1 /\\ decays T e_1 3)", "decays T e_2 2"),
 }

@@ -10,7 +10,7 @@ from functools import reduce
 from flint import fmpq
 
 from obsdesign.coq.identities import Fall, Identities, Inverse, Law, Solved, factors
-from obsdesign.coq.signals import ATOM, along, bounds, derivable, literal, operand, text, vanishes
+from obsdesign.coq.signals import ATOM, along, bounds, derivable, literal, operand, quotient_of, text, vanishes
 from obsdesign.coq.theorem import UnexportedError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, identity, rational_number
@@ -80,11 +80,28 @@ class Stated:
     @property
     def bound(self) -> fmpq | None:
         """Decay that linear arithmetic shows; None where it does not."""
-        most = bounds(self.claim.whole(self.law.rates[self.law.error]), self.claim.run.ranges).high
-        if most is None or most >= 0:
+        most = bounds(self.whole, self.claim.run.ranges).high
+        if self.law.bound is None:
+            return rational_number(at_least(-most)) if most is not None and most < 0 else None
+        told = self.law.bound
+        return told if (most is not None and most <= -told) or self.parts(told) else None
+
+    @property
+    def whole(self) -> Expression:
+        """Rate of the error, over the signals that have equations."""
+        return self.claim.whole(self.law.rates[self.law.error])
+
+    def parts(self, c: fmpq) -> tuple[Expression, Expression] | None:
+        """Polynomials a and b with rate = a / b, b > 0 and a + c b <= 0; None where that is not shown."""
+        ranges = self.claim.run.ranges
+        if (found := quotient_of(self.whole)) is None:
             return None
-        told = rational_number(at_least(-most)) if self.law.bound is None else self.law.bound
-        return told if most <= -told else None
+        for sign in (Expression.number(1), Expression.number(-1)):
+            a, b = (sign * side for side in found)
+            most = bounds(a + Expression.number(c) * b, ranges).high
+            if bounds(b, ranges).shows("> 0") and most is not None and most <= 0:
+                return a, b
+        return None
 
     @property
     def statement(self) -> str:
@@ -134,7 +151,11 @@ class Stated:
         if self.bound is None:
             return [*lines, f"split; [exact O'|]. intros c' B'. exact (decay T {e} {rate} c' O' B')."]
         lines += [f"split; [exact O'|]. apply (decay T {e} {rate} _ O'). intros t K'. unfold {rate}."]
-        return [*lines, f"{facts(claim, claim.whole(law.rates[law.error]))}lra."]
+        if (parts := self.parts(self.bound)) is None:
+            return [*lines, f"{facts(claim, self.whole)}lra."]
+        a, b = parts
+        lines += [f"apply (quotient_below _ ({text(a, claim.names)}) ({text(b, claim.names)}))."]
+        return [*lines, f"+ {facts(claim, b)}lra.", "+ algebra K'.", f"+ {facts(claim, a, b)}lra."]
 
 
 @dataclass(frozen=True)

@@ -226,6 +226,18 @@ def bounds(f: Expression, ranges: Mapping[str, Ends]) -> Bounds:
     return Bounds(low, high, tuple(sorted(signals)), told, strict)
 
 
+def quotient_of(f: Expression) -> tuple[Expression, Expression] | None:
+    """Polynomials in signals a and b with f = a / b; None of a polynomial, or where f has other functions."""
+    if opaque(f).names != f.names:
+        return None
+    try:
+        symbols = Symbols.of([f])
+        value = symbols.reduced(symbols.fraction(f))
+    except ExpressionError:
+        return None
+    return None if value.below.is_constant() else (symbols.polynomial(value.above), symbols.polynomial(value.below))
+
+
 def scaled(ends: Ends, c: fmpq) -> Ends:
     """Range of a multiple."""
     low, high = (None if end is None else c * end for end in ends)

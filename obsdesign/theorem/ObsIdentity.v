@@ -60,6 +60,9 @@ Proof. intros D N S t Ht.
  set (E := exp (2 * r * t)) in *. replace (E * (most * / E * size 0)) with (most * size 0) by (field; lra).
  assert (E * size t <= E * V t) by (apply Rmult_le_compat_l; lra). lra. Qed.
 
+(* A quotient that is below a number *)
+Lemma quotient_below (f a b c : R) : 0 < b -> f * b = a -> a + c * b <= 0 -> f <= - c.
+Proof. intros B <- N. apply (Rmult_le_reg_r b); lra. Qed.
 (* Signals that are equal at every time are one *)
 Lemma same (f g : R -> R) : (forall t, f t = g t) -> f = g.
 Proof. apply functional_extensionality. Qed.
