@@ -27,7 +27,7 @@ LAYERS = (
     ("plot",),
     ("reading", "starters"),
     ("families",),
-    ("coq.theorem", "coq.instants"),
+    ("coq.theorem", "coq.instants", "coq.identities", "coq.laws", "coq.runs"),
     ("coq.clock",),
     ("coq.hulls", "coq.bounds", "coq.membership"),
     ("constants",),

@@ -59,8 +59,33 @@ def test_the_file_holds_the_numbers_of_the_result_and_ends_with_the_guarantee(re
         for key in {"gamma", "initial", "overshoot", "disturbance", "noise"} & result["guarantee"].keys():
             assert f"Definition {key} : Q := {number(rational(str(result['guarantee'][key])).item())}." in record
         assert "Theorem for_the_class : forall f, of_class designed f ->" in theorem
-        assert theorem.endswith("Print Assumptions for_the_class.\n")
+        assert theorem.endswith("Print Assumptions for_this_f.\n")
+        assert "What Coq proves is for_this_f" in text
         assert not re.search(r"Admitted|Axiom|Parameter|admit", text)
+
+
+LOCAL = """
+obsdesign: 1
+system: {A: [[-1]], B: [[1]], C: [[1]]}
+nonlinearities: [{f: -0.5*q/(1 + q**2), type: {auto: {region: {q: [-0.5, 0.8]}}}, Bf: [1], Cq: [1]}]
+observer: {type: sporadic, T1: 0.2, T2: 0.4, decay: 0.1, gains: {K: 0.8}}
+"""
+UNGIVEN = LOCAL.replace("f: -0.5*q/(1 + q**2), type: {auto: {region: {q: [-0.5, 0.8]}}}", "type: {slope: [-1, 0]}")
+
+
+def test_the_theorem_is_about_the_f_of_the_spec_where_it_is_known():
+    text = od.solve(od.load(LOCAL)).theorem()
+    assert "Definition region (q : list R) : Prop := (- 0.5) <= nth 0 q 0 <= 0.8." in text
+    assert "(forall j s, t j <= s <= t (S j) -> region (q j s) /\\ region (qh j s)) -> let e" in text
+    assert "qhat stay inside the region" in text.partition("Require Import")[0]
+    assert text.endswith("Print Assumptions for_this_f.\n")
+
+
+def test_the_theorem_is_about_the_class_where_f_is_not_given():
+    text = od.solve(od.load(UNGIVEN)).theorem()
+    assert "(* for_the_class is about every f of its class: f1 is not given *)" in text
+    assert "What Coq proves is for_the_class" in text
+    assert text.endswith("Print Assumptions for_the_class.\n")
 
 
 def test_a_part_without_a_witness_is_not_stated(results):
@@ -180,6 +205,17 @@ def test_the_kernel_accepts_each_on_the_axioms_of_the_reals(results, library):
         accepted, said = compiled(library, od.theorem(path))
         assert accepted, said
         assert set(re.findall(r"^\w+\.(\w+)", said, re.MULTILINE)) <= AXIOMS
+
+
+@pytest.mark.slow
+@needs_coq
+def test_the_kernel_accepts_an_f_on_a_region_and_refuses_a_larger_one(library):
+    text = od.solve(od.load(LOCAL)).theorem()
+    accepted, said = compiled(library, text)
+    assert accepted, said
+    larger = text.replace("continued (-0.5) 0.8", "continued (-0.5) 0.9")
+    assert larger != text
+    assert not compiled(library, larger)[0]
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from flint import fmpq
 from obsdesign.coq.clock import Observer, Storage, forms
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.decimals import comment, matrix, number
+from obsdesign.coq.membership import Ending, Words, ending
 from obsdesign.coq.theorem import NAME, UnexportedError
 from obsdesign.lmi.formula import Array, Values, rational
 from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
@@ -22,28 +23,27 @@ HALVINGS = 2  # of the segments, at most, until the inequalities hold at the rat
 IMPORTS = """\
 Require Import Reals ZArith QArith Qreals List Lra.
 From Coquelicot Require Import Coquelicot.
-From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsInstants ObsClock ObsClockTheorem.
+From Obs Require Import ObsForm ObsDesign ObsTrajectory ObsPlant ObsMembers ObsRegions.
+From Obs Require Import ObsInstants ObsInstantsMembers ObsClock ObsClockTheorem.
 Import ListNotations.
 """
 LIMITS = """\
-These words are checked by nothing here. What Coq proves is for_the_class, at the end of this file:
+These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
 - Of the words it states {told}. The size of an error is |(e, d)|, d = C e - theta, or |e| where xhat is reset.
 - The energies of z and w are those up to any measurement, not up to an instant between two of them.
-- Its premises: f satisfies the inequalities of multipliers for all arguments, also where the words are local: the f of
-  a spec that does so on a region only is not meant;
+- Its premises: {premise};
   between measurements x, xhat and theta are differentiable and w is continuous, up to both ends of each interval.
 - It does not state {untold}, bounds on gains, that trajectories exist.
-- That the numbers below are those of the spec is believed. Here e = x - xhat."""
-GIVEN = f"""\
-Theorem for_the_class : forall f, of_class {NAME} f ->
-  forall t x xh th w q qh g gq y gy eta, trajectories {NAME} f t x xh th w q qh g gq y gy eta ->
-  let e := error_at x xh in
+- That {given} below are those of the spec is believed. Here e = x - xhat."""
+QUANTIFIED = "t x xh th w q qh g gq y gy eta"
+RUN = f"forall {QUANTIFIED}, trajectories {NAME} f {QUANTIFIED} ->"
+LETS = f"""\
+let e := error_at x xh in
   let size j s := sq (joint {NAME} (e j s) (at_ (th j) s)) in
   let z2 j s := sq (zed {NAME} (e j s)) in
   let w2 j s := sq (at_ (w j) s) in"""
-UNSEEN = "for_the_class is about every f of its class: of measurements at instants the f of a spec is not looked at yet"
-INTRODUCED = "intros f F t x xh th w q qh g gq y gy eta X e size z2 w2."
-SIGNALS = "f t x xh th w q qh g gq y gy eta F X"
+INTRODUCED = f"intros f F {QUANTIFIED} X e size z2 w2."
+SIGNALS = f"f {QUANTIFIED} F X"
 
 
 @dataclass(frozen=True)
@@ -128,9 +128,10 @@ def exported(o: Observer, parts: Mapping[str, Part], spec: Spec, statement: str)
     made = {name: told(name, o, part, cone) for name, part in parts.items()}
     parts = {name: part for name, (part, _) in made.items()}
     stated = "\n  /\\ ".join(part.kind.conclusion for part in parts.values())
+    end = ending(spec.nonlinearities, [(fmpq(1), *ray) for ray in cone.values()], NAME, words(stated))
     return "\n".join(
         [
-            *map(comment, heading(spec, statement, parts)),
+            *map(comment, heading(spec, statement, parts, end)),
             IMPORTS,
             "Open Scope Q_scope.",
             record(o),
@@ -140,13 +141,26 @@ def exported(o: Observer, parts: Mapping[str, Part], spec: Spec, statement: str)
             "Open Scope R_scope.",
             "",
             *(line for name, part in parts.items() for line in computed(name, part)),
-            f"{GIVEN}\n  {stated}.",
+            f"Theorem for_the_class : forall f, of_class {NAME} f ->\n  {RUN}\n  {LETS}\n  {stated}.",
             f"Proof.\n {INTRODUCED}\n exact {proof(parts)}. Qed.",
             "",
-            *([comment(UNSEEN)] if spec.nonlinearities else []),
-            "Print Assumptions for_the_class.",
-            "",
+            *end.lines,
         ]
+    )
+
+
+def words(stated: str) -> Words:
+    """How the theorem about the f of a spec speaks."""
+    return Words(
+        time="s : R",
+        always="forall j s, t j <= s <= t (S j) ->",
+        lemma="instants",
+        run=RUN,
+        concluded=f"{LETS}\n  {stated}.",
+        signals=QUANTIFIED,
+        inside="{always} region (q j {time}) /\\ region (qh j {time})",
+        design="(class_of {})",
+        first="apply of_instants. ",
     )
 
 
@@ -172,16 +186,17 @@ def computed(name: str, part: Part) -> list[str]:
     ]
 
 
-def heading(spec: Spec, statement: str, parts: Mapping[str, Part]) -> list[str]:
+def heading(spec: Spec, statement: str, parts: Mapping[str, Part], end: Ending) -> list[str]:
     """What the file is about, in words; none of it is checked by Coq."""
     told = "; ".join(part.kind.words for part in parts.values())
     left = [kind.words for name, kind in KINDS.items() if name not in parts]
+    given = "the numbers and the f" if end.theorem == "for_this_f" else "the numbers"
     untold = ", ".join([*left, "that these bounds add", "what holds where measurements stay away"])
     return [
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
         f"states: {', '.join([*spec.plant.states, *spec.model_states])}",
         f"in words: {statement}",
-        *LIMITS.format(told=told, untold=untold).splitlines(),
+        *LIMITS.format(told=told, untold=untold, theorem=end.theorem, premise=end.premise, given=given).splitlines(),
     ]
 
 

@@ -77,6 +77,10 @@ class Words:
     lemma: str  # predicate of plant and observer
     run: str  # premise about all signals, of an f
     concluded: str
+    signals: str = "x xh v q qh y yh g gq gy"  # all of them
+    inside: str = "{always} region (q {time}) /\\ region (qh {time})"  # that q and qhat stay in a region
+    design: str = "{}"  # that has the class of the one that is named
+    first: str = ""  # tactic by which this is enough
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,7 @@ def ending(blocks: Sequence[Nonlinearity], rays: Rays, name: str, words: Words) 
         f"Definition proofs : list proof := {listed(proofs)}%Z.",
         "",
         f"Lemma f_of_class : of_class {name} {member}.",
-        f"Proof. apply (member {name} {member} ridges functions inner proofs).",
+        f"Proof. {words.first}apply (member {words.design.format(name)} {member} ridges functions inner proofs).",
         " - vm_cast_no_check (eq_refl true).",
         f" - unfold ridges, functions. {constructed(f)}",
         " - intros q K. written_out K. unfold ridges, inner. read_off.",
@@ -143,7 +147,7 @@ def stated(words: Words) -> list[str]:
 
 def stays_inside(name: str, words: Words) -> list[str]:
     """The theorem about an f that is in the class where q stays in the region."""
-    signals = "x xh v q qh y yh g gq gy"
+    signals, inside = words.signals, words.inside.format(always=words.always, time=words.time[0])
     same = f"{words.lemma}_of_region {name} f continued_f region {signals} K (fun _ _ => eq_refl) f_in_region I"
     return [
         "Lemma f_in_region : forall t q, region q -> continued_f t q = f t q.",
@@ -151,7 +155,7 @@ def stays_inside(name: str, words: Words) -> list[str]:
         "",
         "Theorem for_this_f :",
         f"  {words.run}",
-        f"  ({words.always} region (q {words.time[0]}) /\\ region (qh {words.time[0]})) -> {words.concluded}",
+        f"  ({inside}) -> {words.concluded}",
         f"Proof. intros {signals} K I. exact (for_the_class continued_f f_of_class {signals}",
         f"  ({same})). Qed.",
     ]

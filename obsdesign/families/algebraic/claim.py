@@ -93,6 +93,13 @@ class Claim:
         where = f"all of it without disturbance and noise, as long as the plant {domain} and the observer has a value"
         return "; ".join([*self.scheme.says, *fall, where, *(f"{OPEN}{said}" for said in self.scheme.depends)])
 
+    def theorem(self, spec: Spec) -> str:
+        """Claim as a file of Coq; raises `UnexportedError`."""
+        assert spec.typed
+        from obsdesign.families.algebraic.exported import theorem
+
+        return theorem(spec, self)
+
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
         """What is proved, and the statements that prove it."""
         if self.refuted:

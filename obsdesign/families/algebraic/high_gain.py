@@ -235,14 +235,20 @@ def falling(M: Matrix, what: str) -> tuple[tuple[Statement, ...], str]:
 
     None where they do not hold: M is not Hurwitz itself, or its poles are not known so well.
     """
-    poles = np.linalg.eigvals([[entry.scalar([])() for entry in row] for row in M])
-    r = printed(round_down(-SHARE * float(poles.real.max()), DIGITS))
+    r = slowest(M)
     shift = Expression.number(r)
     shifted = [[added([entry, shift]) if i == j else entry for j, entry in enumerate(row)] for i, row in enumerate(M)]
     statements = stable(shifted, f"{what}(-{float(r):g}*t)")
     if r > 0 and all(one.decided(Region()).answer is Answer.PROVED for one in statements):
         return statements, f": |e(t)| <= c exp(-{float(r):g}*t) |e(0)| for some c"
     return (), ""
+
+
+def slowest(M: Matrix) -> fmpq:
+    """Decimal near the rate of the slowest pole of a constant M, as doubles have it; not positive of an unstable M."""
+    poles = np.linalg.eigvals([[entry.scalar([])() for entry in row] for row in M])
+    rate: fmpq = printed(round_down(-SHARE * float(poles.real.max()), DIGITS))
+    return rate
 
 
 def reached(M: Matrix) -> list[list[bool]]:
