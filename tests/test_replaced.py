@@ -26,6 +26,7 @@ COMMANDS = {  # with the files that each writes, and what is in them
     ("simulate", "kept.gains.json", "-o", "run.csv", "--plot", "run.svg"): {"run.csv": "samples", "run.svg": "figures"},
     ("compare", "kept.gains.json", "--seeds", "1", "-o", "both.svg"): {"both.svg": "figures"},
     ("report", "kept.gains.json"): {"report.html": "pages"},
+    ("estimate", "kept.gains.json", "log.csv"): {"kept.estimate.csv": "estimates", "kept.estimate.png": "figures"},
     ("verify", "kept.gains.json", "--theorem", "coq"): {"kept.theorem.v": "theorems"},
     **{
         ("batch", "short.yaml", "wrong.yaml", "--jobs", "1", "--format", form, "--output-file", f"out.{form}"): {
@@ -48,6 +49,7 @@ def here(tmp_path, monkeypatch):
     Path("short.yaml").write_text(SPEC)
     Path("wrong.yaml").write_text("obsdesign: 1\n")
     assert run("solve", "short.yaml", "-o", "kept.gains.json", "-q").exit_code == 0
+    Path("log.csv").write_text("t,y1\n0,1\n0.5,1\n1,0\n")
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
