@@ -27,7 +27,7 @@ LAYERS = (
     ("families",),
     ("coq.theorem", "coq.instants"),
     ("coq.clock",),
-    ("coq.hulls", "coq.bounds", "coq.membership"),
+    ("coq.course", "coq.hulls", "coq.bounds", "coq.membership"),
     ("constants",),
     ("spec",),
     ("trial",),

@@ -12,8 +12,9 @@ from flint import fmpq
 
 from obsdesign.coq.clock import Observer, Storage, forms
 from obsdesign.coq.congruence import congruence, triangle
+from obsdesign.coq.course import NAME
 from obsdesign.coq.decimals import comment, matrix, number
-from obsdesign.coq.theorem import NAME, UnexportedError
+from obsdesign.coq.theorem import UnexportedError
 from obsdesign.lmi.formula import Array, Values, rational
 from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
 from obsdesign.spec import Spec

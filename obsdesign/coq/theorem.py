@@ -10,115 +10,32 @@ for every f of the class and all trajectories of plant and observer.
 """
 
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import fields
 from typing import NamedTuple
 
 from flint import fmpq
 
 from obsdesign.coq.bounds import bounded
 from obsdesign.coq.congruence import congruence, triangle
+from obsdesign.coq.course import CONTINUOUS, FILTERED, MODEL, NAME, PREDICTED, Course, driven
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.coq.hulls import Hull, of_hulls
 from obsdesign.coq.membership import Ending, Words, ending
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
 from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number, zeros
-from obsdesign.model.filtered import apart
+from obsdesign.model.disturbance import Generator
+from obsdesign.model.filtered import apart, channels
 from obsdesign.model.multiplier import Scaled, Sum
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.cone import Cone
 from obsdesign.nonlinearities.jacobian import Polytope
 from obsdesign.spec import Spec
 
-NAME = "designed"  # the design in the file
 FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
 
 
-@dataclass(frozen=True)
-class Course:
-    """How a theorem speaks of plant and observer over time."""
-
-    run: str  # what x, xhat, .. are: a definition of the library
-    time: str  # variable and type
-    always: str  # for all of it
-    files: str  # of the library
-    instant: str
-    error: str
-    energy: str
-    peak: str
-    decay: str
-    limits: str  # what of the words the theorem does not state
-    claims: str = "claims_{}"  # the boolean that the kernel computes
-    design: str = NAME  # what it is computed of
-
-
-CONTINUOUS = Course(
-    run="trajectories",
-    time="t : R",
-    always="forall t, 0 <= t ->",
-    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsMembers ObsRegions",
-    instant="forall t, 0 <= t ->",
-    error="error_at",
-    energy=f"""\
-RInt (fun s => sq (zed {NAME} (e s))) 0 t <=
-      V {NAME} (e 0) / Q2R (weight {NAME}) + Q2R gamma * Q2R gamma * RInt (fun s => sq (at_ v s)) 0 t""",
-    peak=f"""\
-(forall vbar, (forall s, 0 <= s <= t -> sq (at_ v s) <= vbar) ->
-      sq (zed {NAME} (e t)) <= Q2R gamma * Q2R gamma * vbar
-        + Q2R mu2 * exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)
-      /\\ V {NAME} (e t) <= Rmax (V {NAME} (e 0)) (Q2R mu1 * vbar))""",
-    decay=f"""\
-(forall s, 0 <= s <= t -> sq (at_ v s) = 0) ->
-      Q2R (floor {NAME}) * sq (e t) <= exp (- (2 * Q2R (alpha {NAME}) * t)) * V {NAME} (e 0)""",
-    limits="""\
-These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
-- Of the words it states the bound on z, and floor |e|^2 <= exp(-2 alpha t) e0' P e0 where v = 0. As floor is less than
-  the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
-- Its premises: {premise};
-  x and xhat are differentiable and v is continuous at every t >= 0.
-- It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
-  storage_bound say of bounds on L1 and P, where there are some, is beside it.
-- That {given} below are those of the spec is believed.
-  Here e = xhat - x, and L1 = -L where the words have L.""",
-)
-PREDICTED = Course(
-    run="predicted",
-    time="k : nat",
-    always="forall k,",
-    files="ObsForm ObsDesign ObsHull ObsTrajectory ObsPlant ObsTheorem ObsMembers ObsSamples ObsRegions",
-    instant="forall N : nat,",
-    error="error_of",
-    energy=f"""\
-sum_to (fun k => sq (zed {NAME} (e k))) N <=
-      V {NAME} (e 0%nat) / Q2R (weight {NAME}) + Q2R gamma * Q2R gamma * sum_to (fun k => sq (v k)) N""",
-    peak=f"""\
-(forall vbar, (forall k, (k < N)%nat -> sq (v k) <= vbar) -> 0 <= vbar ->
-      sq (zed {NAME} (e N)) <= Q2R gamma * Q2R gamma * vbar
-        + Q2R mu2 * Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)
-      /\\ V {NAME} (e N) <= Rmax (V {NAME} (e 0%nat)) (Q2R mu1 * vbar))""",
-    decay=f"""\
-(forall k, (k < N)%nat -> sq (v k) = 0) ->
-      Q2R (floor {NAME}) * sq (e N) <= Q2R (alpha {NAME}) ^ (2 * N) * V {NAME} (e 0%nat)""",
-    limits="""\
-These words are checked by nothing here. What Coq proves is {theorem}, at the end of this file:
-- Of the words it states the bound on z, and floor |e_N|^2 <= rho^(2 N) e0' P e0 where v = 0; alpha is rho there. As
-  floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
-- Its premise: {premise}.
-- It does not state larger Lipschitz constants, that there are such sequences, or anything of a plant in continuous
-  time. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
-- That {given} below are those of the spec is believed.
-  Here e = xhat - x, and L1 = -L where the words have L.""",
-    claims="claims_{}_of_samples",
-)
-FILTERED = replace(
-    PREDICTED,
-    run="filtered",
-    limits=PREDICTED.limits
-    + """
-- In v k stand the disturbances of the sample k and those of the measurement y (k + 1): gamma is about this v, and
-  where the words have another gamma, of v itself, that follows from it.""",
-    design=f"(ahead {NAME})",
-)
 IMPORTS = """\
 Require Import Reals ZArith QArith Qreals List Lra Psatz.
 From Coquelicot Require Import Coquelicot.
@@ -133,11 +50,13 @@ class UnexportedError(Exception):
 
 def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bounds = NO_BOUNDS) -> str:
     """File of Coq with the claim of a certificate that holds, headed by what it is about; `bounds`: kept ones."""
-    course, plant = CONTINUOUS, certificate.family.plant
+    course, plant, model = CONTINUOUS, certificate.family.plant, list[str]()
     if certificate.family.about.pace.sampled:
         course = FILTERED if spec.observer.filtered else PREDICTED
         plant = apart(spec.augmented) if spec.observer.filtered else plant
-    text, end = written(certificate, spec, plant, course, bounds)
+    if not spec.generator.direct:
+        course, plant, model = driven(course), spec.plant, modelled(spec)
+    text, end = written(certificate, spec, plant, course, bounds, model)
     head = heading(spec, statement, course, end, plant, not certificate.rate)
     return "\n".join([*map(comment, head), text])
 
@@ -169,9 +88,14 @@ def subject(text: str) -> Subject:
 
 
 def written(
-    certificate: Certificate, spec: Spec, plant: Plant[Exact], course: Course, bounds: Bounds = NO_BOUNDS
+    certificate: Certificate,
+    spec: Spec,
+    plant: Plant[Exact],
+    course: Course,
+    bounds: Bounds = NO_BOUNDS,
+    model: Sequence[str] = (),
 ) -> tuple[str, Ending]:
-    """Design, T, and the theorems with their proofs; and how they end."""
+    """Design, T, and the theorems with their proofs; and how they end. `model`: of w, as lines of Coq."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
     H, P = family.H, certificate.P
     weight, supply = (fmpq(0), family.loss * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
@@ -185,30 +109,32 @@ def written(
     }
     what, constants = ("peak", ("gamma", "mu1", "mu2")) if peak else ("energy", ("gamma",))
     arguments = " ".join([*constants, *forms, "TH"])
-    run = f"forall x xh v q qh y yh g gq gy, {course.run} {NAME} f x xh v q qh y yh g gq gy ->"
-    error = f"let e := {course.error} x xh in"
+    run = f"forall {course.signals}, {course.run} {course.about} f {course.signals} ->"
+    error = f"let e := {course.error} in"
     concluded = f"{course.instant}\n  {error}\n  {getattr(course, what)}\n  /\\ ({course.decay})."
-    words = Words(course.time, course.always, course.run, run, concluded)
+    stays = f"{course.run}_of_region {course.about}"
+    words = Words(course.time, course.always, stays, course.signals, run, concluded)
     rays = [*multipliers(certificate), *((fmpq(1), *hull.M) for hull in hulls(certificate))]
-    end = ending(spec.nonlinearities, rays, NAME, words)
+    end = ending(spec.nonlinearities, rays, course.whole, words)
     text = "\n".join(
         [
             IMPORTS.format(files=course.files),
             "Open Scope Q_scope.",
             record(certificate, plant, levels),
+            *model,
             *(f"Definition {key} : Q := {number(getattr(certificate, key))}." for key in constants),
             "Open Scope Z_scope.",
             *(f"Definition {name} := {triangle(congruence(S))}." for name, S in forms.items()),
             f"Definition TH : list (list (list (list Z))) := {of_hulls(hulls(certificate))}.",
             "Open Scope R_scope.",
             "",
-            *bounded(certificate, bounds, NAME),
-            f"Lemma proved : {course.claims.format(what)} {course.design} {arguments} = true.",
+            *bounded(certificate, bounds, course.whole),
+            f"Lemma proved : {course.claims.format(what)} {course.computed} {arguments} = true.",
             "Proof. vm_cast_no_check (eq_refl true). Qed.",
             "",
-            f"Theorem for_the_class : forall f, of_class {NAME} f ->",
+            f"Theorem for_the_class : forall f, of_class {course.whole} f ->",
             f"  {run} {concluded}",
-            f"Proof. exact ({what}_of_{course.run} {NAME} {arguments} proved). Qed.",
+            f"Proof. exact ({what}_of_{course.run} {course.theorem} {arguments} proved). Qed.",
             "",
             *end.lines,
         ]
@@ -218,12 +144,19 @@ def written(
 
 def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plant[Exact], still: bool) -> list[str]:
     """What the file is about, in words; none of it is checked by Coq. `still`: whether the rate is that of no decay."""
-    names = {"x": [*spec.plant.states, *spec.model_states], "v": plant.exogenous, "y": plant.outputs}
-    rate = "rho = 1" if course.error == "error_of" else "alpha = 0"
+    names = {"x": spec.plant.states, "xm": spec.model_states, "w": spec.plant.exogenous, "v": spec.drives}
+    if spec.generator.direct:
+        names = {"x": spec.plant.states, "v": plant.exogenous}
+    names["y"] = plant.outputs
+    rate = "rho = 1" if course.sampled else "alpha = 0"
     limits = course.limits.format(
         theorem=end.theorem,
         premise=end.premise,
         given="the numbers and the f" if end.theorem == "for_this_f" else "the numbers",
+        joined=""
+        if spec.generator.direct
+        else ";\n  that plant and model of w make the matrices of the inequality is proved",
+        error="xhat - x" if spec.generator.direct else "(xhat, xmhat) - (x, xm)",
         still=f"; at {rate} it\n  says that e stays bounded" if still else "",
     )
     return [
@@ -256,6 +189,21 @@ def record(certificate: Certificate, plant: Plant[Exact], levels: dict[str, fmpq
             f"  hulls := [{written}] |}}.",
         ]
     )
+
+
+def modelled(spec: Spec) -> list[str]:
+    """The model of w; of filtered estimates also which components of v act at a sample, and which on its y."""
+    g, names = spec.generator, [field.name for field in fields(Generator) if field.name != "inverse"]
+    sizes = {"mn": len(g.Am), "mf": g.Bmf.shape[1], "mv": g.Bm.shape[1], "mq": len(g.Cq2)}
+    masks = channels(spec.augmented) if spec.observer.filtered else ()
+    acts = zip(("now", "late"), masks, strict=False)
+    return [
+        f"(* Above H, L1, L2, P, multipliers and hulls are about (x, xm) and the f of plant and {MODEL}. *)",
+        f"Definition {MODEL} : generator := {{|",
+        "  " + " ".join(f"{key} := {size}%nat;" for key, size in sizes.items()),
+        "  " + ";\n  ".join(f"{key} := {matrix(getattr(g, key))}" for key in names) + " |}.",
+        *(f"Definition {key} : list bool := [{'; '.join(str(bool(x)).lower() for x in mask)}]." for key, mask in acts),
+    ]
 
 
 def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
