@@ -11,7 +11,7 @@ for every f of the class and all trajectories of plant and observer.
 
 import re
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 from flint import fmpq
@@ -24,7 +24,8 @@ from obsdesign.coq.hulls import Hull, of_hulls
 from obsdesign.coq.membership import Ending, Words, ending
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.lmi.formula import Array, Exact, Values, identity, rational, rational_number, zeros
+from obsdesign.lmi.formula import Array, Exact, Inequality, Values, identity, rational, rational_number, zeros
+from obsdesign.lmi.proof import holds
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.filtered import apart, channels
 from obsdesign.model.multiplier import Scaled, Sum
@@ -33,6 +34,7 @@ from obsdesign.nonlinearities.cone import Cone
 from obsdesign.nonlinearities.jacobian import Polytope
 from obsdesign.spec import Spec
 
+PLACES = 31  # of the rates that are tried where none is claimed
 FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
 
 
@@ -50,6 +52,7 @@ class UnexportedError(Exception):
 
 def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bounds = NO_BOUNDS) -> str:
     """File of Coq with the claim of a certificate that holds, headed by what it is about; `bounds`: kept ones."""
+    certificate, claimed = decaying(certificate), certificate.rate
     course, plant, model = CONTINUOUS, certificate.family.plant, list[str]()
     if certificate.family.about.pace.sampled:
         course = FILTERED if spec.observer.filtered else PREDICTED
@@ -57,7 +60,8 @@ def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bound
     if not spec.generator.direct:
         course, plant, model = driven(course), spec.plant, modelled(spec)
     text, end = written(certificate, spec, plant, course, bounds, model)
-    head = heading(spec, statement, course, end, plant, not certificate.rate)
+    rates = Rates(bool(claimed), bool(certificate.rate))
+    head = heading(spec, statement, course, end, plant, rates)
     return "\n".join([*map(comment, head), text])
 
 
@@ -87,6 +91,31 @@ def subject(text: str) -> Subject:
     return Subject(name, reason[1] if reason else "")
 
 
+def weights(certificate: Certificate) -> tuple[fmpq, fmpq]:
+    """Weight of |z|^2 and supply in the inequality."""
+    if certificate.guarantee.norm == "sup":
+        return fmpq(0), certificate.family.loss * certificate.mu1
+    return certificate.mu1, certificate.mu2
+
+
+def decrease(certificate: Certificate) -> Array:
+    """Matrix of the inequality, which is not positive."""
+    family, P = certificate.family, certificate.P
+    weight, supply = weights(certificate)
+    values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
+    return family.dissipation(values, weight * (family.H.mT @ family.H), rational([[supply]]))
+
+
+def decaying(certificate: Certificate) -> Certificate:
+    """The same with a positive rate, where none is claimed and a strict inequality leaves room for one: then e -> 0."""
+    family = certificate.family
+    if family.rate or family.about.at_rest != "strict":
+        return certificate
+    rates = (fmpq(digit, 10**places) for places in range(1, PLACES) for digit in (5, 2, 1))
+    tried = (replace(certificate, family=replace(family, rate=rate)) for rate in rates)
+    return next((one for one in tried if holds(Inequality("", decrease(one)))), certificate)
+
+
 def written(
     certificate: Certificate,
     spec: Spec,
@@ -98,12 +127,11 @@ def written(
     """Design, T, and the theorems with their proofs; and how they end. `model`: of w, as lines of Coq."""
     family, peak = certificate.family, certificate.guarantee.norm == "sup"
     H, P = family.H, certificate.P
-    weight, supply = (fmpq(0), family.loss * certificate.mu1) if peak else (certificate.mu1, certificate.mu2)
-    values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
+    weight, supply = weights(certificate)
     floor = rational_number(f"{FLOOR * certificate.guarantee.spectrum[0]:.3g}")
     levels = {"weight": weight, "supply": supply, "floor": floor}
     forms = {
-        "T": -family.dissipation(values, weight * (H.mT @ H), rational([[supply]])),
+        "T": -decrease(certificate),
         "TP": P - floor * identity(len(P), P),
         **({"TO": certificate.mu2 * P - H.mT @ H} if peak else {}),
     }
@@ -142,13 +170,30 @@ def written(
     return text, end
 
 
-def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plant[Exact], still: bool) -> list[str]:
-    """What the file is about, in words; none of it is checked by Coq. `still`: whether the rate is that of no decay."""
+class Rates(NamedTuple):
+    """Whether the words claim decay at some rate, and whether the theorem states it."""
+
+    claimed: bool
+    stated: bool
+
+    def told(self, *, sampled: bool) -> str:
+        """What the theorem says of decay where the words name no rate."""
+        if self.claimed:
+            return ""
+        if not self.stated:
+            return f"; at {'rho = 1' if sampled else 'alpha = 0'} it\n  says that e stays bounded"
+        rate = "rho < 1" if sampled else "alpha > 0"
+        return (
+            f".\n  The words name no rate: this {rate} is one that the strict inequality leaves room for, hence e -> 0"
+        )
+
+
+def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plant[Exact], rates: Rates) -> list[str]:
+    """What the file is about, in words; none of it is checked by Coq."""
     names = {"x": spec.plant.states, "xm": spec.model_states, "w": spec.plant.exogenous, "v": spec.drives}
     if spec.generator.direct:
         names = {"x": spec.plant.states, "v": plant.exogenous}
     names["y"] = plant.outputs
-    rate = "rho = 1" if course.sampled else "alpha = 0"
     limits = course.limits.format(
         theorem=end.theorem,
         premise=end.premise,
@@ -157,7 +202,7 @@ def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plan
         if spec.generator.direct
         else ";\n  that plant and model of w make the matrices of the inequality is proved",
         error="xhat - x" if spec.generator.direct else "(xhat, xmhat) - (x, xm)",
-        still=f"; at {rate} it\n  says that e stays bounded" if still else "",
+        still=rates.told(sampled=course.sampled),
     )
     return [
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
