@@ -82,7 +82,7 @@ def test_the_kernel_accepts_what_is_proved_in_rationals_and_nothing_else(tmp_pat
         over = course.PREDICTED if certificate.family.about.pace.sampled else course.CONTINUOUS
         for _ in range(SWEEP.size(16)):
             one, proved = mutated(certificate, draw)
-            text, _ = theorem.written(one, spec, one.family.plant, over)
+            text, _ = theorem.written(theorem.Claimed(one, one.family.plant, over), spec)
             head, body = text.split("Open Scope Q_scope.", 1)
             claim = re.search(r"Lemma proved : (.*) = true\.", body)[1]
             data = body[: body.index("Lemma proved")]

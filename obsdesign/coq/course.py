@@ -58,8 +58,8 @@ These words are checked by nothing here. What Coq proves is {theorem}, at the en
   the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
 - Its premises: {premise};
   x and xhat are differentiable and v is continuous at every t >= 0.
-- It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
-  storage_bound say of bounds on L1 and P, where there are some, is beside it.
+- It does not state reconstruction, or that trajectories exist. What gain_bound and storage_bound say of bounds on L1
+  and P, and Larger.larger_constants of larger Lipschitz constants, where there are some, is beside it.
 - That {given} below are those of the spec is believed{joined}.
   Here e = {error}, and L1 = -L where the words have L.""",
 )
@@ -86,8 +86,9 @@ These words are checked by nothing here. What Coq proves is {theorem}, at the en
 - Of the words it states the bound on z, and floor |e_N|^2 <= rho^(2 N) e0' P e0 where v = 0; alpha is rho there. As
   floor is less than the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
 - Its premise: {premise}.
-- It does not state larger Lipschitz constants, that there are such sequences, or anything of a plant in continuous
-  time. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
+- It does not state that there are such sequences, or anything of a plant in continuous time. What gain_bound and
+  storage_bound say of bounds on L1 and P, and Larger.larger_constants of larger Lipschitz constants, where there are
+  some, is beside it.
 - That {given} below are those of the spec is believed{joined}.
   Here e = {error}, and L1 = -L where the words have L.""",
     claims="claims_{}_of_samples",

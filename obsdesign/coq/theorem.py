@@ -10,8 +10,8 @@ for every f of the class and all trajectories of plant and observer.
 """
 
 import re
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 from flint import fmpq
@@ -20,24 +20,21 @@ from obsdesign.coq.bounds import bounded
 from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.course import CONTINUOUS, FILTERED, MODEL, NAME, PREDICTED, Course, driven
 from obsdesign.coq.decimals import comment, matrix, number
-from obsdesign.coq.hulls import Hull, of_hulls
+from obsdesign.coq.hulls import of_hulls
+from obsdesign.coq.inequality import decaying, decrease, hulls, multipliers, weights
 from obsdesign.coq.membership import Ending, Words, ending
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.lmi.formula import Array, Exact, Inequality, Values, identity, rational, rational_number, zeros
-from obsdesign.lmi.proof import holds
+from obsdesign.lmi.formula import Array, Exact, identity, rational_number
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.filtered import apart, channels
-from obsdesign.model.multiplier import Scaled, Sum
 from obsdesign.model.plant import Plant
-from obsdesign.nonlinearities.cone import Cone
-from obsdesign.nonlinearities.jacobian import Polytope
 from obsdesign.spec import Spec
 
-PLACES = 31  # of the rates that are tried where none is claimed
 FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
 
 
+LARGER = "Larger"  # module of the larger constants
 IMPORTS = """\
 Require Import Reals ZArith QArith Qreals List Lra Psatz.
 From Coquelicot Require Import Coquelicot.
@@ -50,18 +47,27 @@ class UnexportedError(Exception):
     """A part of a claim that no file of Coq is written of, in words."""
 
 
-def exported(certificate: Certificate, spec: Spec, statement: str, bounds: Bounds = NO_BOUNDS) -> str:
-    """File of Coq with the claim of a certificate that holds, headed by what it is about; `bounds`: kept ones."""
-    certificate, claimed = decaying(certificate), certificate.rate
-    course, plant, model = CONTINUOUS, certificate.family.plant, list[str]()
+def exported(
+    certificate: Certificate,
+    spec: Spec,
+    statement: str,
+    bounds: Bounds = NO_BOUNDS,
+    larger: Certificate | None = None,
+) -> str:
+    """File of Coq with the claim of a certificate that holds, headed by what it is about.
+
+    `bounds`: kept ones; `larger`: certificate of the same gains for larger Lipschitz constants.
+    """
+    claimed = Claimed(decaying(certificate), certificate.family.plant, CONTINUOUS)
+    model = list[str]()
     if certificate.family.about.pace.sampled:
-        course = FILTERED if spec.observer.filtered else PREDICTED
-        plant = apart(spec.augmented) if spec.observer.filtered else plant
+        claimed = replace(claimed, course=FILTERED if spec.observer.filtered else PREDICTED)
+        claimed = replace(claimed, plant=apart(spec.augmented)) if spec.observer.filtered else claimed
     if not spec.generator.direct:
-        course, plant, model = driven(course), spec.plant, modelled(spec)
-    text, end = written(certificate, spec, plant, course, bounds, model)
-    rates = Rates(bool(claimed), bool(certificate.rate))
-    head = heading(spec, statement, course, end, plant, rates)
+        claimed, model = replace(claimed, course=driven(claimed.course), plant=spec.plant), modelled(spec)
+    more = replace(claimed, certificate=decaying(larger)) if larger else None
+    text, end = written(claimed, spec, bounds, model, more)
+    head = heading(spec, statement, claimed, end, Rates(bool(certificate.rate), bool(claimed.certificate.rate)))
     return "\n".join([*map(comment, head), text])
 
 
@@ -91,83 +97,110 @@ def subject(text: str) -> Subject:
     return Subject(name, reason[1] if reason else "")
 
 
-def weights(certificate: Certificate) -> tuple[fmpq, fmpq]:
-    """Weight of |z|^2 and supply in the inequality."""
-    if certificate.guarantee.norm == "sup":
-        return fmpq(0), certificate.family.loss * certificate.mu1
-    return certificate.mu1, certificate.mu2
+@dataclass(frozen=True)
+class Claimed:
+    """A certificate, of a plant as the file has it, and how its theorem speaks."""
 
+    certificate: Certificate
+    plant: Plant[Exact]
+    course: Course
 
-def decrease(certificate: Certificate) -> Array:
-    """Matrix of the inequality, which is not positive."""
-    family, P = certificate.family, certificate.P
-    weight, supply = weights(certificate)
-    values = {**certificate.multipliers, "P": P, "Y": P @ family.L1}
-    return family.dissipation(values, weight * (family.H.mT @ family.H), rational([[supply]]))
+    @property
+    def peak(self) -> bool:
+        """Whether it is about the peak of z, or about its energy."""
+        return self.certificate.guarantee.norm == "sup"
 
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """Numbers of the claim that are not of the design."""
+        return ("gamma", "mu1", "mu2") if self.peak else ("gamma",)
 
-def decaying(certificate: Certificate) -> Certificate:
-    """The same with a positive rate, where none is claimed and a strict inequality leaves room for one: then e -> 0."""
-    family = certificate.family
-    if family.rate or family.about.at_rest != "strict":
-        return certificate
-    rates = (fmpq(digit, 10**places) for places in range(1, PLACES) for digit in (5, 2, 1))
-    tried = (replace(certificate, family=replace(family, rate=rate)) for rate in rates)
-    return next((one for one in tried if holds(Inequality("", decrease(one)))), certificate)
+    @property
+    def floor(self) -> fmpq:
+        """Number below the eigenvalues of P."""
+        return rational_number(f"{FLOOR * self.certificate.guarantee.spectrum[0]:.3g}")
 
+    @property
+    def forms(self) -> dict[str, Array]:
+        """Matrices that must not be negative, by the names of their T."""
+        P, H = self.certificate.P, self.certificate.family.H
+        found = {"T": -decrease(self.certificate), "TP": P - self.floor * identity(len(P), P)}
+        return {**found, "TO": self.certificate.mu2 * P - H.mT @ H} if self.peak else found
 
-def written(
-    certificate: Certificate,
-    spec: Spec,
-    plant: Plant[Exact],
-    course: Course,
-    bounds: Bounds = NO_BOUNDS,
-    model: Sequence[str] = (),
-) -> tuple[str, Ending]:
-    """Design, T, and the theorems with their proofs; and how they end. `model`: of w, as lines of Coq."""
-    family, peak = certificate.family, certificate.guarantee.norm == "sup"
-    H, P = family.H, certificate.P
-    weight, supply = weights(certificate)
-    floor = rational_number(f"{FLOOR * certificate.guarantee.spectrum[0]:.3g}")
-    levels = {"weight": weight, "supply": supply, "floor": floor}
-    forms = {
-        "T": -decrease(certificate),
-        "TP": P - floor * identity(len(P), P),
-        **({"TO": certificate.mu2 * P - H.mT @ H} if peak else {}),
-    }
-    what, constants = ("peak", ("gamma", "mu1", "mu2")) if peak else ("energy", ("gamma",))
-    arguments = " ".join([*constants, *forms, "TH"])
-    run = f"forall {course.signals}, {course.run} {course.about} f {course.signals} ->"
-    error = f"let e := {course.error} in"
-    concluded = f"{course.instant}\n  {error}\n  {getattr(course, what)}\n  /\\ ({course.decay})."
-    stays = f"{course.run}_of_region {course.about}"
-    words = Words(course.time, course.always, stays, course.signals, run, concluded)
-    rays = [*multipliers(certificate), *((fmpq(1), *hull.M) for hull in hulls(certificate))]
-    end = ending(spec.nonlinearities, rays, course.whole, words)
-    text = "\n".join(
-        [
-            IMPORTS.format(files=course.files),
+    def data(self, like: str = "", model: Sequence[str] = ()) -> list[str]:
+        """The design, the model of w, further numbers, and T. `like`: the design that has the same plant and gains."""
+        weight, supply = weights(self.certificate)
+        family = self.certificate.family
+        levels = {"alpha": family.about.pace.told(family.rate), "weight": weight, "supply": supply, "floor": self.floor}
+        return [
             "Open Scope Q_scope.",
-            record(certificate, plant, levels),
+            record(self.certificate, self.plant, levels, like),
             *model,
-            *(f"Definition {key} : Q := {number(getattr(certificate, key))}." for key in constants),
+            *(f"Definition {key} : Q := {number(getattr(self.certificate, key))}." for key in self.constants),
             "Open Scope Z_scope.",
-            *(f"Definition {name} := {triangle(congruence(S))}." for name, S in forms.items()),
-            f"Definition TH : list (list (list (list Z))) := {of_hulls(hulls(certificate))}.",
+            *(f"Definition {name} := {triangle(congruence(S))}." for name, S in self.forms.items()),
+            f"Definition TH : list (list (list (list Z))) := {of_hulls(hulls(self.certificate))}.",
             "Open Scope R_scope.",
             "",
-            *bounded(certificate, bounds, course.whole),
+        ]
+
+    @property
+    def words(self) -> Words:
+        """What is stated, of runs of what kind."""
+        course = self.course
+        run = f"forall {course.signals}, {course.run} {course.about} f {course.signals} ->"
+        bound = course.peak if self.peak else course.energy
+        concluded = f"{course.instant}\n  let e := {course.error} in\n  {bound}\n  /\\ ({course.decay})."
+        stays = f"{course.run}_of_region {course.about}"
+        return Words(course.time, course.always, stays, course.signals, run, concluded)
+
+    def theorem(self, name: str) -> list[str]:
+        """The theorem about every f of the class, and its proof."""
+        course, what = self.course, "peak" if self.peak else "energy"
+        arguments = " ".join([*self.constants, *self.forms, "TH"])
+        return [
             f"Lemma proved : {course.claims.format(what)} {course.computed} {arguments} = true.",
             "Proof. vm_cast_no_check (eq_refl true). Qed.",
             "",
-            f"Theorem for_the_class : forall f, of_class {course.whole} f ->",
-            f"  {run} {concluded}",
+            f"Theorem {name} : forall f, of_class {course.whole} f ->",
+            f"  {self.words.run} {self.words.concluded}",
             f"Proof. exact ({what}_of_{course.run} {course.theorem} {arguments} proved). Qed.",
             "",
-            *end.lines,
         ]
-    )
-    return text, end
+
+
+def written(
+    claimed: Claimed, spec: Spec, bounds: Bounds = NO_BOUNDS, model: Sequence[str] = (), larger: Claimed | None = None
+) -> tuple[str, Ending]:
+    """Design, T, and the theorems with their proofs; and how they end.
+
+    `model`: of w, as lines of Coq; `larger`: of the same observer, for a larger class.
+    """
+    course, certificate = claimed.course, claimed.certificate
+    rays = [*multipliers(certificate), *((fmpq(1), *hull.M) for hull in hulls(certificate))]
+    end = ending(spec.nonlinearities, rays, course.whole, claimed.words)
+    lines = [
+        IMPORTS.format(files=course.files),
+        *claimed.data(model=model),
+        *bounded(certificate, bounds, course.whole),
+        *(beyond(larger) if larger else ()),
+        *claimed.theorem("for_the_class"),
+        *end.lines,
+    ]
+    return "\n".join(lines), end
+
+
+def beyond(larger: Claimed) -> list[str]:
+    """What holds of the same observer for a larger class, in a module of its own."""
+    return [
+        "(* The same gains for larger Lipschitz constants *)",
+        f"Module {LARGER}.",
+        *larger.data(like=NAME),
+        *larger.theorem("larger_constants"),
+        f"End {LARGER}.",
+        f"Print Assumptions {LARGER}.larger_constants.",
+        "",
+    ]
 
 
 class Rates(NamedTuple):
@@ -188,13 +221,13 @@ class Rates(NamedTuple):
         )
 
 
-def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plant[Exact], rates: Rates) -> list[str]:
+def heading(spec: Spec, statement: str, claimed: Claimed, end: Ending, rates: Rates) -> list[str]:
     """What the file is about, in words; none of it is checked by Coq."""
     names = {"x": spec.plant.states, "xm": spec.model_states, "w": spec.plant.exogenous, "v": spec.drives}
     if spec.generator.direct:
-        names = {"x": spec.plant.states, "v": plant.exogenous}
-    names["y"] = plant.outputs
-    limits = course.limits.format(
+        names = {"x": spec.plant.states, "v": claimed.plant.exogenous}
+    names["y"] = claimed.plant.outputs
+    limits = claimed.course.limits.format(
         theorem=end.theorem,
         premise=end.premise,
         given="the numbers and the f" if end.theorem == "for_this_f" else "the numbers",
@@ -202,7 +235,7 @@ def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plan
         if spec.generator.direct
         else ";\n  that plant and model of w make the matrices of the inequality is proved",
         error="xhat - x" if spec.generator.direct else "(xhat, xmhat) - (x, xm)",
-        still=rates.told(sampled=course.sampled),
+        still=rates.told(sampled=claimed.course.sampled),
     )
     return [
         f"obsdesign: the guarantee of {spec.name}, type {spec.observer.type}, as a theorem",
@@ -212,24 +245,29 @@ def heading(spec: Spec, statement: str, course: Course, end: Ending, plant: Plan
     ]
 
 
-def record(certificate: Certificate, plant: Plant[Exact], levels: dict[str, fmpq]) -> str:
-    """The design: plant, gains, storage function, multipliers, with the numbers of the result."""
+def record(certificate: Certificate, plant: Plant[Exact], levels: Mapping[str, fmpq], like: str = "") -> str:
+    """The design: plant, gains, storage function, multipliers, with the numbers of the result.
+
+    `like`: the design that plant and gains are those of; empty: they are written.
+    """
     family = certificate.family
     sizes = {"n": plant.n, "nf": plant.Bf.shape[1], "nv": plant.B.shape[1], "ny": len(plant.C), "nq": len(plant.Cq)}
     matrices = {key: getattr(plant, key) for key in ("A", "Bf", "B", "C", "Df", "D", "Cq", "Dqf", "Dq")}
-    matrices |= {"H": family.H, "L1": family.L1, "L2": family.L2, "P": certificate.P}
+    matrices |= {"H": family.H, "L1": family.L1, "L2": family.L2}
     rays = ";\n    ".join(
         f"{{| scaling := {number(scale)}; M11 := {matrix(M11)}; M12 := {matrix(M12)}; M22 := {matrix(M22)} |}}"
         for scale, M11, M12, M22 in multipliers(certificate)
     )
     written = ";\n    ".join(hull.written() for hull in hulls(certificate))
-    numbers = {"alpha": family.about.pace.told(family.rate), **levels}
+    same = [" ".join(f"{key} := {key} {like};" for key in names) for names in (sizes, matrices)]
+    own = [" ".join(f"{key} := {size}%nat;" for key, size in sizes.items())]
+    own += [f"{key} := {matrix(M)};" for key, M in matrices.items()]
     return "\n".join(
         [
             f"Definition {NAME} : design := {{|",
-            "  " + " ".join(f"{key} := {size}%nat;" for key, size in sizes.items()),
-            *(f"  {key} := {matrix(M)};" for key, M in matrices.items()),
-            "  " + " ".join(f"{key} := {number(x)};" for key, x in numbers.items()),
+            *(f"  {line}" for line in (same if like else own)),
+            f"  P := {matrix(certificate.P)};",
+            "  " + " ".join(f"{key} := {number(x)};" for key, x in levels.items()),
             f"  multipliers := [{rays}];",
             f"  hulls := [{written}] |}}.",
         ]
@@ -249,26 +287,3 @@ def modelled(spec: Spec) -> list[str]:
         "  " + ";\n  ".join(f"{key} := {matrix(getattr(g, key))}" for key in names) + " |}.",
         *(f"Definition {key} : list bool := [{'; '.join(str(bool(x)).lower() for x in mask)}]." for key, mask in acts),
     ]
-
-
-def multipliers(certificate: Certificate) -> list[tuple[fmpq, Array, Array, Array]]:
-    """Scale and matrices M11, M12, M22 of each inequality of the class that has a scale."""
-    multiplier, rays = certificate.family.multiplier, []
-    unknowns = multiplier.unknowns()
-    for label, block in multiplier.labelled():
-        for one in block.unknowns(label) if isinstance(block, Scaled | Sum) else ():
-            none = {other.name: zeros(other.shape, [block.member]) for other in unknowns}
-            unit: Values = none | {one.name: rational([[1]])}
-            rays.append((certificate.multipliers[one.name].item(), *multiplier.matrix(unit)))
-    return rays
-
-
-def hulls(certificate: Certificate) -> list[Hull]:
-    """Multipliers that are matrices."""
-    multiplier, found, q, f = certificate.family.multiplier, [], 0, 0
-    for label, block in multiplier.labelled():
-        if isinstance(block, Cone | Polytope):
-            M = block.matrix(certificate.multipliers, label)
-            found.append(Hull.of(block, M, (q, f), multiplier.member.shape[::-1]))
-        q, f = q + block.nq, f + block.nf
-    return found

@@ -1,4 +1,4 @@
-"""Theorems of claims that e -> 0 without a rate: their strict inequality leaves room for one, which Coq proves."""
+"""Theorems of Lipschitz observers: a rate where e -> 0 is claimed without one, and larger constants."""
 
 import json
 import re
@@ -50,6 +50,22 @@ def test_where_no_decay_is_claimed_none_is_stated(tmp_path):
     assert "-> 0 *)" not in text.partition("Require Import")[0]
 
 
+GIVEN = SPECS / "abbaszadeh2010-polynomial-gains.yaml"
+
+
+def test_larger_constants_that_are_tolerated_have_a_theorem_of_their_own(tmp_path):
+    guarantee, text = theorem_of(GIVEN, tmp_path)
+    before, larger, after = re.split(r"Module Larger\.|End Larger\.", text)
+    for part, constant in ((before, guarantee["lipschitz"]), (larger, guarantee["admissible"])):
+        squares = re.findall(r"M11 := \[\[([\d.]+);", part)
+        assert [float(square) for square in squares] == [pytest.approx(constant**2, rel=1e-12)]
+    assert "L1 := L1 designed;" in larger
+    assert "Theorem larger_constants : forall f, of_class designed f ->" in larger
+    assert after.startswith("\nPrint Assumptions Larger.larger_constants.\n")
+    assert "admissible" not in theorem_of(CASES["time"][0], tmp_path)[0]
+    assert "\nModule Larger." not in theorem_of(CASES["time"][0], tmp_path)[1]
+
+
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
     """The library, compiled."""
@@ -66,5 +82,19 @@ def test_the_kernel_accepts_this_rate_and_no_much_faster_one(name, library, tmp_
     assert set(re.findall(r"^\w+\.(\w+)", said, re.MULTILINE)) <= AXIOMS
     faster = {"time": "alpha := 2;", "samples": "alpha := 0.3;"}[name]
     accepted, said = compiled(library, re.sub(r"alpha := [\d.]+;", faster, text))
+    assert not accepted
+    assert "claims_" in said
+
+
+@pytest.mark.slow
+@needs_coq
+def test_the_kernel_accepts_the_larger_constants_and_none_beyond(library, tmp_path):
+    _, text = theorem_of(GIVEN, tmp_path)
+    accepted, said = compiled(library, text)
+    assert accepted, said
+    before, middle, after = re.split(r"(?<=Module Larger\.)|(?=End Larger\.)", text)
+    beyond = re.sub(r"M11 := \[\[([\d.]+); 0\]; \[0; ([\d.]+)\]\]", "M11 := [[1.9; 0]; [0; 1.9]]", middle)
+    assert beyond != middle
+    accepted, said = compiled(library, before + beyond + after)
     assert not accepted
     assert "claims_" in said
