@@ -26,6 +26,7 @@ LAYERS = (
     ("reading", "starters"),
     ("families",),
     ("coq.theorem", "coq.instants"),
+    ("coq.reconstruction",),
     ("coq.clock", "coq.inequality"),
     ("coq.course", "coq.hulls", "coq.bounds", "coq.membership"),
     ("constants",),

@@ -6,12 +6,13 @@ from flint import fmpq
 
 from obsdesign.coq.hulls import Hull
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.lmi.formula import Array, Inequality, Values, rational, zeros
+from obsdesign.lmi.formula import Array, Inequality, Values, rational, rational_number, zeros
 from obsdesign.lmi.proof import holds
 from obsdesign.model.multiplier import Scaled, Sum
 from obsdesign.nonlinearities.cone import Cone
 from obsdesign.nonlinearities.jacobian import Polytope
 
+FLOOR = 0.9  # of the least eigenvalue of P
 PLACES = 31  # of the rates that are tried where none is claimed
 
 
@@ -20,6 +21,11 @@ def weights(certificate: Certificate) -> tuple[fmpq, fmpq]:
     if certificate.guarantee.norm == "sup":
         return fmpq(0), certificate.family.loss * certificate.mu1
     return certificate.mu1, certificate.mu2
+
+
+def least(certificate: Certificate) -> fmpq:
+    """Number below the eigenvalues of P, which decay is told with."""
+    return rational_number(f"{FLOOR * certificate.guarantee.spectrum[0]:.3g}")
 
 
 def decrease(certificate: Certificate) -> Array:

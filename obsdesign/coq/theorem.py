@@ -21,18 +21,16 @@ from obsdesign.coq.congruence import congruence, triangle
 from obsdesign.coq.course import CONTINUOUS, FILTERED, MODEL, NAME, PREDICTED, Course, driven
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.coq.hulls import of_hulls
-from obsdesign.coq.inequality import decaying, decrease, hulls, multipliers, weights
+from obsdesign.coq.inequality import decaying, decrease, hulls, least, multipliers, weights
 from obsdesign.coq.membership import Ending, Words, ending
+from obsdesign.coq.reconstruction import FILE, Reconstruction
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.lmi.formula import Array, Exact, identity, rational_number
+from obsdesign.lmi.formula import Array, Exact, identity
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.filtered import apart, channels
 from obsdesign.model.plant import Plant
 from obsdesign.spec import Spec
-
-FLOOR = 0.9  # of the least eigenvalue of P, which decay is told with
-
 
 LARGER = "Larger"  # module of the larger constants
 IMPORTS = """\
@@ -53,10 +51,11 @@ def exported(
     statement: str,
     bounds: Bounds = NO_BOUNDS,
     larger: Certificate | None = None,
+    reconstruction: Reconstruction | None = None,
 ) -> str:
     """File of Coq with the claim of a certificate that holds, headed by what it is about.
 
-    `bounds`: kept ones; `larger`: certificate of the same gains for larger Lipschitz constants.
+    `bounds`: kept ones; `larger`: certificate of the same gains for larger Lipschitz constants; `reconstruction`: of w.
     """
     claimed = Claimed(decaying(certificate), certificate.family.plant, CONTINUOUS)
     model = list[str]()
@@ -66,7 +65,11 @@ def exported(
     if not spec.generator.direct:
         claimed, model = replace(claimed, course=driven(claimed.course), plant=spec.plant), modelled(spec)
     more = replace(claimed, certificate=decaying(larger)) if larger else None
-    text, end = written(claimed, spec, bounds, model, more)
+    beside = [*bounded(certificate, bounds, claimed.course.whole), *(beyond(more) if more else ())]
+    if reconstruction:
+        claimed = replace(claimed, course=replace(claimed.course, files=f"{claimed.course.files} {FILE}"))
+        beside += reconstruction.lines(claimed.course.whole)
+    text, end = written(claimed, spec, model, beside)
     head = heading(spec, statement, claimed, end, Rates(bool(certificate.rate), bool(claimed.certificate.rate)))
     return "\n".join([*map(comment, head), text])
 
@@ -116,22 +119,22 @@ class Claimed:
         return ("gamma", "mu1", "mu2") if self.peak else ("gamma",)
 
     @property
-    def floor(self) -> fmpq:
-        """Number below the eigenvalues of P."""
-        return rational_number(f"{FLOOR * self.certificate.guarantee.spectrum[0]:.3g}")
-
-    @property
     def forms(self) -> dict[str, Array]:
         """Matrices that must not be negative, by the names of their T."""
         P, H = self.certificate.P, self.certificate.family.H
-        found = {"T": -decrease(self.certificate), "TP": P - self.floor * identity(len(P), P)}
+        found = {"T": -decrease(self.certificate), "TP": P - least(self.certificate) * identity(len(P), P)}
         return {**found, "TO": self.certificate.mu2 * P - H.mT @ H} if self.peak else found
 
     def data(self, like: str = "", model: Sequence[str] = ()) -> list[str]:
         """The design, the model of w, further numbers, and T. `like`: the design that has the same plant and gains."""
         weight, supply = weights(self.certificate)
         family = self.certificate.family
-        levels = {"alpha": family.about.pace.told(family.rate), "weight": weight, "supply": supply, "floor": self.floor}
+        levels = {
+            "alpha": family.about.pace.told(family.rate),
+            "weight": weight,
+            "supply": supply,
+            "floor": least(self.certificate),
+        }
         return [
             "Open Scope Q_scope.",
             record(self.certificate, self.plant, levels, like),
@@ -169,12 +172,10 @@ class Claimed:
         ]
 
 
-def written(
-    claimed: Claimed, spec: Spec, bounds: Bounds = NO_BOUNDS, model: Sequence[str] = (), larger: Claimed | None = None
-) -> tuple[str, Ending]:
+def written(claimed: Claimed, spec: Spec, model: Sequence[str] = (), beside: Sequence[str] = ()) -> tuple[str, Ending]:
     """Design, T, and the theorems with their proofs; and how they end.
 
-    `model`: of w, as lines of Coq; `larger`: of the same observer, for a larger class.
+    `model`: of w, as lines of Coq; `beside`: lines of further theorems.
     """
     course, certificate = claimed.course, claimed.certificate
     rays = [*multipliers(certificate), *((fmpq(1), *hull.M) for hull in hulls(certificate))]
@@ -182,8 +183,7 @@ def written(
     lines = [
         IMPORTS.format(files=course.files),
         *claimed.data(model=model),
-        *bounded(certificate, bounds, course.whole),
-        *(beyond(larger) if larger else ()),
+        *beside,
         *claimed.theorem("for_the_class"),
         *end.lines,
     ]

@@ -94,3 +94,8 @@ Lemma silent_R M x : forallb zero M = true -> M ** x = repeat 0 (length M).
 Proof. rewrite by_rows. induction M as [|r M IH]; intros K; [reflexivity|]. cbn [forallb] in K.
  rewrite andb_true_iff in K. destruct K as [K1 K2]. cbn [map length repeat]. now rewrite (zero_dot _ _ K1), (IH K2).
  Qed.
+(* Sums of vectors of one length *)
+Ltac sizes_agree := repeat match goal with
+  | |- context [length (vaddR ?u ?w)] => rewrite (vadd_length u w); [|sizes_agree]
+  | |- context [length (vsubR ?u ?w)] => rewrite (vsub_length u w); [|sizes_agree]
+  end; rewrite ?mv_length, ?app_length, ?beside_length, ?product_length, ?repeat_length; cbn [length]; lia.

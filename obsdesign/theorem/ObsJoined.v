@@ -27,9 +27,6 @@ Definition fits (d : design) (m : generator) : bool :=
 
 Notation with_zeros g k := (fun t => g t ++ repeat 0 k).
 
-Ltac sizes_agree := repeat match goal with
-  | |- context [length (vaddR ?u ?w)] => rewrite (vadd_length u w); [|sizes_agree]
-  end; rewrite ?mv_length, ?app_length, ?beside_length, ?product_length, ?repeat_length; cbn [length]; lia.
 Section Joined.
 Variables (d : design) (m : generator).
 Hypothesis fit : fits d m = true.
