@@ -266,7 +266,7 @@ def test_where_f_is_not_known_the_theorem_is_about_its_class(block, words, tmp_p
     assert "f satisfies the inequalities of multipliers" in text.partition("Require Import")[0]
 
 
-WORDS = Words("t : R", "forall t, 0 <= t ->", "trajectories", "..", "..")
+WORDS = Words("t : R", "forall t, 0 <= t ->", "trajectories_of_region designed", "x ..", "..", "..")
 OUTSIDE = {
     "q**3": "its slope has no bound",
     "1.01*sin(q)/2 + q/2": "its slopes reach beyond the class",

@@ -12,7 +12,7 @@ from support.coq import compiled_library, needs_coq
 from support.shipped import solved
 from support.sweep import SWEEP, rng
 
-from obsdesign.coq import bounds, hulls, theorem
+from obsdesign.coq import bounds, course, hulls, theorem
 from obsdesign.coq.congruence import congruence, integers
 from obsdesign.coq.library import QUIET
 from obsdesign.dissipation.certificate import certify
@@ -79,10 +79,10 @@ def test_the_kernel_accepts_what_is_proved_in_rationals_and_nothing_else(tmp_pat
     for name in NAMES:
         spec, design = solved(name)
         certificate = design.claim.certificate
-        course = theorem.PREDICTED if certificate.family.about.pace.sampled else theorem.CONTINUOUS
+        over = course.PREDICTED if certificate.family.about.pace.sampled else course.CONTINUOUS
         for _ in range(SWEEP.size(16)):
             one, proved = mutated(certificate, draw)
-            text, _ = theorem.written(one, spec, one.family.plant, course)
+            text, _ = theorem.written(theorem.Claimed(one, one.family.plant, over), spec)
             head, body = text.split("Open Scope Q_scope.", 1)
             claim = re.search(r"Lemma proved : (.*) = true\.", body)[1]
             data = body[: body.index("Lemma proved")]

@@ -12,9 +12,10 @@ from flint import fmpq
 
 from obsdesign.coq.clock import Observer, Storage, forms
 from obsdesign.coq.congruence import congruence, triangle
+from obsdesign.coq.course import NAME
 from obsdesign.coq.decimals import comment, matrix, number
 from obsdesign.coq.membership import Ending, Words, ending
-from obsdesign.coq.theorem import NAME, UnexportedError
+from obsdesign.coq.theorem import UnexportedError
 from obsdesign.lmi.formula import Array, Values, rational
 from obsdesign.model.multiplier import Matrix, Multiplier, Scaled, Sum
 from obsdesign.spec import Spec
@@ -154,7 +155,7 @@ def words(stated: str) -> Words:
     return Words(
         time="s : R",
         always="forall j s, t j <= s <= t (S j) ->",
-        lemma="instants",
+        lemma=f"instants_of_region {NAME}",
         run=RUN,
         concluded=f"{LETS}\n  {stated}.",
         signals=QUANTIFIED,

@@ -74,10 +74,10 @@ class Words:
 
     time: str  # variable and type
     always: str  # for all of it
-    lemma: str  # predicate of plant and observer
+    lemma: str  # about runs that stay in a region, and the design
+    signals: str
     run: str  # premise about all signals, of an f
     concluded: str
-    signals: str = "x xh v q qh y yh g gq gy"  # all of them
     inside: str = "{always} region (q {time}) /\\ region (qh {time})"  # that q and qhat stay in a region
     design: str = "{}"  # that has the class of the one that is named
     first: str = ""  # tactic by which this is enough
@@ -115,7 +115,7 @@ def ending(blocks: Sequence[Nonlinearity], rays: Rays, name: str, words: Words) 
         " - intros q K. written_out K. unfold ridges, inner. read_off.",
         f" - intros t q K. written_out K. unfold ridges, functions, inner, {member}. read_off. Qed.",
         "",
-        *(stays_inside(name, words) if f.local else stated(words)),
+        *(stays_inside(words) if f.local else stated(words)),
         "",
         "Print Assumptions for_this_f.",
         "",
@@ -145,10 +145,10 @@ def stated(words: Words) -> list[str]:
     ]
 
 
-def stays_inside(name: str, words: Words) -> list[str]:
+def stays_inside(words: Words) -> list[str]:
     """The theorem about an f that is in the class where q stays in the region."""
     signals, inside = words.signals, words.inside.format(always=words.always, time=words.time[0])
-    same = f"{words.lemma}_of_region {name} f continued_f region {signals} K (fun _ _ => eq_refl) f_in_region I"
+    same = f"{words.lemma} f continued_f region {signals} K (fun _ _ => eq_refl) f_in_region I"
     return [
         "Lemma f_in_region : forall t q, region q -> continued_f t q = f t q.",
         "Proof. intros t q K. unfold region in K. unfold continued_f, f. inside_limits. Qed.",

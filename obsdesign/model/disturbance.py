@@ -39,6 +39,11 @@ class Generator:
     Dm: Array  # (nw, nv)
     inverse: tuple[tuple[fmpq, ...] | None, ...]
 
+    @property
+    def direct(self) -> bool:
+        """Whether w is v: there is no model."""
+        return not (len(self.Am) or self.Bmf.shape[1]) and np.array_equal(self.Dm, identity(len(self.Dm), self.Dm))
+
     def drive(
         self, w: Sequence[Expression], following: Callable[[Expression], Expression]
     ) -> tuple[tuple[Expression, ...], tuple[Expression, ...]] | None:

@@ -65,10 +65,8 @@ def resolve(document: Document) -> Spec:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
-    running = {
-        "implementation": read_implementation(reader, file.implementation, file.simulation, period),
-        "data": read_data(reader, file.data, layout, exogenous.states),
-    }
+    implementation = read_implementation(reader, file.implementation, file.simulation, period)
+    data = read_data(reader, file.data, layout, exogenous.states)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
@@ -94,7 +92,8 @@ def resolve(document: Document) -> Spec:
         H_names=H_names,
         observer=observer,
         simulation=simulation,
-        **running,
+        implementation=implementation,
+        data=data,
         expect=expect,
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),

@@ -1,7 +1,7 @@
 (* obsdesign: Plants of samples: x+ in the place of x', the rate rho in that of alpha, sums in that of integrals.
    Here alpha d is rho. *)
 Require Import Reals ZArith QArith Qreals List Lia Lra Bool.
-From Obs Require Import ObsForm ObsDesign ObsHull ObsPlant ObsTheorem.
+From Obs Require Import ObsForm ObsDesign ObsHull ObsPlant ObsTheorem ObsBlocks.
 Import ListNotations.
 Open Scope R_scope.
 
@@ -217,34 +217,12 @@ Proof. intros K f Hf x xh v q qh y yh g gq gy H N e. unfold claims_peak_of_sampl
  - intros Z. exact (decayed d T TP K e v _ Le of_v0 Lf E M N Z). Qed.
 
 (* Filtered estimates are predicted ones of another plant, whose output at k is y (k + 1) *)
-Definition add_q (a b : Q) := Qred (a + b).
-Definition mul_q (a b : Q) := Qred (a * b).
-Fixpoint row_times (r : list Q) (N : list (list Q)) : list Q :=
-  match r, N with a :: r, b :: N => vadd Q add_q (scale Q mul_q a b) (row_times r N) | _, _ => [] end.
-Definition product (M N : list (list Q)) : list (list Q) := map (fun r => row_times r N) M.
-Definition sum (M N : list (list Q)) : list (list Q) := vadd (list Q) (vadd Q add_q) M N.
 Definition ahead (d : design) : design := {|
   n := n d; nf := nf d; nv := nv d; ny := ny d; nq := nq d; A := A d; Bf := Bf d; B := B d;
   C := product (C d) (A d); Df := product (C d) (Bf d); D := sum (product (C d) (B d)) (D d);
   Cq := Cq d; Dqf := Dqf d; Dq := Dq d; H := H d; L1 := L1 d; L2 := L2 d;
   alpha := alpha d; weight := weight d; supply := supply d; P := P d; floor := floor d;
   multipliers := multipliers d; hulls := hulls d |}.
-
-Lemma add_R u : forall w, map Q2R (vadd Q add_q u w) = vaddR (map Q2R u) (map Q2R w).
-Proof. induction u; intros w; simpl; auto. destruct w; simpl; auto. f_equal; auto.
- unfold add_q. rewrite <- Q2R_plus. apply Qeq_eqR, Qred_correct. Qed.
-Lemma scale_R a u : map Q2R (scale Q mul_q a u) = scaleR (Q2R a) (map Q2R u).
-Proof. unfold scale. rewrite !map_map. apply map_ext. intros b.
- unfold mul_q. rewrite <- Q2R_mult. apply Qeq_eqR, Qred_correct. Qed.
-Lemma by_rows M x : M ** x = map (fun r => dotR (map Q2R r) x) M.
-Proof. unfold mv, rmat. apply map_map. Qed.
-Lemma product_R M N x : product M N ** x = M ** (N ** x).
-Proof. rewrite (by_rows M), by_rows. unfold product. rewrite map_map. apply map_ext. intros r.
- revert N. induction r as [|a r IH]; intros N; [reflexivity|]. destruct N as [|b N]; [now rewrite dot_nil_r|].
- cbn [row_times map]. rewrite add_R, scale_R, dot_add_l, dot_scale_l, IH. reflexivity. Qed.
-Lemma sum_R M : forall N x, sum M N ** x = M ** x ++++ N ** x.
-Proof. unfold sum. induction M as [|r M IH]; intros N x; [reflexivity|]. destruct N as [|s N]; [reflexivity|].
- cbn [vadd mv rmat map]. unfold mv, rmat in IH. rewrite add_R, dot_add_l, IH. reflexivity. Qed.
 
 Theorem filtered_is_predicted d f x xh v q qh y yh g gq gy : sized (ahead d) = true ->
   filtered d f x xh v q qh y yh g gq gy ->

@@ -100,7 +100,9 @@ class Claim(Proved):
     def theorem(self, spec: Spec) -> str:
         """Claim as a file of Coq; raises `UnexportedError`."""
         request = request_of(spec)
-        return exported(self.certificate, spec, self.statement(spec), NO_BOUNDS if request.gains else request.bounds)
+        bounds = NO_BOUNDS if request.gains else request.bounds
+        more = self.reconstruction.of_a_linear_plant() if self.reconstruction else None
+        return exported(self.certificate, spec, self.statement(spec), bounds, reconstruction=more)
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved and the limit it is near to, and the witness."""

@@ -26,8 +26,9 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat
 
+from obsdesign.coq.reconstruction import Reconstruction
 from obsdesign.dissipation.certificate import Certificate
-from obsdesign.families.incremental.guarantee import Reconstruction
+from obsdesign.families.incremental.guarantee import Reconstruction as Bound
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.files import checks as listed
 from obsdesign.files import written
@@ -161,6 +162,16 @@ class Reconstructed:
         """Whether the bound is proved."""
         return all(check.holds for check in self.conditions())
 
+    def of_a_linear_plant(self) -> Reconstruction | None:
+        """The same as a theorem of Coq has it, where the plant has no f; else None."""
+        from_rate = self.levels[RATE_W]
+        plant = from_rate.family.plant
+        if plant.Bf.shape[1]:
+            return None
+        inverse = left_inverse(plant.B)
+        still = replace(from_rate, mu2=fmpq(0), family=replace(from_rate.family, H=inverse @ plant.A))  # if A is zero
+        return Reconstruction(self.levels.get(DRIFT, still), from_rate, inverse, *self.constants[:2])
+
     def conditions(self) -> Iterator[Check]:
         """Conditions of the levels, of the slopes and of the constants."""
         parts = {name: level.checks for name, level in self.levels.items()}
@@ -189,12 +200,12 @@ class Reconstructed:
         return {"levels": levels, "slopes": slopes, "checks": listed(self.checks)}
 
     @property
-    def bound(self) -> Reconstruction:
+    def bound(self) -> Bound:
         """Constants in doubles, rounded up, with the sum of the storage functions and the slowest of their rates."""
         w, w_rate, x_rate = map(above, self.constants)
         storages = [level.guarantee for level in self.levels.values()]
         alpha = min(storage.rate for storage in storages)
-        return Reconstruction(w, w_rate, x_rate, alpha, np.sum([storage.doubles for storage in storages], axis=0))
+        return Bound(w, w_rate, x_rate, alpha, np.sum([storage.doubles for storage in storages], axis=0))
 
 
 def inapplicable(spec: Spec, slope: fmpq | None) -> str | None:

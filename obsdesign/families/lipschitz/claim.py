@@ -104,7 +104,9 @@ class Claim(Proved):
     def theorem(self, spec: Spec) -> str:
         """Claim as a file of Coq; raises `UnexportedError`."""
         request = request_of(spec)
-        return exported(self.certificate, spec, self.statement(spec), NO_BOUNDS if request.gains else request.bounds)
+        kept_bounds = NO_BOUNDS if request.gains else request.bounds
+        larger = self.admissible.certificate if self.admissible else None
+        return exported(self.certificate, spec, self.statement(spec), kept_bounds, larger)
 
     def written(self, spec: Spec, limits: Mapping[str, Any]) -> dict[str, Any]:
         """What is proved, what that leaves for an uncertainty, the limit it is near to, and the witnesses."""
