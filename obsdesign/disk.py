@@ -36,7 +36,7 @@ def marked(pattern: bytes) -> re.Pattern[bytes]:
 KINDS = {
     "specs": Kind((".yaml", ".yml"), marked(rb"(?!)")),  # which people write, and no command replaces
     "results": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"name":\ "(?:\\.|[^"\\])*",\s*"spec"')),
-    "samples": Kind((".csv",), marked(rb"t,(?:[^\n]*,)?hat_")),
+    "samples": Kind((".csv",), marked(rb"t,(?!hat_)[^\n]*,hat_")),
     "estimates": Kind((".csv",), marked(rb"t,hat_")),
     "figures": Kind((".png", ".svg"), marked(rb"\x89PNG.*Software\x00obsdesign | <.*<dc:title>obsdesign<")),
     "theorems": Kind((".v",), marked(rb"\(\*\ obsdesign:\ | -Q\ \.\ Obs")),

@@ -74,13 +74,7 @@ def resolve(document: Document) -> Spec:
         reader.stop()
     assert layout.names is not None
     made = Spec(
-        name=file.name or named_by(document.path),
-        source=file.source or "",
-        description=(file.description or "").strip(),
-        reproduces=tuple(file.reproduces or ()),
-        text=document.text,
-        path=document.path,
-        changes=document.changes,
+        **headed(file, document),
         generator=exogenous.generator,
         model_states=exogenous.states,
         drives=numbered("v", exogenous.v.size or 0),
@@ -102,6 +96,19 @@ def resolve(document: Document) -> Spec:
         continuous=continuous,
     )
     return with_defect(reader, file, made)
+
+
+def headed(file: File, document: Document) -> dict[str, Any]:
+    """What a spec is called and where it is from, and its text."""
+    return {
+        "name": file.name or named_by(document.path),
+        "source": file.source or "",
+        "description": (file.description or "").strip(),
+        "reproduces": tuple(file.reproduces or ()),
+        "text": document.text,
+        "path": document.path,
+        "changes": document.changes,
+    }
 
 
 def require_format(reader: Reader, file: File) -> None:
