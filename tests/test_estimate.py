@@ -187,6 +187,37 @@ def test_without_what_it_rests_on_there_is_no_radius(scalar, change, why):
     assert why in found.report["radius"]["none"]
 
 
+PENDULUM = """
+obsdesign: 1
+name: Pendulum of a log
+system:
+  states: [angle, speed]
+  inputs: [torque]
+  disturbances: [push, noise]
+  units: {angle: rad, speed: rad/s, torque: N m, encoder: rad}
+  dynamics: {angle: speed, speed: -9.81*sin(angle) - 0.5*speed + torque + 0.5*push}
+  outputs: {encoder: angle + 1.3e-3*noise}
+  domain: {speed: [-4, 4], torque: [-2, 2]}
+  discretise: {period: 0.01, method: hold, defect: {q_rate: auto, w_rate: 2}}
+observer: {type: linf, rho: {min: 0.8, max: 0.99, points: 12}}
+data: {time: time, v_sup: 1.4143, e0: {angle: 0.8, speed: 0.3}}
+"""
+
+
+def test_a_pendulum_of_another_program_is_within_the_radius_in_every_row():
+    """Made by MuJoCo 4.0 (RK4, steps of 0.1 ms): a torque that nobody knows, |w| <= 1 and |w'| <= 2, an encoder of 4096
+    counts with noise of 0.5 mrad, which its channel of 1.3 mrad bounds, and the truth beside them.
+    """
+    data = Path(__file__).parent / "support" / "pendulum.csv"
+    found = od.estimate(od.solve(loads(PENDULUM)), data)
+    truth = dict(zip(("angle", "speed"), np.loadtxt(data, delimiter=",", skiprows=1).T[3:], strict=True))
+    for name, true in truth.items():
+        assert (np.abs(true - found[f"hat_{name}"]) <= found[f"radius_{name}"]).all()
+        assert found[f"radius_{name}"][-1] < 0.25 * np.abs(true).max()
+    assert (found["covered"] == 1).all()
+    assert "q and w no faster" in found.report["radius"]["premise"]
+
+
 CONTINUOUS = """
 obsdesign: 1
 name: Continuous

@@ -115,7 +115,7 @@ def premise(spec: Spec) -> str:
     """What has to be true of a log for the radii to hold."""
     said = "|v| <= v_sup at all times, errors at the first row within e0, the plant as in the spec"
     if spec.continuous is not None:
-        return f"{said}, and q and w no faster than defect says"
+        return f"{said}, q and w no faster than defect says, and known inputs constant over each period"
     if spec.period is None:
         return f"{said}; v counts what y does between rows, where it is held, as noise, and u is as it is held"
     return said
