@@ -1,11 +1,12 @@
 """Routines that run, on numbers: what a simulation of the implementation and the vectors of a self-test come from."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from obsdesign.errors import UndecidedError
-from obsdesign.expressions import vector_function
+from obsdesign.expressions import numeric, vector_function
 from obsdesign.lmi.formula import Float
 from obsdesign.model.ahead import ahead
 from obsdesign.stepping.implemented import Implemented
@@ -17,6 +18,7 @@ LAST = 1e-10  # step of it after which the loop counts as solved; the error left
 
 Values = Sequence[float]
 Function = Callable[[Values], list[float]]
+Line = Callable[[list[float]], None]  # adds to what is known
 
 
 class StuckError(UndecidedError):
@@ -25,30 +27,48 @@ class StuckError(UndecidedError):
 
 def compiled(routine: Routine) -> Function:
     """Results of a routine, as a function of the signals that it is given, in their order."""
-    names, lines = list(routine.given), list[Callable[[list[float]], None]]()
+    names, quick, careful = list(routine.given), list[Line](), list[Line]()
     for one in routine.statements:
         if isinstance(one, Let):
-            value = vector_function([one.value], tuple(names))
-            lines.append(lambda known, value=value: known.append(value(known)[0]))  # type: ignore[misc]
+            quick.append(defined(one, tuple(names)))
+            careful.append(carefully(one, tuple(names)))
             names.append(one.name)
         else:
-            lines.append(loop(one, tuple(names)))
+            quick.append(loop(one, tuple(names)))
+            careful.append(quick[-1])
             names += one.unknowns
     results = vector_function(list(routine.results.values()), tuple(names))
 
     def run(given: Values) -> list[float]:
         known = list(given)
-        for line in lines:
-            line(known)
+        try:
+            for line in quick:
+                line(known)
+        except (ArithmeticError, ValueError):
+            known = list(given)
+            for line in careful:
+                line(known)
         found = results(known)
-        if not np.isfinite(found).all():
+        if not all(map(math.isfinite, found)):
             raise StuckError("an equation has no finite value", id="OBS304")
         return found
 
     return run
 
 
-def loop(one: Solve, names: tuple[str, ...]) -> Callable[[list[float]], None]:
+def defined(one: Let, names: tuple[str, ...]) -> Line:
+    """Append the value of a signal to what is known; raises what math raises."""
+    value = numeric.compiled(one.value.order, names)
+    return lambda known: known.append(value(known))
+
+
+def carefully(one: Let, names: tuple[str, ...]) -> Line:
+    """The same, NaN or infinite where math raises."""
+    value = vector_function([one.value], names)
+    return lambda known: known.append(value(known)[0])
+
+
+def loop(one: Solve, names: tuple[str, ...]) -> Line:
     """Solve a loop, given the values of what is known before it, which its own are appended to."""
     size = len(one.unknowns)
     sides = vector_function([*one.residuals, *(slope for row in one.slopes for slope in row)], (*names, *one.unknowns))
@@ -85,6 +105,10 @@ class Machine:
     def __init__(self, one: Implemented, xhat0: Values | None = None) -> None:
         self.one, self.xhat0 = one, xhat0
         self._functions: dict[str, Function] = {}
+        self._places: dict[str, list[int]] = {}
+        self._homes = {name: i for i, name in enumerate(one.states)}
+        late = bool(one.observer.following)
+        self._inputs, self._outputs = len(one.observer.inputs) * (1 + late), len(one.observer.outputs)
         self.state, self.begun = np.array(one.begins), False
         if xhat0 is not None:
             for i, k in one.copied:
@@ -93,7 +117,8 @@ class Machine:
     def copied(self) -> "Machine":
         """The same where it is now, which goes on by itself."""
         other = Machine(self.one, self.xhat0)
-        other.state, other.begun, other._functions = self.state.copy(), self.begun, self._functions
+        other.state, other.begun = self.state.copy(), self.begun
+        other._functions, other._places = self._functions, self._places
         return other
 
     def function(self, which: str) -> Function:
@@ -123,7 +148,7 @@ class Machine:
     def set(self, routine: Routine, values: Values) -> None:
         """Take the results of a routine as states."""
         for name, value in zip(routine.results, values, strict=True):
-            self.state[self.one.states.index(name)] = value
+            self.state[self._homes[name]] = value
 
     def run(self, which: str, t: float, u: Values, y: Values, dt: float = 0.0) -> list[float]:
         """Results of a routine."""
@@ -140,13 +165,19 @@ class Machine:
 
     def given(self, which: str, t: float, u: Values, y: Values, dt: float) -> list[float]:
         """Values of the signals that a routine is given."""
-        one, known = self.one, {"t": t, self.one.dt: dt}
-        inputs, outputs = one.observer.inputs, one.observer.outputs
-        if one.observer.following:
-            known |= dict(zip((*inputs, *map(ahead, inputs)), u, strict=False))
-            outputs = tuple(map(ahead, outputs))
-        known |= dict(zip(inputs, u, strict=False)) | dict(zip(outputs, y, strict=False))
-        known |= dict(zip(one.states, self.state.tolist(), strict=True))
-        if self.xhat0 is not None:
-            known = {**dict(zip(one.plant_states, self.xhat0, strict=False)), **known}
-        return [known[name] for name in getattr(one, which).given]
+        known = [t, dt, *self.state.tolist(), *u]
+        known += [0.0] * (2 + len(self._homes) + self._inputs - len(known))
+        known += [*y, *([0.0] * (self._outputs - len(y))), *(self.xhat0 or ())]
+        return [known[place] for place in self.places(which)]
+
+    def places(self, which: str) -> list[int]:
+        """Where the signals of a routine are among time, states, u, y and the estimate at the start."""
+        if which not in self._places:
+            one, late = self.one, bool(self.one.observer.following)
+            inputs, outputs = one.observer.inputs, one.observer.outputs
+            names = ["t", one.dt, *one.states, *inputs, *(map(ahead, inputs) if late else ())]
+            names += map(ahead, outputs) if late else outputs
+            found = {name: i for i, name in reversed(list(enumerate((*names, *one.plant_states))))}
+            found |= dict(zip(outputs, range(len(names) - len(outputs), len(names)), strict=True)) if late else {}
+            self._places[which] = [found[name] for name in getattr(one, which).given]
+        return self._places[which]
