@@ -25,6 +25,7 @@ from support.exported import (
 import obsdesign as od
 from obsdesign.exports import python
 from obsdesign.exports.code import identifiers
+from obsdesign.exports.python_language import RESERVED
 
 
 def module_of(content, path):
@@ -141,9 +142,9 @@ def test_hostile_names_become_identifiers(tmp_path):
 
 @given(st.lists(st.text(), unique=True, max_size=12))
 def test_identifiers_are_distinct_and_none_is_reserved(names):
-    found = list(identifiers(tuple(names), python.RESERVED).values())
+    found = list(identifiers(tuple(names), RESERVED).values())
     assert len(set(found)) == len(names)
-    assert all(name.isascii() and name.isidentifier() and name not in python.RESERVED for name in found)
+    assert all(name.isascii() and name.isidentifier() and name not in RESERVED for name in found)
 
 
 @given(st.text())
