@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.exported import INPUTS, OBSERVERS, Reference, deviation, hostile, played, subject, xhat0_of
+from support.exported import INPUTS, OBSERVERS, Reference, deviation, functions, hostile, played, subject, xhat0_of
 
 import obsdesign as od
 from obsdesign.exports import matlab
@@ -113,6 +113,18 @@ def test_hostile_names_become_identifiers(tmp_path):
     printed = performed(tmp_path, f"{script} printf('%.17g ', while__estimate(s, 0, zeros(1, {len(u)})));")
     found = np.array(printed.split(), dtype=float)
     assert found == pytest.approx(reference.estimate(0.0, u, ()), rel=1e-12)
+
+
+@octave
+def test_every_function_is_that_of_the_simulator(tmp_path):
+    made = functions()
+    u = np.vstack([np.random.default_rng(1).uniform(-2, 2, (200, 2)), [[1.0, 1.0], [0.0, -1.0], [-1.0, 1.0]]])
+    np.savetxt(tmp_path / "u.txt", u, "%.17g")
+    script = "u = load('-ascii', 'u.txt'); s = functions_init();\nfor k = 1:rows(u)\n"
+    script += "    printf('%.17g ', functions_estimate(s, 0, u(k, :))); disp('');\nend"
+    found = np.loadtxt(performed(exported(made, None, tmp_path), script).splitlines())
+    expected = [Reference(made.implemented).estimate(0.0, row, ()) for row in u.tolist()]
+    assert found == pytest.approx(np.array(expected), rel=1e-13, abs=1e-300)
 
 
 @given(st.lists(st.text(), unique=True, max_size=12))

@@ -16,6 +16,7 @@ from support.exported import (
     Reference,
     design_of,
     deviation,
+    functions,
     hostile,
     played,
     subject,
@@ -138,6 +139,13 @@ def test_hostile_names_become_identifiers(tmp_path):
         reference.step(k, u, (0.3,))
     assert observer.names[:6] == STATES
     assert observer.estimate(0.0, u).tolist() == pytest.approx(reference.estimate(0.0, u, ()).tolist(), rel=1e-12)
+
+
+def test_every_function_is_that_of_the_simulator(tmp_path):
+    made = functions()
+    observer, reference = imported(made, None, tmp_path).Observer(), Reference(made.implemented)
+    for u in [*np.random.default_rng(1).uniform(-2, 2, (200, 2)).tolist(), [1.0, 1.0], [0.0, -1.0], [-1.0, 1.0]]:
+        assert observer.estimate(0.0, u) == pytest.approx(reference.estimate(0.0, u, ()), rel=1e-13, abs=1e-300)
 
 
 @given(st.lists(st.text(), unique=True, max_size=12))

@@ -3,10 +3,14 @@
 from functools import cache
 
 import numpy as np
+from flint import fmpq
 
 import obsdesign as od
-from obsdesign.exports.subject import subject_of
+from obsdesign.exports.subject import Subject, subject_of
 from obsdesign.exports.vectors import vectors
+from obsdesign.expressions import parse
+from obsdesign.families.observer import Observer
+from obsdesign.stepping.implemented import Implemented
 from obsdesign.stepping.machine import Machine
 from obsdesign.work import trial
 from support.shipped import FILTERS, SPECS, on, solved
@@ -41,6 +45,22 @@ def hostile():
     return od.solve(
         od.Spec(system=system, observer={"type": "l2", "alpha": 0.1, "bounds": {"L1": 10}}, implementation=steps)
     )
+
+
+FUNCTIONS = (
+    "sin(u)", "cos(u)", "tan(u)", "asin(u/3)", "acos(u/3)", "atan(u)", "sinh(u)", "cosh(u)", "tanh(u)", "exp(u)",
+    "log(1 + u*u)", "sqrt(2 + u)", "abs(u)", "sign(u)", "sat(u)", "min(u, 1, v)", "max(u, -1, v)", "atan2(u, v)",
+    "where(u > 0, log(u), v)", "where(u >= v, sqrt(u - v), -1)", "(2 + u)**1.7", "v**4", "(u - v)**2", "(u - v)**3",
+    "u**2", "v**3", "pi*u", "1/(1 + exp(-1000*u))", "(u < v)*(u != 1)*v", "-u*v/(3 + u)/2 - (u - (v - u))",
+    "where((u == 1) + (v <= 1), u, -v)", "where(u < 0, -u**2, u**0.5)/-7", "where(abs(u) > 1, u, acos(u))",
+)  # fmt: skip
+
+
+def functions():
+    """Something whose estimates are all functions of the trade, of its inputs u and v."""
+    estimates = {f"e{i}": parse(text, ("u", "v")) for i, text in enumerate(FUNCTIONS)}
+    alone = Observer({}, estimates, ("u", "v"), ("y",))
+    return Subject("functions", Implemented(alone, fmpq(1), "", (), np.zeros(0)), ("all functions",), {})
 
 
 @cache
