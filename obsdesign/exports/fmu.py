@@ -95,7 +95,7 @@ def variables(subject: Subject) -> list[Variable]:
     return made
 
 
-def about(subject: Subject) -> list[str]:
+def told(subject: Subject) -> list[str]:
     """What a user of the FMU needs to know of its steps, and what is proved."""
     step = f"{subject.period:g} s"
     if subject.instants:
@@ -109,7 +109,7 @@ def about(subject: Subject) -> list[str]:
 def description(subject: Subject, guid: str) -> str:
     """File `modelDescription.xml`."""
     ID, known = subject.name, variables(subject)
-    text = quoteattr("\n".join(map(one_line, about(subject))))
+    text = quoteattr("\n".join(map(one_line, told(subject))))
     units = sorted({one.unit for one in known if one.unit})
     references = {False: iter(range(len(known))), True: iter(range(len(known)))}
     lines = [

@@ -117,3 +117,12 @@ class Reference(Machine):
 def deviation(found, expected):
     """Largest difference of estimates, relative to the size of each."""
     return (np.abs(found - expected) / np.maximum(np.abs(expected).max(axis=0), 1e-12)).max()
+
+
+def steps_of(name):
+    """Steps in which a shipped observer is exported in a sweep: a part of the largest with which rk4 is stable."""
+    design = design_of(name)
+    if design.spec.period is not None or design.spec.implementation is not None:
+        return None, None
+    largest = (design.analysis.get("largest_step") or {}).get("rk4") if design.gains else None
+    return f"{largest / 20:.3g}" if largest else "1.0e-5", "rk4" if largest else "exact"
