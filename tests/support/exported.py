@@ -29,6 +29,7 @@ OBSERVERS = on(  # spec, period, method: each method and time, loops, jumps, sta
     ("cuk-immersion", "1.0e-6", "rk4"),
     ("cuk-ekf", "1.0e-5", "rk4"),
     ("saturated-spring", "1.0e-3", "rk4"),
+    ("nonlinear-disturbance", "1.0e-2", "rk4"),
 )
 STATES = ("for", "class", "end", "lambda", "x", "y")
 INPUTS = ("u", "s", "dt", "math", "out", "step", "self", "None", "newton", "_", "int", "double", "function", "NULL")
