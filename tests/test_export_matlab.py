@@ -52,20 +52,24 @@ def exported(made, rows, folder):
     return folder
 
 
+def ran(made, rows, xhat0, folder):
+    """Estimates of the rows by the exported files, after the measurement of each."""
+    np.savetxt(folder / "rows.txt", np.column_stack([rows.t, rows.on, rows.measured, rows.u, rows.y]), "%.17g")
+    script = PLAYED.replace("STEP", INSTANTS if made.instants else AHEAD if made.ahead else HELD)
+    script = script.replace("XHAT0", str(xhat0 or "")).replace("PERIOD", repr(made.period))
+    script = script.replace("NU", str(rows.u.shape[1])).replace("ID_", f"{made.name}_")
+    performed(exported(made, rows, folder), script)
+    return np.loadtxt(folder / "found.txt", ndmin=2)
+
+
 @octave
 @pytest.mark.parametrize("elsewhere", [False, True], ids=["xhat0", "another"])
 @pytest.mark.parametrize(("name", "period", "method"), OBSERVERS)
 def test_code_computes_what_the_simulator_does(name, period, method, elsewhere, tmp_path):
     made, rows = subject(name, period, method)
     xhat0 = xhat0_of(made) if elsewhere else None
-    np.savetxt(tmp_path / "rows.txt", np.column_stack([rows.t, rows.on, rows.measured, rows.u, rows.y]), "%.17g")
-    script = PLAYED.replace("STEP", INSTANTS if made.instants else AHEAD if made.ahead else HELD)
-    script = script.replace("XHAT0", str(xhat0 or "")).replace("PERIOD", repr(made.period))
-    performed(
-        exported(made, rows, tmp_path), script.replace("NU", str(rows.u.shape[1])).replace("ID_", f"{made.name}_")
-    )
     expected = played(Reference(made.implemented, xhat0), made, rows)
-    assert deviation(np.loadtxt(tmp_path / "found.txt", ndmin=2), expected) < 1e-12
+    assert deviation(ran(made, rows, xhat0, tmp_path), expected) < 1e-12
 
 
 WRONG = """
