@@ -64,7 +64,6 @@ def test_it_is_connected_by_names():
     assert hostile().to_control().input_labels[: len(INPUTS)] == list(INPUTS)
 
 
-@installed
 @pytest.mark.parametrize(
     ("name", "why"),
     [
