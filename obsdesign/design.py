@@ -34,6 +34,8 @@ from obsdesign.spec import Spec, named_by
 from obsdesign.tables.split import entry
 
 if TYPE_CHECKING:
+    from control import NonlinearIOSystem
+
     from obsdesign.simulate import Run
 
 FORMAT = 1
@@ -225,6 +227,15 @@ class Design(Outcome):
             signals = dict(zip(states, run.steps.theta.T, strict=True))
             told = FAMILIES[spec.observer.type].report(spec, self.form, run.steps.t, signals)
             return replace(run, summary={**run.summary, **told}) if told else run
+
+    def to_control(self) -> "NonlinearIOSystem":
+        """Observer as a system of python-control: inputs u and y, outputs `hat_..`, states by their names.
+
+        Raises `UsageError`: there are no gains, python-control is not installed, or the observer has no such equations.
+        """
+        from obsdesign.exports.control import to_control
+
+        return to_control(self.observer, self.spec.period, self.spec.name)
 
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""

@@ -66,6 +66,13 @@ def test_code_agrees_with_the_simulator(name, period, method, single, tmp_path):
     assert outcome.returncode == 0, outcome.stdout + outcome.stderr
 
 
+@pytest.mark.parametrize("dialect", ["gnu99", "gnu17"])
+def test_code_compiles_where_the_library_declares_more_names(dialect, tmp_path):
+    od.export(design_of("discrete-feedthrough"), "c").write(tmp_path)
+    command = ["gcc", f"-std={dialect}", "-Wall", "-Wextra", "-Werror", "-c", "discrete_feedthrough.c"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+
+
 def test_a_self_test_fails_where_a_gain_is_another(tmp_path):
     made = od.export(design_of("pendulum-embedded"), "c")
     made.write(tmp_path)

@@ -155,7 +155,7 @@ int {ID}_init({ID}_state *s, const real *xhat0)
 {{
     static const real start[{max(1, len(one.states))}] = {{{values or 0}}};
     int i;
-    if (s == NULL || (xhat0 != NULL && !finite({n}, xhat0))) return 1;
+    if (s == NULL || (xhat0 != NULL && !all_finite({n}, xhat0))) return 1;
     for (i = 0; i < {ID}_NS; i++) s->x[i] = start[i];
     if (xhat0 != NULL) {{
 {given}    }}
@@ -214,12 +214,12 @@ def guards(subject: Subject, which: str) -> list[str]:
     least += ["out == NULL"] if which in READ else []
     least += [f"!(dt >= 0 && dt <= {ID}_PERIOD*(1 + {slack}))"] if which in TIMED else []
     if nu:
-        least.append(f"u == NULL || !finite({nu}, u)")
+        least.append(f"u == NULL || !all_finite({nu}, u)")
     needs_y = which in ("step", "part", "jump") and not (which == "step" and subject.instants)
     if needs_y or subject.begins or any(name in subject.outputs for name in given):
-        least.append(f"y == NULL || !finite({ny}, y)")
+        least.append(f"y == NULL || !all_finite({ny}, y)")
     elif which in READ:
-        least.append(f"(y != NULL && !finite({ny}, y))")
+        least.append(f"(y != NULL && !all_finite({ny}, y))")
     lines = [f"if ({' || '.join(least)}) return 1;"]
     return [*lines, *([] if nu else ["(void)u;"]), *(["(void)y;"] if which == "step" and subject.instants else [])]
 
@@ -265,7 +265,7 @@ def stored(subject: Subject, which: str, state: str) -> Iterator[str]:
     """What becomes of the results: states, or estimates."""
     one, routine = subject.implemented, subject.routines[which]
     inner = which in ("begin", "locate")
-    yield f"if (!finite({len(routine.results)}, new)) return {0 if inner else 2};"
+    yield f"if (!all_finite({len(routine.results)}, new)) return {0 if inner else 2};"
     if which in READ:
         yield from (f"out[{i}] = new[{i}];" for i in range(len(routine.results)))
     else:

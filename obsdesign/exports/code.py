@@ -11,6 +11,7 @@ from obsdesign.expressions.exact import double
 from obsdesign.expressions.functions import COMPARISONS
 from obsdesign.expressions.tree import Call, Number, equals, fold
 
+LONGEST = 60  # characters of an identifier: C tells 63 apart, and MATLAB takes no more
 CONDITION, SUM, PRODUCT, UNARY, ATOM = range(5)  # how tightly code binds
 
 
@@ -111,12 +112,13 @@ class Language:
 
 
 def identifiers(names: tuple[str, ...], reserved: frozenset[str]) -> dict[str, str]:
-    """Identifiers for signals: letters, digits and _, none of them reserved, each its own."""
+    """Identifiers for signals: letters, digits and _, none of them reserved, each its own; long ones are cut."""
     found: dict[str, str] = {}
     taken = set(reserved)
     for name in names:
         made = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_next" if c == "+" else "_" for c in name)
         made = made if made and made[0].isalpha() else f"x_{made}"
+        made = made if len(made) <= LONGEST else f"{made[: LONGEST // 2]}_{made[1 - LONGEST // 2 :]}"
         while made in taken:
             made += "_"
         taken.add(made)

@@ -63,8 +63,9 @@ def passage(
     if not 0 < steps <= MOST:
         said = f"holds {steps:,} steps of implementation.period; give one to {MOST:,}"
         raise UsageError(Problem(said, key="simulation.horizon", id="OBS210"))
-    alone = Observer({}, {name: Expression.number(0) for name in observer.estimates}, observer.inputs, observer.outputs)
     acting = scenario(spec, simulation, bool(observer.jump))
+    nothing = dict.fromkeys((*acting.plant.states, *observer.estimates), Expression.number(0))
+    alone = Observer({}, nothing, observer.inputs, observer.outputs)
     schedule: Schedule | None = None
     if observer.jump:
         timed = received(acting, simulation, sampling or sampled(simulation, observer, None), None)
