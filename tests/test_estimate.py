@@ -15,6 +15,7 @@ from support.shipped import SPECS, solved
 import obsdesign as od
 from obsdesign.data import runner, table
 from obsdesign.data.innovations import LAGS, Innovations
+from obsdesign.data.interpreted import Interpreted
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
@@ -131,7 +132,7 @@ def test_both_engines_agree(scalar, monkeypatch):
         t, u, y = np.cumsum(float(one.period) * rng.uniform(0.2, 3, 200)), made.u[pick], made.y[pick].copy()
         y[1:][rng.uniform(size=y[1:].shape) < 0.1] = np.nan
         for first in (False, True):
-            found = [kind.run(t, u, y, 0, first) for kind in (runner.Compiled.of(one), runner.Interpreted(one))]
+            found = [kind.run(t, u, y, 0, first) for kind in (runner.Compiled.of(one), Interpreted.of(one))]
             for part, other in zip(found[0][:3], found[1][:3], strict=True):
                 assert part == pytest.approx(other, rel=1e-9, abs=1e-9, nan_ok=True)
     design, made = scalar

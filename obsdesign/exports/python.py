@@ -19,7 +19,7 @@ from obsdesign.exports.routines import (
     takes_y,
     wrapped,
 )
-from obsdesign.exports.subject import Subject, loops_of, shortest
+from obsdesign.exports.subject import READ, TIMED, Subject, loops_of, shortest
 from obsdesign.exports.vectors import Vectors
 from obsdesign.stepping.routine import Let
 
@@ -30,6 +30,9 @@ GIVES = {
     "flow": "State at t + dt.",
     "jump": "State after a measurement.",
     "estimate": "Estimates.",
+    "part": "State at t + dt.",
+    "predict": "Outputs as they are expected.",
+    "arguments": "Arguments of f.",
 }
 
 
@@ -41,8 +44,7 @@ def files(subject: Subject, _: Vectors) -> dict[str, bytes]:
 def source(subject: Subject) -> str:
     """Module `ID.py`."""
     tongue = language()
-    equations = [text for which in subject.routines for text in (*loops(subject, which, tongue),
-                                                                function(subject, which, tongue))]  # fmt: skip
+    made = equations(subject, tongue)
     constants = [f"PERIOD = {shortest(subject.period)}  # s"]
     if subject.implemented.copied:
         values = subject.implemented.xhat0[: len(subject.implemented.plant_states)]
@@ -50,10 +52,23 @@ def source(subject: Subject) -> str:
     parts = [
         "\n".join([head(subject), "", "import math", "", "import numpy as np", "", *constants]),
         observer(subject),
-        *equations,
+        *made,
         *helpers(subject, tongue),
-    ]  # fmt: skip
+    ]
     return "\n\n\n".join(parts) + "\n"
+
+
+def functions(subject: Subject) -> str:
+    """The equations alone: a module with a function of state, t, u and y for each routine."""
+    tongue = language()
+    made = equations(subject, tongue)
+    return "\n\n\n".join(["import math", *made, *helpers(subject, tongue)]) + "\n"
+
+
+def equations(subject: Subject, tongue: Language) -> list[str]:
+    """Equations of all routines, as functions of a module."""
+    both = ((*loops(subject, which, tongue), function(subject, which, tongue)) for which in subject.routines)
+    return [text for texts in both for text in texts]
 
 
 def quoted(text: str) -> str:
@@ -172,12 +187,12 @@ def method(subject: Subject, which: str) -> Iterator[str]:
 def function(subject: Subject, which: str, tongue: Language) -> str:
     """Equations of a routine, as a function of the module."""
     one, routine, names = subject.implemented, subject.routines[which], named(subject, which, RESERVED)
-    dt, y = f", {names[one.dt]}" if which == "flow" else "", ", y" if takes_y(subject, which) else ""
+    dt, y = f", {names[one.dt]}" if which in TIMED else "", ", y" if takes_y(subject, which) else ""
     lines = [f"def {which}(x{', xhat0' if which == 'locate' else ''}, t{dt}, u{y}):"]
     lines += [f'    """{GIVES[which]}"""']
     given = {"x": one.states, "u": inputs_of(subject, which), "y": outputs_of(subject, which) if y else ()}
     given |= {"xhat0": one.plant_states} if which == "locate" else {}
-    kept = tuple(routine.results) if which == "estimate" else one.states
+    kept = tuple(routine.results) if which in READ else one.states
     used = {*routine.given, *(name for name in kept if name not in routine.results)}
     for source, signals in given.items():
         if used.intersection(signals):

@@ -17,7 +17,7 @@ OWN = {  # functions of the trade that Python has not, or not quite
 }
 LARGE = {"exp": "math.inf", "cosh": "math.inf", "sinh": "math.copysign(math.inf, x)"}  # beyond what a double can hold
 WORDS = "math np x u y a known xhat0 abs newton solved size computed numbers instant Observer PERIOD True False"
-ROUTINES = "begin locate step flow jump estimate"
+ROUTINES = "begin locate step flow jump estimate part predict arguments"
 CALLED = {name: head[: head.index("(")] for name, (head, _, _) in OWN.items()} | {name: name for name in LARGE}
 RESERVED = frozenset([*keyword.kwlist, *f"{WORDS} {ROUTINES}".split(), *CALLED.values()])
 

@@ -14,7 +14,7 @@ WIDTH = 110  # characters of a line, where it can be broken
 
 def inputs_of(subject: Subject, which: str) -> tuple[str, ...]:
     """Signals that a routine is given as u."""
-    late = tuple(map(ahead, subject.inputs)) if subject.ahead and which == "step" else ()
+    late = tuple(map(ahead, subject.inputs)) if subject.ahead and which in ("step", "predict") else ()
     return (*subject.inputs, *late)
 
 

@@ -1,0 +1,170 @@
+"""An observer along the rows of a log in Python: the functions that are exported, and the way between rows."""
+
+import importlib.util
+import math
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from obsdesign.data.driver import NAME, ROUNDING, Engine, foresees
+from obsdesign.data.runner import Passed
+from obsdesign.exports import python
+from obsdesign.lmi.formula import Float
+from obsdesign.stepping.implemented import Implemented
+
+Values = Sequence[float]
+Function = Callable[..., tuple[float, ...]]
+
+
+class StuckError(Exception):
+    """An equation has no finite value."""
+
+
+@dataclass
+class Interpreted:
+    """The observer in Python, with its state and the y that was known last, NaN where none was."""
+
+    one: Implemented
+    functions: dict[str, Function]
+    x: tuple[float, ...]
+    last: tuple[float, ...]
+    begun: bool
+    engine: ClassVar[Literal["c", "numpy"]] = "numpy"
+
+    @classmethod
+    def of(cls, one: Implemented) -> "Interpreted":
+        """Observer at its start."""
+        subject = Engine(NAME, one, (), {})
+        code = loaded(python.functions(subject))
+        functions = {which: finite(getattr(code, which)) for which in subject.routines}
+        return cls(one, functions, one.begins, (math.nan,) * len(subject.outputs), one.begin is None)
+
+    def copied(self) -> "Interpreted":
+        """The same where it is now."""
+        return replace(self)
+
+    def run(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float = 0.0) -> Passed:
+        """Go along rows."""
+        T, U, Y, K = t.tolist(), u.tolist(), y.tolist(), len(t)
+        width = len(self.one.observer.estimates), len(self.one.observer.outputs), len(self.one.watched)
+        found: tuple[list[Values], ...] = tuple([(math.nan,) * n] * K for n in width)
+        k, done = 0, K
+        try:
+            for k in range(K):
+                if k or not begin:
+                    self.record(found, k, T[k], U[k], Y[k])
+                if k + 1 < K:
+                    self.advance(found, k, (T[k], T[k + 1]), (U[k], U[k + 1]), (Y[k], Y[k + 1]), first, h)
+        except StuckError:
+            done = k + (bool(begin and not k) or not math.isnan(sum(found[0][k])))
+        estimates, expected, arguments = (np.array(part).reshape(K, -1) for part in found)
+        return Passed(estimates, expected, arguments, done)
+
+    def record(self, found: tuple[list[Values], ...], k: int, t: float, u: Values, y: Values) -> None:
+        """Take a row."""
+        f = self.functions
+        if self.one.observer.following:
+            found[0][k] = f["estimate"](self.x, t, u, y)
+            return
+        if not self.begun:
+            self.begun, self.x = True, f["begin"](self.x, t, u, y)
+        full = self.filled(t, u, y)
+        found[1][k] = f["predict"](self.x, t, u, full)
+        if self.one.jump and not all(map(math.isnan, y)):
+            self.x = f["jump"](self.x, t, u, full)
+        found[0][k] = f["estimate"](self.x, t, u, full)
+        if self.one.watched:
+            found[2][k] = f["arguments"](self.x, t, u, full)
+
+    def filled(self, t: float, u: Values, y: Values) -> Values:
+        """Return y with what is missing filled by what is expected, or by what was known last."""
+        if not any(map(math.isnan, y)):
+            self.last = tuple(y)
+            return y
+        self.last = tuple(old if math.isnan(new) else new for old, new in zip(self.last, y, strict=True))
+        if not foresees(self.one):
+            full: Values = self.last
+        else:
+            guess = [0.0 if math.isnan(value) else value for value in self.last]
+            expected = self.functions["predict"](self.x, t, u, guess)
+            full = [hoped if math.isnan(new) else new for hoped, new in zip(expected, y, strict=True)]
+        if any(map(math.isnan, full)):
+            raise StuckError
+        return full
+
+    def advance(
+        self,
+        found: tuple[list[Values], ...],
+        k: int,
+        t: tuple[float, float],
+        u: tuple[list[float], list[float]],
+        y: tuple[list[float], list[float]],
+        first: bool,
+        h: float,
+    ) -> None:
+        """Go on to the next row."""
+        f, one = self.functions, self.one
+        if one.observer.following:
+            both = [*u[0], *u[1]]
+            expected = found[1][k + 1] = f["predict"](self.x, t[0], both, ())
+            full = [hoped if math.isnan(new) else new for hoped, new in zip(expected, y[1], strict=True)]
+            self.x = f["step"](self.x, t[0], both, full)
+        elif not one.method:
+            self.x = f["step"](self.x, t[0], u[0], self.filled(t[0], u[0], y[0]))
+        else:
+            period = float(one.period.p) / float(one.period.q)
+            self.parts(t, u, y, first, h or period, period)
+
+    def parts(
+        self, t: tuple[float, float], u: Sequence[Values], y: Sequence[Values], first: bool, h: float, period: float
+    ) -> None:
+        """Go on to the next row in steps of at most h."""
+        f, span, jumps = self.functions, t[1] - t[0], self.one.jump is not None
+        for i in range(max(1, math.ceil(span / h - ROUNDING))):
+            begin = t[0] + i * h
+            left = t[1] - begin
+            on = left if left < h * (1 + ROUNDING) else h
+            inputs, seen = u[0], y[0]
+            if first:
+                share = (begin + on / 2 - t[0]) / span
+                inputs = [a + share * (b - a) for a, b in zip(*u, strict=True)]
+                seen = [a + (0.0 if math.isnan(b) else share * (b - a)) for a, b in zip(*y, strict=True)]
+            full = self.filled(begin, inputs, seen)
+            if jumps:
+                self.x = f["flow"](self.x, begin, on, inputs)
+            elif on > period * (1 - ROUNDING):
+                self.x = f["step"](self.x, begin, inputs, full)
+            else:
+                self.x = f["part"](self.x, begin, on, inputs, full)
+
+
+def loaded(text: str) -> Any:
+    """Module of a text that is written here."""
+    with tempfile.TemporaryDirectory(prefix="obsdesign-") as folder:
+        path = Path(folder, f"{NAME}.py")
+        path.write_text(text)
+        spec = importlib.util.spec_from_file_location(NAME, path)
+        assert spec
+        assert spec.loader
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    return module
+
+
+def finite(function: Function) -> Function:
+    """The function, which raises `StuckError` where it has no finite value."""
+
+    def checked(*arguments: Any) -> tuple[float, ...]:
+        try:
+            found = function(*arguments)
+        except (ArithmeticError, ValueError):
+            raise StuckError from None
+        if not math.isfinite(sum(found)):
+            raise StuckError
+        return found
+
+    return checked
