@@ -11,12 +11,12 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
-from obsdesign.model.disturbance import Generator, empty
+from obsdesign.model.disturbance import empty, rows_of
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.period import read_period
-from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
+from obsdesign.reading.plant import Layout, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
 from obsdesign.reading.schema import File, Weight, read_file
 from obsdesign.reading.trial import read_simulation
@@ -240,7 +240,7 @@ def read_performance(
     if layout.names is None or exogenous.generator is None or section is None:
         return empty(0, 0), ()
     x, w = layout.names.states, layout.names.w
-    table = rows(layout.names, exogenous.states, exogenous.generator)
+    table = rows_of(x, exogenous.states, w, exogenous.generator)
     groups = {"x": x, "w": w, "all": (*x, *exogenous.states)}
     chosen = groups.get(section, x) if isinstance(section, str) else section
     if section == "w" and (modelled := [name for name in w if table[name] is not None]) and len(modelled) < len(w):
@@ -272,19 +272,6 @@ def listed(section: str, layout: Layout, exogenous: Exogenous) -> dict[str, str]
     names = [near for name in section.split(",") if (near := nearest(name.strip(), known))]
     said = f"is no group of signals; names stand in a list: write [{', '.join(names)}]"
     return {section: said} if len(names) == section.count(",") + 1 else {}
-
-
-def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Array | None]:
-    """Row over the augmented state of each state and each w; None where w has a feedthrough from v or f."""
-    n, size = len(names.states), len(names.states) + len(xm)
-    basis = np.full((size, size), fmpq(0), dtype=object)
-    np.fill_diagonal(basis, fmpq(1))
-    table: dict[str, Array | None] = dict(zip((*names.states, *xm), basis, strict=True))
-    for i, name in enumerate(names.w):
-        row = np.concatenate([np.full(n, fmpq(0), dtype=object), generator.Cm[i]])
-        feedthrough = np.any(generator.Dm[i] != 0) or np.any(generator.Dwf[i] != 0)
-        table.setdefault(name, None if feedthrough else row)
-    return table
 
 
 def read_weight(reader: Reader, section: Weight, layout: Layout, exogenous: Exogenous) -> tuple[Array, tuple[str, ...]]:

@@ -51,7 +51,7 @@ def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple
     """What is computed over frozen members of the class: poles, steps, and gains with and without the observer."""
     if not found:
         return []
-    rows = [*worst(found), *steps(found)]
+    rows = [*worst(found), *steps(found), *noise(found)]
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)} by V of the certificate"]
@@ -81,6 +81,25 @@ def steps(found: Mapping[str, Any]) -> Rows:
     known = {name: found["largest_step"][key] for name, key in methods.items()}
     told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step)
     return [("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE))]
+
+
+def noise(found: Mapping[str, Any]) -> Rows:
+    """Rms of each error for white noise of each output, of density 1, and of rms 1 where that can be told."""
+    kinds = {"noise_density": "unit/sqrt(Hz)", "noise_rms": "unit rms"}
+    known = {key: found[key] for key in kinds if found.get(key)}
+    if known.get("noise_rms") == known.get("noise_density"):
+        known.pop("noise_density", None)  # of samples they are one number
+    return [
+        (key.replace("_", " "), f"{sizes}   rms for 1 {kinds[key]} of {output}")
+        for key, gains in known.items()
+        for output, sizes in by_output(gains).items()
+    ]
+
+
+def by_output(gains: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """Sizes of the errors in one line for each output."""
+    outputs = dict.fromkeys(output for row in gains.values() for output in row)
+    return {y: ", ".join(f"{name} {row[y]:.3g}" for name, row in gains.items()) for y in outputs}
 
 
 def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[str]:
