@@ -22,7 +22,7 @@ from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
-from obsdesign.trial import Simulation
+from obsdesign.trial import Level, Simulation
 
 PROVED = "is proved from f"  # of a type, in a note
 MODEL = "of the plant in samples, a model of the continuous one"  # of a claim
@@ -163,6 +163,7 @@ class Spec(metaclass=Called):
     gy: tuple[Expression, ...]  # (ny,) of t and the inputs
     H: Array  # (nz, n + nm): z = H e
     H_names: tuple[str, ...]
+    noise: Mapping[str, Level]  # of outputs, by name
     observer: Request
     simulation: Simulation | None
     expect: Mapping[str, Any]

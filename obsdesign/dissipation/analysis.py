@@ -230,6 +230,17 @@ class Errors:
             return None
         return max((self.modes.gain(A, B, self.H) for A, B, _ in self.systems), default=0.0)
 
+    def channel_gains(self, *, peaks: bool) -> list[float] | None:
+        """Gain from each v alone to z, the worst over the members: of energy, or of peaks; None as in `energy_gain`."""
+        if not self.bounded or not self.modes.stable(self.poles):
+            return None
+        count = self.plant.B.shape[1]
+        return [max(self.gain(A, B[:, [k]], peaks=peaks) for A, B, _ in self.systems) for k in range(count)]
+
+    def gain(self, A: Array, B: Array, *, peaks: bool) -> float:
+        """Gain of one member from some v to z, of peaks or of energy."""
+        return largest_area(*self.modes.impulse(A, B, self.H)) if peaks else self.modes.gain(A, B, self.H)
+
     def peak_gain(self) -> float | None:
         """Integral of the norm of the impulse response from v to z, or its sum; None as in `energy_gain`."""
         return self.least_peak() if self.bounded and self.modes.stable(self.poles) else None

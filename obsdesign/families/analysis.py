@@ -4,13 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.modes import modes
+from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
-from obsdesign.lmi.formula import Array
-from obsdesign.model.disturbance import rows_of
+from obsdesign.families.noise import by_channel, heard
 from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
@@ -33,36 +31,11 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
     steps["peak_gain"] = {"least": errors.least_peak(), "most": most_peak(spec, guarantee)}
     unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
-    steps |= noise(spec, errors, None if spec.period is None else float(spec.period))
+    steps |= heard(spec, errors, None if spec.period is None else float(spec.period))
+    if spec.noise and FAMILIES[spec.observer.type].noise_in_w:
+        steps["gain_by_channel"] = by_channel(spec, errors, peaks=guarantee is not None and guarantee.norm == "sup")
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
     return {name: finite(value) for name, value in found.items()}
-
-
-def noise(spec: Spec, errors: Errors, period: float | None) -> dict[str, Any]:
-    """How much white noise of each output is in the error of each estimate, as rms, of the worst frozen member.
-
-    `noise_density` is for noise whose two-sided density is 1 unit/sqrt(Hz), in samples for a rms of 1; `noise_rms` for
-    a rms of 1 that is held over a period h (s), whose density is sqrt(h) where the error is slow against h. Both None
-    where a pole is not stable or slopes are not bounded, and the latter without a period.
-    """
-    rows = estimated(spec)
-    norms = errors.noise_norms(np.array([*rows.values()], dtype=float))
-    factor = 1.0 if errors.sampled else period and math.sqrt(period)
-
-    def named(sizes: Array) -> dict[str, dict[str, float]]:
-        told = (dict(zip(spec.plant.outputs, row, strict=True)) for row in sizes.tolist())
-        return dict(zip(rows, told, strict=True))
-
-    return {
-        "noise_density": None if norms is None else named(norms),
-        "noise_rms": None if norms is None or factor is None else named(factor * norms),
-    }
-
-
-def estimated(spec: Spec) -> dict[str, Array]:
-    """Row over the augmented state of each estimate by name: states, and each w that is linear in them."""
-    known = rows_of(spec.plant.states, spec.model_states, spec.plant.exogenous, spec.generator)
-    return {name: row for name, row in known.items() if row is not None}
 
 
 def most_peak(spec: Spec, guarantee: Guarantee | None) -> float | None:

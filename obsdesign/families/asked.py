@@ -48,6 +48,7 @@ class Estimation:
     typed: Typed | None = None  # the plant as equations, of a family that takes it so
     as_equations: bool = False  # whether the matrices are those of equations that were split
     period: fmpq | None = None  # s, of a plant x+ = ..
+    noisy: bool = False  # whether the last channels of w are noise that the spec declares
 
     def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""

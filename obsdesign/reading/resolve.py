@@ -15,6 +15,7 @@ from obsdesign.model.disturbance import empty, rows_of
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
+from obsdesign.reading.noise import beside, drawn, in_matrices, read_levels, require_outputs
 from obsdesign.reading.period import read_period
 from obsdesign.reading.plant import Layout, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
@@ -27,6 +28,7 @@ from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import nearest, unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
+from obsdesign.trial import Level
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
@@ -53,40 +55,42 @@ def resolve(document: Document) -> Spec:
     require_format(reader, file)
     read_parameters(reader, file.parameters)
     period = read_period(reader, file, family)
-    plant, continuous = discretised(reader, file.system, read_system(reader, file, family), period)
+    levels = read_levels(reader, file.noise or {})
+    channels = levels if family is not None and family.noise_in_w else {}
+    plant = read_system(reader, file, family, channels)
+    plant, continuous = discretised(reader, file.system, plant, period)
     layout = plant.layout
+    require_outputs(reader, levels, layout)
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
     H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
-    observer = None
+    observer, noisy = None, beside(exogenous, len(channels))
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
-        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
+        noise = bool(channels)
+        observer, blocks = read_observer(reader, family, file.observer, plant, noisy, H, split, period, noisy=noise)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
+    if simulation is not None and layout.names is not None:
+        simulation = drawn(reader, levels, layout.names.outputs, simulation, period, family)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
-    if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
+    if reader.problems or plant.plant is None or noisy.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
     made = Spec(
-        name=file.name or named_by(document.path),
-        source=file.source or "",
-        description=(file.description or "").strip(),
-        reproduces=tuple(file.reproduces or ()),
-        text=document.text,
-        path=document.path,
-        changes=document.changes,
-        generator=exogenous.generator,
+        **heading(document, file),
+        generator=noisy.generator,
         model_states=exogenous.states,
-        drives=numbered("v", exogenous.v.size or 0),
+        drives=numbered("v", noisy.v.size or 0),
         inputs=layout.names.inputs,
         units=file.system.units if file.system else {},
         nonlinearities=blocks,
         **{name: getattr(plant, name) for name in ("plant", "gx", "gq", "gy", "typed")},
         H=H,
         H_names=H_names,
+        noise=levels,
         observer=observer,
         simulation=simulation,
         expect=expect,
@@ -97,6 +101,19 @@ def resolve(document: Document) -> Spec:
         continuous=continuous,
     )
     return with_defect(reader, file, made)
+
+
+def heading(document: Document, file: File) -> dict[str, Any]:
+    """What a spec says of itself, and where it stands."""
+    return {
+        "name": file.name or named_by(document.path),
+        "source": file.source or "",
+        "description": (file.description or "").strip(),
+        "reproduces": tuple(file.reproduces or ()),
+        "text": document.text,
+        "path": document.path,
+        "changes": document.changes,
+    }
 
 
 def require_format(reader: Reader, file: File) -> None:
@@ -126,8 +143,8 @@ def require_spec(document: Document) -> None:
         raise UsageError(Problem(said, document.path, id="OBS109"))
 
 
-def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
-    """The plant, in matrices or as equations; what an unknown family takes is not told."""
+def read_system(reader: Reader, file: File, family: Family | None, noise: Mapping[str, Level]) -> Reading:
+    """The plant, in matrices or as equations, with the channels of its noise; of no family nothing more is told."""
     sampled, typed = (family is not None and getattr(family, name) for name in ("sampled", "equations"))
     identity = family is not None and family.unstructured
     if isinstance(file.system, Equations):
@@ -145,8 +162,9 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
             reader.wrong(("system", "types"), said, at_key=True, id="OBS213")
         if typed:
             return read_typed(reader, file.system)
-        return read_equations(reader, file.system, sampled=sampled, constants=identity)
+        return read_equations(reader, file.system, noise, sampled=sampled, constants=identity)
     plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
+    plant = in_matrices(reader, plant, noise)
     return in_equations(reader, plant) if typed and family and not family.matrices else plant
 
 
@@ -159,6 +177,8 @@ def read_observer(
     H: Array,
     as_equations: bool,
     period: fmpq | None,
+    *,
+    noisy: bool,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
@@ -166,7 +186,7 @@ def read_observer(
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
     problem = Estimation(
-        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period
+        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period, noisy
     )
     return family.request(reader, section, problem), blocks
 

@@ -13,7 +13,7 @@ from obsdesign.families import FAMILIES
 from obsdesign.families.asked import FAMILY, ObserverSection
 from obsdesign.reading.disturbance_schema import CHANNEL, CHANNEL_NAME, CHANNELWISE, ChannelData, Disturbance
 from obsdesign.reading.plant_schema import MAX_BLOCKS, Equations, InMatrices, Nonlinearity, System
-from obsdesign.reading.trial_schema import Simulation
+from obsdesign.reading.trial_schema import NoiseLevel, Simulation
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
@@ -97,6 +97,12 @@ class File(Section):
         "how w is generated from v; one model, or a list with one for each channel of w",
         default="unknown",
         example="[integrator, unknown]",
+    )
+    noise: dict[str, str | NoiseLevel] | None = key(
+        MapOf(Either("a number, {rms: .., period: ..} or {density: ..}", ENTRY, mapping=NoiseLevel)),
+        "white noise of outputs, by its rms: each is a further channel of w, with that number in D; runs draw it",
+        default={},
+        example="{theta: 1.0e-3}",
     )
     performance: str | list[str] | Weight | None = key(
         Either("x, w, all, a list of names, or {H: a matrix}", TEXT, ListOf(TEXT), mapping=Weight),

@@ -68,8 +68,9 @@ def entries(spec: Spec) -> Iterator[Entry]:
     for name, side in sorted(zip(spec.inputs, simulation.u, strict=True)):
         yield "simulation.u", name, side
     yield from noises(spec, simulation)
-    yield "simulation.v", "v", ", ".join(side.text for side in simulation.v or ()) or "not given"
-    yield "disturbance", "the disturbance model", str(vars(spec.generator)) if simulation.v else None
+    v = (simulation.v or ())[: len(spec.drives) - noisy(spec)]
+    yield "simulation.v", "v", ", ".join(side.text for side in v) or "not given"
+    yield "disturbance", "the disturbance model", model(spec) if simulation.v else None
     sides, driven = dict(plant.sides()), by_name(spec, simulation)
     inner = {name: sides[name] for name in (*plant.algebraic, *plant.outputs)}
     for _ in inner:
@@ -85,8 +86,22 @@ def starts(spec: Spec) -> list[tuple[str, float]]:
 
 
 def by_name(spec: Spec, simulation: Simulation) -> Mapping[str, Expression]:
-    """Disturbances by the names that they have in the equations; none where v generates them."""
-    return dict(zip(spec.equations(spec.plant).exogenous, simulation.w or (), strict=False))
+    """Disturbances by the names that they have in the equations; where v generates them only noise, which is apart."""
+    exogenous = spec.equations(spec.plant).exogenous
+    still = dict.fromkeys(exogenous[len(exogenous) - noisy(spec) :], ZERO)
+    return still | dict(zip(exogenous, simulation.w or (), strict=False))
+
+
+def model(spec: Spec) -> str:
+    """Disturbance model of the channels of w that no noise is, all of its matrices."""
+    m, nw, nv = spec.generator, len(spec.plant.exogenous) - noisy(spec), len(spec.drives) - noisy(spec)
+    of_v = m.Bm[:, :nv], m.Dq2[:, :nv], m.Dm[:nw, :nv]
+    return str((m.Am, m.Bmf, m.Cq2, m.Dq2f, m.Cm[:nw], m.Dwf[:nw], *of_v, m.inverse[:nw]))
+
+
+def noisy(spec: Spec) -> int:
+    """How many channels of w, the last ones, are noise, which a run draws for itself."""
+    return len(spec.noise) if FAMILIES[spec.observer.type].noise_in_w else 0
 
 
 def noises(spec: Spec, simulation: Simulation) -> Iterator[Entry]:

@@ -89,17 +89,24 @@ def noise(found: Mapping[str, Any]) -> Rows:
     known = {key: found[key] for key in kinds if found.get(key)}
     if known.get("noise_rms") == known.get("noise_density"):
         known.pop("noise_density", None)  # of samples they are one number
-    return [
+    rows = [
         (key.replace("_", " "), f"{sizes}   rms for 1 {kinds[key]} of {output}")
         for key, gains in known.items()
         for output, sizes in by_output(gains).items()
     ]
+    said = {"noise_error": "rms for the declared noise", "gain_by_channel": "of v to z, each alone, where f = K q"}
+    return rows + [(key.replace("_", " "), f"{listed(found[key])}   {said[key]}") for key in said if found.get(key)]
+
+
+def listed(sizes: Mapping[str, float]) -> str:
+    """Numbers by name, in few digits."""
+    return ", ".join(f"{name} {size:.3g}" for name, size in sizes.items())
 
 
 def by_output(gains: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
     """Sizes of the errors in one line for each output."""
     outputs = dict.fromkeys(output for row in gains.values() for output in row)
-    return {y: ", ".join(f"{name} {row[y]:.3g}" for name, row in gains.items()) for y in outputs}
+    return {y: listed({name: row[y] for name, row in gains.items()}) for y in outputs}
 
 
 def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[str]:

@@ -195,6 +195,9 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
     if request.type != "linf":
         reader.wrong(loc, f"not available for type {request.type}; it needs type linf", id="OBS503")
         return
+    if problem.noisy:
+        reader.wrong(loc, "takes no noise beside w; leave out one of the two, or give simulation.noise", id="OBS503")
+        return
     if problem.generator is not None and len(problem.generator.Am):
         reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two", id="OBS503")
     if problem.plant is not None:
