@@ -163,6 +163,7 @@ class Spec(metaclass=Called):
     gy: tuple[Expression, ...]  # (ny,) of t and the inputs
     H: Array  # (nz, n + nm): z = H e
     H_names: tuple[str, ...]
+    weights: Mapping[str, fmpq]  # of z by name, where some are given
     noise: Mapping[str, Level]  # of outputs, by name
     observer: Request
     simulation: Simulation | None

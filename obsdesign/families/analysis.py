@@ -66,6 +66,17 @@ def rests(spec: Spec) -> bool:
     )
 
 
+def mixed(spec: Spec) -> str | None:
+    """Note that z adds errors in several units as they are; None where a spec weighs them, or names no such units."""
+    units = [unit for name in spec.H_names if (unit := spec.units.get(name))]
+    if not spec.disturbed or spec.weights or len({*units}) < 2:
+        return None
+    return (
+        f"z adds errors in {', '.join(dict.fromkeys(units))} as they are, so that gamma depends on these units; "
+        "performance: {weights: ..} or {scales: ..} says what counts"
+    )
+
+
 def useless(gamma: float, found: Mapping[str, Any]) -> str | None:
     """Note that a design is no better than no observer at all; None if it is."""
     gains = {name: gain for name, gain in found["no_observer"].items() if gain is not None}

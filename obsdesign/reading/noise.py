@@ -92,7 +92,8 @@ def beside(exogenous: Exogenous, count: int) -> Exogenous:
     if not count or exogenous.generator is None:
         return exogenous
     v = None if exogenous.v.size is None else exogenous.v.size + count
-    return replace(exogenous, generator=stack([exogenous.generator, *[unknown()] * count]), v=exogenous.v.of(v))
+    whole = stack([exogenous.generator, *[unknown()] * count])
+    return replace(exogenous, generator=whole, v=exogenous.v.of(v), noisy=True)
 
 
 def drawn(

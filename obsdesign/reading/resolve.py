@@ -1,32 +1,31 @@
 """From the models of the format to the types of the design and of the simulation."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
-from obsdesign.model.disturbance import empty, rows_of
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.noise import beside, drawn, in_matrices, read_levels, require_outputs
+from obsdesign.reading.performance import read_performance
 from obsdesign.reading.period import read_period
 from obsdesign.reading.plant import Layout, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
-from obsdesign.reading.schema import File, Weight, read_file
+from obsdesign.reading.schema import File, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc, dotted
 from obsdesign.sections.forms import ENTRY, TEXT
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
-from obsdesign.sections.words import nearest, unknown
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
 from obsdesign.trial import Level
 
@@ -35,9 +34,6 @@ STATUSES = ("certified", "infeasible", "refuted", "uncertified")
 PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+( [A-Za-z0-9_-]+)*|\[[0-9]+\])*")
 RESULT = {"spec", "status"}  # keys that tell a result from a spec
 TOLERANCES = ("rtol", "atol")
-GROUPS = ("x", "w", "all")
-NOT_ESTIMATED = "is unknown, and this type of observer estimates states only; name states, or leave it out"
-FEEDTHROUGH = "is no function of the augmented state; give it a disturbance model, such as integrator"
 RECORD = ("verified", "printed", "rtol", "atol", "note")
 
 
@@ -63,13 +59,12 @@ def resolve(document: Document) -> Spec:
     require_outputs(reader, levels, layout)
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
-    H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
+    asked = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
     observer, noisy = None, beside(exogenous, len(channels))
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
-        noise = bool(channels)
-        observer, blocks = read_observer(reader, family, file.observer, plant, noisy, H, split, period, noisy=noise)
+        observer, blocks = read_observer(reader, family, file.observer, plant, noisy, asked.H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
     if simulation is not None and layout.names is not None:
         simulation = drawn(reader, levels, layout.names.outputs, simulation, period, family)
@@ -88,8 +83,7 @@ def resolve(document: Document) -> Spec:
         units=file.system.units if file.system else {},
         nonlinearities=blocks,
         **{name: getattr(plant, name) for name in ("plant", "gx", "gq", "gy", "typed")},
-        H=H,
-        H_names=H_names,
+        **vars(asked),
         noise=levels,
         observer=observer,
         simulation=simulation,
@@ -177,16 +171,15 @@ def read_observer(
     H: Array,
     as_equations: bool,
     period: fmpq | None,
-    *,
-    noisy: bool,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
     blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
+    model, noisy = exogenous.generator, exogenous.noisy
     problem = Estimation(
-        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period, noisy
+        states, layout.outputs, q, plant.plant, model, H, blocks, plant.typed, as_equations, period, noisy
     )
     return family.request(reader, section, problem), blocks
 
@@ -237,68 +230,3 @@ def read_plain(reader: Reader, value: Any, loc: Loc) -> Any:
     if isinstance(value, dict):
         reader.wrong(loc, "expected a number, text or a list, found a mapping", id="OBS204")
     return value
-
-
-def read_performance(
-    reader: Reader,
-    section: str | Sequence[str] | Weight | None,
-    layout: Layout,
-    exogenous: Exogenous,
-    kind: str = "",
-) -> tuple[Array, tuple[str, ...]]:
-    """H over the augmented state, and the names of z; `kind`: the family, if it estimates states whatever z is."""
-    loc: Loc = ("performance",)
-    direct_said = NOT_ESTIMATED if kind else FEEDTHROUGH
-    if kind and section not in (None, "x"):
-        said = "the observer does not depend on it; it says what figures of a run show, and of what the run tells z"
-        reader.unused.append(f"performance has no effect on the design by type {kind}: {said}")
-    if isinstance(section, Weight):
-        return read_weight(reader, section, layout, exogenous)
-    if isinstance(section, str) and section not in GROUPS:
-        allowed = (*GROUPS, "a list of names", "{H: a matrix}")
-        reader.wrong(loc, unknown("performance", section, allowed, listed(section, layout, exogenous)), id="OBS202")
-    if layout.names is None or exogenous.generator is None or section is None:
-        return empty(0, 0), ()
-    x, w = layout.names.states, layout.names.w
-    table = rows_of(x, exogenous.states, w, exogenous.generator)
-    groups = {"x": x, "w": w, "all": (*x, *exogenous.states)}
-    chosen = groups.get(section, x) if isinstance(section, str) else section
-    if section == "w" and (modelled := [name for name in w if table[name] is not None]) and len(modelled) < len(w):
-        others = ", ".join(name for name in w if name not in modelled)
-        reader.wrong(
-            loc, f"{others} {FEEDTHROUGH.partition(';')[0]}; name the rest: [{', '.join(modelled)}]", id="OBS214"
-        )
-        chosen = modelled
-    if isinstance(section, str) and (direct := [name for name in chosen if name in table and table[name] is None]):
-        said = f"each of {', '.join(direct)}" if len(direct) > 1 else direct[0]
-        reader.wrong(loc, f"{said} {direct_said}", id="OBS214")
-        return empty(0, 0), ()
-    for i, name in enumerate(chosen):
-        place = loc if isinstance(section, str) else (*loc, i)
-        if name not in table:
-            estimated = tuple(known for known, row in table.items() if row is not None)
-            reader.wrong(place, unknown("state", name, estimated, {}), id="OBS203")
-        elif table[name] is None:
-            reader.wrong(place, f"{name} {direct_said}", id="OBS214")
-    if not chosen:
-        reader.wrong(loc, "there is nothing to estimate; name at least one state", id="OBS214")
-    H = [row for row in map(table.get, chosen) if row is not None]
-    return np.array(H, dtype=object), tuple(chosen)
-
-
-def listed(section: str, layout: Layout, exogenous: Exogenous) -> dict[str, str]:
-    """What to say of names that are written without brackets."""
-    known = (*layout.names.states, *exogenous.states, *layout.names.w) if layout.names else ()
-    names = [near for name in section.split(",") if (near := nearest(name.strip(), known))]
-    said = f"is no group of signals; names stand in a list: write [{', '.join(names)}]"
-    return {section: said} if len(names) == section.count(",") + 1 else {}
-
-
-def read_weight(reader: Reader, section: Weight, layout: Layout, exogenous: Exogenous) -> tuple[Array, tuple[str, ...]]:
-    """H as given."""
-    entries = reader.entries(section.H, ("performance", "H"))
-    n, nm = layout.states.size, exogenous.xm.size
-    augmented = Axis(None if n is None or nm is None else n + nm, "augmented state")
-    nz = entries.shape(None, augmented.size)[0] or 1
-    H = reader.matrix(entries, Axis(nz, "component of z"), augmented)
-    return H, numbered("z", nz)
