@@ -37,6 +37,12 @@ def heard(spec: Spec, errors: Errors, period: float | None) -> dict[str, Any]:
     return found
 
 
+def noise_of(errors: Errors, H: Array) -> float | None:
+    """Rms of |H e| for white noise of density 1, or in samples of rms 1, in every output; None as in `heard`."""
+    norms = errors.noise_norms(H)
+    return None if norms is None else float(np.linalg.norm(norms))
+
+
 def declared(spec: Spec, errors: Errors, norms: Array, period: float | None) -> list[float] | None:
     """Rms of each error, (k,), for the noise of the section `noise`: squares of independent outputs add.
 

@@ -17,8 +17,13 @@ NAMES: Mapping[str, str] = {
     "weight": "weight of 1/lipschitz against γ²",
     "lipschitz": "Lipschitz constant that is tolerated",
     "L": "gain |L|",
+    "L1": "gain |L1|",
+    "K": "gain |K|",
 }
-SHORT: Mapping[str, str] = {"alpha": "α", "rho": "ρ", "gamma": "γ", "omega": "ω", "delta": "δ", "L": "|L|"}
+SHORT: Mapping[str, str] = {
+    **{"alpha": "α", "rho": "ρ", "gamma": "γ", "omega": "ω", "delta": "δ"},
+    **{name: f"|{name}|" for name in ("L", "L1", "K")},
+}
 
 
 def names(spec: Spec | None) -> Mapping[str, str]:

@@ -10,6 +10,7 @@ from obsdesign.tables.text import UNBOUNDED, UNSTABLE, at_least, at_most, limit_
 QUANTITIES = ("lipschitz", "gamma")
 SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounded
 LONGEST = 60  # points that are listed one by one
+FEW = 4  # estimates whose noise is listed at each
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
 UNPROVED = "what follows of these gains is their claim only: it is not proved"
 ATTENUATION = ("gamma", "peak gain")  # rows that say nothing where no disturbance acts
@@ -196,9 +197,11 @@ def reached(point: Mapping[str, Any]) -> str:
     if "gamma" not in point:
         return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
     proved = point.get("certified")
-    return f"gamma {point['gamma']:.6g}" + (
-        f"   certified {at_most(proved['gamma'])}, {size_text(proved)}" if proved else ""
-    )
+    parts = [f"gamma {point['gamma']:.6g}"]
+    parts += [f"certified {at_most(proved['gamma'])}, {size_text(proved)}"] if proved else []
+    noise = {**point.get("noise_density", {}), **point.get("noise_error", {})}
+    parts += [f"noise {listed(noise)}"] if 0 < len(noise) <= FEW else []
+    return "   ".join(parts)
 
 
 def front(search: Mapping[str, Any]) -> Rows:
@@ -255,8 +258,8 @@ def certified(numbers: Mapping[str, float]) -> str:
 
 
 def size_text(numbers: Mapping[str, float]) -> str:
-    """Size of a gain: of L, or of K where the observer is reset."""
-    name = "K" if "K" in numbers else "L"
+    """Size of a gain: of L or L1, or of K where the observer is reset."""
+    name = next((name for name in ("K", "L1") if name in numbers), "L")
     return f"|{name}| = {numbers[name]:.4g}"
 
 
