@@ -136,6 +136,18 @@ def test_a_run_in_samples_draws_it_at_each(estimate):
     assert design.analysis["noise_error"]["x1"] == pytest.approx(0.01 * rms)
 
 
+def test_it_stands_before_the_channels_of_a_defect():
+    discretise = {"period": 0.05, "defect": {"q_rate": 1, "w_rate": 1}}
+    system, observer = {**PLANT, "discretise": discretise}, {"type": "linf", "rho": 0.95}
+    design = od.solve(spec(system=system, observer=observer, performance=["x1"], simulation={"horizon": 5}))
+    assert [*design.analysis["gain_by_channel"]][:2] == ["force", "noise_y"]
+    run = design.simulate()
+    assert run["y"] - run["x1"] == pytest.approx(0.01 * run["noise_y"])
+    assert run["noise_y"].any()
+    assert not run["defect_x1"].any()
+    assert not run["defect_x2"].any()
+
+
 def test_noise_of_the_trial_takes_its_place():
     noise = {"type": "uniform", "amplitude": 0.1, "period": 0.1}
     run = od.solve(spec(noise=HELD, simulation={**RUN, "noise": noise})).simulate()

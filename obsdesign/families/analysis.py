@@ -8,7 +8,7 @@ from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.modes import modes
 from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
-from obsdesign.families.noise import by_channel, heard
+from obsdesign.families.noise import by_channel, heard, period_of
 from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
@@ -31,7 +31,7 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
     steps["peak_gain"] = {"least": errors.least_peak(), "most": most_peak(spec, guarantee)}
     unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
-    steps |= heard(spec, errors, None if spec.period is None else float(spec.period))
+    steps |= heard(spec, errors, period_of(spec))
     if spec.noise and FAMILIES[spec.observer.type].noise_in_w:
         steps["gain_by_channel"] = by_channel(spec, errors, peaks=guarantee is not None and guarantee.norm == "sup")
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}

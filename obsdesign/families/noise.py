@@ -6,9 +6,15 @@ from typing import Any
 import numpy as np
 
 from obsdesign.dissipation.analysis import Errors
+from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import rows_of
 from obsdesign.spec import Spec
+
+
+def period_of(spec: Spec) -> float | None:
+    """How long a measurement is held, s, where the spec says so."""
+    return None if spec.period is None else float(spec.period)
 
 
 def heard(spec: Spec, errors: Errors, period: float | None) -> dict[str, Any]:
@@ -65,11 +71,19 @@ def estimated(spec: Spec) -> dict[str, Array]:
     return {name: row for name, row in known.items() if row is not None}
 
 
+def channels(spec: Spec) -> tuple[range, range]:
+    """Places of the noise that is declared among the channels of w, and among those of v; before those of a defect."""
+    count = len(spec.noise) if FAMILIES[spec.observer.type].noise_in_w else 0
+    after = spec.plant.n if spec.continuous and spec.continuous.defect else 0
+    w, v = len(spec.plant.exogenous) - after, len(spec.drives) - after
+    return range(w - count, w), range(v - count, v)
+
+
 def by_channel(spec: Spec, errors: Errors, *, peaks: bool) -> dict[str, float] | None:
     """Gain of each v alone to z: of energy, or of peaks; noise under its name in w. None as for `energy_gain`."""
     gains = errors.channel_gains(peaks=peaks)
-    drives, w, noisy = spec.augmented.exogenous, spec.plant.exogenous, len(spec.noise)
+    drives, w = spec.augmented.exogenous, spec.plant.exogenous
     told = dict(zip(drives, w, strict=True)) if not len(spec.generator.Am) else {}
-    told |= dict(zip(drives[len(drives) - noisy :], w[len(w) - noisy :], strict=True))
+    told |= {drives[j]: w[i] for i, j in zip(*channels(spec), strict=True)}
     names = [told.get(v, v) for v in spec.posed.exogenous]
     return None if gains is None else dict(zip(names, gains, strict=True))

@@ -25,7 +25,7 @@ from obsdesign.dissipation.bounds import Trade
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.scan import edge, knee, strides
 from obsdesign.errors import UndecidedError
-from obsdesign.families.noise import heard
+from obsdesign.families.noise import heard, period_of
 from obsdesign.families.outcome import BEST_FOUND, Outcome, Search, Verdict
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.spec import Spec
@@ -150,8 +150,7 @@ class Trader:
 
     def noise(self, gains: Mapping[str, Array]) -> dict[str, Any]:
         """Rms of each error: for the noise that the spec declares, or as `noise_density` of all outputs together."""
-        period = None if self.spec.period is None else float(self.spec.period)
-        found = heard(self.spec, self.errors(gains), period)
+        found = heard(self.spec, self.errors(gains), period_of(self.spec))
         if found.get("noise_error"):
             return {"noise_error": found["noise_error"]}
         rows = found["noise_density"] or {}

@@ -10,6 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.expressions.algebra import identical
 from obsdesign.families import FAMILIES
+from obsdesign.families.noise import channels
 from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
@@ -68,7 +69,7 @@ def entries(spec: Spec) -> Iterator[Entry]:
     for name, side in sorted(zip(spec.inputs, simulation.u, strict=True)):
         yield "simulation.u", name, side
     yield from noises(spec, simulation)
-    v = (simulation.v or ())[: len(spec.drives) - noisy(spec)]
+    v = [side for k, side in enumerate(simulation.v or ()) if k not in channels(spec)[1]]
     yield "simulation.v", "v", ", ".join(side.text for side in v) or "not given"
     yield "disturbance", "the disturbance model", model(spec) if simulation.v else None
     sides, driven = dict(plant.sides()), by_name(spec, simulation)
@@ -88,20 +89,17 @@ def starts(spec: Spec) -> list[tuple[str, float]]:
 def by_name(spec: Spec, simulation: Simulation) -> Mapping[str, Expression]:
     """Disturbances by the names that they have in the equations; where v generates them only noise, which is apart."""
     exogenous = spec.equations(spec.plant).exogenous
-    still = dict.fromkeys(exogenous[len(exogenous) - noisy(spec) :], ZERO)
+    still = {exogenous[k]: ZERO for k in channels(spec)[0]}
     return still | dict(zip(exogenous, simulation.w or (), strict=False))
 
 
 def model(spec: Spec) -> str:
     """Disturbance model of the channels of w that no noise is, all of its matrices."""
-    m, nw, nv = spec.generator, len(spec.plant.exogenous) - noisy(spec), len(spec.drives) - noisy(spec)
-    of_v = m.Bm[:, :nv], m.Dq2[:, :nv], m.Dm[:nw, :nv]
-    return str((m.Am, m.Bmf, m.Cq2, m.Dq2f, m.Cm[:nw], m.Dwf[:nw], *of_v, m.inverse[:nw]))
-
-
-def noisy(spec: Spec) -> int:
-    """How many channels of w, the last ones, are noise, which a run draws for itself."""
-    return len(spec.noise) if FAMILIES[spec.observer.type].noise_in_w else 0
+    m, (w, v) = spec.generator, channels(spec)
+    of_v = np.delete(m.Bm, v, axis=1), np.delete(m.Dq2, v, axis=1), np.delete(np.delete(m.Dm, v, axis=1), w, axis=0)
+    of_w = (np.delete(M, w, axis=0) for M in (m.Cm, m.Dwf))
+    inverse = [own for i, own in enumerate(m.inverse) if i not in w]
+    return str((m.Am, m.Bmf, m.Cq2, m.Dq2f, *of_w, *of_v, inverse))
 
 
 def noises(spec: Spec, simulation: Simulation) -> Iterator[Entry]:

@@ -11,6 +11,7 @@ from flint import fmpq
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import Guarantee, SampledGuarantee
+from obsdesign.families.noise import channels as channels_of_noise
 from obsdesign.lmi.formula import Array, Float, identity, zeros
 from obsdesign.model.ahead import ahead, later
 from obsdesign.model.disturbance import augment, with_inputs
@@ -139,8 +140,9 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     drive = plant.exogenous if unmodeled else drives(spec, plant.exogenous)
     acting = Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period, drive, clock)
     declared = simulation.noise.channels if simulation.noise else {}
-    own = plant.exogenous[len(plant.exogenous) - len(declared) :]
-    return replace(acting, events=simulation.events, noises=dict(zip(own, declared.items(), strict=True)))
+    places = channels_of_noise(spec)[0 if unmodeled else 1] if declared else ()
+    noises = {plant.exogenous[k]: each for k, each in zip(places, declared.items(), strict=True)}
+    return replace(acting, events=simulation.events, noises=noises)
 
 
 def drives(spec: Spec, v: tuple[str, ...]) -> tuple[str, ...]:
