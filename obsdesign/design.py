@@ -22,7 +22,7 @@ from obsdesign.errors import Problem, UndecidedError, UsageError
 from obsdesign.expectation import at, meets
 from obsdesign.families import FAMILIES
 from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
-from obsdesign.families.analysis import useless
+from obsdesign.families.analysis import mixed, useless
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
@@ -159,7 +159,8 @@ class Design(Outcome):
     def remarks(self) -> list[str]:
         """Notes, and one on a design that is no better than none."""
         said = useless(self.guarantee.gamma, self.analysis) if self.guarantee and self.spec.disturbed else None
-        return [*self.notes, *self.spec.idle, *([said] if said else [])]
+        units = mixed(self.spec) if self.guarantee else None
+        return [*self.notes, *self.spec.idle, *filter(None, (said, units))]
 
     def written(self) -> dict[str, Any]:
         """Everything about the design, as a result file holds it; numbers are finite."""

@@ -14,6 +14,7 @@ from flint import fmpq
 from obsdesign.errors import ObsdesignError, Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact
+from obsdesign.model.discretise import Continuous
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.filtered import channels, filtered
@@ -22,7 +23,7 @@ from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.tables.text import at_least, at_most
-from obsdesign.trial import Implementation, Recorded, Simulation
+from obsdesign.trial import Implementation, Level, Recorded, Simulation
 
 PROVED = "is proved from f"  # of a type, in a note
 MODEL = "of the plant in samples, a model of the continuous one"  # of a claim
@@ -80,19 +81,6 @@ def limited(blocks: Sequence[Nonlinearity]) -> Iterator[tuple[int, int, int, Ran
             if ends != EVERYWHERE:
                 yield i, k, first + k, outward(ends)
         first += block.nq
-
-
-@dataclass(frozen=True)
-class Continuous:
-    """A continuous plant that one in samples stands for."""
-
-    plant: Plant[Exact]
-    gx: tuple[Expression, ...]
-    gy: tuple[Expression, ...]
-    gq: tuple[Expression, ...]
-    method: str
-    defect: fmpq | None = None  # bound on how far the samples are from those of the model
-    rates: tuple[fmpq, fmpq] = (fmpq(0), fmpq(0))  # with sup|q_i'| and sup|w'|
 
 
 class Request(Protocol):
@@ -163,6 +151,8 @@ class Spec(metaclass=Called):
     gy: tuple[Expression, ...]  # (ny,) of t and the inputs
     H: Array  # (nz, n + nm): z = H e
     H_names: tuple[str, ...]
+    weights: Mapping[str, fmpq]  # of z by name, where some are given
+    noise: Mapping[str, Level]  # of outputs, by name
     observer: Request
     simulation: Simulation | None
     expect: Mapping[str, Any]

@@ -1,5 +1,6 @@
 """How an observer is tried, implemented and fed: `simulation:`, `implementation:` and `data:` of a spec, read."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,12 +15,34 @@ Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Level:
+    """White noise of an output: its rms, that of a value that is held for a period h, or its density, rms sqrt(h)."""
+
+    number: fmpq  # rms in the unit of the output, or density in unit/sqrt(Hz), two-sided: what stands in D
+    period: fmpq | None = None  # s, of a rms that is given with it
+    density: bool = False
+
+    def rms(self, period: float) -> float:
+        """Rms of a value that is held for a period, s."""
+        return float(self.number) / (math.sqrt(period) if self.density else 1.0)
+
+    def density_at(self, period: float | None) -> float | None:
+        """Density, unit/sqrt(Hz); None of a rms whose period is known neither with it nor otherwise."""
+        held = period if self.period is None else float(self.period)
+        if self.density:
+            return float(self.number)
+        return None if held is None else float(self.number) * math.sqrt(held)
+
+
+@dataclass(frozen=True)
 class Noise:
     """Measurement noise held constant over each period (s)."""
 
     type: Literal["uniform", "gaussian"]
     amplitude: Vector  # (ny,), half width or standard deviation
     period: float
+    trouble: str = ""  # why it cannot be drawn, with what to write in the section `noise`
+    channels: Mapping[str, fmpq] = field(default_factory=dict)  # of w that it is, by output, with their number in D
 
 
 @dataclass(frozen=True)

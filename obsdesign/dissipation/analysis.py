@@ -68,6 +68,11 @@ class Errors:
         return None
 
     @property
+    def sampled(self) -> bool:
+        """Whether the noise of y enters at instants, one value at each."""
+        return self.modes.sampled
+
+    @property
     def bounded(self) -> bool:
         """Whether the slopes of every block that acts are bounded, and its members known well enough to be sampled.
 
@@ -209,11 +214,32 @@ class Errors:
         found = np.max([self.modes.amplitudes(A, N) for A, _, N in self.systems], axis=0).tolist()
         return dict(zip(self.plant.states, found, strict=False))
 
+    def noise_norms(self, E: Array) -> Array | None:
+        """H2 norm from each n to each row of E e, (k, n) to (k, ny); None where a pole is not stable or no slope bound.
+
+        That is the rms of the error for white noise n whose two-sided density is 1 unit/sqrt(Hz), or in samples for a
+        rms of 1 in each; of each pair the largest over the members.
+        """
+        if not self.bounded or not self.modes.stable(self.poles):
+            return None
+        return np.asarray(np.max([self.modes.norms(A, N, E) for A, _, N in self.systems], axis=0))
+
     def energy_gain(self) -> float | None:
         """Largest singular value over frequency from v to z; None where a pole is not stable or slopes not bounded."""
         if not self.bounded or not self.modes.stable(self.poles):
             return None
         return max((self.modes.gain(A, B, self.H) for A, B, _ in self.systems), default=0.0)
+
+    def channel_gains(self, *, peaks: bool) -> list[float] | None:
+        """Gain from each v alone to z, the worst over the members: of energy, or of peaks; None as in `energy_gain`."""
+        if not self.bounded or not self.modes.stable(self.poles):
+            return None
+        count = self.plant.B.shape[1]
+        return [max(self.gain(A, B[:, [k]], peaks=peaks) for A, B, _ in self.systems) for k in range(count)]
+
+    def gain(self, A: Array, B: Array, *, peaks: bool) -> float:
+        """Gain of one member from some v to z, of peaks or of energy."""
+        return largest_area(*self.modes.impulse(A, B, self.H)) if peaks else self.modes.gain(A, B, self.H)
 
     def peak_gain(self) -> float | None:
         """Integral of the norm of the impulse response from v to z, or its sum; None as in `energy_gain`."""

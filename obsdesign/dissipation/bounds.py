@@ -59,6 +59,14 @@ class Bounds:
 NO_BOUNDS = Bounds()
 
 
+@dataclass(frozen=True)
+class Trade:
+    """Gamma against the size of a gain, whose knee is shipped: over some bounds on it, or over those that are found."""
+
+    gain: str  # L1, L or K
+    sizes: Range | None = None  # None: `bounds: auto`
+
+
 class Conflicting(Protocol):
     """A request whose keys may not go together."""
 

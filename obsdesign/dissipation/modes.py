@@ -49,6 +49,23 @@ class Modes(ABC):
         Not a number where it cannot be told.
         """
 
+    @abstractmethod
+    def covariance(self, A: Array, W: Array) -> Array:
+        """Covariance of e at rest, driven by white noise of the intensity W, (n, n), or in samples the covariance W."""
+
+    def norms(self, A: Array, N: Array, E: Array) -> Array:
+        """H2 norm from each n to each row of E e: rms for white noise of density 1, or in samples of rms 1.
+
+        A (n, n) is stable; N (n, m), E (k, n); returns (k, m). In balanced coordinates, where a Lyapunov equation keeps
+        its digits although the units of the states differ by orders.
+        """
+        from scipy.linalg import matrix_balance
+
+        balanced, (units, _) = matrix_balance(A, permute=False, separate=True)
+        E, N = E * units, N / units[:, None]
+        found = [np.sum((E @ self.covariance(balanced, np.outer(n, n))) * E, axis=1) for n in N.T]
+        return np.asarray(np.sqrt(np.maximum(found, 0)).T)
+
     def stable(self, poles: Array) -> bool:
         """Whether all of some modes decay."""
         return bool(self.decay(poles).all())
@@ -98,6 +115,12 @@ class Exponentials(Modes):
         """On the imaginary axis."""
         return np.asarray(1j * omega)
 
+    def covariance(self, A: Array, W: Array) -> Array:
+        """X of A X + X A' + W = 0."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        return np.asarray(solve_continuous_lyapunov(A, -W))
+
     def impulse(self, A: Array, B: Array, H: Array) -> tuple[Array, Array]:
         """H exp(A t) B, from its modes, with the widths of the trapezoidal rule.
 
@@ -134,6 +157,12 @@ class Powers(Modes):
     def place(self, omega: Array) -> Array:
         """On the unit circle."""
         return np.asarray(np.exp(1j * omega))
+
+    def covariance(self, A: Array, W: Array) -> Array:
+        """X of A X A' - X + W = 0."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        return np.asarray(solve_discrete_lyapunov(A, W))
 
     def impulse(self, A: Array, B: Array, H: Array) -> tuple[Array, Array]:
         """H A^k B, k = 0, 1, .., and last the sum of those that are not told one by one.

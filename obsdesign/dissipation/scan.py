@@ -7,7 +7,7 @@ methods of scipy.optimize search; where there is only yes and no these would hal
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -122,6 +122,17 @@ def zero(function: Function, low: float, high: float, tolerance: float) -> float
 
     brentq(finite, low, high, xtol=tolerance / 2, rtol=1e-12)
     return max(x for x, value in known.items() if value < 0)
+
+
+def knee(x: Sequence[float], y: Sequence[float], least: float) -> int | None:
+    """Number of the point of a falling curve that is the farthest below the line from its first point to its last.
+
+    None where that is no more than a least distance.
+    """
+    across = np.asarray(x) - x[0]
+    line = y[0] + (y[-1] - y[0]) * across / (across[-1] or 1.0)
+    below = line - np.asarray(y)
+    return int(below.argmax()) if below.max() > least else None
 
 
 def edge(holds: Callable[[float], bool], inside: float, outside: float, tolerance: float) -> float:

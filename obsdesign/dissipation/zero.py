@@ -1,7 +1,7 @@
 """Limits of zero: the least gamma falls without end as the gain grows."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -217,16 +217,31 @@ def reached(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -
     return near.status is Status.OPTIMAL and norm(near.values, bounds) <= FINITE * sizes(family)[0]
 
 
-def unbounded(where: str, rows: Sequence[tuple[float, float]]) -> UsageError:
+Noise = Callable[[Array], float | None]  # rms of z for the gains L1, for white noise of density 1 in every output
+
+
+def loudness(engine: Engine, family: Incremental, rows: Sequence[tuple[float, float]], noise: Noise) -> list[float]:
+    """Noise of the gains of each row of a table; empty where that of one is not known."""
+    answers = (engine.minimise(family.least_gamma(Bounds(L1=rational_number(str(size))))) for size, _ in rows)
+    found = [noise(gain(answer.values)) if answer.status is Status.OPTIMAL else None for answer in answers]
+    return [rms for rms in found if rms is not None] if None not in found else []
+
+
+def unbounded(where: str, rows: Sequence[tuple[float, float]], noise: Sequence[float]) -> UsageError:
     """Refusal of min-gamma where the infimum is zero."""
     first = (
         f"the least gamma at {where} is 0, with a gain that grows without "
-        "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table"
+        "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table, or `bounds: auto`, its knee"
     )
-    return tabulated(first, "L1", "gamma", rows)
+    return tabulated(first, "L1", "gamma", rows, noise)
 
 
-def tabulated(first: str, gain: str, quantity: str, rows: Sequence[tuple[float, float]]) -> UsageError:
-    """Refusal with a table of a quantity against the norm of a gain."""
-    table = tuple(f"  |{gain}| <= {size:<8g} {quantity} = {value:.4g}" for size, value in rows)
-    return UsageError(Problem(first, key="observer.objective", id="OBS502", rows=table))
+def tabulated(
+    first: str, gain: str, quantity: str, rows: Sequence[tuple[float, float]], noise: Sequence[float] = ()
+) -> UsageError:
+    """Refusal with a table of a quantity against the norm of a gain, and beside it the noise of z."""
+    said = ["   rms of z for white noise of density 1", *[""] * len(rows)]
+    loud = [f"   {rms:<8.3g}{more}" for rms, more in zip(noise, said, strict=False)] or [""] * len(rows)
+    pairs = zip(rows, loud, strict=True)
+    table = [f"  |{gain}| <= {size:<8g} {quantity} = {value:<9.4g}{more}".rstrip() for (size, value), more in pairs]
+    return UsageError(Problem(first, key="observer.objective", id="OBS502", rows=tuple(table)))

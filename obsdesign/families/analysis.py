@@ -6,7 +6,9 @@ from typing import Any
 
 from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.modes import modes
+from obsdesign.families import FAMILIES
 from obsdesign.families.guarantee import Guarantee
+from obsdesign.families.noise import by_channel, heard, period_of
 from obsdesign.model.filtered import gain_of
 from obsdesign.spec import Spec, arguments
 from obsdesign.tables.text import at_most
@@ -29,6 +31,9 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
     steps["peak_gain"] = {"least": errors.least_peak(), "most": most_peak(spec, guarantee)}
     unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
     open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
+    steps |= heard(spec, errors, period_of(spec))
+    if spec.noise and FAMILIES[spec.observer.type].noise_in_w:
+        steps["gain_by_channel"] = by_channel(spec, errors, peaks=guarantee is not None and guarantee.norm == "sup")
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
     return {name: finite(value) for name, value in found.items()}
 
@@ -58,6 +63,17 @@ def rests(spec: Spec) -> bool:
     names = {name for term in terms for name in term.names}
     return names <= {name for block in spec.nonlinearities for name in arguments(block.nq)} and not any(
         term.function(sorted(term.names))(*(0.0 for _ in term.names)) for term in terms
+    )
+
+
+def mixed(spec: Spec) -> str | None:
+    """Note that z adds errors in several units as they are; None where a spec weighs them, or names no such units."""
+    units = [unit for name in spec.H_names if (unit := spec.units.get(name))]
+    if not spec.disturbed or spec.weights or len({*units}) < 2:
+        return None
+    return (
+        f"z adds errors in {', '.join(dict.fromkeys(units))} as they are, so that gamma depends on these units; "
+        "performance: {weights: ..} or {scales: ..} says what counts"
     )
 
 

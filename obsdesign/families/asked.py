@@ -2,18 +2,18 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import SLACK, Conflicting, Range
+from obsdesign.dissipation.bounds import SLACK, Conflicting, Range, Trade
 from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.disturbance import Generator
 from obsdesign.model.equations import Typed
 from obsdesign.model.plant import Plant
 from obsdesign.sections.document import Loc
-from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, required
+from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, refuse, required
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.sections.words import unavailable
@@ -22,6 +22,8 @@ from obsdesign.spec import Nonlinearity
 AS_GIVEN = "given gains are analysed as they are"
 LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
 MAX_POINTS = 10_000
+MOST_SIZES = 100  # bounds on a gain that are gone through, a design each
+AUTO = "auto"
 CALLED = {  # in other words
     **dict.fromkeys(("hinf", "h-inf", "h-infinity", "hinfinity"), "is called l2 here: it bounds the gain in energy"),
     **dict.fromkeys(
@@ -48,6 +50,7 @@ class Estimation:
     typed: Typed | None = None  # the plant as equations, of a family that takes it so
     as_equations: bool = False  # whether the matrices are those of equations that were split
     period: fmpq | None = None  # s, of a plant x+ = ..
+    noisy: bool = False  # whether the last channels of w are noise that the spec declares
 
     def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""
@@ -131,7 +134,43 @@ class Frobenius(Section):
     frobenius: str = required(ENTRY, "largest Frobenius norm, > 0", example="20")
 
 
-LARGEST_GAIN = Either("a number, or {frobenius: a number}", ENTRY, mapping=Frobenius)
+class Sizes(Section):
+    """Bounds on the size of a gain, spaced by a factor, that objective pareto goes through."""
+
+    min: str = required(ENTRY, "least bound, > 0", example="1")
+    max: str = required(ENTRY, "largest bound", example="1.0e+4")
+    points: str | None = key(ENTRY, "how many, 2 to 100", otherwise="12", example="12")
+
+
+SEVERAL = "a range {min: .., max: .., points: ..}"
+
+
+@dataclass(frozen=True)
+class Largest:
+    """Several bounds, or one on the Frobenius norm, if there is such."""
+
+    frobenius: bool
+
+    def read(self, reader: Reader, value: Any, loc: Loc) -> Frobenius | Sizes | None:
+        """Return the section."""
+        if not Sizes.forms().keys().isdisjoint(value):
+            return Sizes.read(reader, value, loc)
+        if self.frobenius:
+            return Frobenius.read(reader, value, loc)
+        refuse(reader, f"a number, or {SEVERAL}", value, loc)
+        return None
+
+    def schema(self, definitions: Schema) -> Schema:
+        """One of the sections."""
+        return {"oneOf": [section.schema(definitions) for section in self.sections()]}
+
+    def sections(self) -> list[type[Section]]:
+        """Sections that may stand here."""
+        return [*([Frobenius] if self.frobenius else []), Sizes]
+
+
+LARGEST_GAIN = Either(f"a number, {{frobenius: a number}}, or {SEVERAL}", ENTRY, mapping=Largest(frobenius=True))
+LARGEST_SPECTRAL = Either(f"a number, or {SEVERAL}", ENTRY, mapping=Largest(frobenius=False))
 SEARCHED = Either("a number, or a range {min: .., max: .., points: .., log: ..}", ENTRY, mapping=Interval)
 
 
@@ -178,10 +217,52 @@ def read_slack(reader: Reader, written: str | None) -> fmpq:
     return SLACK if written is None else reader.number(written, ("observer", "slack"), ">= 0")
 
 
+def bounds_of(section: type[Section]) -> Either:
+    """Form of bounds on what a design may use, or of the word auto."""
+    word = OneOf("bounds", (AUTO,), beside=lambda: ("{gain: ..}",))
+    return Either("auto, or a mapping of bounds", word, mapping=section)
+
+
+def read_trade(
+    reader: Reader, bounds: Section | str | None, gain: str, objective: str, problem: Estimation
+) -> Trade | None:
+    """What is asked of the curve of gamma against the size of a gain; None where nothing is.
+
+    `bounds`: auto, or the section, whose entry of the gain may be several bounds.
+    """
+    loc: Loc = ("observer", "bounds")
+    written = None if bounds is None or bounds == AUTO else getattr(bounds, gain)
+    if bounds != AUTO and not isinstance(written, Sizes):
+        return None
+    if problem.plant is not None and not problem.plant.B.shape[1]:
+        reader.wrong(loc, "the knee is one of gamma, and nothing disturbs this plant; give a number", id="OBS405")
+    if bounds == AUTO:
+        if objective != "min-gamma":
+            said = f"auto is the knee of gamma against the gain, of objective min-gamma, not {objective}; give a number"
+            reader.wrong(loc, said, id="OBS206")
+        return Trade(gain)
+    assert isinstance(written, Sizes)
+    return Trade(gain, read_sizes(reader, written, gain, objective))
+
+
+def read_sizes(reader: Reader, written: Sizes, gain: str, objective: str) -> Range:
+    """Bounds on a gain that objective pareto goes through."""
+    loc: Loc = ("observer", "bounds", gain)
+    if objective != "pareto":
+        reader.wrong(loc, "a range of bounds is for objective: pareto; give a number, or bounds: auto", id="OBS215")
+    low, high = reader.number(written.min, (*loc, "min"), "> 0"), reader.number(written.max, (*loc, "max"), "> 0")
+    points = reader.integer(written.points, (*loc, "points"), 12, 2, MOST_SIZES)
+    if low >= high and reader.clean(loc):
+        reader.wrong(loc, "min is not below max; a range needs min < max", id="OBS208")
+    return Range(low, high, points, log=True)
+
+
 def read_largest_gain(
-    reader: Reader, written: str | Frobenius | None, name: str
+    reader: Reader, written: str | Frobenius | Sizes | None, name: str
 ) -> tuple[fmpq | None, Literal["spectral", "frobenius"]]:
-    """Largest gain, and the norm that is meant."""
+    """Largest gain, of several the largest of all, and the norm that is meant."""
+    if isinstance(written, Sizes):
+        return reader.number(written.max, ("observer", "bounds", name, "max"), "> 0"), "spectral"
     if isinstance(written, Frobenius):
         return read_bound(reader, written.frobenius, name, "frobenius"), "frobenius"
     return read_bound(reader, written, name), "spectral"

@@ -57,6 +57,11 @@ class Family:
         return import_module(f"{self.folder}.{name}")
 
     @property
+    def noise_in_w(self) -> bool:
+        """Whether noise of the outputs is a part of w in its designs, and not of the runs alone."""
+        return not self.sampled and not self.equations
+
+    @property
     def Section(self) -> "type[ObserverSection]":
         """Keys of the section `observer:`; what messages and the JSON Schema say of them comes from here."""
         section: type[ObserverSection] = getattr(self.part("request"), self.section)

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
 
+from obsdesign.expressions import Expression
 from obsdesign.lmi.formula import Array, Exact, identity, in_floats, printed
 from obsdesign.lmi.spectrum import upper
 from obsdesign.model.plant import Plant
@@ -36,6 +37,19 @@ class Discretised:
     plant: Plant[Exact]
     X: Array  # (n, n)
     Q: Array  # (nq, n)
+
+
+@dataclass(frozen=True)
+class Continuous:
+    """A continuous plant that one in samples stands for."""
+
+    plant: Plant[Exact]
+    gx: tuple[Expression, ...]
+    gy: tuple[Expression, ...]
+    gq: tuple[Expression, ...]
+    method: str
+    defect: fmpq | None = None  # bound on how far the samples are from those of the model
+    rates: tuple[fmpq, fmpq] = (fmpq(0), fmpq(0))  # with sup|q_i'| and sup|w'|
 
 
 def hold(plant: Plant[Exact], period: fmpq) -> Discretised:

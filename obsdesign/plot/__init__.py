@@ -5,17 +5,20 @@ from typing import Any
 
 from obsdesign.plot.canvas import Form, form_of
 from obsdesign.plot.front import front_figure
+from obsdesign.plot.gain import GAINS, gain_figure
 from obsdesign.plot.run import run_figure
 from obsdesign.plot.surface import surface_figure
 from obsdesign.plot.traded import heading, names
 from obsdesign.plot.tradeoff import curves_figure, tradeoff_figure
 from obsdesign.spec import Spec
+from obsdesign.tables.text import spectral_norm
 
 __all__ = [
     "Form",
     "curves_figure",
     "form_of",
     "front_figure",
+    "gain_figure",
     "run_figure",
     "search_figure",
     "surface_figure",
@@ -36,6 +39,9 @@ def search_figure(result: Mapping[str, Any], spec: Spec | None = None, form: For
         return curves_figure(search["curves"], search["parameter"], title, **told)
     if not points:
         return None
+    if (gain := search.get("parameter")) in GAINS:
+        size = {gain: spectral_norm(result["observer"][gain])} if gain in result.get("observer", {}) else {}
+        return gain_figure(points, {**claimed, **size} if size and "gamma" in claimed else None, title, gain, **told)
     if any("weight" in point for point in points):
         draw = surface_figure if "parameters" in search else front_figure
         return draw(points, claimed if "lipschitz" in claimed else None, title, **told)

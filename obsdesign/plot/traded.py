@@ -17,8 +17,13 @@ NAMES: Mapping[str, str] = {
     "weight": "weight of 1/lipschitz against γ²",
     "lipschitz": "Lipschitz constant that is tolerated",
     "L": "gain |L|",
+    "L1": "gain |L1|",
+    "K": "gain |K|",
 }
-SHORT: Mapping[str, str] = {"alpha": "α", "rho": "ρ", "gamma": "γ", "omega": "ω", "delta": "δ", "L": "|L|"}
+SHORT: Mapping[str, str] = {
+    **{"alpha": "α", "rho": "ρ", "gamma": "γ", "omega": "ω", "delta": "δ"},
+    **{name: f"|{name}|" for name in ("L", "L1", "K")},
+}
 
 
 def names(spec: Spec | None) -> Mapping[str, str]:
@@ -30,7 +35,7 @@ def names(spec: Spec | None) -> Mapping[str, str]:
     drive = f"{spec.observer.drive} of {', '.join(w)}" if modelled else ", ".join(w)
     units = {spec.units.get(name) for name in spec.H_names}, {None if modelled else spec.units.get(name) for name in w}
     known = [unit for (unit, *others) in map(list, units) if unit and not others]
-    ratio = f" [{plain(known[0], 12)} / ({plain(known[1], 12)})]" if len(known) == 2 else ""
+    ratio = f" [{plain(known[0], 12)} / ({plain(known[1], 12)})]" if len(known) == 2 and not spec.weights else ""
     z = plain(", ".join(spec.H_names), 30)
     return {**NAMES, "gamma": f"γ, gain from {plain(drive, 30)} to the error of {z}{ratio}"}
 

@@ -12,7 +12,7 @@ from obsdesign.dissipation.decimals import round_up
 from obsdesign.expressions import Expression
 from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Array, identity, printed, rational, zeros
-from obsdesign.model.discretise import Discretised, defect, hold, implicit_euler
+from obsdesign.model.discretise import Continuous, Discretised, defect, hold, implicit_euler
 from obsdesign.model.disturbance import stack, unknown
 from obsdesign.model.equations import free, weighted
 from obsdesign.nonlinearities.evidence.enclosure import negative, supremum_of
@@ -24,7 +24,7 @@ from obsdesign.reading.plant_schema import Defect, Equations, InMatrices
 from obsdesign.reading.schema import File
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Reader
-from obsdesign.spec import Continuous, Spec, numbered
+from obsdesign.spec import Spec, numbered
 
 LOC: Loc = ("system", "discretise")
 AUTO = "auto"

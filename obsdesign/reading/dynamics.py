@@ -12,12 +12,14 @@ from obsdesign.model.split import Split, Splitter, Term
 from obsdesign.nonlinearities.evidence.restriction import Ends
 from obsdesign.reading import plant_schema as schema
 from obsdesign.reading.blocks import read_range
+from obsdesign.reading.noise import channels, in_outputs
 from obsdesign.reading.plant import Layout, Names, Reading, W, X, Y, read_matrices, read_names, refuse_outputs
 from obsdesign.reading.plant_schema import AUTO
 from obsdesign.reading.terms import Typed, Types, over, read_types
 from obsdesign.sections.document import Loc
 from obsdesign.sections.values import Entries, Reader
 from obsdesign.sections.words import unknown
+from obsdesign.trial import Level
 
 UNDECLARED = (
     "a state has a line of its own under system.dynamics, a constant is declared under parameters, "
@@ -131,9 +133,12 @@ def shown(seen: Split, names: Names) -> Iterator[tuple[str, tuple[str, fmpq]]]:
             yield state, (name, factor)
 
 
-def read_equations(reader: Reader, system: schema.Equations, *, sampled: bool, constants: bool) -> Reading:
+def read_equations(
+    reader: Reader, system: schema.Equations, noise: Mapping[str, Level], *, sampled: bool, constants: bool
+) -> Reading:
     """Plant, known terms and nonlinearities of a plant as equations.
 
+    `noise`: of outputs, which are then no states that are known, as channels of w in the matrices, not in the layout;
     `sampled`: y is known at instants only; `constants`: every term needs a Lipschitz constant.
 
     Where the equations are wrong, everything else is left open.
@@ -146,6 +151,8 @@ def read_equations(reader: Reader, system: schema.Equations, *, sampled: bool, c
     if names is None:
         return Reading(Layout())
     dynamics, outputs = read_sides(reader, system, names)
+    layout, outputs = Layout(x, y, w, names=names), in_outputs(outputs, noise, names)
+    names = replace(names, w=(*names.w, *channels(noise, names)))
     for name, side in dynamics.items() if sampled else ():
         refuse_outputs(reader, ("system", "dynamics", name), side.text, [side], names.outputs, "states and inputs")
     domain = read_domain(reader, system, names)
@@ -153,7 +160,6 @@ def read_equations(reader: Reader, system: schema.Equations, *, sampled: bool, c
         return Reading(Layout())
     whole, measured = found
     seen = {state: over({y: 1 / c}, domain) for state, (y, c) in measured.items() if y in domain}
-    layout = Layout(x, y, w, names=names)
     declared = read_types(reader, system.types, whole.terms, names)
     known = layout.known(*(() if sampled else ("outputs",)), "inputs") or ()
     types = Types(reader, names, known, {**seen, **domain}, measured, constants)
@@ -163,7 +169,8 @@ def read_equations(reader: Reader, system: schema.Equations, *, sampled: bool, c
         terms += [one] if one else []
     if len(terms) < len(whole.terms) or not reader.clean(("system",)):
         return Reading(layout)
-    return assembled(reader, layout, whole, terms)
+    made = assembled(reader, replace(layout, w=w.of(len(names.w)), names=names), whole, terms)
+    return replace(made, layout=replace(made.layout, w=w, names=layout.names))
 
 
 def assembled(reader: Reader, layout: Layout, whole: Split, terms: Sequence[Typed]) -> Reading:

@@ -33,6 +33,7 @@ class Exogenous:
     generator: Generator | None = None
     states: tuple[str, ...] = ()
     nonlinearities: tuple[Nonlinearity | None, ...] = ()
+    noisy: bool = False  # whether its last channels are noise that the spec declares
 
 
 @dataclass(frozen=True)

@@ -1,42 +1,40 @@
 """From the models of the format to the types of the design and of the simulation."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES, Family
 from obsdesign.families.asked import Estimation, ObserverSection
 from obsdesign.lmi.formula import Array
-from obsdesign.model.disturbance import Generator, empty
 from obsdesign.reading.discretise import discretised, with_defect
 from obsdesign.reading.dynamics import read_equations
 from obsdesign.reading.generator import Exogenous, read_disturbance
 from obsdesign.reading.implementation import read_data, read_implementation
+from obsdesign.reading.noise import beside, drawn, in_matrices, read_levels, require_outputs
+from obsdesign.reading.performance import read_performance
 from obsdesign.reading.period import read_period
-from obsdesign.reading.plant import Layout, Names, Reading, read_parameters, read_plant
+from obsdesign.reading.plant import Layout, Reading, read_parameters, read_plant
 from obsdesign.reading.plant_schema import Equations
-from obsdesign.reading.schema import File, Weight, read_file
+from obsdesign.reading.schema import File, read_file
 from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc, dotted
 from obsdesign.sections.forms import ENTRY, TEXT
 from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
-from obsdesign.sections.words import nearest, unknown
+from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
+from obsdesign.trial import Level
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
 PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+( [A-Za-z0-9_-]+)*|\[[0-9]+\])*")
 RESULT = {"spec", "status"}  # keys that tell a result from a spec
 TOLERANCES = ("rtol", "atol")
-GROUPS = ("x", "w", "all")
-NOT_ESTIMATED = "is unknown, and this type of observer estimates states only; name states, or leave it out"
-FEEDTHROUGH = "is no function of the augmented state; give it a disturbance model, such as integrator"
 RECORD = ("verified", "printed", "rtol", "atol", "note")
 
 
@@ -54,36 +52,43 @@ def resolve(document: Document) -> Spec:
     require_format(reader, file)
     read_parameters(reader, file.parameters)
     period = read_period(reader, file, family)
-    plant, continuous = discretised(reader, file.system, read_system(reader, file, family), period)
+    levels = read_levels(reader, file.noise or {})
+    channels = levels if family is not None and family.noise_in_w else {}
+    plant = read_system(reader, file, family, channels)
+    plant, continuous = discretised(reader, file.system, plant, period)
     layout = plant.layout
+    require_outputs(reader, levels, layout)
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
-    H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
-    observer = None
+    asked = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
+    observer, noisy = None, beside(exogenous, len(channels))
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
-        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
+        observer, blocks = read_observer(reader, family, file.observer, plant, noisy, asked.H, split, period)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
     implementation = read_implementation(reader, file.implementation, file.simulation, period)
     data = read_data(reader, file.data, layout, exogenous.states)
+    if simulation is not None and layout.names is not None:
+        steps = implementation and implementation.period
+        simulation = drawn(reader, levels, layout.names.outputs, simulation, period, steps, family)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
-    if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
+    if reader.problems or plant.plant is None or noisy.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
     made = Spec(
-        **headed(file, document),
-        generator=exogenous.generator,
+        **heading(document, file),
+        generator=noisy.generator,
         model_states=exogenous.states,
-        drives=numbered("v", exogenous.v.size or 0),
+        drives=numbered("v", noisy.v.size or 0),
         inputs=layout.names.inputs,
         units=file.system.units if file.system else {},
         nonlinearities=blocks,
         **{name: getattr(plant, name) for name in ("plant", "gx", "gq", "gy", "typed")},
-        H=H,
-        H_names=H_names,
+        **vars(asked),
+        noise=levels,
         observer=observer,
         simulation=simulation,
         implementation=implementation,
@@ -98,8 +103,8 @@ def resolve(document: Document) -> Spec:
     return with_defect(reader, file, made)
 
 
-def headed(file: File, document: Document) -> dict[str, Any]:
-    """What a spec is called and where it is from, and its text."""
+def heading(document: Document, file: File) -> dict[str, Any]:
+    """What a spec says of itself, and where it stands."""
     return {
         "name": file.name or named_by(document.path),
         "source": file.source or "",
@@ -138,8 +143,8 @@ def require_spec(document: Document) -> None:
         raise UsageError(Problem(said, document.path, id="OBS109"))
 
 
-def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
-    """The plant, in matrices or as equations; what an unknown family takes is not told."""
+def read_system(reader: Reader, file: File, family: Family | None, noise: Mapping[str, Level]) -> Reading:
+    """The plant, in matrices or as equations, with the channels of its noise; of no family nothing more is told."""
     sampled, typed = (family is not None and getattr(family, name) for name in ("sampled", "equations"))
     identity = family is not None and family.unstructured
     if isinstance(file.system, Equations):
@@ -157,8 +162,9 @@ def read_system(reader: Reader, file: File, family: Family | None) -> Reading:
             reader.wrong(("system", "types"), said, at_key=True, id="OBS213")
         if typed:
             return read_typed(reader, file.system)
-        return read_equations(reader, file.system, sampled=sampled, constants=identity)
+        return read_equations(reader, file.system, noise, sampled=sampled, constants=identity)
     plant = read_plant(reader, file.system, file.nonlinearities, identity=identity, sampled=sampled)
+    plant = in_matrices(reader, plant, noise)
     return in_equations(reader, plant) if typed and family and not family.matrices else plant
 
 
@@ -177,8 +183,9 @@ def read_observer(
     blocks = family.nonlinearities(reader, plant.nonlinearities, exogenous.nonlinearities)
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
+    model, noisy = exogenous.generator, exogenous.noisy
     problem = Estimation(
-        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period
+        states, layout.outputs, q, plant.plant, model, H, blocks, plant.typed, as_equations, period, noisy
     )
     return family.request(reader, section, problem), blocks
 
@@ -229,81 +236,3 @@ def read_plain(reader: Reader, value: Any, loc: Loc) -> Any:
     if isinstance(value, dict):
         reader.wrong(loc, "expected a number, text or a list, found a mapping", id="OBS204")
     return value
-
-
-def read_performance(
-    reader: Reader,
-    section: str | Sequence[str] | Weight | None,
-    layout: Layout,
-    exogenous: Exogenous,
-    kind: str = "",
-) -> tuple[Array, tuple[str, ...]]:
-    """H over the augmented state, and the names of z; `kind`: the family, if it estimates states whatever z is."""
-    loc: Loc = ("performance",)
-    direct_said = NOT_ESTIMATED if kind else FEEDTHROUGH
-    if kind and section not in (None, "x"):
-        said = "the observer does not depend on it; it says what figures of a run show, and of what the run tells z"
-        reader.unused.append(f"performance has no effect on the design by type {kind}: {said}")
-    if isinstance(section, Weight):
-        return read_weight(reader, section, layout, exogenous)
-    if isinstance(section, str) and section not in GROUPS:
-        allowed = (*GROUPS, "a list of names", "{H: a matrix}")
-        reader.wrong(loc, unknown("performance", section, allowed, listed(section, layout, exogenous)), id="OBS202")
-    if layout.names is None or exogenous.generator is None or section is None:
-        return empty(0, 0), ()
-    x, w = layout.names.states, layout.names.w
-    table = rows(layout.names, exogenous.states, exogenous.generator)
-    groups = {"x": x, "w": w, "all": (*x, *exogenous.states)}
-    chosen = groups.get(section, x) if isinstance(section, str) else section
-    if section == "w" and (modelled := [name for name in w if table[name] is not None]) and len(modelled) < len(w):
-        others = ", ".join(name for name in w if name not in modelled)
-        reader.wrong(
-            loc, f"{others} {FEEDTHROUGH.partition(';')[0]}; name the rest: [{', '.join(modelled)}]", id="OBS214"
-        )
-        chosen = modelled
-    if isinstance(section, str) and (direct := [name for name in chosen if name in table and table[name] is None]):
-        said = f"each of {', '.join(direct)}" if len(direct) > 1 else direct[0]
-        reader.wrong(loc, f"{said} {direct_said}", id="OBS214")
-        return empty(0, 0), ()
-    for i, name in enumerate(chosen):
-        place = loc if isinstance(section, str) else (*loc, i)
-        if name not in table:
-            estimated = tuple(known for known, row in table.items() if row is not None)
-            reader.wrong(place, unknown("state", name, estimated, {}), id="OBS203")
-        elif table[name] is None:
-            reader.wrong(place, f"{name} {direct_said}", id="OBS214")
-    if not chosen:
-        reader.wrong(loc, "there is nothing to estimate; name at least one state", id="OBS214")
-    H = [row for row in map(table.get, chosen) if row is not None]
-    return np.array(H, dtype=object), tuple(chosen)
-
-
-def listed(section: str, layout: Layout, exogenous: Exogenous) -> dict[str, str]:
-    """What to say of names that are written without brackets."""
-    known = (*layout.names.states, *exogenous.states, *layout.names.w) if layout.names else ()
-    names = [near for name in section.split(",") if (near := nearest(name.strip(), known))]
-    said = f"is no group of signals; names stand in a list: write [{', '.join(names)}]"
-    return {section: said} if len(names) == section.count(",") + 1 else {}
-
-
-def rows(names: Names, xm: Sequence[str], generator: Generator) -> dict[str, Array | None]:
-    """Row over the augmented state of each state and each w; None where w has a feedthrough from v or f."""
-    n, size = len(names.states), len(names.states) + len(xm)
-    basis = np.full((size, size), fmpq(0), dtype=object)
-    np.fill_diagonal(basis, fmpq(1))
-    table: dict[str, Array | None] = dict(zip((*names.states, *xm), basis, strict=True))
-    for i, name in enumerate(names.w):
-        row = np.concatenate([np.full(n, fmpq(0), dtype=object), generator.Cm[i]])
-        feedthrough = np.any(generator.Dm[i] != 0) or np.any(generator.Dwf[i] != 0)
-        table.setdefault(name, None if feedthrough else row)
-    return table
-
-
-def read_weight(reader: Reader, section: Weight, layout: Layout, exogenous: Exogenous) -> tuple[Array, tuple[str, ...]]:
-    """H as given."""
-    entries = reader.entries(section.H, ("performance", "H"))
-    n, nm = layout.states.size, exogenous.xm.size
-    augmented = Axis(None if n is None or nm is None else n + nm, "augmented state")
-    nz = entries.shape(None, augmented.size)[0] or 1
-    H = reader.matrix(entries, Axis(nz, "component of z"), augmented)
-    return H, numbered("z", nz)

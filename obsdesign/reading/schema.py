@@ -13,7 +13,7 @@ from obsdesign.families import FAMILIES
 from obsdesign.families.asked import FAMILY, ObserverSection
 from obsdesign.reading.disturbance_schema import CHANNEL, CHANNEL_NAME, CHANNELWISE, ChannelData, Disturbance
 from obsdesign.reading.plant_schema import MAX_BLOCKS, Equations, InMatrices, Nonlinearity, System
-from obsdesign.reading.trial_schema import Data, Implementation, Simulation
+from obsdesign.reading.trial_schema import Data, Implementation, NoiseLevel, Simulation
 from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import (
     ANYTHING,
@@ -35,10 +35,25 @@ from obsdesign.sections.values import Reader
 from obsdesign.sections.words import nearest
 
 
-class Weight(Section):
-    """z = H e."""
+class Performance(Section):
+    """z = H e, each error times its weight."""
 
-    H: Entries = required(MATRIX, "nz x (nx + nm), over the augmented state (x, xm)", example="[[1, 0, 0]]")
+    H: Entries | None = key(
+        MATRIX, "nz x (nx + nm), over the augmented state (x, xm), alone", otherwise="by names", example="[[1, 0, 0]]"
+    )
+    signals: str | list[str] | None = key(
+        Either("x, w, all or a list of names", TEXT, ListOf(TEXT)),
+        "what must be estimated well",
+        otherwise="what weights and scales name",
+        example="[theta, w1]",
+        name="of",
+    )
+    weights: dict[str, str] | None = key(
+        MapOf(ENTRY), "factor of each error in z, > 0", otherwise="1", example="{theta: 1, w1: 100}"
+    )
+    scales: dict[str, str] | None = key(
+        MapOf(ENTRY), "typical size of each error, > 0: its weight is 1/scale", otherwise="1", example="{theta: 0.01}"
+    )
 
 
 class Observer:
@@ -98,8 +113,14 @@ class File(Section):
         default="unknown",
         example="[integrator, unknown]",
     )
-    performance: str | list[str] | Weight | None = key(
-        Either("x, w, all, a list of names, or {H: a matrix}", TEXT, ListOf(TEXT), mapping=Weight),
+    noise: dict[str, str | NoiseLevel] | None = key(
+        MapOf(Either("a number, {rms: .., period: ..} or {density: ..}", ENTRY, mapping=NoiseLevel)),
+        "white noise of outputs, by its rms: each is a further channel of w, with that number in D; runs draw it",
+        default={},
+        example="{theta: 1.0e-3}",
+    )
+    performance: str | list[str] | Performance | None = key(
+        Either("x, w, all, a list of names, {weights: ..}, or {H: a matrix}", TEXT, ListOf(TEXT), mapping=Performance),
         "what must be estimated well: z is the error of it",
         default="x",
         example="[torque]",

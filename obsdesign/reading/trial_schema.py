@@ -106,6 +106,18 @@ class Data(Section):
     )
 
 
+class NoiseLevel(Section):
+    """White noise of one output, by its rms or by its density."""
+
+    rms: str | None = key(ENTRY, "rms, > 0", unit="unit of the output", otherwise="by density", example="1.0e-3")
+    period: str | None = key(
+        ENTRY, "how long each value holds", unit="s", otherwise="that of the samples", example="1.0e-3"
+    )
+    density: str | None = key(
+        ENTRY, "two-sided density, rms sqrt(period)", unit="unit/sqrt(Hz)", otherwise="by rms", example="3.0e-5"
+    )
+
+
 class Simulation(Section):
     """How to try the observer."""
 

@@ -18,6 +18,9 @@ LABELS = {
     "rho": "decay ρ a sample",
     "gamma": "gain γ",
     "T2": "T2 [s]",
+    "L1": "bound on |L1|",
+    "L": "bound on |L|",
+    "K": "bound on |K|",
 }
 SPREAD = 30  # ratio from which on an axis is logarithmic
 Point = Mapping[str, Any]

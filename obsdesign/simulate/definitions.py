@@ -38,6 +38,7 @@ class Definitions:
     plant: Equations
     observer: Observer  # over signals of the same names
     noisy: bool  # whether outputs are measured with noise, an input of the program
+    added: bool = True  # whether it is added to them when they are measured; else they hold it, by channels of w
     next: Named = field(default_factory=dict)  # signals of the plant at the next sample, where the observer knows y+
     made: dict[str, Definition] = field(default_factory=dict)
 
@@ -48,7 +49,7 @@ class Definitions:
         for name, side in plant.dynamics.items():
             self.define(rate(name), side)
         if self.noisy:
-            self.made |= {measured(y): {y: fmpq(1), noise(y): fmpq(1)} for y in self.measurable}
+            self.made |= {measured(y): dict.fromkeys(self.seen(y), fmpq(1)) for y in self.measurable}
         self.made |= {hat: Pair(twin, error(twin), 1) for hat, twin in observer.twins.items()}
         self.compare(observer.algebraic, self.sides, lambda name: name)
         self.compare(observer.dynamics, plant.dynamics, rate)
@@ -155,7 +156,11 @@ class Definitions:
         """Signals whose sum a signal of the observer is."""
         if twin := self.observer.twins.get(name):
             return (twin, error(twin))
-        return (name, noise(name)) if self.noisy and name in self.measurable else (name,)
+        return self.seen(name)
+
+    def seen(self, name: str) -> tuple[str, ...]:
+        """Signals whose sum an output is as it is measured; other signals are themselves."""
+        return (name, noise(name)) if self.noisy and self.added and name in self.measurable else (name,)
 
     def pair(self, estimate: Expression, true: Expression) -> str:
         """Name of the difference of two terms."""

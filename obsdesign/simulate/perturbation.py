@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.collocation import NODES
@@ -54,11 +55,13 @@ class Interval:
 class Perturbation:
     """What the noise of several seeds adds to the runs of an observer, of a spec with a `simulation`."""
 
-    def __init__(self, spec: Spec, observer: Observer, seeds: tuple[int, ...]) -> None:
+    def __init__(
+        self, spec: Spec, observer: Observer, seeds: tuple[int, ...], guarantee: Guarantee | None = None
+    ) -> None:
         assert spec.simulation
         self.simulation: Simulation = spec.simulation
         self.noisy, self.quiet = (
-            system_of(spec, simulation, observer)
+            system_of(spec, simulation, observer, guarantee)
             for simulation in (spec.simulation, replace(spec.simulation, noise=None))
         )
         self.observer, self.acting = observer, self.noisy.scenario

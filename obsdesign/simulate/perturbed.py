@@ -1,9 +1,12 @@
 """A single run with noise that is held over many short periods, from the run without noise and what the noise adds."""
 
 from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
+from obsdesign.families.guarantee import Guarantee, Rates
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Float
 from obsdesign.simulate.collocation import NODES, WEIGHTS
@@ -22,10 +25,10 @@ def applies(system: System) -> bool:
     return short and not (system.observer.jump or acting.events or system.deciding) and system.constant() is None
 
 
-def perturbed(spec: Spec, observer: Observer, samples: Float) -> Trajectory | None:
+def perturbed(spec: Spec, observer: Observer, guarantee: Guarantee | None, samples: Float) -> Trajectory | None:
     """Trajectory of a run with noise, its state at samples (N,); None where steps do not become accurate."""
     assert spec.simulation
-    added, parts = Perturbation(spec, observer, (spec.simulation.seed,)), 1
+    added, parts = Perturbation(spec, observer, (spec.simulation.seed,), guarantee), 1
     while parts * len(added.intervals) <= MOST_STEPS:
         path = Path(added, [step for one in added.intervals for step in one.parts(parts)], samples)
         if path.reference.end < spec.simulation.horizon:
@@ -81,8 +84,20 @@ class Path(Passage):
         energy = np.append(np.concatenate(self.energy), self.z2)
         path, samples = self.states(t, [*self.path_d, self.d]), self.states(self.samples, self.sampled)
         path[:, system.end], samples[:, system.end] = energy, np.interp(self.samples, t, energy)
+        path[:, system.end + 1 : system.end + 3] += self.driven(t)
+        samples[:, system.end + 1 : system.end + 3] += self.driven(self.samples)
         kept = slice(None, None, -(-len(t) // PATH))
         return Trajectory(self.samples, samples, t[kept], path[kept], "done", float(self.samples[-1]), "")
+
+    def driven(self, t: Float) -> Float:
+        """What noise in v adds to the integral of |v|^2, and to b of b' = -2 alpha b + c |v|^2, by instants, (N, 2)."""
+        system, acting = self.added.noisy, self.added.acting
+        rates = system.guarantee.rates() if system.guarantee else Rates(0.0, 0.0)
+        power = np.zeros(len(acting.noise))  # |n|^2 in each period
+        for output, number in acting.noises.values():
+            power += (acting.noise[:, acting.outputs.index(output)] / float(number)) ** 2
+        v2, b = (response(power, acting.period, t, alpha) for alpha in (0.0, rates.alpha))
+        return np.stack([v2, rates.c * b], axis=1)
 
     def states(self, t: Float, added: Sequence[Float]) -> Float:
         """States (N, width) of the run without noise at instants, and what is added to them."""
@@ -90,3 +105,15 @@ class Path(Passage):
         s = self.reference.s[self.reference.places(t)].copy()
         s[:, [system.flowing.index(name) for name in self.added.moving]] += np.hstack(added).T
         return s
+
+
+def response(power: Float, h: float, t: Float, alpha: float) -> Float:
+    """Solution of b' = -2 alpha b + p from b(0) = 0 at instants (N,), with p (K,) constant over each period h."""
+
+    def moved(b: Any, p: Any, after: Any) -> Any:
+        share = -np.expm1(-2 * alpha * after) / (2 * alpha) if alpha else after
+        return b * np.exp(-2 * alpha * after) + p * share
+
+    begins = np.array([*accumulate(power, lambda b, p: moved(b, p, h), initial=0.0)])
+    k = np.minimum(t // h, len(power) - 1).astype(int)
+    return np.asarray(moved(begins[k], power[k], t - k * h))

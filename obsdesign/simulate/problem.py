@@ -10,6 +10,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.expressions.algebra import identical
 from obsdesign.families import FAMILIES
+from obsdesign.families.noise import channels
 from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
@@ -68,8 +69,9 @@ def entries(spec: Spec) -> Iterator[Entry]:
     for name, side in sorted(zip(spec.inputs, simulation.u, strict=True)):
         yield "simulation.u", name, side
     yield from noises(spec, simulation)
-    yield "simulation.v", "v", ", ".join(side.text for side in simulation.v or ()) or "not given"
-    yield "disturbance", "the disturbance model", str(vars(spec.generator)) if simulation.v else None
+    v = [side for k, side in enumerate(simulation.v or ()) if k not in channels(spec)[1]]
+    yield "simulation.v", "v", ", ".join(side.text for side in v) or "not given"
+    yield "disturbance", "the disturbance model", model(spec) if simulation.v else None
     sides, driven = dict(plant.sides()), by_name(spec, simulation)
     inner = {name: sides[name] for name in (*plant.algebraic, *plant.outputs)}
     for _ in inner:
@@ -85,8 +87,19 @@ def starts(spec: Spec) -> list[tuple[str, float]]:
 
 
 def by_name(spec: Spec, simulation: Simulation) -> Mapping[str, Expression]:
-    """Disturbances by the names that they have in the equations; none where v generates them."""
-    return dict(zip(spec.equations(spec.plant).exogenous, simulation.w or (), strict=False))
+    """Disturbances by the names that they have in the equations; where v generates them only noise, which is apart."""
+    exogenous = spec.equations(spec.plant).exogenous
+    still = {exogenous[k]: ZERO for k in channels(spec)[0]}
+    return still | dict(zip(exogenous, simulation.w or (), strict=False))
+
+
+def model(spec: Spec) -> str:
+    """Disturbance model of the channels of w that no noise is, all of its matrices."""
+    m, (w, v) = spec.generator, channels(spec)
+    of_v = np.delete(m.Bm, v, axis=1), np.delete(m.Dq2, v, axis=1), np.delete(np.delete(m.Dm, v, axis=1), w, axis=0)
+    of_w = (np.delete(M, w, axis=0) for M in (m.Cm, m.Dwf))
+    inverse = [own for i, own in enumerate(m.inverse) if i not in w]
+    return str((m.Am, m.Bmf, m.Cq2, m.Dq2f, *of_w, *of_v, inverse))
 
 
 def noises(spec: Spec, simulation: Simulation) -> Iterator[Entry]:

@@ -181,7 +181,7 @@ class Record:
             return "no guarantee: nothing is proved of these gains with this plant"
         if self.acting.unmodeled:
             return self.acting.unmodeled
-        if self.acting.noise.any():
+        if self.acting.noise.any() and not self.acting.noises:
             return "the guarantee does not cover simulation.noise"
         if self.impulse is not None:
             return f"w jumps at t = {self.impulse:.6g}, so that the v that generates it is not {self.guarantee.signals}"

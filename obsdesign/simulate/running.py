@@ -65,7 +65,7 @@ def recorded(
             Problem(f"{condition} is true at the start already", key=f"simulation.events.{name}", id="OBS802")
         )
     samples = np.linspace(0, simulation.horizon, simulation.points)
-    quick = perturbed(spec, observer, samples) if applies(system) else None
+    quick = perturbed(spec, observer, guarantee, samples) if applies(system) else None
     return Record(spec, system, breaks, quick or follow(system, start, breaks, samples, progress))
 
 

@@ -6,10 +6,12 @@ from itertools import pairwise
 from typing import cast
 
 import numpy as np
+from flint import fmpq
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import Guarantee, SampledGuarantee
+from obsdesign.families.noise import channels as channels_of_noise
 from obsdesign.lmi.formula import Array, Float, identity, zeros
 from obsdesign.model.ahead import ahead, later
 from obsdesign.model.disturbance import augment, with_inputs
@@ -67,6 +69,7 @@ class Scenario:
     clock: Clock | None = None  # of a plant in discrete time
     schedule: Schedule | None = None  # of the measurements, where y is known at instants only
     eta: Array | None = None  # (K, ny), noise of each of them
+    noises: Mapping[str, tuple[str, fmpq]] = field(default_factory=dict)  # entries of v that are noise: output, number
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends the run where it becomes true, by name
 
     @property
@@ -136,7 +139,10 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     horizon = simulation.horizon if clock is None else float(clock.instants[-1])
     drive = plant.exogenous if unmodeled else drives(spec, plant.exogenous)
     acting = Scenario(plant, n, outputs, inputs, simulation.u, xm, v, unmodeled, horizon, noise, period, drive, clock)
-    return replace(acting, events=simulation.events)
+    declared = simulation.noise.channels if simulation.noise else {}
+    places = channels_of_noise(spec)[0 if unmodeled else 1] if declared else ()
+    noises = {plant.exogenous[k]: each for k, each in zip(places, declared.items(), strict=True)}
+    return replace(acting, events=simulation.events, noises=noises)
 
 
 def drives(spec: Spec, v: tuple[str, ...]) -> tuple[str, ...]:
@@ -205,10 +211,13 @@ def noise_samples(simulation: Simulation, ny: int, more: int = 0) -> tuple[Array
     noise = simulation.noise
     if noise is None:
         return np.zeros((1, ny)), simulation.horizon
+    if noise.trouble:
+        raise UsageError(Problem(noise.trouble, key="noise", id="OBS205"))
     count = int(np.ceil(simulation.horizon / noise.period)) + more
     if count > NOISE_SAMPLES:
         said = f"{count} samples in the horizon; at most {NOISE_SAMPLES} are allowed"
-        raise UsageError(Problem(said, key="simulation.noise.period", id="OBS210"))
+        key = "noise" if noise.channels else "simulation.noise.period"
+        raise UsageError(Problem(said, key=key, id="OBS210"))
     return draw(noise, np.random.default_rng(simulation.seed), (count, ny)), noise.period
 
 

@@ -41,7 +41,9 @@ def norms(record: Record) -> dict[str, Any]:
     v2, v_sup = (None, None) if nothing else (float(np.sqrt(course.v2[-1])), float(course.v_sup[-1]))
     z, v = (z_sup, v_sup) if sup else (z2, v2)
     endless = (
-        None if sup or v2 is None or acting.clock else norm_to_infinity(acting.v, record.trajectory.time, course.v2[-1])
+        None
+        if sup or v2 is None or acting.clock or acting.noises
+        else norm_to_infinity(acting.v, record.trajectory.time, course.v2[-1])
     )
     return {
         "z_norm2": z2,

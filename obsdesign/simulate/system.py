@@ -1,6 +1,6 @@
 """Plant and observer as one flow with jumps, in the coordinates (state, estimation error)."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -12,6 +12,7 @@ from obsdesign.expressions import Expression
 from obsdesign.families.guarantee import Guarantee, Rates, SampledGuarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float, rational_number
+from obsdesign.model.ahead import ahead
 from obsdesign.simulate.definitions import Definitions, after, error, event, measured, mismatch, noise, rate
 from obsdesign.simulate.groups import is_zero
 from obsdesign.simulate.integrate import Vector
@@ -54,7 +55,8 @@ class System:
         self.scenario, self.observer, self.guarantee, self.H = scenario, observer, guarantee, H
         plant = scenario.plant
         noisy = bool(observer.jump) or scenario.noisy
-        made = Definitions(plant, observer, noisy, scenario.next() if observer.following else {})
+        known = scenario.next() if observer.following else {}
+        made = Definitions(plant, observer, noisy, added=not scenario.noises, next=known)
         made.made |= self.signals(made)
         self.z = tuple(f"z {k + 1}" for k in range(len(H)))
         for name, row in zip(self.z, H, strict=True):
@@ -110,7 +112,14 @@ class System:
         acting, plant = self.scenario, self.scenario.plant
         known = zip(plant.states[acting.integrated :], acting.known, strict=True)
         pairs = (*zip(plant.inputs, acting.u, strict=True), *known, *zip(plant.exogenous, acting.v, strict=True))
-        return {name: made.weights(signal) for name, signal in pairs}
+        return {name: made.weights(signal) for name, signal in pairs} | dict(self.noises(made.measurable))
+
+    def noises(self, measurable: Collection[str]) -> Iterator[tuple[str, Definition]]:
+        """Entries of the drive that are noise of outputs, at a sample and where they are known at the next."""
+        for name, (output, number) in self.scenario.noises.items():
+            yield name, {noise(output): 1 / number}
+            if ahead(output) in measurable:
+                yield ahead(name), {noise(ahead(output)): 1 / number}
 
     def recorded(self, made: Definitions) -> list[str]:
         """Names of what a record of a run holds beside the rates of the flow, as far as they are no inputs."""
@@ -242,7 +251,7 @@ class System:
         held = tuple(dict.fromkeys(name for row in linear for name in row if name not in self.flowing))
         exactly = self.copied == tuple(map(error, self.scenario.plant.states))
         steady = set(map(noise, self.observer.outputs)) if len(self.silent) else set()
-        varying = [name for name in held if name not in steady and not is_constant(name, definitions)]
+        varying = [name for name in held if not is_constant(name, definitions, steady)]
         if len(linear) < len(rows) or not exactly or varying:
             return None
         columns = (*self.flowing, *held)
@@ -274,15 +283,15 @@ class System:
         return self.switches.breaks(self.scenario.horizon)
 
 
-def is_constant(name: str, definitions: Mapping[str, Definition]) -> bool:
-    """Whether a signal is made of terms that are constant between breaks."""
-    if name == UNIT:
+def is_constant(name: str, definitions: Mapping[str, Definition], steady: Collection[str]) -> bool:
+    """Whether a signal is made of terms that are constant between breaks, as some signals are."""
+    if name == UNIT or name in steady:
         return True
     made = definitions.get(name)
     term = isinstance(made, Expression)
     if made is None or (isinstance(made, Expression) and not is_zero(made.derivative("t"))):
         return False
-    return all(is_constant(other, definitions) for other in needs(made) if other != "t" or not term)
+    return all(is_constant(other, definitions, steady) for other in needs(made) if other != "t" or not term)
 
 
 @dataclass(frozen=True)

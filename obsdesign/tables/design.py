@@ -10,6 +10,7 @@ from obsdesign.tables.text import UNBOUNDED, UNSTABLE, at_least, at_most, limit_
 QUANTITIES = ("lipschitz", "gamma")
 SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounded
 LONGEST = 60  # points that are listed one by one
+FEW = 4  # estimates whose noise is listed at each
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
 UNPROVED = "what follows of these gains is their claim only: it is not proved"
 ATTENUATION = ("gamma", "peak gain")  # rows that say nothing where no disturbance acts
@@ -51,7 +52,7 @@ def analysis(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[tuple
     """What is computed over frozen members of the class: poles, steps, and gains with and without the observer."""
     if not found:
         return []
-    rows = [*worst(found), *steps(found)]
+    rows = [*worst(found), *steps(found), *noise(found)]
     low, high = (found.get("peak_gain", {}).get(end) for end in ("least", "most"))
     ends = [] if low is None else [f"at least {at_least(low, 4)}"]
     ends += [] if high is None else [f"at most {at_most(high, 4)} by V of the certificate"]
@@ -81,6 +82,32 @@ def steps(found: Mapping[str, Any]) -> Rows:
     known = {name: found["largest_step"][key] for name, key in methods.items()}
     told = ", ".join(f"{at_least(step, 3)} s ({name})" for name, step in known.items() if step)
     return [("largest step", told or (UNBOUNDED if known["Euler"] is None else UNSTABLE))]
+
+
+def noise(found: Mapping[str, Any]) -> Rows:
+    """Rms of each error for white noise of each output, of density 1, and of rms 1 where that can be told."""
+    kinds = {"noise_density": "unit/sqrt(Hz)", "noise_rms": "unit rms"}
+    known = {key: found[key] for key in kinds if found.get(key)}
+    if known.get("noise_rms") == known.get("noise_density"):
+        known.pop("noise_density", None)  # of samples they are one number
+    rows = [
+        (key.replace("_", " "), f"{sizes}   rms for 1 {kinds[key]} of {output}")
+        for key, gains in known.items()
+        for output, sizes in by_output(gains).items()
+    ]
+    said = {"noise_error": "rms for the declared noise", "gain_by_channel": "of v to z, each alone, where f = K q"}
+    return rows + [(key.replace("_", " "), f"{listed(found[key])}   {said[key]}") for key in said if found.get(key)]
+
+
+def listed(sizes: Mapping[str, float]) -> str:
+    """Numbers by name, in few digits."""
+    return ", ".join(f"{name} {size:.3g}" for name, size in sizes.items())
+
+
+def by_output(gains: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
+    """Sizes of the errors in one line for each output."""
+    outputs = dict.fromkeys(output for row in gains.values() for output in row)
+    return {y: listed({name: row[y] for name, row in gains.items()}) for y in outputs}
 
 
 def truth(found: Mapping[str, Any], claimed: Mapping[str, Any]) -> list[str]:
@@ -170,9 +197,11 @@ def reached(point: Mapping[str, Any]) -> str:
     if "gamma" not in point:
         return f"T2 {point['T2']:.6g}" if "T2" in point and "decay" in point else str(point["status"])
     proved = point.get("certified")
-    return f"gamma {point['gamma']:.6g}" + (
-        f"   certified {at_most(proved['gamma'])}, {size_text(proved)}" if proved else ""
-    )
+    parts = [f"gamma {point['gamma']:.6g}"]
+    parts += [f"certified {at_most(proved['gamma'])}, {size_text(proved)}"] if proved else []
+    noise = {**point.get("noise_density", {}), **point.get("noise_error", {})}
+    parts += [f"noise {listed(noise)}"] if 0 < len(noise) <= FEW else []
+    return "   ".join(parts)
 
 
 def front(search: Mapping[str, Any]) -> Rows:
@@ -229,8 +258,8 @@ def certified(numbers: Mapping[str, float]) -> str:
 
 
 def size_text(numbers: Mapping[str, float]) -> str:
-    """Size of a gain: of L, or of K where the observer is reset."""
-    name = "K" if "K" in numbers else "L"
+    """Size of a gain: of L or L1, or of K where the observer is reset."""
+    name = next((name for name in ("K", "L1") if name in numbers), "L")
     return f"|{name}| = {numbers[name]:.4g}"
 
 

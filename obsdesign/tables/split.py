@@ -8,9 +8,10 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 from obsdesign.expressions.tree import written_number
 from obsdesign.lmi.formula import Array, Exact, rational_number
+from obsdesign.model.discretise import Continuous
 from obsdesign.model.plant import Plant
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
-from obsdesign.spec import Continuous, Nonlinearity, Spec, arguments
+from obsdesign.spec import Nonlinearity, Spec, arguments
 from obsdesign.tables.text import aligned
 
 MODEL = "a model: nothing that is proved of it is proved of the continuous plant"

@@ -26,14 +26,17 @@ from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point, apart
 from obsdesign.families.incremental.instead import beyond, remedied
 from obsdesign.families.incremental.limits import FLAT, Limits
+from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import posed, request_of
 from obsdesign.families.incremental.samples import at_the_edge
 from obsdesign.families.incremental.theorems import Linf
+from obsdesign.families.incremental.trade import trader
+from obsdesign.families.noise import noise_of
 from obsdesign.families.outcome import Outcome, Search, Verdict
 from obsdesign.families.reach import judged
-from obsdesign.lmi.formula import Values, in_floats
+from obsdesign.lmi.formula import Array, Values, in_floats
 from obsdesign.lmi.solve import Status
 from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
@@ -57,7 +60,13 @@ class Designer:
     @property
     def limits(self) -> Limits:
         """The least gamma over all gains and within the bounds."""
-        return Limits(self.engine, self.family.about, self.request, self.points, self.notes)
+        return Limits(self.engine, self.family.about, self.request, self.points, self.notes, self.noise)
+
+    def noise(self, L1: Array) -> float | None:
+        """Rms of z for white noise of density 1 in every output, of the worst member; None where it is not known."""
+        if self.request.L2 is None:
+            return None
+        return noise_of(errors(self.spec, {"L1": L1, "L2": in_floats(self.request.L2)}), in_floats(self.spec.H))
 
     def outcome(self) -> Outcome:
         """Gates that need no solver, then the objective."""
@@ -286,6 +295,9 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     Raises `UsageError`: the limit of gamma is zero and nothing bounds the gain; the multiplier does not allow a free
     L2. Raises `UndecidedError`: the solver found neither a solution nor that there is none.
     """
+    request = request_of(spec)
+    if request.trade and not request.gains:
+        return trader(spec, engine, request.trade, design).outcome()
     designer = Designer(spec, engine)
     try:
         made = designer.outcome()

@@ -11,8 +11,8 @@ from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
 from obsdesign.dissipation.pace import Pace
-from obsdesign.dissipation.zero import NEAR, Level, reached, settled, unbounded, vanishing
-from obsdesign.errors import UndecidedError
+from obsdesign.dissipation.zero import NEAR, Level, Noise, loudness, reached, settled, unbounded, vanishing
+from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.families.incremental.decay import Point
 from obsdesign.families.incremental.request import Request
 from obsdesign.families.outcome import BEST_FOUND, bounded_kind
@@ -30,6 +30,7 @@ class Limits:
     request: Request
     points: Sequence[Point]
     notes: list[str]
+    noise: Noise  # of z, for gains L1
 
     @property
     def pace(self) -> Pace:
@@ -56,17 +57,21 @@ class Limits:
             raise UndecidedError(f"{said}: {answer.reason}", id="OBS507")
         if not self.request.bounds.restricted:
             if table and self.request.objective in {"min-gamma", "pareto"}:
-                raise unbounded(self.pace.said(rate), table)
+                raise self.refusal(search, rate, table)
             return self.attained(search, limits), level
         bounded = settled(self.engine, search, within(self.engine, search, self.request.bounds), self.request.bounds)
         if bounded.status is not Status.OPTIMAL:
             if table and self.request.bounds.L1 is None and bounded.status is Status.UNDECIDED:
-                raise unbounded(self.pace.said(rate), table)
+                raise self.refusal(search, rate, table)
             return self.attained(search, limits), None
         level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(rate), **bounded_kind(self.request.bounds)}
         limits = self.attained(search, limits, level.gamma)
         return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
+
+    def refusal(self, search: Incremental, rate: fmpq, table: Sequence[tuple[float, float]]) -> UsageError:
+        """Refusal of a limit of zero, with what larger gains do, and with the noise that they let through."""
+        return unbounded(self.pace.said(rate), table, loudness(self.engine, search, table, self.noise))
 
     def attained(self, search: Incremental, limits: dict[str, Any], bounded: float = math.inf) -> dict[str, Any]:
         """Limits with whether a finite gain attains the one over all gains, in samples, as far as doubles tell.

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 
 from flint import fmpq, fmpq_mat
 
-from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, Trade, ends
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.pace import ALPHA, RHO, Pace
 from obsdesign.families import asked, rates
@@ -35,8 +35,11 @@ class Level(Section):
 class LargestValues(Section):
     """What a design may use at most."""
 
-    L1: str | asked.Frobenius | None = key(
-        asked.LARGEST_GAIN, "largest spectral norm of L1; or {frobenius: ..}", otherwise="none", example="400"
+    L1: str | asked.Frobenius | asked.Sizes | None = key(
+        asked.LARGEST_GAIN,
+        "largest spectral norm of L1; or {frobenius: ..}; or several for objective pareto: gamma against the gain",
+        otherwise="none",
+        example="400",
     )
     P: str | None = key(ENTRY, "p of P <= p I", otherwise="none", example="1.0e+6")
     gamma: str | None = key(ENTRY, "largest gamma", otherwise="none", unit="z per v", example="0.5")
@@ -80,8 +83,11 @@ class Observer(RateSection):
     slack: str | None = key(
         ENTRY, "relative distance from the optimum, for a smaller gain", otherwise="0.05", example="0.05"
     )
-    bounds: LargestValues | None = key(
-        LargestValues, "what a design may use at most", otherwise="none", example="{L1: 400}"
+    bounds: LargestValues | str | None = key(
+        asked.bounds_of(LargestValues),
+        "what a design may use at most; auto: the knee of gamma against |L1|",
+        otherwise="none",
+        example="{L1: 400}",
     )
     gains: Gains | None = key(
         Gains, "gains that are analysed and certified as they are", otherwise="designed", example="{L1: [[-6], [-30]]}"
@@ -111,6 +117,11 @@ class Request:
     reconstruct: bool = False  # w by pinv(B) L1 (yhat - y)
     pace: Pace = ALPHA
     filtered: bool = False  # whether the estimate of a sample knows its y
+    trade: Trade | None = None  # gamma against |L1|, whose knee is shipped
+
+    def within(self, size: fmpq) -> "Request":
+        """The same for the least gamma with |L1| at most a size."""
+        return replace(self, objective="min-gamma", trade=None, bounds=replace(self.bounds, L1=size))
 
     @property
     def feedback(self) -> Array | None:
@@ -170,7 +181,10 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
             reader, section.gains, {"L1": (problem.states, problem.outputs), "L2": (problem.q, problem.outputs)}
         ),
         reconstruct=section.reconstruct is not None,
+        trade=asked.read_trade(reader, section.bounds, "L1", objective, problem),
     )
+    if request.trade and not request.gains:
+        require_one_rate(reader, request, section)
     if request.gains:
         asked.note_unused(reader, section, ("L2", "objective", "slack", "bounds"), asked.AS_GIVEN)
     elif objective == "gamma":
@@ -186,6 +200,14 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
     return request
 
 
+def require_one_rate(reader: Reader, request: Request, section: Observer) -> None:
+    """Refuse a range of rates beside one of gains; l2 has its least gamma at the slowest."""
+    name, written = section.written("alpha", fmpq(1) if request.pace.sampled else None)
+    if isinstance(written, asked.Interval) or (isinstance(request.rate, Range) and request.type != "l2"):
+        said = f"gamma against |L1| is a curve at one {request.pace.key}: give a number"
+        reader.wrong(("observer", name), said, id="OBS215")
+
+
 def require_reconstructible(reader: Reader, request: Request, problem: asked.Estimation) -> None:
     """Refuse what = pinv(B) L1 (yhat - y) for another family, a disturbance model, or a B without a left inverse."""
     loc: Loc = ("observer", "reconstruct")
@@ -194,6 +216,9 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
         return
     if request.type != "linf":
         reader.wrong(loc, f"not available for type {request.type}; it needs type linf", id="OBS503")
+        return
+    if problem.noisy:
+        reader.wrong(loc, "takes no noise beside w; leave out one of the two, or give simulation.noise", id="OBS503")
         return
     if problem.generator is not None and len(problem.generator.Am):
         reader.wrong(loc, "the disturbance model estimates w already; leave out one of the two", id="OBS503")
@@ -210,13 +235,14 @@ def require_reconstructible(reader: Reader, request: Request, problem: asked.Est
 def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | Range:
     """Decay rate, alpha or 1 - rho, or where to search it."""
     name, written = section.written("alpha", period)
-    if section.objective in RANGED and written is not None and not isinstance(written, asked.Interval):
+    alone = not (isinstance(section.bounds, LargestValues) and isinstance(section.bounds.L1, asked.Sizes))
+    if section.objective in RANGED and alone and written is not None and not isinstance(written, asked.Interval):
         said = f"objective {section.objective} needs a range; give {{min: .., max: ..}}"
         reader.wrong(("observer", name), said, id="OBS215")
     found = rates.read_rate(reader, section, "alpha", period, "> 0", dead=section.type == "linf")
     if found is not None:
         return found
-    if period is not None and section.type == "l2" and section.objective not in RANGED:
+    if period is not None and section.type == "l2" and (section.objective not in RANGED or not alone):
         return fmpq(0)
     searched = SEARCHED if period is None else STEPS if section.objective != "max-alpha" else FAST
     ends = (searched.low, searched.high) if period is None else (1 - searched.high, 1 - searched.low)
@@ -225,9 +251,9 @@ def read_rate(reader: Reader, section: Observer, period: fmpq | None) -> fmpq | 
     return searched
 
 
-def read_bounds(reader: Reader, section: LargestValues | None) -> Bounds:
+def read_bounds(reader: Reader, section: LargestValues | str | None) -> Bounds:
     """Largest gain, storage function and level."""
-    if section is None:
+    if not isinstance(section, LargestValues):
         return NO_BOUNDS
     gain, norm = asked.read_largest_gain(reader, section.L1, "L1")
     P, gamma = (asked.read_bound(reader, getattr(section, name), name) for name in ("P", "gamma"))

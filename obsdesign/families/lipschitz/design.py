@@ -26,6 +26,7 @@ from obsdesign.families.lipschitz.relaxations import RELAXATIONS, S_PROCEDURE, p
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest, request_of
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import ceiling
+from obsdesign.families.lipschitz.trade import trader
 from obsdesign.families.outcome import Outcome, Verdict, finite, limited
 from obsdesign.lmi.formula import Array, Exact, approximate, printed
 from obsdesign.model.multiplier import Multiplier
@@ -46,6 +47,8 @@ def design(spec: Spec, engine: Engine) -> Outcome:
         ]
         return all(lower < share for lower, share in zip(known, shares, strict=True))
 
+    if request.trade and not request.gains:
+        return trader(spec, engine, request.trade, design).outcome()
     return design_lipschitz(spec.posed, spec.multiplier, spec.H, request, engine, tolerable)
 
 

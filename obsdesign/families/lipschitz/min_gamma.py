@@ -8,7 +8,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.gain import Solve, bounded, excluded, least, rounded_gains, smallest
-from obsdesign.dissipation.zero import Level, Vanishing, reached, settled, tabulated, vanishing
+from obsdesign.dissipation.zero import Level, Vanishing, loudness, reached, settled, tabulated, vanishing
 from obsdesign.errors import UndecidedError
 from obsdesign.families.lipschitz.claim import Claim
 from obsdesign.families.lipschitz.given_gains import tolerating
@@ -72,12 +72,9 @@ def limit_of(study: Study, family: Lipschitz) -> Level:
     zero = vanishing(study.engine, family, answer)
     rows = zero.table
     if rows and not study.restricted:
-        raise tabulated(
-            "the least gamma is 0, with a gain that grows without bound; choose `bounds: {L: ..}` from this table",
-            "L",
-            "gamma",
-            rows,
-        )
+        said = "the least gamma is 0, with a gain that grows without bound; choose `bounds: {L: ..}` from this table"
+        loud = loudness(study.engine, family, rows, study.noise)
+        raise tabulated(f"{said}, or `bounds: auto`, its knee", "L", "gamma", rows, loud)
     if answer.status is not Status.OPTIMAL and not rows and not zero.instead:
         raise UndecidedError(f"the least gamma was not found: {answer.reason}", id="OBS507")
     level = Level.of_all(answer, zero)

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, ends
+from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, Trade, ends
 from obsdesign.dissipation.pace import DECAY, RHO, Pace
 from obsdesign.families import asked, rates
 from obsdesign.families.frozen import Demand
@@ -40,8 +40,11 @@ class Least(Section):
 class LipschitzBounds(Section):
     """What a design may use."""
 
-    L: str | asked.Frobenius | None = key(
-        asked.LARGEST_GAIN, "largest spectral norm of L; or {frobenius: ..}", otherwise="none", example="20"
+    L: str | asked.Frobenius | asked.Sizes | None = key(
+        asked.LARGEST_GAIN,
+        "largest spectral norm of L; or {frobenius: ..}; or several for objective pareto: gamma against the gain",
+        otherwise="none",
+        example="20",
     )
     P: Least | None = key(Least, "P >= min I, which keeps the gain finite", otherwise="none", example="{min: 0.01}")
     gamma: str | None = key(ENTRY, "largest gamma, of min-gamma", otherwise="none", unit="z per w", example="0.5")
@@ -89,7 +92,12 @@ class LipschitzObserver(RateSection):
         otherwise="0.05",
         example="0.05",
     )
-    bounds: LipschitzBounds | None = key(LipschitzBounds, "what a design may use", otherwise="none", example="{L: 20}")
+    bounds: LipschitzBounds | str | None = key(
+        asked.bounds_of(LipschitzBounds),
+        "what a design may use; auto: the knee of gamma against |L|",
+        otherwise="none",
+        example="{L: 20}",
+    )
     gains: LipschitzGains | None = key(
         LipschitzGains,
         "a gain that is analysed and certified as it is",
@@ -119,6 +127,11 @@ class LipschitzRequest:
     drive: str = "w"  # v where a disturbance model generates w
     pace: Pace = DECAY
     filtered: bool = False  # whether the estimate of a sample knows its y
+    trade: Trade | None = None  # gamma against |L|, whose knee is shipped
+
+    def within(self, size: fmpq) -> "LipschitzRequest":
+        """The same for the least gamma with |L| at most a size."""
+        return replace(self, objective="min-gamma", trade=None, bounds=replace(self.bounds, L1=size))
 
     @property
     def told(self) -> tuple[fmpq, fmpq]:
@@ -148,12 +161,18 @@ class LipschitzRequest:
         """Keys that do not go with the objective or the relaxation, and why, with what to do instead."""
         if self.objective == "pareto" and self.gains is not None:
             yield ("gains",), "pareto designs gains; analyze given ones with max-lipschitz or min-gamma"
-        if self.objective != "min-gamma" and self.bounds.gamma is not None:
+        if self.objective != "min-gamma" and self.bounds.gamma is not None and not self.trade:
             said = "pareto weighs" if self.objective == "pareto" else "max-lipschitz knows no"
             yield ("bounds", "gamma"), f"{said} gamma; bound it with min-gamma"
         if (self.objective, self.relaxation) == ("max-lipschitz", "s-procedure") and self.bounds.floor is not None:
             said = "the P of max-lipschitz has no scale in the s-procedure; bound L, or choose norm-bound"
             yield ("bounds", "P"), said
+        if self.trade and self.relaxation == "compare":
+            yield ("relaxation",), "compare takes one bound on L; choose one relaxation for gamma against |L|"
+        if self.trade and self.weight is not None:
+            yield ("weight",), "is of lipschitz against gamma; gamma against |L| has none: leave it out"
+        if self.trade and isinstance(self.rate, Range):
+            yield (self.pace.key,), f"gamma against |L| is a curve at one {self.pace.key}: give a number"
         for name, value in (("weight", self.weight), (self.pace.key, self.rate)):
             if self.relaxation == "compare" and isinstance(value, Range):
                 yield (name,), "compare takes a number, not a range; choose one relaxation for a curve"
@@ -174,6 +193,7 @@ def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimatio
         bounds=read_bounds(reader, section.bounds),
         gains=asked.read_gains(reader, section.gains, {"L": (problem.states, problem.outputs)}),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
+        trade=asked.read_trade(reader, section.bounds, "L", section.objective, problem),
     )
     asked.refuse_conflicts(reader, request)
     if problem.period is not None:
@@ -207,7 +227,8 @@ def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | No
     """Weight of 1 / lipschitz against gamma^2, or where it is scanned."""
     loc: Loc = ("observer", "weight")
     if section.weight is None:
-        if section.objective == "pareto":
+        several = isinstance(section.bounds, LipschitzBounds) and isinstance(section.bounds.L, asked.Sizes)
+        if section.objective == "pareto" and not several:
             reader.wrong(loc, "is required for pareto; give a number in [0, 1], or {min: 0, max: 1}", id="OBS205")
         return None
     if section.objective != "pareto":
@@ -219,9 +240,9 @@ def read_weight(reader: Reader, section: LipschitzObserver) -> fmpq | Range | No
     return weight
 
 
-def read_bounds(reader: Reader, section: LipschitzBounds | None) -> Bounds:
+def read_bounds(reader: Reader, section: LipschitzBounds | str | None) -> Bounds:
     """Largest gain and level, and least storage function."""
-    if section is None:
+    if not isinstance(section, LipschitzBounds):
         return NO_BOUNDS
     gain, norm = asked.read_largest_gain(reader, section.L, "L")
     least = asked.read_bound(reader, section.P.min, "P", "min") if section.P else None

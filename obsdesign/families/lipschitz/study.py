@@ -8,12 +8,14 @@ from typing import Any, TypeVar
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import round_up, square_below
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size
+from obsdesign.dissipation.modes import EXPONENTIALS, POWERS
 from obsdesign.dissipation.scaling import Factors, scaling
 from obsdesign.dissipation.scan import edge
 from obsdesign.families.lipschitz.claim import Claim, held, needed
@@ -21,6 +23,7 @@ from obsdesign.families.lipschitz.reasons import gate, too_small
 from obsdesign.families.lipschitz.relaxations import KINDS, Lipschitz
 from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzRequest
 from obsdesign.families.lipschitz.stretch import Stretch
+from obsdesign.families.noise import noise_of
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
 from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
@@ -78,6 +81,13 @@ class Study:
     def disturbed(self) -> bool:
         """Whether there is a w; otherwise gamma means nothing."""
         return bool(self.unit.plant.B.shape[1])
+
+    def noise(self, L1: Array) -> float | None:
+        """Rms of z for white noise of density 1 in every output, of the worst member at the declared constant."""
+        family = self.unit.stretched(self.declared)
+        modes = POWERS if self.request.pace.sampled else EXPONENTIALS
+        errors = Errors.of(family.plant, family.multiplier, family.H, L1, modes=modes)
+        return noise_of(errors, in_floats(family.H))
 
     def obstacle(self) -> Diagnosis:
         """Why no gain will do, as far as it is seen before any search; empty if nothing stands in the way."""

@@ -12,6 +12,7 @@ from obsdesign.families.sporadic.clock.design import ClockDesigner
 from obsdesign.families.sporadic.clock.tradeoff import ClockTradeoff
 from obsdesign.families.sporadic.exponential import design_sporadic
 from obsdesign.families.sporadic.request import RANGED, SporadicRequest, request_of
+from obsdesign.families.sporadic.trade import trader
 from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
@@ -24,6 +25,8 @@ FALLBACK = "no storage function of the time left to the next measurement was fou
 def design(spec: Spec, engine: Engine) -> Outcome:
     """Design, or analyze, the observer that a spec asks for; the best of what its relaxations lead to."""
     request = request_of(spec)
+    if request.trade and not request.gains:
+        return trader(spec, engine, request.trade, design).outcome()
     made = [by(spec, part, engine) for part in request.parts()]
     return made[0] if len(made) == 1 else best(made, request)
 

@@ -38,6 +38,11 @@ class Periodic(Errors):
         return self.T2
 
     @property
+    def sampled(self) -> bool:
+        """Whether the noise of y enters at instants: it does, whatever the modes are in between."""
+        return True
+
+    @property
     def n(self) -> int:
         """Order of e."""
         return int(self.J.shape[-1])
@@ -72,11 +77,23 @@ class Periodic(Errors):
         """Largest modulus of an eigenvalue of one step, of the worst member; None where slopes are not bounded."""
         return max(radius(self.step(A, T)[0]) for A, _, _ in self.systems) if self.bounded else None
 
+    @property
+    def steps(self) -> list[tuple[Array, Array]]:
+        """Matrices of e and of eta of each member and each interval."""
+        return [self.step(A, T) for A, _, _ in self.systems for T in self.intervals.values()]
+
     def noise_gain(self) -> dict[str, float]:
         """Largest gain over frequency from eta to each error, both at the measurements; empty where one is unstable."""
-        steps = [self.step(A, T) for A, _, _ in self.systems for T in self.intervals.values()]
+        steps = self.steps
         largest = np.max([POWERS.amplitudes(*step) for step in steps], axis=0).tolist()
         return dict(zip(self.plant.states, largest, strict=False)) if all(stable(Phi) for Phi, _ in steps) else {}
+
+    def noise_norms(self, E: Array) -> Array | None:
+        """H2 norm of samples from eta to E e at the measurements; None where a step is unstable or no slope bound."""
+        steps = self.steps
+        if not self.bounded or not all(stable(Phi) for Phi, _ in steps):
+            return None
+        return np.asarray(np.max([POWERS.norms(*step, E) for step in steps], axis=0))
 
     def least_peak(self) -> float | None:
         """Largest |z| at a measurement for |w| <= 1 from zero error, of the members that were tried and are stable."""

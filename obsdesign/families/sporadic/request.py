@@ -6,12 +6,19 @@ from typing import ClassVar
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import SLACK, Bounds, Range, ends
+from obsdesign.dissipation.bounds import SLACK, Bounds, Range, Trade, ends
 from obsdesign.dissipation.pace import DECAY
 from obsdesign.families import asked
 from obsdesign.families.frozen import Demand
 from obsdesign.families.sporadic.clock.bernstein import FARTHEST, LARGEST_DEGREE, MOST_SEGMENTS, SHAPE, Shape
-from obsdesign.families.sporadic.section import CLOCK, INJECTIONS, ClockSection, SporadicObjective, SporadicObserver
+from obsdesign.families.sporadic.section import (
+    CLOCK,
+    INJECTIONS,
+    ClockSection,
+    SporadicBounds,
+    SporadicObjective,
+    SporadicObserver,
+)
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.edge import Edge
 from obsdesign.sections.document import Loc
@@ -51,6 +58,13 @@ class SporadicRequest:
     shape_given: bool = False  # .. and what the storage functions of the time left are
     drive: str = "w"  # v where a disturbance model generates w
     gap: bool = False  # whether K depends on the interval that has just ended
+    trade: Trade | None = None  # gamma against |L|, or |K|, whose knee is shipped
+
+    def within(self, size: fmpq) -> "SporadicRequest":
+        """The same for the least gamma with a gain of at most a size."""
+        assert self.trade
+        key = "largest_reset" if self.trade.gain == "K" else "largest_gain"
+        return replace(self, objective="min-gamma", trade=None, **{key: size})
 
     @property
     def restrictions(self) -> list[str]:
@@ -100,6 +114,7 @@ class SporadicRequest:
         if self.shape_given and self.pairs and not any(relaxation == CLOCK for _, relaxation in self.pairs):
             yield ("clock",), "is the storage function of relaxation clock, which is not asked for: leave `clock` out"
         yield from self.idle()
+        yield from self.several()
         known = "; ".join(f"{name} takes {', '.join(relaxations)}" for name, relaxations in INJECTIONS.items())
         fitting = {relaxation for _, relaxation in self.pairs}
         strays = [relaxation for relaxation in self.relaxations if relaxation not in fitting]
@@ -108,6 +123,16 @@ class SporadicRequest:
         for name in self.injections if not strays else ():
             if name not in {injection for injection, _ in self.pairs}:
                 yield ("injection",), f"{name} has none of the relaxations that are listed; {known}"
+
+    def several(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """What a curve of gamma against the gain has one of."""
+        if self.trade is None or self.gains:
+            return
+        if len(self.injections) > 1 or self.gap:
+            yield ("bounds",), "gamma against the gain is a curve of one injection with one constant gain"
+        for name in ("T2", "decay"):
+            if isinstance(getattr(self, name), Range):
+                yield (name,), f"gamma against the gain is a curve at one {name}: give a number"
 
     def idle(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """Bounds, and a K that depends on the interval, of an injection that is not asked for."""
@@ -131,7 +156,12 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
     require_ordered(reader, T1, T2)
     relaxations, injections = chosen(section)
     require_sampled(reader, problem, clocked=set(relaxations) <= {CLOCK})
-    require_ranges(reader, section, T2, decay)
+    bounds = (
+        section.bounds if isinstance(section.bounds, SporadicBounds) else SporadicBounds(L=None, K=None, gamma=None)
+    )
+    gain = "K" if injections == ("reset",) else "L"
+    trade = asked.read_trade(reader, section.bounds, gain, section.objective, problem)
+    require_ranges(reader, section, T2, decay, alone=trade is None)
     request = SporadicRequest(
         type=section.type,
         T1=T1,
@@ -142,15 +172,16 @@ def request(reader: Reader, section: SporadicObserver, problem: asked.Estimation
         relaxations=relaxations,
         objective=section.objective,
         slack=asked.read_slack(reader, section.slack),
-        largest_gain=asked.read_bound(reader, section.bounds.L if section.bounds else None, "L"),
-        largest_gamma=asked.read_bound(reader, section.bounds.gamma if section.bounds else None, "gamma"),
-        largest_reset=asked.read_bound(reader, section.bounds.K if section.bounds else None, "K"),
+        largest_gain=asked.read_largest_gain(reader, bounds.L, "L")[0],
+        largest_gamma=asked.read_bound(reader, bounds.gamma, "gamma"),
+        largest_reset=asked.read_largest_gain(reader, bounds.K, "K")[0],
         gains=read_gains(reader, section, problem),
         shape=read_shape(reader, section.clock, T1, T2),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
         delta_given=section.delta is not None,
         shape_given=section.clock is not None,
         gap=section.clock is not None and section.clock.gain == "gap",
+        trade=trade,
     )
     asked.refuse_conflicts(reader, request)
     if request.gains:
@@ -248,15 +279,17 @@ def require_ordered(reader: Reader, T1: fmpq, T2: fmpq | Range) -> None:
         )
 
 
-def require_ranges(reader: Reader, section: SporadicObserver, T2: fmpq | Range, decay: fmpq | Range) -> None:
-    """Refuse a search without a range to search."""
+def require_ranges(
+    reader: Reader, section: SporadicObserver, T2: fmpq | Range, decay: fmpq | Range, *, alone: bool
+) -> None:
+    """Refuse a search without a range to search; `alone`: whether there is no curve over the gain."""
     found = {"T2": T2, "decay": decay}
     key = RANGED.get(section.objective)
     if key and not isinstance(found[key], Range):
         reader.wrong(
             ("observer", key), f"objective {section.objective} needs a range; give {{min: .., max: ..}}", id="OBS215"
         )
-    if section.objective == "pareto" and not any(isinstance(value, Range) for value in found.values()):
+    if section.objective == "pareto" and alone and not any(isinstance(value, Range) for value in found.values()):
         reader.wrong(("observer", "objective"), "pareto needs a range of T2 or of decay", id="OBS215")
 
 

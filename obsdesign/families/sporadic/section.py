@@ -24,8 +24,18 @@ DELAYED = (
 class SporadicBounds(Section):
     """What a design may use at most."""
 
-    L: str | None = key(ENTRY, "largest spectral norm of L", otherwise="none", example="20")
-    K: str | None = key(ENTRY, "largest spectral norm of K, of injection reset", otherwise="none", example="3")
+    L: str | asked.Sizes | None = key(
+        asked.LARGEST_SPECTRAL,
+        "largest spectral norm of L; or several for objective pareto: gamma against the gain",
+        otherwise="none",
+        example="20",
+    )
+    K: str | asked.Sizes | None = key(
+        asked.LARGEST_SPECTRAL,
+        "largest spectral norm of K, of injection reset; or several, likewise",
+        otherwise="none",
+        example="3",
+    )
     gamma: str | None = key(ENTRY, "largest gamma", otherwise="none", unit="z per w", example="0.5")
 
 
@@ -118,8 +128,11 @@ class SporadicObserver(asked.ObserverSection):
         otherwise="0.05",
         example="0.05",
     )
-    bounds: SporadicBounds | None = key(
-        SporadicBounds, "what a design may use at most", otherwise="none", example="{L: 20}"
+    bounds: SporadicBounds | str | None = key(
+        asked.bounds_of(SporadicBounds),
+        "what a design may use at most; auto: the knee of gamma against |L|, or |K|",
+        otherwise="none",
+        example="{L: 20}",
     )
     gains: SporadicGains | None = key(
         SporadicGains,
