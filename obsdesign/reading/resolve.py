@@ -66,12 +66,7 @@ def resolve(document: Document) -> Spec:
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, noisy, asked.H, split, period)
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
-    implementation = read_implementation(reader, file.implementation, file.simulation, period)
-    data = read_data(reader, file.data, layout, exogenous.states)
-    if simulation is not None and layout.names is not None:
-        steps = implementation and implementation.period
-        simulation = drawn(reader, levels, layout.names.outputs, simulation, period, steps, family)
+    running = read_running(reader, file, layout, exogenous, levels, family, period)
     expect = read_expectations(reader, file.expect or {})
     if not reader.problems:
         judge_parameters(reader)
@@ -90,9 +85,7 @@ def resolve(document: Document) -> Spec:
         **vars(asked),
         noise=levels,
         observer=observer,
-        simulation=simulation,
-        implementation=implementation,
-        data=data,
+        **running,
         expect=expect,
         notes=tuple(reader.notes),
         unused=tuple(reader.unused),
@@ -101,6 +94,25 @@ def resolve(document: Document) -> Spec:
         continuous=continuous,
     )
     return with_defect(reader, file, made)
+
+
+def read_running(
+    reader: Reader,
+    file: File,
+    layout: Layout,
+    exogenous: Exogenous,
+    levels: Mapping[str, Level],
+    family: Family | None,
+    period: fmpq | None,
+) -> dict[str, Any]:
+    """How the observer is tried, how it runs on a computer, and where its signals are in a log."""
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
+    implementation = read_implementation(reader, file.implementation, file.simulation, period)
+    if simulation is not None and layout.names is not None:
+        steps = implementation and implementation.period
+        simulation = drawn(reader, levels, layout.names.outputs, simulation, period, steps, family)
+    data = read_data(reader, file.data, layout, exogenous.states)
+    return {"simulation": simulation, "implementation": implementation, "data": data}
 
 
 def heading(document: Document, file: File) -> dict[str, Any]:
