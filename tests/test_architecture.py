@@ -74,6 +74,7 @@ LONGEST_MODULE, LONGEST_FUNCTION = 350, 60  # lines
 CLI = {f"cli/{path.name}" for path in (ROOT / "cli").glob("*.py")}
 WALLS = {  # vendor: the only files that may import it
     "control": {"exports/control.py", "design.py"},
+    "pyarrow": {"data/parquet.py"},
     "distributed": {"batches/cluster.py"},
     "clarabel": {"lmi/solvers.py"},
     "cvxpy": {"lmi/solvers.py"},
@@ -83,7 +84,15 @@ WALLS = {  # vendor: the only files that may import it
     "rich": CLI,
     "jinja2": {"reports/page.py"},
 }
-LAZY = {"scipy", "matplotlib", "cvxpy", "clarabel", "control", "distributed"}  # imported only inside functions
+LAZY = {
+    "scipy",
+    "matplotlib",
+    "cvxpy",
+    "clarabel",
+    "control",
+    "distributed",
+    "pyarrow",
+}  # imported only inside functions
 SPEAKERS = {*CLI, "__main__.py"}
 PRINTER = "cli/printing.py"  # whose lines no runner of CI obeys
 SPEECH = {"sys.exit", "sys.stdout", "sys.stderr", "os._exit"}

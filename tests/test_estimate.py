@@ -336,6 +336,23 @@ def test_a_file_that_is_no_text_is_refused(scalar):
         od.estimate(scalar[0], ".")
 
 
+def test_parquet_is_read_as_csv_is(scalar):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    y = pa.array([None if k == 7 else float(x) for k, x in enumerate(made.y[:, 0])])
+    columns = {"t [s]": made.t, "note": ["a"] * len(y), "force": made.u[:, 0].astype("float32"), "y": y}
+    pq.write_table(pa.table(columns), "log.parquet")
+    found = od.estimate(design, "log.parquet")
+    assert found["hat_x"][:8] == pytest.approx(expected["hat_x"][:8], rel=1e-6)
+    assert (found.report["rows"], found.report["missing"]) == (len(y), 1)
+    with pytest.raises(UsageError, match="note: string is no column of numbers"):
+        od.estimate(design, "log.parquet", columns={"y": "note"})
+    Path("bad.parquet").write_text("t,y\n")
+    with pytest.raises(UsageError, match="is no Parquet file"):
+        od.estimate(design, "bad.parquet")
+
+
 def test_repair_puts_rows_in_order(scalar):
     design, made = scalar
     expected = od.estimate(design, of_run(made))

@@ -32,6 +32,15 @@ class Rows(NamedTuple):
     lines: Array  # (K,), of the file
 
 
+def table(path: str) -> Table:
+    """Table of a file by its ending."""
+    if not path.lower().endswith((".parquet", ".pq")):
+        return Table(path)
+    from obsdesign.data.parquet import Parquet
+
+    return Parquet(path)
+
+
 @dataclass(frozen=True)
 class Log:
     """A log of a plant.
@@ -66,7 +75,7 @@ class Log:
         own = {name: column for name, column in columns.items() if name not in ("t", "arrival")}
         where = replace(where, columns={**where.columns, **own}, hold=hold or where.hold)
         where = replace(where, time=columns.get("t", where.time), arrival=columns.get("arrival", where.arrival))
-        return cls(Table(path), spec, where, repair)
+        return cls(table(path), spec, where, repair)
 
     @property
     def signals(self) -> tuple[str, ...]:
