@@ -18,6 +18,7 @@ from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
+from obsdesign.trial import Implementation
 
 AS_GIVEN = "given gains are analysed as they are"
 LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
@@ -48,6 +49,7 @@ class Estimation:
     typed: Typed | None = None  # the plant as equations, of a family that takes it so
     as_equations: bool = False  # whether the matrices are those of equations that were split
     period: fmpq | None = None  # s, of a plant x+ = ..
+    steps: Implementation | None = None  # in which the observer is to run
 
     def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""

@@ -28,6 +28,7 @@ from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import nearest, unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
+from obsdesign.trial import Implementation
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
@@ -59,14 +60,15 @@ def resolve(document: Document) -> Spec:
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
     H, H_names = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
+    steps = read_implementation(reader, file.implementation, file.simulation, period, family)
     observer = None
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
-        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period)
+        observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period, steps)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
     running = {
-        "implementation": read_implementation(reader, file.implementation, file.simulation, period),
+        "implementation": steps,
         "data": read_data(reader, file.data, layout, exogenous.states),
     }
     expect = read_expectations(reader, file.expect or {})
@@ -165,6 +167,7 @@ def read_observer(
     H: Array,
     as_equations: bool,
     period: fmpq | None,
+    steps: Implementation | None,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
@@ -172,7 +175,7 @@ def read_observer(
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
     problem = Estimation(
-        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period
+        states, layout.outputs, q, plant.plant, exogenous.generator, H, blocks, plant.typed, as_equations, period, steps
     )
     return family.request(reader, section, problem), blocks
 

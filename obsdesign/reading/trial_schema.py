@@ -5,6 +5,7 @@ from typing import Literal, get_args
 from obsdesign.families import FAMILIES
 from obsdesign.sections.forms import (
     ENTRY,
+    FLAG,
     LINE,
     NUMBERS,
     VECTOR,
@@ -70,6 +71,12 @@ class Implementation(Section):
         "of a step: Euler, Runge-Kutta 4, or exact of the linear part with the rest held",
         default="rk4",
         example="exact",
+    )
+    impose: bool = key(
+        FLAG,
+        "whether the design has to be stable in these steps with every constant slope of f; of l2, linf, lipschitz",
+        default=False,
+        example="true",
     )
 
 

@@ -26,12 +26,14 @@ from obsdesign.families.incremental.claim import Claim, held
 from obsdesign.families.incremental.decay import Decay, Point, apart
 from obsdesign.families.incremental.instead import beyond, remedied
 from obsdesign.families.incremental.limits import FLAT, Limits
+from obsdesign.families.incremental.observer import errors
 from obsdesign.families.incremental.reconstruct import reconstruct
 from obsdesign.families.incremental.reconstruction import left_inverse
 from obsdesign.families.incremental.request import posed, request_of
 from obsdesign.families.incremental.samples import at_the_edge
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.poles import missed
 from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Values, in_floats
 from obsdesign.lmi.solve import Status
@@ -146,7 +148,7 @@ class Designer:
         """Return the first of some candidates that is proved to reach gamma; or else the last of them, uncertified."""
         made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
-            certificate = claim(self.engine, candidate, gamma, values, self.request.bounds)
+            certificate = claim(self.engine, candidate, gamma, values, self.request.kept)
             assert candidate.L1 is not None
             asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
             proof = Claim(certificate, asked=asked) if certificate else None
@@ -232,7 +234,11 @@ class Designer:
         if family.edge.of(slowest) < float(rate):
             change = f"for an f that the types allow, an error {self.pace.only(family.edge.of(slowest))}"
             return self.infeasible(rate, {"gains": change})
-        status, certificate = best_claim(self.engine, family)
+        kept = self.request.kept
+        said = kept.poles and missed(errors(self.spec, doubles(family)).poles, kept.poles)
+        if said:
+            return self.infeasible(rate, {"gains": said})
+        status, certificate = best_claim(self.engine, family, kept)
         if status is Status.INFEASIBLE:
             theorem = "" if self.pace.sampled else " of Theorem 1"
             return self.infeasible(rate, {"gains": f"no storage function{theorem} was found that proves these gains"})
