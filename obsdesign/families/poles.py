@@ -13,6 +13,7 @@ from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.region import Region
 from obsdesign.dissipation.scan import edge, strides
 from obsdesign.families.finding import Finding, finding
+from obsdesign.files import ResultFile
 from obsdesign.lmi.formula import Array, in_floats, printed, rational_number
 from obsdesign.model.pencil import text
 from obsdesign.sections.document import Loc
@@ -81,6 +82,16 @@ def stated(certificate: Certificate, members: str = MEMBERS) -> list[str]:
 def told(certificate: Certificate) -> list[str]:
     """The same in few words."""
     return [f"{', '.join(certificate.poles.words())} for every constant slope"] if certificate.poles else []
+
+
+def require(file: ResultFile, region: Region | None) -> None:
+    """Hold what a file says of poles and of steps against what is proved of them, by the keys of these."""
+    for part, entries in (region.written() if region else {}).items():
+        for name, value in entries.items():
+            path = ("guarantee", part, name)
+            found = file.at(*path) if isinstance(value, str) else file.number(*path)
+            if found != (value if isinstance(value, str) else printed(value)):
+                raise file.wrong(".".join(path), f"the spec asks for {value!r}", id="OBS707")
 
 
 def eased(bounds: Bounds, holds: Callable[[Bounds], bool]) -> dict[str, tuple[float, str]]:

@@ -67,13 +67,9 @@ def resolve(document: Document) -> Spec:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, exogenous, H, split, period, steps)
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
-    running = {
-        "implementation": steps,
-        "data": read_data(reader, file.data, layout, exogenous.states),
-    }
+    running = {"implementation": steps, "data": read_data(reader, file.data, layout, exogenous.states)}
     expect = read_expectations(reader, file.expect or {})
-    if not reader.problems:
-        judge_parameters(reader)
+    judge_parameters(reader)
     if reader.problems or plant.plant is None or exogenous.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
@@ -115,8 +111,11 @@ def require_format(reader: Reader, file: File) -> None:
 
 
 def judge_parameters(reader: Reader) -> None:
-    """Note each parameter that nothing uses; one that only a change makes is refused, for its name is misspelt."""
-    idle = [name for name in reader.parameters if name not in reader.used]
+    """Note each parameter that nothing uses; one that only a change makes is refused, for its name is misspelt.
+
+    Where something else is wrong, what is used is not known.
+    """
+    idle = [] if reader.problems else [name for name in reader.parameters if name not in reader.used]
     for name in idle:
         loc: Loc = ("parameters", name)
         if reader.document.find(loc)[0].origin:

@@ -19,6 +19,7 @@ from obsdesign.sections.forms import (
 )
 
 SAMPLED = f"of the family {' or '.join(name for name, family in FAMILIES.items() if family.sampled)}"
+PLACED = f"of the family {', '.join(name for name, family in FAMILIES.items() if family.places)}"
 STATE = Named("State", Either("a number, a list of numbers, or numbers by name", ENTRY, NUMBERS, mapping=MapOf(ENTRY)))
 STATES = "over x, or over the augmented state; or by name, the others 0"
 SIGNALS_BY_NAME = Named(
@@ -74,7 +75,7 @@ class Implementation(Section):
     )
     impose: bool = key(
         FLAG,
-        "whether the design has to be stable in these steps with every constant slope of f; of l2, linf, lipschitz",
+        f"{PLACED}: whether the design has to be stable in these steps with every constant slope of f",
         default=False,
         example="true",
     )

@@ -28,7 +28,7 @@ from obsdesign.families.incremental.reconstruction import (
 from obsdesign.families.incremental.request import Request, posed, request_of
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome
-from obsdesign.families.poles import stated, told
+from obsdesign.families.poles import require, stated, told
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array
@@ -131,6 +131,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, checked: the guarantee, and the bound on the reconstruction of w if one is claimed."""
     gains = read_gains(spec, file)
     require_request(spec, file, gains)
+    require(file, request_of(spec).bounds.poles)
     request = request_of(spec)
     rate = request.pace.told(file.number("guarantee", request.pace.key))
     family = posed(spec, rate, gains["L1"], gains["L2"])

@@ -19,7 +19,7 @@ from obsdesign.families.lipschitz.relaxations import S_PROCEDURE, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.lipschitz.words import meaning, pace, words
 from obsdesign.families.outcome import Outcome
-from obsdesign.families.poles import MEMBERS, stated, told
+from obsdesign.families.poles import MEMBERS, require, stated, told
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate, below, printed
@@ -157,6 +157,7 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     told = request_of(spec).pace
     rate = told.told(file.number(*GUARANTEE, told.key))
     require_request(spec, file, L, lipschitz)
+    require(file, request_of(spec).bounds.poles)
     storage = request_of(spec).storage if spec.disturbed else request_of(spec).placed
     certificate = read_certificate(spec, file, L, lipschitz, rate, GUARANTEE, CERTIFICATE, storage)
     claim = Claim(lipschitz, certificate, bound=held(request_of(spec), L, certificate, disturbed=spec.disturbed))
