@@ -258,6 +258,7 @@ def test_steps_that_are_imposed_are_told_as_proved_and_those_that_failed_otherwi
     assert note_of(imposed) == ""
     assert imposed.analysis["largest_step"]["euler"] >= 0.3 > free.analysis["largest_step"]["euler"]
     assert "two runs of the observer on the same y and u come nearer" in imposed.result["guarantee"]["statement"]
+    assert "where poles lie, steps" in imposed.theorem()
     assert imposed.simulate(observer="implementation", horizon=20, x0=[1, 0]).summary["final_error"] < 1e-3
 
 

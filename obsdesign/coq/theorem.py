@@ -76,8 +76,8 @@ These words are checked by nothing here. What Coq proves is {theorem}, at the en
   the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
 - Its premises: {premise};
   x and xhat are differentiable and v is continuous at every t >= 0.
-- It does not state reconstruction, larger Lipschitz constants, that trajectories exist. What gain_bound and
-  storage_bound say of bounds on L1 and P, where there are some, is beside it.
+- It does not state reconstruction, larger Lipschitz constants, where poles lie, steps of an implementation, that
+  trajectories exist. What gain_bound and storage_bound say of bounds on L1 and P, where there are some, is beside it.
 - That {given} below are those of the spec is believed.
   Here e = xhat - x, and L1 = -L where the words have L.""",
 )

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 CLOSELY = 0.02  # relative, to which what would do is searched
 STEPS = 12  # of a factor 2, within which it is
-MEMBERS = "f = K q, K any constant member of the class,"
+MEMBERS = "f = K q for a constant K of the class"
 BOUND = "give its slope an upper bound, on a region if need be, or leave radius and impose out"
 FREE = (
     "has one scale for each nonlinearity, and poles and implementation.impose need scales of their own; give L2 as a "

@@ -88,7 +88,7 @@ class Claim(Proved):
         level = phrases.level.format(gamma=self.gamma(spec), drive=drive)
         said = f"{level}, and {decays} where {drive} = 0" if drive else decays
         every = f"for every f with {bounds('f', shared(self.lipschitz, spec))}"
-        constant = f"{MEMBERS.removesuffix(',')} of these constants,"
+        constant = f"{MEMBERS} of these constants"
         parts = [f"{said}; for {phrases.equations}", every, *self.beyond(spec), *stated(self.certificate, constant)]
         return "; ".join([*parts, *spec.provisos])
 
