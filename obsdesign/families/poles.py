@@ -147,5 +147,4 @@ def endless(family: Incremental, region: Region | None) -> str:
 def findings(family: Incremental, region: Region | None) -> list[Finding]:
     """What rules a region out before any design."""
     said = endless(family, region)
-    advice = BOUND
-    return [finding("poles", False, said, decides=True, advice=advice, id="OBS620")] if said else []
+    return [finding("poles", False, said, decides=True, advice=BOUND, id="OBS620")] if said else []
