@@ -24,6 +24,7 @@ from obsdesign.families import FAMILIES
 from obsdesign.families.agreement import numerical, require_agreement, require_dual, require_types
 from obsdesign.families.analysis import mixed, useless
 from obsdesign.families.guarantee import Guarantee
+from obsdesign.families.implementation import remark
 from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
@@ -157,10 +158,11 @@ class Design(Outcome):
         return {name: entry for name, entry in entries.items() if entry}
 
     def remarks(self) -> list[str]:
-        """Notes, and one on a design that is no better than none."""
+        """Notes, and one on a design that is no better than none, and one on the steps in which it is to run."""
         said = useless(self.guarantee.gamma, self.analysis) if self.guarantee and self.spec.disturbed else None
         units = mixed(self.spec) if self.guarantee else None
-        return [*self.notes, *self.spec.idle, *filter(None, (said, units))]
+        steps = remark(self.spec, self.analysis, proved=self.proved) if self.gains else None
+        return [*self.notes, *self.spec.idle, *filter(None, (said, units, steps))]
 
     def written(self) -> dict[str, Any]:
         """Everything about the design, as a result file holds it; numbers are finite."""

@@ -75,6 +75,7 @@ class Implementation:
 
     period: fmpq  # s
     method: Literal["euler", "rk4", "exact"]
+    impose: bool = False  # whether the design has to be stable in them, for every member of the class
 
 
 @dataclass(frozen=True)

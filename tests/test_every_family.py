@@ -106,6 +106,13 @@ SMALL = {
             hopeless={"observer": {"alpha": 1000}},
             scalable=False,
         ),
+        Small(
+            {"type": "l2", "alpha": 0.2, "poles": {"radius": 9, "damping": 0.6}},
+            {"nonlinearities": LOOP},
+            raised=(FASTER,),
+            hopeless={"observer": {"poles": {"radius": 0.5}}},
+            scalable=False,
+        ),
     ),
     "linf": (
         Small(
@@ -120,6 +127,12 @@ SMALL = {
             raised=(FASTER,),
             scalable=False,
             optional=("reconstruction",),
+        ),
+        Small(
+            {"type": "linf", "alpha": 0.3},
+            {"nonlinearities": LOOP, "implementation": {"period": 0.1, "method": "euler", "impose": True}},
+            raised=(FASTER,),
+            scalable=False,
         ),
     ),
     "sporadic": (
@@ -170,6 +183,14 @@ SMALL = {
             {"nonlinearities": ALL},
             raised=(({}, {"lipschitz": 3}),),
             uncovered={"nonlinearities": [{"type": {"lipschitz": 9}, **{k: ALL[0][k] for k in ("f", "Bf", "Cq")}}]},
+        ),
+        Small(
+            {"type": "lipschitz", "objective": "min-gamma", "decay": 0.05, "poles": {"damping": 0.5}},
+            {"nonlinearities": TWO, "implementation": {"period": 0.1, "method": "rk4", "impose": True}},
+            raised=(({"decay": 40}, {"alpha": 40}),),
+            optional=("admissible",),
+            hopeless={"observer": {"poles": {"radius": 0.3}}},
+            scalable=False,
         ),
     ),
 }
@@ -431,7 +452,7 @@ def leaves(value, place=()):
     """Places of the numbers in a part of a file."""
     if isinstance(value, dict | list):
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            if key not in {"checks", "kind", "statement"}:
+            if key not in {"checks", "kind", "statement", "method"}:
                 yield from leaves(item, (*place, key))
     elif not isinstance(value, bool):
         yield place

@@ -30,6 +30,10 @@ OBSERVERS = {
     "l2 largest alpha": "{type: l2, alpha: {min: 0.1, max: 2}, objective: max-alpha, bounds: {L1: 20}}",
     "l2 feasibility": "{type: l2, alpha: 0.1, objective: feasibility}",
     "l2 trade-off": "{type: l2, alpha: {min: 0.1, max: 1, points: 3}, objective: pareto, bounds: {L1: 20}}",
+    "l2 placed": "{type: l2, alpha: 0.1, poles: {radius: 9, damping: 0.6}}",
+    "linf stepped": "{type: linf, alpha: 0.3}\nimplementation: {period: 0.1, method: euler, impose: true}",
+    "lipschitz placed": "{type: lipschitz, objective: min-gamma, decay: 0.1, poles: {damping: 0.6}}"
+    "\nimplementation: {period: 0.1, method: rk4, impose: true}",
     "l2 given": "{type: l2, alpha: 0.1, gains: {L1: [-3, -2], L2: 0}}",
     "linf range": "{type: linf, alpha: {min: 0.1, max: 1, points: 3}, bounds: {L1: 20}}",
     "linf reconstruction": "{type: linf, L2: 0, alpha: 0.3, bounds: {L1: 20}, reconstruct: w}",
@@ -73,13 +77,13 @@ STANCES = {
     " observer.T1 observer.T2 guarantee guarantee.gamma guarantee.alpha guarantee.decay guarantee.lipschitz"
     " guarantee.constants"
     " guarantee.margin guarantee.admissible guarantee.T1 guarantee.T2 guarantee.statement guarantee.reconstruction"
-    " guarantee.jitter"
+    " guarantee.jitter guarantee.poles guarantee.implementation"
     " certificate diagnosis.certificate diagnosis.certificate.kind diagnosis.certificate.alpha diagnosis.proof",
     # every condition of it, or none
     "listed": "certificate.checks diagnosis.certificate.checks",
     # what proves it: other matrices or gains may prove the same claim
     "witness": "observer.L1 observer.L2 observer.L observer.H observer.delta guarantee.mu guarantee.mu1 guarantee.mu2"
-    " certificate.P certificate.P1 certificate.P2 certificate.multipliers certificate.reconstruction"
+    " certificate.P certificate.P1 certificate.P2 certificate.multipliers certificate.poles certificate.reconstruction"
     " certificate.admissible certificate.T2_max certificate.witnesses observer.K observer.K_of_gap"
     " diagnosis.certificate.multipliers diagnosis.certificate.members"
     " diagnosis.certificate.gamma",

@@ -296,6 +296,7 @@ def test_the_json_schema_knows_the_keys_of_the_family():
         "decay",
         "rho",
         "estimate",
+        "poles",
         "slack",
         "bounds",
         "gains",

@@ -127,7 +127,7 @@ FORMS = [
         "  aplha: 0.5",
         "observer.aplha",
         "unknown key aplha; did you mean alpha?",
-        "allowed: type, rho, estimate, L2",
+        "allowed: type, rho, estimate, poles, L2",
     ),
     wrong(TYPE, "  - type: monoton", "nonlinearities[0].type", "did you mean monotone?"),
     wrong(TYPE, "  - type: {lipschits: 1}", "nonlinearities[0].type.lipschits", "did you mean lipschitz?"),
@@ -486,7 +486,7 @@ def test_a_message_is_one_line_with_file_line_column_key_what_is_wrong_and_what_
     (problem,) = problems_of(BASE.replace(ALPHA, "  aplha: 0.5"))
     assert str(problem) == (
         "spec.yaml:17:3: observer.aplha: unknown key aplha; did you mean alpha? "
-        "allowed: type, rho, estimate, L2, alpha, objective, slack, bounds, gains, reconstruct [OBS201]"
+        "allowed: type, rho, estimate, poles, L2, alpha, objective, slack, bounds, gains, reconstruct [OBS201]"
     )
 
 

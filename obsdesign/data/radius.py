@@ -91,7 +91,8 @@ def uncovered(spec: Spec) -> str:
     if spec.period is not None:
         return ""
     if spec.implementation is not None:
-        return "nothing is proved of the steps of an implementation; leave it out, or take a plant in samples"
+        said = "no bound on the error is proved of the steps of an implementation"
+        return f"{said}; leave it out, or take a plant in samples"
     p = spec.posed.doubles
     kernel = null_space(np.vstack([p.B, p.Dq]))
     reached = p.D @ kernel

@@ -7,6 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from flint import fmpq
 
+from obsdesign.dissipation.region import Region
 from obsdesign.errors import Problem, UsageError
 
 SLACK = fmpq(1, 20)
@@ -35,25 +36,33 @@ def ends(value: fmpq | Range) -> tuple[fmpq, fmpq]:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Largest gain, storage function and performance level that a design may use; None is no bound."""
+    """Largest gain, storage function and level that a design may use, and where its poles lie; None is no bound."""
 
     L1: fmpq | None = None
     norm: Literal["spectral", "frobenius"] = "spectral"  # of L1
     P: fmpq | None = None  # P <= p I
     gamma: fmpq | None = None
     floor: fmpq | None = None  # P >= t I
+    poles: Region | None = None  # of every frozen member
     necessary: bool = False  # what every gain within L1 satisfies, in place of what only such gains do
 
     @property
     def restricted(self) -> bool:
         """Whether anything but gamma is bounded."""
-        return (self.L1, self.P, self.floor) != (None, None, None)
+        return (self.L1, self.P, self.floor, self.poles) != (None, None, None, None)
+
+    @property
+    def closed(self) -> bool:
+        """Whether a finite gain is at the least objective within them."""
+        keeps = (self.L1, self.P, self.floor) != (None, None, None)
+        return keeps and not (self.poles is not None and self.poles.strict)
 
     def words(self, gain: str) -> list[str]:
         """What is bounded besides gamma, one phrase for each."""
         named = {f"|{gain}|{'_F' if self.norm == 'frobenius' else ''} <= {{:g}}": self.L1}
         named |= {"P <= {:g} I": self.P, "P >= {:g} I": self.floor}
-        return [phrase.format(float(bound)) for phrase, bound in named.items() if bound is not None]
+        said = [phrase.format(float(bound)) for phrase, bound in named.items() if bound is not None]
+        return said + ([] if self.poles is None else self.poles.words())
 
 
 NO_BOUNDS = Bounds()

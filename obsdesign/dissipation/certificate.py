@@ -1,6 +1,7 @@
 """What proves a guarantee, and the proof: no solver is needed, or imported, to hold a certificate against its claim."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ from flint import arb, fmpq
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import Quadratic, Sampled
 from obsdesign.dissipation.inequality import LARGE, SMALL, Incremental
-from obsdesign.files import witness
+from obsdesign.dissipation.region import Region
+from obsdesign.files import ResultFile, witness
+from obsdesign.files import written as exactly
 from obsdesign.lmi.formula import Array, Inequality, Values, above, approximate, below, identity, printed, rational
 from obsdesign.lmi.proof import Check, Proved, prove
 from obsdesign.lmi.spectrum import lower
@@ -27,6 +30,8 @@ class Certificate(Proved):
     P: Array  # (n, n)
     multipliers: dict[str, Array]  # by the names of the unknowns
     checks: tuple[Check, ...]
+    poles: Region | None = None  # which holds those of every frozen member
+    places: dict[str, Array] = field(default_factory=dict)  # multipliers that prove it, by the names of the unknowns
 
     @property
     def theorem(self) -> type[Incremental]:
@@ -40,7 +45,8 @@ class Certificate(Proved):
 
     def written(self) -> dict[str, Any]:
         """Witness and checks, as a result file holds them."""
-        return witness({"P": self.P}, self.multipliers, self.checks)
+        made = witness({"P": self.P}, self.multipliers, self.checks)
+        return made | ({"poles": {name: exactly(value) for name, value in self.places.items()}} if self.poles else {})
 
     @property
     def guarantee(self) -> Quadratic:
@@ -74,12 +80,13 @@ def certify(
 
     `family`: plant, multiplier, rate and both gains, in rationals; `gamma`, `mu1`, `mu2`: the claim, such as |z|_2 <=
     gamma |v|_2 from zero error, and the numbers that prove it; `values`: P and the multipliers, in rationals;
-    `bounds`: those of the spec on P.
+    `bounds`: those of the spec on P and on the poles, whose multipliers are among the values.
     """
     P, plant, rate = values["P"], family.plant, family.rate
     eye, largest, floor = identity(len(P), P), bounds.P, bounds.floor
     bounded = [] if largest is None else [Inequality(SMALL, P - largest * eye)]
     bounded += [] if floor is None else [Inequality(LARGE, floor * eye - P)]
+    bounded += family.placed(values, bounds)
     proved = prove([*family.theorem({**values, "mu1": rational([[mu1]]), "mu2": rational([[mu2]])}), *bounded])
     margin = family.about.margin(gamma, mu1, mu2)
     verdict = loop.proved(plant.Dqf + family.L2 @ plant.Df, family.multiplier, values)
@@ -92,8 +99,16 @@ def certify(
         Check(family.about.level, margin >= 0, approximate(margin)),
         Check(verdict.sentence, verdict.unique, 1.0 if verdict.unique else -1.0),
     )
-    multipliers = {name: value for name, value in values.items() if name != "P"}
-    return Certificate(family, gamma, mu1, mu2, P, multipliers, conditions)
+    places = {unknown.name: values[unknown.name] for unknown in family.placing(bounds)}
+    multipliers = {name: value for name, value in values.items() if name != "P" and name not in places}
+    return Certificate(family, gamma, mu1, mu2, P, multipliers, conditions, bounds.poles, places)
+
+
+def read_values(file: ResultFile, family: Incremental, witness: Sequence[str], bounds: Bounds) -> Values:
+    """P and the multipliers of a witness in a file, those of the bounds on the poles included."""
+    values = {"P": file.matrix((family.plant.n, family.plant.n), *witness, "P")}
+    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    return values | (file.unknowns(family.placing(bounds), *witness, "poles") if bounds.poles else {})
 
 
 def rate_of(rho: float, period: fmpq) -> float:

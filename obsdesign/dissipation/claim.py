@@ -23,7 +23,7 @@ def claim(
 ) -> Certificate | None:
     """Certificate that the gains of a family (in rationals) reach gamma; the last attempt where none holds.
 
-    `bounds`: those on P.
+    `bounds`: those on P and on the poles.
     """
     problem = in_floats(family).witness(gamma, bounds)
     wide = engine.widest(problem, start)
@@ -39,7 +39,11 @@ def claim(
     for digits in DIGITS:
         values = rounded({u.name: wide.values[u.name] for u in problem.unknowns}, digits)
         values = complete(
-            lambda v: family.theorem({**v, **solved}), problem.unknowns, values, reduced.rows, reduced.pivots
+            lambda v: [*family.theorem({**v, **solved}), *family.placed(v, bounds)],
+            problem.unknowns,
+            values,
+            reduced.rows,
+            reduced.pivots,
         )
         values = {name: value / solved["mu1"].item() for name, value in values.items()}
         certificate = certify(family, level, fmpq(1), mu, values, bounds)
@@ -48,15 +52,18 @@ def claim(
     return certificate
 
 
-def best_claim(engine: Engine, family: Incremental) -> tuple[Status, Certificate | None]:
-    """Whether given gains achieve anything, and the certificate of nearly the least gamma that they achieve."""
-    least = engine.minimise(in_floats(family).least_gamma())
+def best_claim(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> tuple[Status, Certificate | None]:
+    """Whether given gains achieve anything, and the certificate of nearly the least gamma that they achieve.
+
+    `bounds`: those on the poles.
+    """
+    least = engine.minimise(in_floats(family).least_gamma(bounds))
     if least.status is not Status.OPTIMAL:
         return least.status, None
     root = math.sqrt(max(least.objective, 0.0)) or 1e-9
     certificate = None
     for backoff in BACKOFFS:
-        certificate = claim(engine, family, round_up(root * (1 + backoff), 6))
+        certificate = claim(engine, family, round_up(root * (1 + backoff), 6), bounds=bounds)
         if certificate and certificate.holds:
             break
     return least.status, certificate

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from obsdesign.lmi.formula import Problem, Values
 from obsdesign.lmi.reduce import Reduced
-from obsdesign.lmi.solve import Answer, minimise, widest
+from obsdesign.lmi.solve import Answer, marginless, minimise, widest
 
 Report = Callable[[float, str], None]  # fraction done, what is being done
 
@@ -26,6 +26,12 @@ class Engine:
     def widest(self, problem: Problem, start: Values | None = None) -> Answer:
         """Point of largest margin."""
         return self.counted(widest(problem, self.solver, start))
+
+    def marginless(self, problem: Problem) -> bool:
+        """Whether phase I finds no margin, in two scalings."""
+        none, solves = marginless(problem, self.solver)
+        self.solves += solves
+        return none
 
     def counted(self, answer: Answer) -> Answer:
         """Add to the number of solves."""

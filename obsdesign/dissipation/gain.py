@@ -80,6 +80,17 @@ def excluded(solve: Solve, bounds: Bounds, goal: float = math.inf) -> bool:
     return answer.status is Status.INFEASIBLE or missed
 
 
+def unplaced(engine: Engine, family: Incremental, bounds: Bounds) -> bool:
+    """Whether no gain of any size has its poles where bounds want them: no P and multipliers prove it, numerically.
+
+    Whatever gamma is: without v and z.
+    """
+    if bounds.poles is None:
+        return False
+    undisturbed = replace(family, plant=family.plant.undisturbed, H=family.H[:0])
+    return engine.marginless(undisturbed.witness(1.0, Bounds(poles=bounds.poles)))
+
+
 def least_size(solve: Solve, bounds: Bounds, goal: float = math.inf) -> float | None:
     """Bound on |L1| that is found to do for an objective of at most a goal, the least to `CLOSELY`; None if none is."""
     if bounds.L1 is None:
@@ -140,7 +151,7 @@ def with_L2(family: Incremental, solve: Callable[[Incremental], Values | None]) 
 
 def smallest(engine: Engine, family: Incremental, gamma: float, bounds: Bounds) -> Values | None:
     """P, Y, .. of a gain of small norm that reaches gamma, with mu1 = 1; None if none was found."""
-    wide = engine.widest(family.witness(gamma))
+    wide = engine.widest(family.witness(gamma, Bounds(poles=bounds.poles)))
     if wide.status is not Status.OPTIMAL:
         return None
     return descended(least(engine, family), (gamma * (1 - ROOM)) ** 2, wide.values, bounds)

@@ -14,7 +14,7 @@ and a family says what W, m and P have to be. `discrete.Discrete` reads the same
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, Self
 
@@ -24,8 +24,7 @@ from flint import fmpq
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.guarantee import Quadratic
 from obsdesign.dissipation.pace import ALPHA, Pace
-from obsdesign.dissipation.shift import free_factor, shifted_plant, square_root
-from obsdesign.lmi.equilibrate import units
+from obsdesign.dissipation.shift import free_factor, shifted_plant, square_root, with_usable_scales
 from obsdesign.lmi.formula import (
     Array,
     Inequality,
@@ -52,8 +51,6 @@ EQUATIONS = (
 )
 SMALL = "P <= p I"
 LARGE = "P >= t I"
-LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to P, in the scales of the data
-LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
 
 
 @dataclass(frozen=True)
@@ -169,6 +166,15 @@ class Incremental(ABC):
             ]
         )
 
+    def member_supply(self, v: Values) -> Array:
+        """[q; f]' M [q; f] in (e, f) of an error without v, for a multiplier of its own."""
+        none = zeros((self.plant.n,) * 2, [self.plant.A])
+        return replace(self, plant=self.plant.undisturbed).supplied(v, none, none[:1, :1])
+
+    def placed(self, v: Values, bounds: Bounds) -> list[Inequality]:
+        """What keeps the poles of every frozen member where the bounds want them, by the same P and Y."""
+        return [] if bounds.poles is None else [*bounds.poles.inequalities(self, {**v, "Y": self.injected(v)})]
+
     def argument(self, v: Values, direct: Array, output: Array) -> Array:
         """How a signal reaches q: direct + L2 output; where L2 is free, lambda times that."""
         if self.L2 is not None:
@@ -200,7 +206,7 @@ class Incremental(ABC):
     def least_gamma(self, bounds: Bounds = NO_BOUNDS) -> Problem:
         """Minimise mu = gamma^2; P >= 0 is closed by the solver, so that the optimum is the infimum.
 
-        With bounds, also P <= p I, and `within`.
+        With bounds, also P <= p I, and `within`: where these say more of Y, it is not projected out.
         """
 
         def bounded(v: Values) -> list[Inequality]:
@@ -211,7 +217,7 @@ class Incremental(ABC):
             return [*largest, *undisturbed, *self.within(v, bounds)]
 
         unknowns = [Unknown("mu", (1, 1)), *self.gain_unknowns(bounds)]
-        injection = self.injection if bounds.L1 is None else None
+        injection = self.injection if bounds.L1 is None and bounds.poles is None else None
         return self.problem(unknowns, self.weighted, bounded, minimise="mu", injection=injection)
 
     def feasible(self) -> Problem:
@@ -219,18 +225,20 @@ class Incremental(ABC):
         return self.problem([Unknown("mu", (1, 1))], self.weighted, injection=self.injection)
 
     def witness(self, gamma: float | None, bounds: Bounds = NO_BOUNDS) -> Problem:
-        """The theorem for a gamma, or for some gamma, with nothing projected out; and the bounds on P."""
+        """The theorem for a gamma, or for some gamma, with nothing projected out; and the bounds on P and the poles."""
+        further = self.placing(bounds)
         if gamma is None:
-            return replace(self.feasible(), injection=None)
+            free = [Unknown("mu", (1, 1)), *further]
+            return self.problem(free, self.weighted, lambda v: self.placed(v, bounds))
         mu = gamma**2 * ONE
 
         def bounded(v: Values) -> list[Inequality]:
-            small = [] if bounds.P is None else [self.storage_bound(v["P"], mu, float(bounds.P))]
-            if bounds.floor is None:
-                return small
-            return [*small, Inequality(LARGE, float(bounds.floor) * self.weights(mu)["mu1"] * self.eye - v["P"])]
+            rows = [] if bounds.P is None else [self.storage_bound(v["P"], mu, float(bounds.P))]
+            if bounds.floor is not None:
+                rows.append(Inequality(LARGE, float(bounds.floor) * self.weights(mu)["mu1"] * self.eye - v["P"]))
+            return [*rows, *self.placed(v, bounds)]
 
-        return self.problem([], lambda v: {**v, **self.weights(mu)}, bounded)
+        return self.problem(further, lambda v: {**v, **self.weights(mu)}, bounded)
 
     def weighted(self, v: Values) -> Values:
         """Complete unknowns by mu1 and mu2."""
@@ -256,30 +264,12 @@ class Incremental(ABC):
             injection,
             lambda v: (*still.theorem(complete(v)), *bounded(v)),
         )
-        return self.with_usable_scales(problem)
+        return problem if self.L2 is not None else with_usable_scales(problem, self.multiplier)
 
     @property
     def auxiliary(self) -> tuple[Unknown, ...]:
         """Unknowns besides P and the gains: what determines the multiplier."""
         return self.multiplier.unknowns()
-
-    def with_usable_scales(self, problem: Problem) -> Problem:
-        """With LEAST_SCALE <= lambda / (mean of the diagonal of P) <= LARGEST_SCALE, all in the scales of the data.
-
-        For a free L2 = R / lambda; the same problem for a given one.
-        """
-        if self.L2 is not None:
-            return problem
-        unit = units(problem)
-
-        def usable(v: Values) -> Iterator[Inequality]:
-            mean = np.trace(v["P"] / unit["P"], axis1=-2, axis2=-1)[..., None, None] / self.plant.n
-            for name in (unknown.name for unknown in self.multiplier.unknowns()):
-                scale = v[name] / unit[name]
-                yield Inequality(f"{name} > 0", LEAST_SCALE * mean - scale)
-                yield Inequality(f"{name} bounded", scale - LARGEST_SCALE * mean)
-
-        return replace(problem, inequalities=lambda v: (*problem.inequalities(v), *usable(v)))
 
     @property
     def place_of_v(self) -> tuple[int, int]:
@@ -287,12 +277,13 @@ class Incremental(ABC):
         return 0, self.plant.n + self.plant.Bf.shape[1]
 
     def within(self, v: Values, bounds: Bounds) -> list[Inequality]:
-        """P >= floor I; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.
+        """P >= floor I, `placed`; and for |L1| <= kappa, t I <= P and [P, Y; Y', W] >= 0 with s = kappa^2 t.
 
         Then t L1'L1 <= L1'P L1 <= W, with W = s I or, for the Frobenius norm, tr W <= s. What is necessary for it is
         the same with P <= t I: L1'P L1 <= t L1'L1.
         """
         rows = [] if bounds.floor is None else [Inequality(LARGE, float(bounds.floor) * self.eye - v["P"])]
+        rows += self.placed(v, bounds)
         if bounds.L1 is None:
             return rows
         gap = v["t"] * self.eye - v["P"]
@@ -309,10 +300,15 @@ class Incremental(ABC):
         ]
 
     def gain_unknowns(self, bounds: Bounds) -> list[Unknown]:
-        """Unknowns t and W of a bound on L1."""
+        """Unknowns t and W of a bound on L1, and those of `placed`."""
         ny = self.plant.C.shape[0]
         found = [Unknown("t", (1, 1)), Unknown("W", (ny, ny), symmetric=True)]
-        return [] if bounds.L1 is None else found if bounds.norm == "frobenius" else found[:1]
+        sizes = [] if bounds.L1 is None else found if bounds.norm == "frobenius" else found[:1]
+        return [*sizes, *self.placing(bounds)]
+
+    def placing(self, bounds: Bounds) -> tuple[Unknown, ...]:
+        """Unknowns of `placed`."""
+        return () if bounds.poles is None else bounds.poles.unknowns(self.multiplier)
 
     @property
     def eye(self) -> Array:

@@ -1,13 +1,33 @@
 """The loop shift f -> f - K q, which makes M11 >= 0, and the way back; a free L2 needs it."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from obsdesign.errors import Problem, UsageError
-from obsdesign.lmi.formula import Array, block_diagonal
+from obsdesign.lmi import formula
+from obsdesign.lmi.equilibrate import units
+from obsdesign.lmi.formula import Array, Inequality, Values, block_diagonal
 from obsdesign.model.multiplier import Multiplier
 from obsdesign.model.plant import Plant
+
+LEAST_SCALE = 1e-7  # a free L2 = R / lambda needs lambda > 0; relative to P, in the scales of the data
+LARGEST_SCALE = 1e4  # .. and a bounded one: where f depends on measured states, Cq + L2 C -> 0 and lambda -> inf
+
+
+def with_usable_scales(problem: formula.Problem, multiplier: Multiplier) -> formula.Problem:
+    """With LEAST_SCALE <= lambda / (mean of the diagonal of P) <= LARGEST_SCALE, all in the scales of the data."""
+    unit = units(problem)
+
+    def usable(v: Values) -> Iterator[Inequality]:
+        mean = np.trace(v["P"] / unit["P"], axis1=-2, axis2=-1)[..., None, None] / len(unit["P"])
+        for name in (unknown.name for unknown in multiplier.unknowns()):
+            scale = v[name] / unit[name]
+            yield Inequality(f"{name} > 0", LEAST_SCALE * mean - scale)
+            yield Inequality(f"{name} bounded", scale - LARGEST_SCALE * mean)
+
+    return replace(problem, inequalities=lambda v: (*problem.inequalities(v), *usable(v)))
 
 
 def unshifted(L2: Array, plant: Plant[Array], K: Array) -> Array:

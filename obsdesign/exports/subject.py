@@ -188,7 +188,9 @@ def words(design: Design, one: Implemented) -> tuple[str, ...]:
     if not design.proved or design.claim is None:
         return (*lines, "no guarantee: nothing is proved of these gains")
     stated = str(design.claimed().get("guarantee", {}).get("statement", design.claim.headline(spec)))
-    about = "in continuous time, with these gains; of its steps nothing is proved" if one.method else "in exact numbers"
+    imposed = "implementation" in design.claimed().get("guarantee", {})
+    of_steps = "only what is said of them is proved" if imposed else "nothing is proved"
+    about = f"in continuous time, with these gains; of its steps {of_steps}" if one.method else "in exact numbers"
     lines += [f"proved of the observer {about}:", *stated.splitlines(), *spec.provisos]
     theorem = design.recorded.content.get("theorem") if design.recorded else None
     if isinstance(theorem, Mapping):

@@ -18,6 +18,7 @@ from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign
 from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
+from obsdesign.trial import Implementation
 
 AS_GIVEN = "given gains are analysed as they are"
 LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
@@ -51,6 +52,7 @@ class Estimation:
     as_equations: bool = False  # whether the matrices are those of equations that were split
     period: fmpq | None = None  # s, of a plant x+ = ..
     noisy: bool = False  # whether the last channels of w are noise that the spec declares
+    steps: Implementation | None = None  # in which the observer is to run
 
     def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""

@@ -50,6 +50,7 @@ class Family:
     proves: bool = True  # something can be proved of its observers; else they are there to compare with
     discrete: bool = False  # plants x+ = .. are taken as well
     defects: tuple[str, ...] = ()  # its types that bound the error of a continuous plant at its samples
+    places: bool = False  # the poles of its observers may be imposed
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
 
     def part(self, name: str) -> Any:

@@ -11,6 +11,7 @@ from flint import arb, fmpq
 
 from obsdesign.dissipation.bounds import Range
 from obsdesign.families import asked
+from obsdesign.families.poles import Poles
 from obsdesign.lmi.formula import rational_number
 from obsdesign.lmi.spectrum import lower, upper
 from obsdesign.sections.document import Loc
@@ -41,6 +42,13 @@ class RateSection(asked.ObserverSection):
         "in discrete time: predicted, xhat_k knows y_0 .. y_{k-1}; or filtered, it knows y_k as well",
         default="predicted",
         example="filtered",
+    )
+
+    poles: Poles | None = key(
+        Poles,
+        "region of the s-plane for every pole s of the error with f = K q, K constant; in continuous time",
+        otherwise="any, left of -alpha",
+        example="{radius: 2000, damping: 0.5}",
     )
 
     @property

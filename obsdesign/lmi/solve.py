@@ -100,6 +100,26 @@ def widest(problem: Problem, solver: str = "clarabel", start: Values | None = No
     return replace(answer(problem, reduced, verdict(t), z, search), objective=t)
 
 
+def marginless(problem: Problem, solver: str = "clarabel") -> tuple[bool, int]:
+    """Whether phase I finds no margin in two scalings, and how many solves that took.
+
+    Where there is none by far, its point is zero: no scaling is about it, and further solves break down in `widest`.
+    """
+    reduced = reduction(problem)
+    if reduced.contradiction:
+        return True, 0
+    search, lifted = Search(call(solver)), homogeneous(reduced.program)
+    believed: tuple[Ending, ...] = (Ending.SOLVED,)
+    scaled, T = balance(lifted)
+    for _ in range(2):
+        ending, x = search.solve(with_margin(scaled))
+        if ending not in believed or not x[-1] <= NOISE:
+            return False, search.solves
+        believed = (Ending.SOLVED, Ending.INACCURATE)
+        scaled, T = diagonal(lifted, unscaled(T, x[:-1]))
+    return True, search.solves
+
+
 def answer(problem: Problem, reduced: Reduced, status: Status, z: Array, search: "Search") -> Answer:
     """Return to the terms of the problem."""
     objective = reduced.program.constant + float(reduced.program.cost @ z)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from flint import fmpq
 
+from obsdesign.families import FAMILIES, Family
 from obsdesign.reading.plant import Layout
 from obsdesign.reading.trial_schema import Data, Simulation
 from obsdesign.reading.trial_schema import Implementation as Section
@@ -14,11 +15,11 @@ from obsdesign.trial import Implementation, Recorded
 
 
 def read_implementation(
-    reader: Reader, section: Section | None, simulation: Simulation | None, samples: fmpq | None
+    reader: Reader, section: Section | None, simulation: Simulation | None, samples: fmpq | None, family: Family | None
 ) -> Implementation | None:
     """Steps of the observer; None where the spec says nothing of them, and its simulation does not ask for them.
 
-    `samples`: period of a plant in samples.
+    `samples`: period of a plant in samples; `family`: of the observer, None where it is unknown.
     """
     if section is None:
         if simulation and simulation.observer == "implementation" and samples is None:
@@ -29,7 +30,20 @@ def read_implementation(
     if samples is not None:
         said = f"this plant is in samples, {float(samples):g} s apart, and so is its observer: leave it out"
         reader.wrong(loc, said, at_key=True, id="OBS213")
-    return Implementation(reader.number(section.period, (*loc, "period"), "> 0"), section.method)
+    if section.impose:
+        require_imposable(reader, section.method, family)
+    return Implementation(reader.number(section.period, (*loc, "period"), "> 0"), section.method, section.impose)
+
+
+def require_imposable(reader: Reader, method: str, family: Family | None) -> None:
+    """Refuse steps that no inequality is known for."""
+    loc: Loc = ("implementation", "impose")
+    if family is not None and not family.places:
+        said = f"is for type {', '.join(name for name, one in FAMILIES.items() if one.places)}; leave it out"
+        reader.wrong(loc, f"{said}: `solve` tells the largest step that was found", id="OBS213")
+    elif method == "exact":
+        said = "is for euler and rk4; for exact steps write impose: false, and `solve` tells the largest that was found"
+        reader.wrong(loc, said, id="OBS213")
 
 
 def read_data(reader: Reader, section: Data | None, layout: Layout, xm: Sequence[str]) -> Recorded | None:

@@ -28,7 +28,7 @@ from obsdesign.sections.scalars import Number, described
 from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
-from obsdesign.trial import Level
+from obsdesign.trial import Implementation, Level
 
 FORMAT = "1"
 STATUSES = ("certified", "infeasible", "refuted", "uncertified")
@@ -61,15 +61,15 @@ def resolve(document: Document) -> Spec:
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
     typed = family is not None and family.equations and not family.matrices
     asked = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
+    steps = read_implementation(reader, file.implementation, file.simulation, period, family)
     observer, noisy = None, beside(exogenous, len(channels))
     blocks: tuple[Nonlinearity, ...] = ()
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
-        observer, blocks = read_observer(reader, family, file.observer, plant, noisy, asked.H, split, period)
-    running = read_running(reader, file, layout, exogenous, levels, family, period)
+        observer, blocks = read_observer(reader, family, file.observer, plant, noisy, asked.H, split, period, steps)
+    running = read_running(reader, file, layout, exogenous, levels, family, period, steps)
     expect = read_expectations(reader, file.expect or {})
-    if not reader.problems:
-        judge_parameters(reader)
+    judge_parameters(reader)
     if reader.problems or plant.plant is None or noisy.generator is None or observer is None:
         reader.stop()
     assert layout.names is not None
@@ -104,15 +104,15 @@ def read_running(
     levels: Mapping[str, Level],
     family: Family | None,
     period: fmpq | None,
+    steps: Implementation | None,
 ) -> dict[str, Any]:
     """How the observer is tried, how it runs on a computer, and where its signals are in a log."""
     simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
-    implementation = read_implementation(reader, file.implementation, file.simulation, period)
     if simulation is not None and layout.names is not None:
-        steps = implementation and implementation.period
-        simulation = drawn(reader, levels, layout.names.outputs, simulation, period, steps, family)
+        held = steps and steps.period
+        simulation = drawn(reader, levels, layout.names.outputs, simulation, period, held, family)
     data = read_data(reader, file.data, layout, exogenous.states)
-    return {"simulation": simulation, "implementation": implementation, "data": data}
+    return {"simulation": simulation, "implementation": steps, "data": data}
 
 
 def heading(document: Document, file: File) -> dict[str, Any]:
@@ -136,8 +136,11 @@ def require_format(reader: Reader, file: File) -> None:
 
 
 def judge_parameters(reader: Reader) -> None:
-    """Note each parameter that nothing uses; one that only a change makes is refused, for its name is misspelt."""
-    idle = [name for name in reader.parameters if name not in reader.used]
+    """Note each parameter that nothing uses; one that only a change makes is refused, for its name is misspelt.
+
+    Where something else is wrong, what is used is not known.
+    """
+    idle = [] if reader.problems else [name for name in reader.parameters if name not in reader.used]
     for name in idle:
         loc: Loc = ("parameters", name)
         if reader.document.find(loc)[0].origin:
@@ -189,6 +192,7 @@ def read_observer(
     H: Array,
     as_equations: bool,
     period: fmpq | None,
+    steps: Implementation | None,
 ) -> tuple[Request, tuple[Nonlinearity, ...]]:
     """What is asked of the observer, and the blocks of f as its family takes them."""
     layout = plant.layout
@@ -197,7 +201,7 @@ def read_observer(
     q = layout.q.of(total(layout.q, exogenous.q))
     model, noisy = exogenous.generator, exogenous.noisy
     problem = Estimation(
-        states, layout.outputs, q, plant.plant, model, H, blocks, plant.typed, as_equations, period, noisy
+        states, layout.outputs, q, plant.plant, model, H, blocks, plant.typed, as_equations, period, noisy, steps
     )
     return family.request(reader, section, problem), blocks
 

@@ -5,6 +5,7 @@ from typing import Literal, get_args
 from obsdesign.families import FAMILIES
 from obsdesign.sections.forms import (
     ENTRY,
+    FLAG,
     LINE,
     NUMBERS,
     VECTOR,
@@ -18,6 +19,7 @@ from obsdesign.sections.forms import (
 )
 
 SAMPLED = f"of the family {' or '.join(name for name, family in FAMILIES.items() if family.sampled)}"
+PLACED = f"of the family {', '.join(name for name, family in FAMILIES.items() if family.places)}"
 STATE = Named("State", Either("a number, a list of numbers, or numbers by name", ENTRY, NUMBERS, mapping=MapOf(ENTRY)))
 STATES = "over x, or over the augmented state; or by name, the others 0"
 SIGNALS_BY_NAME = Named(
@@ -70,6 +72,12 @@ class Implementation(Section):
         "of a step: Euler, Runge-Kutta 4, or exact of the linear part with the rest held",
         default="rk4",
         example="exact",
+    )
+    impose: bool = key(
+        FLAG,
+        f"{PLACED}: whether the design has to be stable in these steps with every constant slope of f",
+        default=False,
+        example="true",
     )
 
 

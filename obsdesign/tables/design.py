@@ -12,6 +12,7 @@ SAFE = {"lipschitz": at_least, "gamma": at_most}  # how what is proved is rounde
 LONGEST = 60  # points that are listed one by one
 FEW = 4  # estimates whose noise is listed at each
 LIMITS = {"limit": "limit", "limit_bounded": "within bounds"}
+MEMBERS = "proved of every f = K q that the claim is about, K constant"
 UNPROVED = "what follows of these gains is their claim only: it is not proved"
 ATTENUATION = ("gamma", "peak gain")  # rows that say nothing where no disturbance acts
 
@@ -25,7 +26,7 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
     rows += [("set", content["set"])] if "set" in content else []
     claimed, made = content.get("guarantee", {}), content.get("observer", {})
     family = FAMILIES[made["type"]] if made else None
-    rows += family.proved(made, claimed) if family else []
+    rows += [*family.proved(made, claimed), *places(claimed)] if family else []
     rows += [("signals", content["signals"])] if family and "gamma" in claimed and content.get("signals") else []
     rows += [("local", content["local"])] if "local" in content else []
     rows += [("assumed", text) for text in content.get("assumed", [])]
@@ -40,6 +41,18 @@ def design_rows(content: Mapping[str, Any]) -> Rows:
         rows += [("suggestion", str(found["suggestion"]))] if "suggestion" in found else []
     rows += search_rows(content.get("search", {}))
     return rows + [("note", note) for note in content.get("notes", [])]
+
+
+def places(claimed: Mapping[str, Any]) -> Rows:
+    """Where the poles of every frozen member are proved to lie, and the steps in which they decay."""
+    units = {"radius": "|s| <= {:g} 1/s", "damping": "damping >= {:g}"}
+    said = [units[name].format(value) for name, value in claimed.get("poles", {}).items()]
+    rows = [("poles within", f"{', '.join(said)}   {MEMBERS}")] if said else []
+    if "implementation" in claimed:
+        steps = claimed["implementation"]
+        how = f"{steps['period']:g} s by {steps['method']}"
+        rows += [("stable steps", f"{how}   {MEMBERS}")]
+    return rows
 
 
 def attenuates(row: tuple[str, str]) -> bool:

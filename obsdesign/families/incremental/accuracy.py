@@ -27,6 +27,7 @@ from obsdesign.dissipation.decimals import significant
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import DIGITS, with_L2
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.dissipation.shift import with_usable_scales
 from obsdesign.lmi.formula import Array, Inequality, Problem, Unknown, Values, in_floats, printed, symmetric
 from obsdesign.lmi.solve import Status
 
@@ -116,7 +117,7 @@ def conditions(family: Incremental, rate: float) -> Problem:
         inequalities,
         lambda v: np.trace(v["P"], axis1=-2, axis2=-1)[..., None, None],
     )
-    return undisturbed.with_usable_scales(problem)
+    return problem if family.L2 is not None else with_usable_scales(problem, family.multiplier)
 
 
 def equation(name: str, X: Array) -> Inequality:

@@ -6,6 +6,7 @@ import numpy as np
 
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
+from obsdesign.families import poles
 from obsdesign.families.finding import Finding, complex_pair, detectability, finding, frozen_at
 from obsdesign.families.incremental.absence import structural
 from obsdesign.families.incremental.request import posed, request_of
@@ -44,7 +45,7 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
         numbers: dict[str, Any] = {"zeros": [complex_pair(z) for z in zeros.values], "normal_rank": zeros.normal_rank}
         said = f"{name}{frozen_at(K)}: {zeros.sentence}"
         findings.append(finding(f"zeros, {name}", zeros.left_invertible, said, **numbers, id="OBS614"))
-    findings += slopes(spec, family)
+    findings += [*slopes(spec, family), *poles.findings(family, request.bounds.poles)]
     findings += floor(spec, request, in_floats(family)) if request.pace.sampled else attainable(spec)
     loops = {"plant": augmented.Dqf}
     if (L2 := request.feedback) is not None:

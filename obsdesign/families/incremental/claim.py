@@ -8,7 +8,7 @@ from flint import fmpq
 
 from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
-from obsdesign.dissipation.certificate import Certificate, certify, kept
+from obsdesign.dissipation.certificate import Certificate, certify, kept, read_values
 from obsdesign.dissipation.discrete import FILTERED, PREDICTED
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
@@ -28,6 +28,7 @@ from obsdesign.families.incremental.reconstruction import (
 from obsdesign.families.incremental.request import Request, posed, request_of
 from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.outcome import Outcome
+from obsdesign.families.poles import require, stated, told
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array
@@ -63,7 +64,7 @@ class Claim(Proved):
         gamma, about, rate = at_most(self.gamma_v(spec)), self.certificate.theorem.about, self.certificate.rate
         decay = f"rho {at_most(1 - rate)}" if about.pace.sampled else f"decay rate {at_least(rate)} 1/s"
         name = "gamma_v" if spec.observer.filtered else "gamma"
-        said = f"{name} {gamma}, {about.gamma.replace('gamma', name)}; {decay}"
+        said = "; ".join([f"{name} {gamma}, {about.gamma.replace('gamma', name)}", decay, *told(self.certificate)])
         if spec.continuous is None or spec.continuous.defect is None:
             return said
         error = at_most(at_samples(spec, self.certificate)["error"])
@@ -78,7 +79,7 @@ class Claim(Proved):
             rest = f" + {bound.x_rate!r} sup|x'|" if bound.x_rate else ""
             constants = f"{bound.w!r} sup|w| + {bound.w_rate!r} sup|w'|{rest}"
             said += f"; limsup |what - w| <= {constants}, what = pinv(B) L1 (yhat - y)"
-        return "; ".join([said, *spec.provisos])
+        return "; ".join([said, *stated(self.certificate), *spec.provisos])
 
     def words(self, spec: Spec) -> dict[str, str]:
         """Gamma for v itself and the equations of the observer, of plants in discrete time; else gamma."""
@@ -114,6 +115,7 @@ class Claim(Proved):
             **self.certificate.decay(spec.period),
             "mu1": g.mu1,
             "mu2": g.mu2,
+            **(self.certificate.poles.written() if self.certificate.poles else {}),
             **limits,
         }
         if spec.continuous and spec.continuous.defect is not None:
@@ -131,11 +133,11 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     """Claim of a file, checked: the guarantee, and the bound on the reconstruction of w if one is claimed."""
     gains = read_gains(spec, file)
     require_request(spec, file, gains)
+    require(file, request_of(spec).bounds.poles)
     request = request_of(spec)
     rate = request.pace.told(file.number("guarantee", request.pace.key))
     family = posed(spec, rate, gains["L1"], gains["L2"])
-    bounds = NO_BOUNDS if request.gains else request.bounds
-    certificate = read_certificate(file, family, ("guarantee",), ("certificate",), bounds)
+    certificate = read_certificate(file, family, ("guarantee",), ("certificate",), request.kept)
     claim = Claim(certificate, asked=held(request, gains["L1"], certificate.gamma))
     if "reconstruction" in file.table("guarantee"):
         claim = replace(claim, reconstruction=read_reconstruction(spec, file, family))
@@ -158,9 +160,7 @@ def read_certificate(
     file: ResultFile, family: Incremental, claim: Sequence[str], witness: Sequence[str], bounds: Bounds = NO_BOUNDS
 ) -> Certificate:
     """Certificate of a claim (gamma, mu1, mu2) by a witness (P, multipliers), checked."""
-    n = family.plant.n
-    values = {"P": file.matrix((n, n), *witness, "P")}
-    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    values = read_values(file, family, witness, bounds)
     gamma, mu1, mu2 = (file.number(*claim, key) for key in ("gamma", "mu1", "mu2"))
     return certify(family, gamma, mu1, mu2, values, bounds)
 

@@ -35,6 +35,7 @@ from obsdesign.families.incremental.theorems import Linf
 from obsdesign.families.incremental.trade import trader
 from obsdesign.families.noise import noise_of
 from obsdesign.families.outcome import Outcome, Search, Verdict
+from obsdesign.families.poles import missed
 from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Array, Values, in_floats
 from obsdesign.lmi.solve import Status
@@ -155,7 +156,7 @@ class Designer:
         """Return the first of some candidates that is proved to reach gamma; or else the last of them, uncertified."""
         made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
-            certificate = claim(self.engine, candidate, gamma, values, self.request.bounds)
+            certificate = claim(self.engine, candidate, gamma, values, self.request.kept)
             assert candidate.L1 is not None
             asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
             proof = Claim(certificate, asked=asked) if certificate else None
@@ -241,7 +242,11 @@ class Designer:
         if family.edge.of(slowest) < float(rate):
             change = f"for an f that the types allow, an error {self.pace.only(family.edge.of(slowest))}"
             return self.infeasible(rate, {"gains": change})
-        status, certificate = best_claim(self.engine, family)
+        kept = self.request.kept
+        said = kept.poles and missed(errors(self.spec, doubles(family)).poles, kept.poles)
+        if said:
+            return self.infeasible(rate, {"gains": said})
+        status, certificate = best_claim(self.engine, family, kept)
         if status is Status.INFEASIBLE:
             theorem = "" if self.pace.sampled else " of Theorem 1"
             return self.infeasible(rate, {"gains": f"no storage function{theorem} was found that proves these gains"})

@@ -10,7 +10,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable
+from obsdesign.dissipation.gain import ROOM, excluded, least, least_size, searchable, unplaced
 from obsdesign.errors import UsageError
 from obsdesign.families.finding import smaller_class
 from obsdesign.families.incremental.absence import CLOSE, impossible, within_bounds
@@ -18,6 +18,7 @@ from obsdesign.families.incremental.decay import Decay
 from obsdesign.families.incremental.extent import largest_class
 from obsdesign.families.incremental.stiffness import QUIET
 from obsdesign.families.outcome import Diagnosis
+from obsdesign.families.poles import BOUND, eased, endless
 from obsdesign.families.reach import too_tight
 from obsdesign.lmi.formula import printed
 from obsdesign.model.multiplier import Multiplier
@@ -32,7 +33,8 @@ def beyond(decay: Decay, rate: fmpq, limit: float | None, reached: float | None)
     `limit`: least gamma over all gains, if it is known; `reached`: least gamma within the bounds, which is too large.
     """
     bounds, level = decay.bounds, None if decay.bounds.gamma is None else float(decay.bounds.gamma)
-    solve = least(decay.engine, searchable(replace(decay.family, rate=rate)))
+    search = searchable(replace(decay.family, rate=rate))
+    solve = least(decay.engine, search)
     above = level is not None and limit is not None and limit > level
     raised = round_up(limit * (1 + MORE), 4) if above and limit else level
     size = least_size(solve, bounds, np.inf if raised is None else (raised * (1 - ROOM)) ** 2)
@@ -47,12 +49,16 @@ def beyond(decay: Decay, rate: fmpq, limit: float | None, reached: float | None)
     if slower:
         pace, side = decay.pace, "least" if decay.pace.sampled else "most"
         enough[pace.key] = pace.told(pace.rounded(slower * (1 - CLOSE), 4)), f"{inside} {pace.key} at {side}"
+    enough |= eased(bounds, lambda wider: replace(decay, bounds=wider).feasible(rate)[0])
+    steep = endless(decay.family, bounds.poles)
+    hints += [BOUND] if steep else []
     where = f"at {decay.pace.said(rate)}" + ("" if level is None else f" for gamma = {level:g}")
     found = too_tight(bounds.words("L1"), where, enough, hints)
     if size and above:
         found["feasible"]["together"] = {"L1": size, "gamma": raised}
+    found["reason"] += f"; {steep}" if steep else ""
     goal = np.inf if level is None else level**2
-    return above or excluded(solve, bounds, goal), found
+    return above or excluded(solve, bounds, goal) or unplaced(decay.engine, search, bounds), found
 
 
 def remedied(spec: Spec, decay: Decay, rate: fmpq, largest: float | None, diagnosis: Diagnosis) -> Diagnosis:

@@ -7,6 +7,7 @@ from typing import Any
 
 from flint import fmpq
 
+from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
@@ -66,8 +67,8 @@ class Limits:
             return self.attained(search, limits), None
         level = Level.within(bounded, zero, self.request.bounds)
         kind = {**self.kind(rate), **bounded_kind(self.request.bounds)}
-        limits = self.attained(search, limits, level.gamma)
-        return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": True, **kind})}, level
+        limits, closed = self.attained(search, limits, level.gamma), self.request.bounds.closed
+        return {**limits, "limit_bounded": self.best({"gamma": level.gamma, "attained": closed, **kind})}, level
 
     def refusal(self, search: Incremental, rate: fmpq, table: Sequence[tuple[float, float]]) -> UsageError:
         """Refusal of a limit of zero, with what larger gains do, and with the noise that they let through."""
@@ -118,7 +119,7 @@ class Limits:
 
     def moderate(self, search: Incremental) -> float:
         """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
-        wide = self.engine.widest(search.witness(None))
+        wide = self.engine.widest(search.witness(None, Bounds(poles=self.request.bounds.poles)))
         if wide.status is not Status.OPTIMAL:
             raise UndecidedError(f"no solution was found for {self.pace.said(search.rate)}: {wide.reason}", id="OBS507")
         size = 2 * norm(wide.values, self.request.bounds)

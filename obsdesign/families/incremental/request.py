@@ -12,6 +12,7 @@ from obsdesign.dissipation.pace import ALPHA, RHO, Pace
 from obsdesign.families import asked, rates
 from obsdesign.families.frozen import Demand
 from obsdesign.families.incremental.theorems import theorem
+from obsdesign.families.poles import read_poles, refuse_free
 from obsdesign.families.rates import RateSection
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.sections.document import Loc
@@ -145,6 +146,11 @@ class Request:
         """Bounds on what a design may use, in words."""
         return self.bounds.words("L1")
 
+    @property
+    def kept(self) -> Bounds:
+        """Bounds that a claim is held against: of given gains those on the poles only."""
+        return Bounds(poles=self.bounds.poles) if self.gains else self.bounds
+
     def printed(self) -> "Request":
         """Same request with every number that a result file repeats as the decimal that it will hold."""
         told = self.pace.told
@@ -176,7 +182,7 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
         objective=objective,
         gamma=gamma,
         slack=asked.read_slack(reader, section.slack),
-        bounds=read_bounds(reader, section.bounds),
+        bounds=replace(read_bounds(reader, section.bounds), poles=read_poles(reader, section.poles, problem)),
         gains=asked.read_gains(
             reader, section.gains, {"L1": (problem.states, problem.outputs), "L2": (problem.q, problem.outputs)}
         ),
@@ -185,6 +191,7 @@ def request(reader: Reader, section: Observer, problem: asked.Estimation) -> Req
     )
     if request.trade and not request.gains:
         require_one_rate(reader, request, section)
+    refuse_free(reader, request.bounds.poles, request.feedback)
     if request.gains:
         asked.note_unused(reader, section, ("L2", "objective", "slack", "bounds"), asked.AS_GIVEN)
     elif objective == "gamma":
@@ -297,6 +304,8 @@ RESULTS = {
         "mu1",
         "mu2",
         "reconstruction",
+        "poles",
+        "implementation",
         "limit",
         "limit_bounded",
     ),

@@ -9,7 +9,7 @@ from flint import fmpq
 
 from obsdesign.coq.theorem import exported
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
-from obsdesign.dissipation.certificate import Certificate, certify, kept
+from obsdesign.dissipation.certificate import Certificate, certify, kept, read_values
 from obsdesign.dissipation.decimals import square_below
 from obsdesign.dissipation.figures import figures
 from obsdesign.dissipation.guarantee import Quadratic
@@ -19,6 +19,7 @@ from obsdesign.families.lipschitz.relaxations import S_PROCEDURE, proportions
 from obsdesign.families.lipschitz.request import LipschitzRequest, request_of
 from obsdesign.families.lipschitz.words import meaning, pace, words
 from obsdesign.families.outcome import Outcome
+from obsdesign.families.poles import MEMBERS, require, stated, told
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, approximate, below, printed
@@ -68,7 +69,8 @@ class Claim(Proved):
         """Claim in one line."""
         level = f", gamma {at_most(self.gamma(spec))}, {meaning(spec.observer.drive)}" if spec.disturbed else ""
         more = f"; constants up to {at_least(self.admissible.lipschitz)} are tolerated" if self.admissible else ""
-        return f"Lipschitz constant {at_least(self.lipschitz)}{level}; {pace(self.certificate.told, spec)}{more}"
+        known = "; ".join([pace(self.certificate.told, spec), *told(self.certificate)])
+        return f"Lipschitz constant {at_least(self.lipschitz)}{level}; {known}{more}"
 
     def spare(self, spec: Spec) -> fmpq:
         """What is tolerated beyond the largest declared constant; negative where not even that is."""
@@ -86,7 +88,8 @@ class Claim(Proved):
         level = phrases.level.format(gamma=self.gamma(spec), drive=drive)
         said = f"{level}, and {decays} where {drive} = 0" if drive else decays
         every = f"for every f with {bounds('f', shared(self.lipschitz, spec))}"
-        parts = [f"{said}; for {phrases.equations}", every, *self.beyond(spec)]
+        constant = f"{MEMBERS} of these constants"
+        parts = [f"{said}; for {phrases.equations}", every, *self.beyond(spec), *stated(self.certificate, constant)]
         return "; ".join([*parts, *spec.provisos])
 
     def beyond(self, spec: Spec) -> list[str]:
@@ -118,6 +121,7 @@ class Claim(Proved):
             **({"gamma_v": self.gamma(spec)} if spec.disturbed and spec.observer.filtered else {}),
             **self.certificate.decay(spec.period),
             **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
+            **(self.certificate.poles.written() if self.certificate.poles else {}),
             **({"admissible": below(more.lipschitz)} if more else {}),
             "margin": self.margin(spec),
             **limits,
@@ -155,7 +159,8 @@ def read(spec: Spec, file: ResultFile) -> Claim:
     told = request_of(spec).pace
     rate = told.told(file.number(*GUARANTEE, told.key))
     require_request(spec, file, L, lipschitz)
-    storage = request_of(spec).storage if spec.disturbed else NO_BOUNDS
+    require(file, request_of(spec).bounds.poles)
+    storage = request_of(spec).storage if spec.disturbed else request_of(spec).placed
     certificate = read_certificate(spec, file, L, lipschitz, rate, GUARANTEE, CERTIFICATE, storage)
     claim = Claim(lipschitz, certificate, bound=held(request_of(spec), L, certificate, disturbed=spec.disturbed))
     if "admissible" in file.table(*GUARANTEE):
@@ -198,8 +203,7 @@ def read_certificate(
     plant, request = spec.posed, request_of(spec)
     constants = [lipschitz * share for share in proportions(request.lipschitz)]
     family = S_PROCEDURE[request.pace].of(plant, spec.multiplier, constants, spec.H, rate, L)
-    values = {"P": file.matrix((plant.n, plant.n), *witness, "P")}
-    values |= file.unknowns(family.multiplier.unknowns(), *witness, "multipliers")
+    values = read_values(file, family, witness, bounds)
     gamma, mu1, mu2 = read_levels(file, claim) if spec.disturbed else (fmpq(1),) * 3
     return certify(family, gamma, mu1, mu2, values, bounds)
 

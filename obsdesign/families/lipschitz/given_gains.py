@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from obsdesign.dissipation.analysis import Errors
 from obsdesign.dissipation.bounds import NO_BOUNDS
 from obsdesign.dissipation.claim import BACKOFFS
 from obsdesign.dissipation.decimals import round_down, round_up
@@ -13,6 +14,7 @@ from obsdesign.families.lipschitz.reasons import useless
 from obsdesign.families.lipschitz.study import Study
 from obsdesign.families.lipschitz.suprema import largest_constant
 from obsdesign.families.outcome import Outcome, Verdict
+from obsdesign.families.poles import missed
 from obsdesign.lmi.formula import Array, in_floats, printed
 from obsdesign.lmi.solve import Status
 
@@ -23,7 +25,7 @@ ANY = "the gains tolerate any Lipschitz constant; the one stated is an example"
 def tolerated(study: Study, L: Array) -> tuple[float, Claim | None]:
     """Largest constant of the relaxation for gains, in rationals, and a proof of nearly that; (0, None) if none."""
     stretch = study.stretch(L)
-    answer = stretch.least(NO_BOUNDS)
+    answer = stretch.least(study.request.placed)
     if answer.status is not Status.OPTIMAL:
         return 0.0, None
     limit = stretch.constant(answer)
@@ -46,7 +48,8 @@ def largest_of(study: Study, L: Array) -> Outcome:
 def gamma_of(study: Study, L: Array) -> Outcome:
     """Certify nearly the least gamma that gains have, in the relaxation, at the declared constant."""
     constant = study.declared
-    answer = study.engine.minimise(study.attenuation(float(constant), L=L).least_gamma())
+    family, placed = study.attenuation(float(constant), L=L), study.request.placed
+    answer = study.engine.minimise(family.least_gamma(placed))
     if answer.status is not Status.OPTIMAL:
         _, known = tolerated(study, L)
         return refused(study, L, float(known.lipschitz) if known else None)
@@ -66,11 +69,17 @@ def tolerating(study: Study, L: Array, proved: Claim | None) -> Claim | None:
     """Claim with the largest constant above its own that the s-procedure proves of gains, with a gamma of its own."""
     if proved is None:
         return None
-    _, found = tolerated(replace(study, request=replace(study.request, relaxation="s-procedure")), L)
+    _, found = tolerated(replace(study, request=replace(study.request, relaxation="s-procedure", bounds=NO_BOUNDS)), L)
     return replace(proved, admissible=found) if found and found.lipschitz > proved.lipschitz else proved
 
 
 def refused(study: Study, L: Array, known: float | None) -> Outcome:
     """Answer that gains achieve nothing."""
-    family = replace(study.unit, L1=-L).stretched(study.declared)
-    return Outcome(Verdict.INFEASIBLE, {"L": in_floats(L)}, diagnosis=useless(family, float(study.declared), known))
+    family, region = replace(study.unit, L1=-L).stretched(study.declared), study.bounds.poles
+    diagnosis = useless(family, float(study.declared), known)
+    if region is not None:
+        fixed = in_floats(family)
+        poles = Errors.of(fixed.plant, family.multiplier, fixed.H, fixed.L1, fixed.L2).poles
+        within = "" if fixed.edge.slow(fixed.slowest_pole()) else f", within {' and '.join(region.words())}"
+        diagnosis |= {"reason": missed(poles, region) or f"{diagnosis['reason']}{within}"}
+    return Outcome(Verdict.INFEASIBLE, {"L": in_floats(L)}, diagnosis=diagnosis)

@@ -6,7 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
-from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
+from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.decimals import round_down
 from obsdesign.dissipation.gain import ROOM, bounded, descended, rounded_gains
 from obsdesign.dissipation.zero import TABLE, tabulated
@@ -47,7 +47,7 @@ def largest(study: Study) -> Outcome:
 def small_gains(study: Study, constant: fmpq) -> Iterator[tuple[Array, Claim | None]]:
     """Gains of small norm for a constant, in more and more digits, and their proofs."""
     stretch = study.stretch()
-    wide = stretch.feasible(float(constant), NO_BOUNDS)
+    wide = stretch.feasible(float(constant), study.request.placed)
     if wide.status is not Status.OPTIMAL:
         return
     goal = float(constant) * (1 + ROOM)

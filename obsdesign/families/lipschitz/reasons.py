@@ -1,6 +1,6 @@
 """Why there is no observer of a Lipschitz system, in the terms of the model, and what would be possible."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf, isfinite
 from typing import Any
@@ -185,17 +185,19 @@ def too_small(
     size: float | None = None,
     slower: float | None = None,
     gamma: float | None = None,
+    wider: Mapping[str, tuple[float, str]] | None = None,
 ) -> Diagnosis:
-    """Answer that nothing within the bounds on L and P was found.
+    """Answer that nothing within the bounds on L and P, and on the poles, was found.
 
     `pace`, `rate`: the decay that is asked for; `size`: a bound on |L| that will do, with a larger `gamma` if there is
-    one; `slower`: a rate for which these do.
+    one; `slower`: a rate for which these do; `wider`: what does for the poles.
     """
     asked = {"L": bounds.L1, "P.min": bounds.floor}
     enough = {"L": (size, "allow |L| up to")} if size and not gamma else {}
     if slower is not None:
         end = "least" if pace.sampled else "most"
         enough[pace.key] = pace.told(slower), f"within the bounds ask for {pace.key} at {end}"
+    enough |= wider or {}
     together = f"allow |L| up to {size or 0:g} and gamma up to {gamma or 0:g}, with which there is one"
     hints = [together] if size and gamma else []
     found = too_tight(bounds.words("L"), f"for {pace.said(rate)}", enough, hints)

@@ -11,6 +11,7 @@ from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, Trade,
 from obsdesign.dissipation.pace import DECAY, RHO, Pace
 from obsdesign.families import asked, rates
 from obsdesign.families.frozen import Demand
+from obsdesign.families.poles import read_poles
 from obsdesign.families.rates import RateSection
 from obsdesign.lmi.formula import Array, identity, printed
 from obsdesign.model.disturbance import augment
@@ -147,10 +148,15 @@ class LipschitzRequest:
         return tuple(told(printed(told(rate))) for rate in grid)
 
     @property
+    def placed(self) -> Bounds:
+        """Bounds on the poles."""
+        return Bounds(poles=self.bounds.poles)
+
+    @property
     def storage(self) -> Bounds:
-        """Bound on the P of the guarantee: of a design, with gamma, whose P has a scale."""
+        """Those, and the bound on the P of the guarantee: of a design, with gamma, whose P has a scale."""
         scaled = self.gains is None and self.objective != "max-lipschitz"
-        return Bounds(floor=self.bounds.floor) if scaled else NO_BOUNDS
+        return replace(self.placed, floor=self.bounds.floor) if scaled else self.placed
 
     @property
     def restrictions(self) -> list[str]:
@@ -173,6 +179,8 @@ class LipschitzRequest:
             yield ("weight",), "is of lipschitz against gamma; gamma against |L| has none: leave it out"
         if self.trade and isinstance(self.rate, Range):
             yield (self.pace.key,), f"gamma against |L| is a curve at one {self.pace.key}: give a number"
+        if self.relaxation != "s-procedure" and self.bounds.poles is not None:
+            yield ("relaxation",), "poles and implementation.impose are proved by the s-procedure only; choose it"
         for name, value in (("weight", self.weight), (self.pace.key, self.rate)):
             if self.relaxation == "compare" and isinstance(value, Range):
                 yield (name,), "compare takes a number, not a range; choose one relaxation for a curve"
@@ -190,7 +198,7 @@ def request(reader: Reader, section: LipschitzObserver, problem: asked.Estimatio
         pace=DECAY if problem.period is None else RHO,
         filtered=section.filtered,
         slack=asked.read_slack(reader, section.slack),
-        bounds=read_bounds(reader, section.bounds),
+        bounds=replace(read_bounds(reader, section.bounds), poles=read_poles(reader, section.poles, problem)),
         gains=asked.read_gains(reader, section.gains, {"L": (problem.states, problem.outputs)}),
         drive="v" if problem.generator is not None and len(problem.generator.Am) else "w",
         trade=asked.read_trade(reader, section.bounds, "L", section.objective, problem),
@@ -336,7 +344,7 @@ SECTION = LipschitzObserver
 RESULTS = {
     "guarantee": (
         *("lipschitz", "constants", "gamma", "gamma_v", "decay", "rho", "alpha", "mu1", "mu2", "margin"),
-        *("limit", "limit_bounded", "admissible", "ceiling", "comparison", "widened"),
+        *("poles", "implementation", "limit", "limit_bounded", "admissible", "ceiling", "comparison", "widened"),
     ),
     "observer": (
         *("L", "relaxation", "estimate", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),

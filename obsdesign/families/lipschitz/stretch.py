@@ -50,7 +50,8 @@ class Stretch:
 
     def least(self, bounds: Bounds, start: Values | None = None) -> Answer:
         """Least objective within the bounds on L1 and (Theorem 1) P >= t I."""
-        return self.engine.minimise(self.problem(bounds), start) if self.convex else self.bisected(bounds)
+        direct = self.convex and bounds.poles is None  # whose multipliers are products with the constant
+        return self.engine.minimise(self.problem(bounds), start) if direct else self.bisected(bounds)
 
     def best(self) -> Answer:
         """Least objective over all gains, as accurate as can be."""
@@ -62,7 +63,7 @@ class Stretch:
         def feasible(bounds: Bounds, _: Values | None) -> Answer:
             return replace(self.feasible(constant, bounds), objective=self.objective(constant))
 
-        return self.least if self.convex else feasible
+        return lambda bounds, start: (self.least if self.convex and bounds.poles is None else feasible)(bounds, start)
 
     @property
     def convex(self) -> bool:
@@ -99,10 +100,11 @@ class Stretch:
 
     def feasible(self, constant: float, bounds: Bounds) -> Answer:
         """Point of largest margin at a constant, within bounds."""
-        problem = self.family.stretched(constant).witness(1.0)
+        family = self.family.stretched(constant)
+        problem = family.witness(1.0)
         within = replace(
             problem,
-            unknowns=(*problem.unknowns, *self.family.gain_unknowns(bounds)),
-            inequalities=lambda v: (*problem.inequalities(v), *self.family.within(v, bounds)),
+            unknowns=(*problem.unknowns, *family.gain_unknowns(bounds)),
+            inequalities=lambda v: (*problem.inequalities(v), *family.within(v, bounds)),
         )
         return self.engine.widest(within)

@@ -14,7 +14,7 @@ from obsdesign.dissipation.certificate import Certificate, certify
 from obsdesign.dissipation.claim import DIGITS, best_claim, claim
 from obsdesign.dissipation.decimals import round_up, square_below
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size
+from obsdesign.dissipation.gain import ROOM, Solve, bounded, least_size, unplaced
 from obsdesign.dissipation.modes import EXPONENTIALS, POWERS
 from obsdesign.dissipation.scaling import Factors, scaling
 from obsdesign.dissipation.scan import edge
@@ -25,6 +25,7 @@ from obsdesign.families.lipschitz.request import LipschitzRelaxation, LipschitzR
 from obsdesign.families.lipschitz.stretch import Stretch
 from obsdesign.families.noise import noise_of
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
+from obsdesign.families.poles import eased
 from obsdesign.families.reach import judged
 from obsdesign.lmi.formula import Array, Values, in_floats, printed
 from obsdesign.lmi.proof import rounded
@@ -75,7 +76,7 @@ class Study:
     @property
     def closed(self) -> bool:
         """Whether a gain within bounds attains a positive limit: at the rate 0 the inequality is strict."""
-        return bool(self.unit.rate > 0)
+        return bool(self.unit.rate > 0) and self.bounds.closed
 
     @property
     def disturbed(self) -> bool:
@@ -122,9 +123,9 @@ class Study:
         """
         family = replace(self.unit, L1=-L).stretched(constant)
         if not self.disturbed:
-            certificate = claim(self.engine, family, 1.0)
+            certificate = claim(self.engine, family, 1.0, bounds=self.request.placed)
         elif gamma is None:
-            _, certificate = best_claim(self.engine, family)
+            _, certificate = best_claim(self.engine, family, self.request.placed)
         else:
             found = self.at_once(family, gamma, values) if values else None
             certificate = found or claim(self.engine, family, gamma, bounds=self.request.storage)
@@ -132,7 +133,8 @@ class Study:
 
     def at_once(self, family: Lipschitz, gamma: float, values: Values) -> Certificate | None:
         """Proof by the storage function of a solution and the scales that go with it."""
-        witness = {"P": values["P"], **self.scales(family, values)}
+        places = {unknown.name: values[unknown.name] for unknown in family.placing(self.request.placed)}
+        witness = {"P": values["P"], **self.scales(family, values), **places}
         level = printed(gamma)
         square = square_below(level)
         rough = (rounded(witness, digits) for digits in DIGITS)
@@ -167,8 +169,20 @@ class Study:
         above, pace = goal < least, self.unit.about.pace
         gamma = round_up(math.sqrt(least) * (1 + MORE), 4) if above else None
         size = least_size(solve_of(self), self.bounds, (gamma * (1 - ROOM)) ** 2 if gamma else goal)
-        found = too_small(self.bounds, pace, float(self.unit.rate), size, self.slower(solve_of, goal), gamma)
-        return judged(found, decided=decided or above, **known)
+
+        def inside(bounds: Bounds) -> bool:
+            answer = bounded(solve_of(self), bounds)
+            return answer.status is Status.OPTIMAL and answer.objective <= goal
+
+        wider = eased(self.bounds, inside)
+        found = too_small(self.bounds, pace, float(self.unit.rate), size, self.slower(solve_of, goal), gamma, wider)
+        none = self.relaxation == "s-procedure" and unplaced(self.engine, self.hardest, self.bounds)
+        return judged(found, decided=decided or above or none, **known)
+
+    @property
+    def hardest(self) -> Lipschitz:
+        """Inequalities for the declared constant, or for none where the largest is asked for."""
+        return self.attenuation(0.0 if self.request.objective == "max-lipschitz" else float(self.declared))
 
     def slower(self, solve_of: Callable[["Study"], Solve], goal: float) -> float | None:
         """Smaller rate, about the largest, at which the objective is at most a goal; None if 0 will not do either."""
