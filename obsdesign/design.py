@@ -33,6 +33,7 @@ from obsdesign.reading import loads, with_simulation
 from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec, named_by
 from obsdesign.tables.split import entry
+from obsdesign.tables.text import aligned
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
@@ -277,8 +278,6 @@ class Design(Outcome):
         return f"<design of {self.spec.name!r}: {self.status}>"
 
     def __str__(self) -> str:
-        from obsdesign.tables.text import aligned
-
         return aligned(self.table())
 
     def _repr_html_(self) -> str:

@@ -19,6 +19,7 @@ from obsdesign.data.interpreted import Interpreted
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
+from obsdesign.work import trial
 
 SCALAR = """
 obsdesign: 1
@@ -84,7 +85,7 @@ def test_estimates_are_those_of_the_simulator(name, period, method):
     for state in spec.plant.states:
         assert_same(found[f"hat_{state}"], made[f"hat_{state}"])
     assert found.report["rows"] == len(made.t)
-    assert (found["covered"] == 1).all()
+    assert (found["covered"] == float(spec.period is not None)).all()  # of steps nothing is proved
 
 
 def test_between_rows_it_is_as_exact_as_it_says():
@@ -229,16 +230,61 @@ data: {v_sup: 3, e0: {x: 2}}
 """
 
 
-def test_in_continuous_time_y_between_rows_must_be_a_noise_of_the_spec():
-    design = od.solve(loads(CONTINUOUS))
-    made = design.simulate(points=501)
-    found = od.estimate(design, of_run(made))
-    assert np.all(np.abs(made["x"] - found["hat_x"]) <= found["radius_x"])
-    assert "v counts what y does between rows" in found.report["radius"]["premise"]
-    silent = od.solve(loads(CONTINUOUS.replace("D: [[0, 0.1]]", "D: [[0.1, 0]]")))
-    assert "channel of its own in D" in od.estimate(silent, "log.csv").report["radius"]["none"]
-    steps = od.solve(loads(f"{CONTINUOUS}implementation: {{period: 0.01}}\n"))
-    assert "no bound on the error is proved of the steps" in od.estimate(steps, "log.csv").report["radius"]["none"]
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (CONTINUOUS, "y is not known between rows"),
+        (f"{CONTINUOUS}implementation: {{period: 0.01}}\n", "nothing is proved of the steps"),
+        (PENDULUM.replace(", defect: {q_rate: auto, w_rate: 2}", ""), "give discretise a defect"),
+    ],
+)
+def test_there_is_no_radius_where_nothing_is_proved(text, why):
+    design = od.solve(loads(text))
+    names = [*design.spec.inputs, *design.spec.plant.outputs]
+    t = 0.01 * np.arange(3) if "PENDULUM" in text or "Pendulum" in text else 0.1 * np.arange(3)
+    head = "time" if "Pendulum" in text else "t"
+    found = od.estimate(design, log("log.csv", [head, *names], t, *[np.ones(3)] * len(names)))
+    assert why in found.report["radius"]["none"]
+    assert not any(one.startswith("radius_") for one in found.header)
+
+
+ESCAPING = """
+obsdesign: 1
+name: Region
+system: {time: discrete, period: 1, states: [x, z], outputs: [y], A: [[0.5, 0], [0, 0.5]], B: [[0, 0], [0, 0]],
+         C: [0, 1], D: [0, 1]}
+nonlinearities:
+  - {f: "where(q<1, 0*q, 10*(q-1))", type: {slope: [0, 0.3], region: {q: [-1, 1]}}, Bf: [1, 0], Cq: [1, 0]}
+observer: {type: l2, rho: 0.85, gains: {L1: [[0], [0]]}}
+data: {v_sup: 1.0e-3, e0: {x: 3, z: 0.1}}
+"""
+
+
+def test_a_plant_that_may_be_outside_the_region_is_not_covered():
+    """The observer stays at 0, in the region; the plant, within e0 of it, need not be."""
+    t, y = np.arange(12.0), np.zeros(12)
+    path = log("log.csv", ["t", "y"], t, y)
+    wide = od.estimate(od.solve(loads(ESCAPING)), path)
+    assert (wide["covered"] == 0).all()
+    assert np.isnan(wide["radius_x"]).all()
+    near = od.estimate(od.solve(loads(ESCAPING.replace("x: 3", "x: 0.3"))), path)
+    assert (near["covered"] == 1).all()
+    assert np.isfinite(near["radius_x"]).all()
+
+
+def test_rows_that_drift_from_their_samples_are_refused(scalar):
+    design, made = scalar
+    path = log("log.csv", ["t", "force", "y"], made.t * 1.005, made.u, made.y)
+    with pytest.raises(UsageError, match="off its sample"):
+        od.estimate(design, path)
+
+
+def test_a_known_input_that_is_missing_ends_what_is_proved(scalar):
+    design, made = scalar
+    u = made.u.copy()
+    u[10] = np.nan
+    found = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, u, made.y))
+    assert found["covered"].tolist() == [1.0] * 10 + [0.0] * (len(u) - 10)
 
 
 LOCAL = CONTINUOUS.replace("A: [[-1]]", "A: [[-3]]").replace(
@@ -255,6 +301,67 @@ def test_a_local_guarantee_that_is_left_is_told_row_by_row():
     assert 0 < left < len(t) - 1
     assert (found["covered"] == (np.arange(len(t)) < left)).all()
     assert found.report["uncovered"] == len(t) - left
+
+
+@pytest.mark.parametrize("kind", ["filtered", "predicted"])
+@pytest.mark.parametrize(
+    "family", ["{type: l2, rho: 0.9, bounds: {L1: 5}, ESTIMATE}", "{type: ekf, Q: [[1, 0], [0, 1]], R: 0.1, ESTIMATE}"]
+)
+def test_an_innovation_is_against_what_was_expected_before(kind, family):
+    """Of filtered estimates, against the prediction from the sample before: x+ = .9 x + .1 u, by hand."""
+    text = SCALAR.replace(
+        "{type: linf, rho: 0.8, objective: min-gamma}", family.replace("ESTIMATE", f"estimate: {kind}")
+    )
+    spec = loads(text)
+    design = od.solve(spec) if "l2" in family else trial(spec)
+    t, u, y = 0.1 * np.arange(30), np.sin(np.arange(30.0)), np.cos(0.3 * np.arange(30))
+    found = od.estimate(design, log("log.csv", ["t", "force", "y"], t, u, y))
+    hat = found["hat_x"]
+    before = 0.9 * hat[:-1] + 0.1 * u[:-1] if kind == "filtered" else hat[1:]
+    assert found["innov_y"][1:] == pytest.approx(y[1:] - before, abs=1e-9)
+
+
+def test_rows_without_a_measurement_do_not_count_as_innovations():
+    rng = np.random.default_rng(2)
+    values = np.convolve(rng.normal(size=401), [1, 0.8], "valid")[:, None]
+    sparse, dense = Innovations(("y",)), Innovations(("y",))
+    holes = np.full((4000, 1), np.nan)
+    holes[::10] = values
+    sparse.add(holes)
+    dense.add(values)
+    assert sparse.report() == dense.report()
+    assert dense.report()["y"]["white"] < 1e-6
+
+
+def test_a_run_with_measurements_at_instants_is_a_log():
+    """Of its rows those are measurements at which the number received rises."""
+    design = solved("ferrante2019-oscillator-clock")[1]
+    made = design.simulate(horizon=6, points=6001)
+    header, rows = made.table()
+    Path("run.csv").write_text("\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows.tolist()), ""]))
+    found = od.estimate(design, "run.csv")
+    assert found.report["missing"] == len(made.t) - made.j[-1]
+    for state in design.spec.plant.states:
+        assert found[f"hat_{state}"][-1] == pytest.approx(
+            made[f"hat_{state}"][-1], abs=0.02 * np.abs(made[state]).max()
+        )
+
+
+def test_a_decimal_comma_goes_with_semicolons(scalar):
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    Path("de.csv").write_text(Path("log.csv").read_text().replace(",", ";").replace(".", ","))
+    assert od.estimate(design, "de.csv").rows.tolist() == expected.rows.tolist()
+
+
+def test_instants_that_begin_late_are_as_exact_as_others():
+    """Seconds since 1970 leave 2e-7 s to a double, which is no step of its own."""
+    design = solved("pendulum-embedded")[1]
+    t, y = 1e-3 * np.arange(400), np.sin(np.arange(400.0) / 50)
+    early = od.estimate(design, log("early.csv", ["t", "y_angle", "y_speed"], t, y, y))
+    late = od.estimate(design, log("late.csv", ["t", "y_angle", "y_speed"], t + 1.7e9, y, y), "out.csv")
+    assert late["hat_angle"] == pytest.approx(early["hat_angle"], rel=1e-9, abs=1e-12)
+    assert len(set(np.loadtxt("out.csv", delimiter=",", skiprows=1, usecols=0))) == 400
 
 
 def test_a_row_without_a_measurement_ends_what_is_proved(scalar):
@@ -312,7 +419,10 @@ ROWS = "t,force,y\n0,0,1\n0.1,0,1\n0.2,0,1\n"
         (f"{ROWS}0.2,0,1\n", "log.csv:5:0: t = 0.2 is that of the row before"),
         (f"{ROWS}0.15,0,1\n", "log.csv:5:0: t = 0.15 is before that of the row before, 0.2; --repair"),
         (f"{ROWS},0,1\n", "log.csv:5:0: the time is missing"),
-        (f"{ROWS}0.45,0,1\n", "log.csv:5:0: 0.25 s after the row before; rows of this plant are 0.1 s apart"),
+        (
+            f"{ROWS}0.45,0,1\n",
+            "log.csv:5:0: 0.25 s after the row before, and 0.15 s off its sample; rows of this plant are 0.1 s apart",
+        ),
         ("t,force,y\n0,,1\n", "force: the first value of a known input is missing"),
         ("t,force,y\n", "has no rows"),
         ("t,force,y\n" + "0" * 300_000, "log.csv:2:0: a row is longer than 262,144 bytes"),
@@ -391,7 +501,8 @@ def test_others_use_a_late_row_when_it_arrives(scalar):
     design, made = scalar
     path = log("log.csv", ["t", "force", "y", "rx"], made.t - 0.03, made.u, made.y, made.t)
     found = od.estimate(design, path, columns={"arrival": "rx"})
-    assert found.rows.tolist() == od.estimate(design, of_run(made, "other.csv")).rows.tolist()
+    assert found["hat_x"].tolist() == od.estimate(design, of_run(made, "other.csv"))["hat_x"].tolist()
+    assert found.report["radius"]["none"] == "rows are used when they arrive, and nothing is proved of that"
 
 
 # innovations

@@ -292,3 +292,15 @@ def test_a_constant_and_a_variable_broadcast_to_the_shape_of_the_arguments():
     copy[0] = 5
     assert grid[1][0] == 0
     assert parse("7", NAMES).scalar([])() == 7.0
+
+
+@pytest.mark.parametrize("place", range(5))
+def test_an_exponent_that_is_a_variable_is_that_variable_wherever_it_stands(place):
+    names = [f"a{i}" for i in range(5)]
+    side = parse(f"(1 + a0**2)**a{place}", names)
+    values = [0.7, 1.3, -0.4, 2.6, 0.9]
+    expected = (1 + 0.49) ** values[place]
+    assert side.scalar(names)(*values) == pytest.approx(expected, rel=1e-14)
+    assert side.rows(names)(np.array([[v] for v in values]))[0] == pytest.approx(expected, rel=1e-14)
+    plain = parse(f"a1**a{place}", names)
+    assert plain.scalar(names)(*values) == pytest.approx(1.3 ** values[place], rel=1e-14)

@@ -210,3 +210,11 @@ def test_a_plant_in_samples_has_no_implementation():
     text = (SPECS / "discrete-motor.yaml").read_text()
     with pytest.raises(UsageError, match="this plant is in samples"):
         loads(f"{text}\nimplementation: {{period: 1.0e-3}}\n")
+
+
+def test_noise_that_is_declared_acts_once():
+    """The noisy output is the output and its noise, in steps as in continuous time."""
+    text = PENDULUM.replace("observer: {type", "observer: {type").replace("performance: all", "noise: {y_angle: 0.01}")
+    made = od.solve(loads(text)).simulate(horizon=2)
+    off = (made.y - made.xi[:, :2])[:, 0]
+    assert off.std() == pytest.approx(0.01, rel=0.1)

@@ -58,9 +58,9 @@ These words are checked by nothing here. What Coq proves is {theorem}, at the en
   the least eigenvalue of P, its constant is larger than sqrt(cond(P)){still}.
 - Its premises: {premise};
   x and xhat are differentiable and v is continuous at every t >= 0.
-- It does not state that trajectories exist, or reconstruction where the plant has an f. What gain_bound and
-  storage_bound say of bounds on L1 and P, Larger.larger_constants of larger Lipschitz constants, and
-  reconstruction_bound of the reconstruction of w, where there are some, is beside it.
+- It does not state that trajectories exist, reconstruction where the plant has an f, where poles lie, steps of an
+  implementation. What gain_bound and storage_bound say of bounds on L1 and P, Larger.larger_constants of larger
+  Lipschitz constants, and reconstruction_bound of the reconstruction of w, where there are some, is beside it.
 - That {given} below are those of the spec is believed{joined}.
   Here e = {error}, and L1 = -L where the words have L.""",
 )

@@ -59,7 +59,6 @@ class Estimation:
         self.rows = self.missing = self.late = self.lost = self.uncovered = 0
         self.engine = ""
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
-        self.since: float | None = None  # time of the first row
         self.left = False
 
     @property
@@ -115,8 +114,8 @@ class Estimation:
         """Halve the step; raises `UndecidedError` where it is short already."""
         self.step /= 2
         if self.step * FINEST < self.coarsest:
-            said = "between rows the observer is faster than steps that are found by halving"
-            why = f"{said}; write implementation: {{period: .., method: exact}} into the spec"
+            said = "however short its steps are, halving them changes its estimates: it is too fast here, or escapes"
+            why = f"{said}; write implementation: {{period: .., method: exact}}, or mend the log"
             raise UndecidedError(Problem(why, self.log.table.path, id="OBS813"))
 
     @property
@@ -155,23 +154,31 @@ class Estimation:
         y = rows.y[:K]
         innovations = y - passed.expected
         self.innovations.add(innovations)
-        self.rows += K
+        first, self.rows = self.rows, self.rows + K
         self.missing += int(np.isnan(y).any(axis=1).sum())
-        if self.since is None:
-            self.since = float((rows.t if self.late_ones else rows.known)[0])
         t = (rows.t if self.late_ones else rows.known)[:K]
-        radii = self.radius.along(t - self.since) if isinstance(self.radius, Radius) else np.zeros((K, 0))
-        covered = self.inside(passed.arguments, y)
+        radii = self.radius.along(np.arange(first, first + K)) if isinstance(self.radius, Radius) else np.zeros((K, 0))
+        covered = self.inside(passed.arguments, first, ~rows.guessed[:K] & np.isfinite(y).all(axis=1)) & self.covers
+        radii = np.where(covered[:, None], radii, np.nan)
         self.uncovered += int((~covered).sum())
         return Part(t, passed.estimates, innovations, radii, covered)
 
-    def inside(self, q: Float, y: Float) -> Array:
-        """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing."""
-        kept = np.ones(len(q), dtype=bool)
+    @cached_property
+    def covers(self) -> bool:
+        """Whether anything that is proved is about the observer as it runs here."""
+        return self.design.guarantee is not None and (self.spec.period is not None or self.spec.implementation is None)
+
+    def inside(self, q: Float, first: int, known: Array) -> Array:
+        """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing.
+
+        Where radii are told, those of the plant too: within the radius of its argument of that in the observer.
+        `first`: number of the first row; `known`: rows in which nothing is missing.
+        """
+        kept = known.copy() if not self.observer.jump else np.ones(len(q), dtype=bool)
+        at = np.arange(first, first + len(q))
+        spread = self.radius.of_arguments(at) if isinstance(self.radius, Radius) else np.zeros((len(q), q.shape[1]))
         for column, low, high in self.limits:
-            kept &= (q[:, column] >= low) & (q[:, column] <= high)
-        if isinstance(self.radius, Radius):
-            kept &= np.isfinite(y).all(axis=1)
+            kept &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
         if self.left:
             return np.zeros(len(q), dtype=bool)
         kept = np.logical_and.accumulate(kept)
@@ -186,7 +193,7 @@ class Estimation:
 
     def report(self) -> dict[str, Any]:
         """What is said of the log."""
-        told = {name: count for name, count in self.log.counts.items() if count}
+        told = {name: count for name, count in self.log.counts.items() if count and name != "rows"}
         return {
             "rows": self.rows,
             "missing": self.missing,
@@ -228,6 +235,7 @@ class Estimates:
     header: list[str]
     rows: Float  # (K, header)
     report: dict[str, Any]
+    units: Mapping[str, str]  # of the signals
 
     def __getitem__(self, name: str) -> Float:
         """Return a column by its head."""
@@ -241,7 +249,7 @@ class Estimates:
         from obsdesign.plot import form_of
         from obsdesign.plot.estimates import estimates_figure
 
-        figure = estimates_figure(self.name, self.header, self.rows, self.report, form=form_of(path))
+        figure = estimates_figure(self.name, self.header, self.rows, self.report, self.units, form=form_of(path))
         if path is not None:
             write_whole(path, figure)
         return figure
@@ -277,7 +285,7 @@ def estimate(
         made = Estimation(design, Log.of(os.fspath(data), design.spec, columns, hold, repair=repair))
         if output is None:
             rows = [part.table() for part in told(made, progress)]
-            return Estimates(design.spec.name, made.header, np.vstack(rows), made.report())
+            return Estimates(design.spec.name, made.header, np.vstack(rows), made.report(), design.spec.units)
         with whole(os.fspath(output)) as file:
             return written(made, file, progress)
 
@@ -285,13 +293,13 @@ def estimate(
 def written(made: Estimation, file: IO[bytes], progress: Callable[[float], None] | None = None) -> Estimates:
     """Write the estimates of a log as CSV, some rows at a time; those that a figure shows are kept."""
     file.write((",".join(made.header) + "\n").encode())
-    line, thinned = ",".join(["%.12g"] * len(made.header)) + "\n", Thinned()
+    line, thinned = ",".join(["%.15g", *["%.12g"] * (len(made.header) - 1)]) + "\n", Thinned()
     for part in told(made, progress):
         table = part.table()
         thinned.add(table)
         text = (line * len(table)) % tuple(table.ravel().tolist())
         file.write(text.replace("nan", "").encode())
-    return Estimates(made.spec.name, made.header, thinned.rows, made.report())
+    return Estimates(made.spec.name, made.header, thinned.rows, made.report(), made.spec.units)
 
 
 def told(made: Estimation, progress: Callable[[float], None] | None) -> Iterator[Part]:

@@ -13,9 +13,10 @@ LAGS = 20
 
 @dataclass
 class Innovations:
-    """Statistics of rows that come some at a time; those in which a value is missing have none.
+    """Statistics of rows that come some at a time; those in which a value is missing do not count.
 
-    autocorrelation r_k = sum (i_j - m)(i_(j+k) - m) / sum (i_j - m)^2, k = 1, .., 20, with m the mean.
+    autocorrelation r_k = sum (i_j - m)(i_(j+k) - m) / sum (i_j - m)^2, k = 1, .., 20, with m the mean, over the values
+                    that are known, in their order.
     white           probability that innovations of white noise are correlated as much or more: that of chi-squared with
                     20 degrees of freedom above n (n + 2) sum r_k^2 / (n - k) (Ljung and Box, 1978). Below .05 or so
                     they are not white: noise, gains or the plant are other than in the spec.
@@ -24,28 +25,29 @@ class Innovations:
     names: tuple[str, ...]
     count: Float = field(init=False)
     sum: Float = field(init=False)
-    products: Float = field(init=False)  # (LAGS + 1, names): of rows that are k apart
-    first: Float = field(init=False)  # (LAGS, names): the first rows, and the last
-    last: Float = field(init=False)
+    products: Float = field(init=False)  # (LAGS + 1, names): of values that are k apart
+    first: list[Float] = field(init=False)  # of each name the first LAGS values, and the last
+    last: list[Float] = field(init=False)
 
     def __post_init__(self) -> None:
         m = len(self.names)
         self.count, self.sum, self.products = np.zeros(m), np.zeros(m), np.zeros((LAGS + 1, m))
-        self.first, self.last = np.zeros((0, m)), np.zeros((0, m))
+        self.first, self.last = [np.zeros(0)] * m, [np.zeros(0)] * m
 
     def add(self, rows: Float) -> None:
         """Take more rows, (K, names)."""
-        known = np.isfinite(rows)
-        values = np.where(known, rows, 0.0)
-        self.count += known.sum(axis=0)
-        self.sum += values.sum(axis=0)
-        joined = np.vstack([self.last, values])
-        before = len(self.last)
-        for k in range(LAGS + 1):
-            late = joined[max(before, k) :]
-            self.products[k] += np.einsum("ij,ij->j", late, joined[max(before, k) - k :][: len(late)])
-        self.first = np.vstack([self.first, values[: LAGS - len(self.first)]])
-        self.last = joined[-LAGS:]
+        for i, column in enumerate(rows.T):
+            values = column[np.isfinite(column)]
+            self.count[i] += len(values)
+            self.sum[i] += values.sum()
+            before = len(self.last[i])
+            joined = np.concatenate([self.last[i], values])
+            with np.errstate(all="ignore"):  # of an observer that escapes
+                for k in range(LAGS + 1):
+                    late = joined[max(before, k) :]
+                    self.products[k, i] += late @ joined[max(before, k) - k :][: len(late)]
+            self.first[i] = np.concatenate([self.first[i], values[: LAGS - len(self.first[i])]])
+            self.last[i] = joined[-LAGS:]
 
     def report(self) -> dict[str, Any]:
         """Entries by output; None where nothing is known."""
@@ -68,7 +70,7 @@ class Innovations:
             return []
         found = []
         for k in range(1, LAGS + 1):
-            ends = self.first[:k, i].sum() + self.last[-k:, i].sum()
+            ends = self.first[i][:k].sum() + self.last[i][-k:].sum()
             found.append(
                 float((self.products[k, i] - mean * (2 * self.sum[i] - ends) + (n - k) * mean * mean) / spread)
             )

@@ -124,10 +124,11 @@ class Interpreted:
     ) -> None:
         """Go on to the next row in steps of at most h."""
         f, span, jumps = self.functions, t[1] - t[0], self.one.jump is not None
-        for i in range(max(1, math.ceil(span / h - ROUNDING))):
+        slack = ROUNDING + 1e-15 * abs(t[1]) / h  # of a period: what is no step of its own
+        for i in range(max(1, math.ceil(span / h - slack))):
             begin = t[0] + i * h
             left = t[1] - begin
-            on = left if left < h * (1 + ROUNDING) else h
+            on = left if left <= h * (1 - slack) else h
             inputs, seen = u[0], y[0]
             if first:
                 share = (begin + on / 2 - t[0]) / span

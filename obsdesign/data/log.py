@@ -9,17 +9,19 @@ import numpy as np
 
 from obsdesign.data.table import Header, Table
 from obsdesign.errors import Problem, UsageError
+from obsdesign.families import FAMILIES
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 
+LATEST = 1e13  # s, of a time
 APART = 0.01  # of a period: how far the instants of a plant in samples may be off
 SECONDS = ("s", "sec", "seconds", "")  # units of time that need no factor
 MOST = 50_000_000  # values that are held at once, where rows are put in order
 ROWS = 200_000  # that are given at once, where they are
 
 
-COUNTED = ("without_time", "moved", "repeated")
+COUNTED = ("without_time", "moved", "repeated", "rows")
 
 
 class Rows(NamedTuple):
@@ -30,6 +32,7 @@ class Rows(NamedTuple):
     y: Float  # (K, ny); NaN where it is missing
     known: Float  # (K,), s: when each row is known; t where the log says nothing of it
     lines: Array  # (K,), of the file
+    guessed: Array  # (K,), whether some of u was missing
 
 
 def table(path: str) -> Table:
@@ -53,6 +56,7 @@ class Log:
     spec: Spec
     where: Recorded
     repair: bool = False
+    clock: list[float] = field(default_factory=list)  # time of the first sample, once it is known
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))  # of what was done to rows
 
     @classmethod
@@ -91,6 +95,13 @@ class Log:
         return (*found, self.table.column(where.arrival)) if where.arrival else tuple(found)
 
     @cached_property
+    def counter(self) -> int | None:
+        """Column that counts measurements at instants, as a run writes it: `received`."""
+        heads = [one.name for one in self.table.columns]
+        counted = FAMILIES[self.spec.observer.type].sampled and not self.where.arrival
+        return heads.index("received") if counted and "received" in heads else None
+
+    @cached_property
     def factors(self) -> Float:
         """Factor of each of these columns to the unit of the spec."""
         where, heads = self.where, [self.table.columns[i] for i in self.places]
@@ -123,15 +134,21 @@ class Log:
     def raw(self) -> Iterator[Rows]:
         """Rows as they are in the file."""
         nu, ny = len(self.spec.inputs), len(self.spec.plant.outputs)
-        for block in self.table.blocks(self.places):
+        places, before = (*self.places, *(() if self.counter is None else [self.counter])), 0.0
+        for block in self.table.blocks(places):
             if len(wrong := np.argwhere(np.isinf(block.rows))):
                 k, column = wrong[0]
                 said = f"{self.table.columns[self.places[column]].text}: infinite; leave it empty where it is missing"
                 raise self.table.wrong(said, int(block.lines[k]), id="OBS811")
-            values = block.rows * self.factors
+            values = block.rows[:, : len(self.places)] * self.factors
+            if self.counter is not None:
+                received = block.rows[:, -1]
+                values[np.diff(received, prepend=before) <= 0, 1 + nu : 1 + nu + ny] = np.nan
+                before = received[-1] if len(received) else before
             t = values[:, 0]
             known = np.fmax(values[:, -1], t) if self.where.arrival else t
-            yield Rows(t, values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny], known, block.lines)
+            u, y = values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny]
+            yield Rows(t, u, y, known, block.lines, np.asarray(np.isnan(u).any(axis=1)))
 
     def ordered(self) -> Iterator[Rows]:
         """Rows in order, each instant once, those without one left out."""
@@ -188,11 +205,19 @@ class Log:
             raise self.table.wrong(
                 f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]), id="OBS811"
             )
+        if not np.isfinite(gaps[np.isfinite(rows.known)][1:]).all() or np.abs(rows.known).max(initial=0.0) > LATEST:
+            raise self.table.wrong(f"a time is beyond {LATEST:g} s", int(rows.lines[-1]), id="OBS811")
         if self.spec.period is None:
             return
         period = float(self.spec.period)
-        inner = gaps[np.isfinite(gaps)]
-        if len(wrong := np.flatnonzero(np.abs(inner - period) > APART * period)):
-            k = int(wrong[0]) + len(gaps) - len(inner)
-            said = f"{gaps[k]:.6g} s after the row before; rows of this plant are {period:g} s apart"
+        if not self.clock:
+            self.clock.append(float(rows.known[0]))
+        count = self.counts["rows"]
+        self.counts["rows"] += len(rows.known)
+        late = rows.known - self.clock[0] - period * np.arange(count, count + len(rows.known))
+        if len(wrong := np.flatnonzero(np.abs(late) > APART * period)):
+            k = int(wrong[0])
+            said = f"{gaps[k]:.6g} s after the row before" if np.isfinite(gaps[k]) else "its time is off"
+            said += f", and {late[k]:.3g} s off its sample; rows of this plant are {period:g} s apart"
+            said += "; give a row without values where one is missing"
             raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")

@@ -4,6 +4,7 @@ import csv
 import io
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -80,7 +81,7 @@ class Table:
         """Heads of the columns."""
         made = tuple(Header.of(text) for text in next(csv.reader([self.head], delimiter=self.delimiter)))
         texts = [one.text for one in made if one.text]
-        if twice := sorted({text for text in texts if texts.count(text) > 1}):
+        if twice := sorted(text for text, count in Counter(texts).items() if count > 1):
             raise self.wrong(f"two columns have the head {twice[0]}; name them apart", 1, id="OBS811")
         if all(number(text) is not None for text in texts):
             raise self.wrong(
@@ -131,7 +132,7 @@ class Table:
         """Rows of lines some of which are blank, have values missing, or are wrong."""
         rows, lines = list[list[float]](), list[int]()
         written = io.StringIO(self.decoded(text, line), newline="")
-        for k, fields in enumerate(csv.reader(written, delimiter=self.delimiter), start=line):
+        for k, fields in enumerate(self.fields(written, line), start=line):
             if not any(field.strip() for field in fields):
                 continue
             if len(fields) != len(self.columns):
@@ -141,11 +142,18 @@ class Table:
             lines.append(k)
         return Block(np.array(rows, dtype=float).reshape(-1, len(wanted)), np.array(lines, dtype=int))
 
+    def fields(self, written: io.StringIO, line: int) -> Iterator[list[str]]:
+        """Fields of each line."""
+        try:
+            yield from csv.reader(written, delimiter=self.delimiter)
+        except csv.Error as error:
+            raise self.wrong(f"is no table of comma-separated values: {error}", line, id="OBS811") from None
+
     def value(self, text: str, column: int, line: int) -> float:
         """A number; NaN where it is missing."""
         if text.strip().lower() in MISSING:
             return float("nan")
-        found = number(text)
+        found = number(text.replace(",", ".") if self.delimiter == ";" else text)
         if found is None:
             said = (
                 f"{self.columns[column].text}: {text.strip()[:40]!r} is no number; leave it empty where it is missing"
@@ -177,6 +185,6 @@ class Table:
 def number(text: str) -> float | None:
     """Number of a text; None where it is none."""
     try:
-        return float(text) if "_" not in text else None
+        return float(text) if text.isascii() and "_" not in text else None
     except ValueError:
         return None

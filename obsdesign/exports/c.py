@@ -32,6 +32,9 @@ int {ID}_flow({ID}_state *s, {ID}_real t, {ID}_real dt, const {ID}_real *u);
 {comment(subject)}
 #ifndef {ID}_H
 #define {ID}_H
+#ifdef __cplusplus
+extern "C" {{
+#endif
 
 typedef {"float" if subject.single else "double"} {ID}_real;
 
@@ -57,6 +60,9 @@ int {ID}_step({ID}_state *s, {ID}_real t, const {ID}_real *u, const {ID}_real *y
 {flow if subject.instants else ""}int {ID}_estimate(const {ID}_state *s, {ID}_real t, const {ID}_real *u, \
 const {ID}_real *y, {ID}_real *out);
 
+#ifdef __cplusplus
+}}
+#endif
 #endif
 """
 
@@ -239,7 +245,7 @@ def unpacked(subject: Subject, routine: Routine, names: Mapping[str, str], state
 
 
 def computed(subject: Subject, routine: Routine, names: Mapping[str, str], tongue: Language) -> Iterator[str]:
-    """Statements, and the results in `new`."""
+    """Statements, and the results in `found`."""
     loops = iter(loops_of(routine))
     for one in routine.statements:
         if isinstance(one, Let):
@@ -253,7 +259,7 @@ def computed(subject: Subject, routine: Routine, names: Mapping[str, str], tongu
         yield f"const int {number}_solved = newton({n}, {number}, {number}_known, {number}_a);"
         for i, name in enumerate(loop.unknowns):
             yield f"const real {names[name]} = {number}_a[{i}];"
-    yield f"const real new[{max(1, len(routine.results))}] = {{"
+    yield f"const real found[{max(1, len(routine.results))}] = {{"
     for side in routine.results.values():
         yield f"    {tongue.code(side, names)},"
     yield "};"
@@ -265,11 +271,11 @@ def stored(subject: Subject, which: str, state: str) -> Iterator[str]:
     """What becomes of the results: states, or estimates."""
     one, routine = subject.implemented, subject.routines[which]
     inner = which in ("begin", "locate")
-    yield f"if (!all_finite({len(routine.results)}, new)) return {0 if inner else 2};"
+    yield f"if (!all_finite({len(routine.results)}, found)) return {0 if inner else 2};"
     if which in READ:
-        yield from (f"out[{i}] = new[{i}];" for i in range(len(routine.results)))
+        yield from (f"out[{i}] = found[{i}];" for i in range(len(routine.results)))
     else:
         if state == "here." and not inner:
             yield "*s = here;"
-        yield from (f"s->x[{one.states.index(name)}] = new[{i}];" for i, name in enumerate(routine.results))
+        yield from (f"s->x[{one.states.index(name)}] = found[{i}];" for i, name in enumerate(routine.results))
     yield f"return {1 if inner else 0};"

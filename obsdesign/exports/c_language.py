@@ -8,8 +8,8 @@ from obsdesign.exports.subject import shortest
 WORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
 register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
 _Bool _Complex _Imaginary asm typeof near far NULL isfinite isnan main s u y out xhat0 given begun i j k n r a J real
-y0 y1 yn j0 j1 jn gamma signal index time div abs exit remainder here new start begin locate newton all_finite size
-saturate lower upper dt"""  # that mean something in C, or in what is written here
+y0 y1 yn j0 j1 jn gamma signal index time div abs exit remainder here new found start begin locate newton all_finite
+size saturate lower upper dt"""  # that mean something in C, or in what is written here
 LIBM = """sin cos tan asin acos atan sinh cosh tanh exp log sqrt pow atan2 fabs acosh asinh atanh cbrt ceil copysign erf
 erfc exp2 expm1 fdim floor fma fmax fmin fmod frexp hypot ilogb ldexp lgamma llrint llround log10 log1p log2 logb lrint
 lround modf nan nearbyint nextafter nexttoward remquo rint round scalbln scalbn tgamma trunc"""

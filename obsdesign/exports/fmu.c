@@ -278,6 +278,7 @@ EXPORT fmi2Status F(fmi2DoStep)(void *c, double t, double h, int final)
     }
     next = one->now;
     if (next.measured) code = jumped(&next, t);
+    next.measured = 0; /* it is taken once */
     for (k = 0; k < whole && !code; k++) code = advanced(&next, t + k*period);
     if (rest > 1e-9*period && INSTANTS && !code) code = flowed(&next, t + whole*period, rest);
     if (code) return failed(one, code);

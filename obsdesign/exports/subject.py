@@ -26,6 +26,7 @@ from obsdesign.trial import Implementation
 
 READ = ("estimate", "predict", "arguments")  # routines that leave the state as it is
 TIMED = ("flow", "part")  # .. that go over a time of at most a period
+SHORTEST = fmpq(1, 10**15)  # s, of a period
 ITERATIONS = 60  # of Newton's method in a loop
 ARITHMETIC = {"+": "additions", "*": "products", "/": "quotients"}
 
@@ -156,7 +157,7 @@ def seconds(period: str | float | None) -> fmpq:
         value = rational_number(period if isinstance(period, str) else repr(float(period or 0)))
     except (ValueError, ZeroDivisionError):
         value = fmpq(0)
-    if not 0 < value < 10**9:
+    if not SHORTEST < value < 10**9 or "_" in str(period):
         raise UsageError(f"--period: {period} is no time in s; give a number > 0, such as 1.0e-3", id="OBS904")
     return value
 

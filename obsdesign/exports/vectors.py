@@ -13,6 +13,7 @@ from obsdesign.stepping.machine import Machine, StuckError
 from obsdesign.trial import Implementation
 
 MOST = 200  # steps
+LEAST = 10  # of signals that stand for a run: fewer test nothing
 
 
 @dataclass(frozen=True)
@@ -80,5 +81,8 @@ def waves(subject: Subject) -> Vectors:
     except StuckError:
         pass  # the equations have no value there
     n = len(found)
+    if n < LEAST:
+        said = "its equations have no value on the signals that stand for a run; give the spec a simulation"
+        raise UsageError(Problem(f"{said}, whose steps test the code", key="simulation", id="OBS921"))
     estimates = np.array(found).reshape(n, len(subject.estimates))
     return Vectors(t[:n], u[:n], y[:n], measured[:n], np.full(n, subject.period), estimates, simulated=False)

@@ -31,7 +31,7 @@ def compiled(order: Sequence[Node], arguments: Sequence[str], *, rows: bool = Fa
 
 def operation(node: Call, operands: list[Operand], rows: bool) -> Operand:
     """Operand of an operation."""
-    integer = node.operation == "**" and operands[1] in (2.0, 3.0)
+    integer = node.operation == "**" and isinstance(operands[1], float) and operands[1] in (2.0, 3.0)
     if node.operation in FORMS and (not rows or node.operation in ARITHMETIC or integer):
         return FORMS[node.operation](*operands)
     rule = OPERATIONS[node.operation]
@@ -127,19 +127,15 @@ def over(first: Operand, second: Operand) -> Closure:
 
 
 def raised(base: Operand, exponent: Operand) -> Closure:
-    """Power: small integers by multiplication."""
-    if isinstance(base, int) and exponent == 2.0:
-        return lambda a: a[base] * a[base]
-    if isinstance(base, int) and exponent == 3.0:
-        return lambda a: a[base] * a[base] * a[base]
+    """Power: small integers by multiplication. An exponent that is an int is the index of an argument."""
     f, g = closure(base), closure(exponent)
+    if not isinstance(exponent, float):
+        return lambda a: pow(f(a), g(a))
     if exponent == 2.0:
-        return lambda a: (x := f(a)) * x
+        return (lambda a: a[base] * a[base]) if isinstance(base, int) else lambda a: (x := f(a)) * x
     if exponent == 3.0:
-        return lambda a: (x := f(a)) * x * x
-    if isinstance(exponent, float):
-        return lambda a: pow(f(a), exponent)
-    return lambda a: pow(f(a), g(a))
+        return (lambda a: a[base] * a[base] * a[base]) if isinstance(base, int) else lambda a: (x := f(a)) * x * x
+    return lambda a: pow(f(a), exponent)
 
 
 def choice(condition: Operand, first: Operand, second: Operand) -> Closure:

@@ -14,6 +14,7 @@ from obsdesign.tables.text import at_least, at_most
 ROUNDING = 1e-6  # relative, of a quantity that meets its bound with equality
 RESOLVED = 1e-9  # of the largest error: what the integration tells from zero
 ESTIMATES = "what is proved of this observer"  # begins what is said of a run of one that no bound is proved of
+STEPS = "the observer runs in steps"  # .. of one that runs as it is implemented
 LAST = 0.8  # of the run: the limit of an error for t -> infinity is looked for after that
 HELD = 0.95  # of the run: an error that is above its level later than that has not been seen to settle
 

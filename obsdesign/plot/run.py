@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from obsdesign.families.guarantee import ESTIMATES, Guarantee
+from obsdesign.families.guarantee import ESTIMATES, STEPS, Guarantee
 from obsdesign.families.samples import gamma_of_v
 from obsdesign.lmi.formula import printed
 from obsdesign.plot import signals
@@ -136,7 +136,8 @@ def promises(run: "Run") -> Iterator[str]:
     """What is proved, whether the run keeps it, and why a bound is left out."""
     omitted = str(run.summary["bounds_omitted"] or "")
     if run.guarantee is None:
-        yield IDEAL if omitted.startswith(ESTIMATES) else "no guarantee"
+        steps = omitted if omitted.startswith(STEPS) else "no guarantee"
+        yield IDEAL if omitted.startswith(ESTIMATES) else steps
         return
     checks = run.summary["bounds"]
     broken = sum(not check["holds"] for check in checks)

@@ -9,7 +9,7 @@ import numpy as np
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
-from obsdesign.families.guarantee import Course
+from obsdesign.families.guarantee import STEPS, Course
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.simulate.clock import steps_within
@@ -77,7 +77,7 @@ def passage(
     trajectory = follow(system, start, breaks, t, progress)
     kept = len(trajectory.t)
     table = system.table(trajectory.t, trajectory.s)
-    u, y = table.of(observer.inputs), table.of(observer.outputs) + acting.held(trajectory.t)
+    u, y = table.of(observer.inputs), table.of(system.seen)
     if schedule is not None:
         eta = measurement_noise(simulation, (len(schedule.received), len(observer.outputs)))
         for k, row in enumerate(rows[:kept]):
@@ -152,7 +152,7 @@ class Stepped(Record):
     def uncovered(self) -> str:
         """Why no bound can be stated."""
         period, method = float(self.one.period), self.one.method
-        return f"the observer runs in steps of {period:g} s ({method}): what is proved is about it in continuous time"
+        return f"{STEPS} of {period:g} s ({method}): what is proved is about it in continuous time"
 
     def estimate_of(self, name: str) -> Array:
         """Estimate of a state of the plant or of its disturbance model, (M,)."""

@@ -171,17 +171,35 @@ def implemented(spec: Spec, observer: Observer, steps: Implementation | None = N
 
 
 def expected(spec: Spec, observer: Observer) -> Named:
-    """Outputs as the observer expects them: its own yhat, where it has one, else h at its estimates, without w.
+    """Outputs as the observer expects them before it knows them: its own yhat, where it has one; else h, without w.
 
-    A disturbance that it estimates counts with its estimate.
+    h is taken at its estimates, and at its states where the estimates know y already. A disturbance that it estimates
+    counts with its estimate. Where a step waits for y, it is the y at its end that is expected.
     """
+    late = bool(observer.following)
     hats = {twin: hat for hat, twin in observer.twins.items()}
-    if all(hats.get(name) in observer.algebraic for name in observer.outputs):
-        return {name: Expression.variable(hats[name]) for name in observer.outputs}
+    own = {name: hats.get(ahead(name) if late else name) for name in observer.outputs}
+    if all(hat in observer.algebraic for hat in own.values()):
+        return {name: Expression.variable(str(hat)) for name, hat in own.items()}
     plant = spec.typed.equations if spec.typed else spec.equations(spec.plant)
     known = {**dict.fromkeys(plant.exogenous, Expression.number(0)), **observer.estimates}
+    known |= {
+        name: Expression.variable(f"hat_{name}")
+        for name in plant.states
+        if f"hat_{name}" in observer.states and knows(observer, known[name])
+    }
     inner = {name: side.substituted(known) for name, side in plant.algebraic.items()}
     return {name: plant.outputs[name].substituted(inner).substituted(known) for name in observer.outputs}
+
+
+def knows(observer: Observer, side: Expression) -> bool:
+    """Whether an expression depends on a measured output."""
+    found, waiting = set[str](), list(side.names)
+    while waiting:
+        if (name := waiting.pop()) not in found:
+            found.add(name)
+            waiting += observer.algebraic[name].names if name in observer.algebraic else ()
+    return not found.isdisjoint(observer.outputs)
 
 
 def watched(spec: Spec, observer: Observer) -> Named:

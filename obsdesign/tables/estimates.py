@@ -24,7 +24,7 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         white = "" if told["white"] is None else f", {whiteness(told['white'])}"
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
     radius = report["radius"]
-    rows.append(("radius", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
+    rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
     if report["uncovered"]:
         rows.append(("uncovered", f"{report['uncovered']:,} rows, of which nothing is proved (column covered)"))
     return aligned([*rows, ("estimates", samples), ("figure", figure or "none")])

@@ -4,17 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
-import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, SLACK, Bounds, Range, Trade, ends
 from obsdesign.dissipation.pace import DECAY, RHO, Pace
 from obsdesign.families import asked, rates
 from obsdesign.families.frozen import Demand
+from obsdesign.families.lipschitz.refusals import UNSTRUCTURED, require_lipschitz
 from obsdesign.families.poles import read_poles
 from obsdesign.families.rates import RateSection
-from obsdesign.lmi.formula import Array, identity, printed
-from obsdesign.model.disturbance import augment
+from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.edge import Edge
 from obsdesign.nonlinearities import combine
 from obsdesign.nonlinearities.lipschitz import lipschitz
@@ -24,9 +23,6 @@ from obsdesign.sections.values import Reader
 from obsdesign.spec import Nonlinearity, Spec
 
 ZERO = fmpq(0)
-UNSTRUCTURED = ("norm-bound", "abbaszadeh", "compare")
-ABSENT = ("Dqf", "Df", "Dq")
-INSTEAD = "type l2 with L2: 0 takes it"
 
 LipschitzObjective = Literal["max-lipschitz", "min-gamma", "pareto"]
 LipschitzRelaxation = Literal["s-procedure", "norm-bound", "abbaszadeh", "compare"]
@@ -286,43 +282,6 @@ def read_as_lipschitz(reader: Reader, block: Nonlinearity, place: Loc) -> Nonlin
         values = ", ".join(f"{float(k):g}" for k in constants)
         reader.notes.append(f"{block.term or dotted(place)}: {block.type} is read as lipschitz {values}")
     return replace(block, multiplier=combine(lipschitz(k, *size) for k, size in zip(constants, sizes, strict=True)))
-
-
-def require_lipschitz(reader: Reader, request: LipschitzRequest, problem: asked.Estimation) -> None:
-    """Refuse what the family does not know: no f, f of f or of w, f in y, no z, and an objective about no w."""
-    plant, generator, H = problem.plant, problem.generator, problem.H
-    if plant is None or generator is None:
-        return
-    if H.size and not (H != 0).any():
-        reader.wrong(
-            ("performance",), "z = H e is zero: nothing is to be estimated; leave it out for all states", id="OBS214"
-        )
-    place: Loc = ("system", "dynamics") if problem.as_equations else ("nonlinearities",)
-    if not plant.Bf.shape[1] + generator.Bmf.shape[1] and reader.clean(place):
-        term = "nonlinear term" if problem.as_equations else "nonlinearity"
-        reader.wrong(place, f"type lipschitz needs at least one {term}; for a linear plant use type l2", id="OBS406")
-    augmented = augment(plant, generator, (), ())
-    acts = (augmented.Bf != 0).any() and (augmented.Cq != 0).any()
-    if plant.Bf.shape[1] and not acts and reader.clean(place):
-        said = "no nonlinear term acts on a state" if problem.as_equations else "Bf or Cq is zero, and f does not act"
-        reader.wrong(place, f"{said}; for a linear plant use type l2", id="OBS406")
-    for name in ABSENT:
-        for where, said in problem.refused(name, "type lipschitz"):
-            reader.wrong(where, f"{said}; {INSTEAD}", id="OBS406")
-    if any((getattr(augmented, name) != 0).any() and not (getattr(plant, name) != 0).any() for name in ABSENT):
-        reader.wrong(("disturbance",), f"Dq2f, Dq2 and D Dwf must be zero for type lipschitz; {INSTEAD}", id="OBS406")
-    if request.objective != "max-lipschitz" and not augmented.B.shape[1]:
-        key = "system.disturbances" if problem.as_equations else "system.B"
-        reader.wrong(
-            ("observer", "objective"), f"{request.objective} is about w, and there is none; give {key}", id="OBS405"
-        )
-    if request.relaxation in UNSTRUCTURED and not all(
-        np.array_equal(M, identity(len(M), M)) for M in (augmented.Bf, augmented.Cq)
-    ):
-        reader.notes.append(
-            f"observer.relaxation: f is treated as unstructured with the constant norm(Bf) lipschitz norm(Cq) "
-            f"by {'norm-bound and abbaszadeh' if request.relaxation == 'compare' else request.relaxation}"
-        )
 
 
 def demand(spec: Spec) -> Demand:
