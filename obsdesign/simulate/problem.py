@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.expressions.algebra import identical
 from obsdesign.families import FAMILIES
+from obsdesign.simulate.recorded import Track, recordings, with_paths
 from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
@@ -40,6 +42,7 @@ def one_problem(specs: Sequence[Spec]) -> list[Spec]:
 
 def adopted(spec: Spec, first: Spec) -> Spec:
     """Spec with the simulation of another one, where its signals have the same names; its estimates start at zero."""
+    first = with_paths(first)
     simulation = first.simulation
     assert simulation
     w = by_name(first, simulation)
@@ -67,6 +70,7 @@ def entries(spec: Spec) -> Iterator[Entry]:
         yield "simulation.x0", f"{name}(0)", value
     for name, side in sorted(zip(spec.inputs, simulation.u, strict=True)):
         yield "simulation.u", name, side
+    yield "simulation", "what is in files", contents(spec, simulation)
     yield from noises(spec, simulation)
     yield "simulation.v", "v", ", ".join(side.text for side in simulation.v or ()) or "not given"
     yield "disturbance", "the disturbance model", str(vars(spec.generator)) if simulation.v else None
@@ -87,6 +91,20 @@ def starts(spec: Spec) -> list[tuple[str, float]]:
 def by_name(spec: Spec, simulation: Simulation) -> Mapping[str, Expression]:
     """Disturbances by the names that they have in the equations; none where v generates them."""
     return dict(zip(spec.equations(spec.plant).exogenous, simulation.w or (), strict=False))
+
+
+def contents(spec: Spec, simulation: Simulation) -> str:
+    """Signals in files, each with the hash of its samples within the horizon; empty without any."""
+    tracks = recordings(spec, simulation).tracks
+    pairs = ((simulation.recorded[track.variable], track) for track in tracks)
+    return "; ".join(
+        sorted(f"{one.name} from {one.file}, hold {one.hold}, sha256 {digest(track)}" for one, track in pairs)
+    )
+
+
+def digest(track: Track) -> str:
+    """Beginning of the SHA-256 of the rows of a signal."""
+    return sha256(np.concatenate((track.t, track.values)).tobytes()).hexdigest()[:8]
 
 
 def noises(spec: Spec, simulation: Simulation) -> Iterator[Entry]:
