@@ -225,3 +225,24 @@ def test_fields_of_a_file_beyond_the_horizon_are_not_read(monkeypatch):
     Path("drive.csv").write_text("t,u\n" + "".join(f"{k / 10},{k}\n" for k in range(60)) + "never,ending\n")
     run = simulated("continuous", "{u: {file: drive.csv}}")
     assert run["u"] == pytest.approx(np.floor(run.t * 10 + 1e-6))
+
+
+def test_a_batch_runs_a_spec_again_whose_file_has_changed():
+    text = f"{HEAD}{CART}{SINE}{L2}simulation: {{horizon: 2, points: 5, u: {{u: {{file: in/drive.csv}}}}}}\n"
+    rows("specs/in/drive.csv", [0, 2], [1, 1])
+    Path("specs/case.yaml").write_text(text)
+
+    def batch():
+        outcome = command("batch", "specs", "--simulate", "--out", "out", "--jobs", 1)
+        assert outcome.exit_code == 0, outcome.output
+        (entry,) = json.loads(Path("out/summary.json").read_text())["specs"]
+        return entry["up_to_date"], entry["why"]
+
+    assert batch() == (False, "never run")
+    assert batch() == (True, None)
+    rows("specs/in/drive.csv", [0, 2], [1, 2])
+    assert batch() == (False, "in/drive.csv was changed")
+    Path("specs/in/drive.csv").unlink()
+    outcome = command("batch", "specs", "--simulate", "--out", "out", "--jobs", 1)
+    assert outcome.exit_code == 2
+    assert "in/drive.csv is not there: looked for specs/in/drive.csv [OBS101]" in outcome.output
