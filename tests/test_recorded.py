@@ -160,3 +160,30 @@ def test_the_rows_of_several_files_and_expressions_act_together(hold):
         Path("case.yaml").write_text(f"{HEAD}{plant}{kind}simulation: {one}, horizon: 2, x0: [0.5, 0], points: 21}}\n")
         runs.append(trial("case.yaml").simulate())
     assert_same(*runs)
+
+
+@pytest.mark.parametrize("case", ["samples", "filtered"])
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_what_drives_samples_may_be_in_a_file(case, hold, monkeypatch):
+    """Of filtered estimates w of the next sample, too, whose norm the bounds take."""
+    t, w = (0.1 * np.arange(21)).round(6), np.random.default_rng(8).normal(size=21).round(3)
+    rows("push.csv", t, w, -w, head="t,w1,w2")
+    pulse = " + ".join(f"({x!r})*(abs(t - {at!r}) < 0.01)" for at, x in zip(t.tolist(), w.tolist(), strict=True))
+    plant, observer, _ = CASES[case]
+    runs = []
+    for w in (f"{{w1: {{file: push.csv, hold: {hold}}}, w2: {{file: push.csv}}}}", f'["{pulse}", "-({pulse})"]'):
+        monkeypatch.setitem(CASES, case, (plant, observer, f"w: {w}"))
+        runs.append(simulated(case, "[0]", horizon=1.9))
+    for signal in ("xi", "xihat", "y", "w"):
+        assert getattr(runs[0], signal) == pytest.approx(getattr(runs[1], signal), abs=1e-9)
+    bounds = [[(one["value"], one["bound"]) for one in run.summary["bounds"]] for run in runs]
+    assert np.array(bounds[0]) == pytest.approx(np.array(bounds[1]))
+    assert len(bounds[0]) > 0
+
+
+def test_an_event_of_a_recorded_input_ends_a_run_at_its_row(monkeypatch):
+    rows("drive.csv", [0, 0.4, 1.1, 1.3], [0, 0.3, 0.8, 0])
+    plant, observer, further = CASES["continuous"]
+    monkeypatch.setitem(CASES, "continuous", (plant, observer, f"{further}, events: {{much: u > 0.5}}"))
+    run = simulated("continuous", "{u: {file: drive.csv, hold: zero}}", horizon=1.4)
+    assert (run.status, run.time) == ("stopped", pytest.approx(1.1, abs=1e-9))

@@ -246,3 +246,17 @@ def test_a_batch_runs_a_spec_again_whose_file_has_changed():
     outcome = command("batch", "specs", "--simulate", "--out", "out", "--jobs", 1)
     assert outcome.exit_code == 2
     assert "in/drive.csv is not there: looked for specs/in/drive.csv [OBS101]" in outcome.output
+
+
+def test_a_run_does_not_take_the_place_of_a_file_that_it_follows():
+    text = f"{HEAD}{CART}{SINE}{L2}simulation: {{horizon: 2, points: 5, x0: [1, 0]}}\n"
+    Path("case.yaml").write_text(text)
+    assert command("solve", "case.yaml", "--simulate", "-q").exit_code == 0
+    before = Path("case.run.csv").read_bytes()
+    along = "simulation.w={w1: {file: case.run.csv, hold: first}}"
+    for arguments in (("simulate", "case.gains.json"), ("simulate", "case.yaml"), ("solve", "case.yaml", "--simulate")):
+        outcome = command(*arguments, "--set", along)
+        assert outcome.exit_code == 2
+        assert "case.run.csv: is read here, and would be overwritten; name another [OBS904]" in outcome.output
+        assert Path("case.run.csv").read_bytes() == before
+    assert command("simulate", "case.gains.json", "--set", along, "-o", "again.csv").exit_code == 0

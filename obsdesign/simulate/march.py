@@ -3,8 +3,8 @@
     s' = J s + N(t, s)
 
 The step is that of `collocation`, so that a stiff observer costs no more than another; it is halved where it is too
-long. For that N at its start is held against the polynomial through N at its nodes: h/20 |N(0) - sum_j l_j(0) N_j|,
-which bounds what the cubic part of N does to s within the step, must be below the tolerance.
+long. For that N at its start is held against the polynomial through N at its nodes: h/16 |N(0) - sum_j l_j(0) N_j|,
+which is what a cubic part of N adds to s within the step at most, for J = 0, must be below the tolerance.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from obsdesign.simulate.scenario import Stretch
 from obsdesign.simulate.sizes import balanced, sizes
 from obsdesign.simulate.system import System
 
-SHARE = 0.05  # largest integral of s (s - c1) (s - c2) (s - c3) over part of [0, 1] is less than that of c1 c2 c3
+SHARE = 1 / 16  # of c1 c2 c3: the largest integral of (s - c1) (s - c2) (s - c3) over [0, x], x in [0, 1]
 AT_START = LAGRANGE[:, 0]  # l_j(0)
 ROOM = 1 / 64  # of the tolerance: below, the next step is twice as long
 EFFORT = 20, 2000  # steps for each stretch, and as many more: a flow that needs more is left to LSODA

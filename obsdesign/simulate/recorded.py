@@ -8,6 +8,7 @@ time has gone by as between the last two, in which it stays as it is.
 import os
 import stat
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -229,6 +230,15 @@ def place(spec: Spec, column: Column) -> str:
     if spec.origin and not is_still(spec):
         said += f"; the spec of these gains, {spec.origin}, is not there as it was"
     raise UsageError(Problem(said, key=column.key, id="OBS101"))
+
+
+def followed(spec: Spec) -> list[str]:
+    """Paths of the files that a run follows, as far as they can be read: no result may take their place."""
+    found = []
+    for column in spec.simulation.recorded.values() if spec.simulation else ():
+        with suppress(UsageError):
+            found.append(place(spec, column))
+    return found
 
 
 def folders(spec: Spec) -> list[str]:

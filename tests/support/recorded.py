@@ -19,6 +19,7 @@ CASES = {  # plant, observer and what else is in its simulation
     "linear": (CART, "observer: {type: l2, gains: {L1: [-4, -3]}, alpha: 0.1}\n", "w: [0.3]"),
     "stiff": (CART + SINE, "observer: {type: l2, gains: {L1: [-2000, -1000000], L2: [0]}, alpha: 0.05}\n", ""),
     "noise": (CART + SINE, L2, "noise: {type: uniform, amplitude: 0.02, period: 0.03}"),
+    "much noise": (CART + SINE, L2, "noise: {type: uniform, amplitude: 0.02, period: 0.01}"),
     "equations": (ARM, "observer: {type: ekf, Q: {push: 0.1}, R: 1.0e-2}\n", "w: [0.2*sin(t)]"),
     "steps": (CART + SINE, L2 + "implementation: {period: 0.01, method: rk4}\n", "observer: implementation"),
     "switches": (CART + SINE, L2, 'w: ["where(angle > 0.2, 0.1, 0)"]'),
