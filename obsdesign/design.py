@@ -305,7 +305,8 @@ def design_of(file: ResultFile, spec: Spec | None = None) -> Design:
 def spec_of(file: ResultFile, spec: Spec | None) -> Spec:
     """Spec that travels in a file, unaltered, which must be the one that is given, if one is."""
     text, changes = file.spec_text(), file.changes()
-    spec = spec or loads(text, f"{file.path} (spec.text)", changes)
+    if spec is None:
+        spec = replace(loads(text, f"{file.path} (spec.text)", changes), origin=str(file.at("spec", "path")))
     if spec.text != text:
         said = f"these gains belong to another spec than {spec.path}"
         if opened(spec.text, spec.path).root.plain() == opened(text, file.path).root.plain():

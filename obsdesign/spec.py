@@ -166,6 +166,7 @@ class Spec(metaclass=Called):
     continuous: Continuous | None = None  # plant that this one in samples stands for
     implementation: Implementation | None = None
     data: Recorded | None = None
+    origin: str = ""  # of a spec that came in a result: the path that it had there
 
     @contextmanager
     def placed(self) -> Iterator[None]:
@@ -257,10 +258,9 @@ class Spec(metaclass=Called):
         for name, *columns in zip(self.plant.exogenous, self.plant.B.T, self.plant.D.T, self.plant.Dq.T, strict=True):
             if name not in used and not any(part.any() for part in columns):
                 found.append(f"the disturbance {name} acts on nothing: it enters neither the dynamics nor an output")
-        plant = self.augmented
         for i, block in enumerate(self.nonlinearities):
             mine = slice(column, column := column + block.multiplier.member.shape[0])
-            if not any(M[:, mine].any() for M in (plant.Bf, plant.Df, plant.Dqf)):
+            if not any(M[:, mine].any() for M in (self.augmented.Bf, self.augmented.Df, self.augmented.Dqf)):
                 found.append(f"nonlinearities[{i}] acts on nothing: its columns of Bf, Df and Dqf are zero")
         return [*found, *self.unused]
 

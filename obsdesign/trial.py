@@ -12,6 +12,7 @@ from flint import fmpq
 from obsdesign.expressions import Expression
 
 Vector = npt.NDArray[np.float64]
+Hold = Literal["zero", "first"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,24 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class Column:
+    """A signal of a run that is in a file of rows, and what it is between two of them."""
+
+    key: str  # of the spec, such as simulation.u.current
+    name: str  # of the signal
+    file: str  # relative to the folder of the spec, below it
+    column: str  # head of its values; that of the time
+    time: str = "t"
+    hold: Hold = "zero"  # as in the row before, or on the line between both
+    path: str = ""  # of the file, where it was found beside another spec
+
+    @property
+    def variable(self) -> str:
+        """Name of the variable that stands for it: no signal of a spec has one like it."""
+        return f"column {self.column} of {self.file} ({self.key})"
+
+
+@dataclass(frozen=True)
 class Simulation:
     """How to try the observer."""
 
@@ -53,7 +72,7 @@ class Simulation:
     x0: Vector  # (n,) or (n + nm,)
     xhat0: Vector  # (n + nm,)
     w: tuple[Expression, ...] | None  # of t and the states; None: v drives the disturbance model
-    v: tuple[Expression, ...] | None  # of t
+    v: tuple[Expression, ...] | None  # of t; as w and u it may be the variable of a recorded signal
     u: tuple[Expression, ...]  # of t and the states
     noise: Noise | None
     seed: int
@@ -67,6 +86,7 @@ class Simulation:
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends a run where it becomes true
     silent: tuple[str, ...] = ()  # known inputs that are not given, and are zero
     stepped: bool = False  # the observer runs in the steps of its implementation
+    recorded: Mapping[str, Column] = field(default_factory=dict)  # signals in files, by their variables
 
 
 @dataclass(frozen=True)
@@ -85,7 +105,7 @@ class Recorded:
     time: str = ""  # column; empty: t
     columns: Mapping[str, str] = field(default_factory=dict)  # by signal, where its name is another
     scale: Mapping[str, fmpq] = field(default_factory=dict)  # factor from the unit of a column to that of the spec
-    hold: Literal["zero", "first"] = "zero"  # of u and y between rows
+    hold: Hold = "zero"  # of u and y between rows
     arrival: str = ""  # column of when a row became known
     v_sup: fmpq | None = None  # bound on |v|
     e0: Mapping[str, fmpq] = field(default_factory=dict)  # bounds on the error of each state at the start

@@ -37,7 +37,7 @@ LAYERS = (
     ("nonlinearities", "dissipation"),
     ("families.guarantee", "families.observer"),
     ("model",),
-    ("guide",),
+    ("guide", "files.table"),
     ("sections",),
     ("coq",),
     ("lmi", "expressions", "files", "tables.text", "watch"),

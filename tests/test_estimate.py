@@ -13,10 +13,11 @@ from support.commands import files, run
 from support.shipped import SPECS, solved
 
 import obsdesign as od
-from obsdesign.data import runner, table
+from obsdesign.data import runner
 from obsdesign.data.innovations import LAGS, Innovations
 from obsdesign.data.interpreted import Interpreted
 from obsdesign.errors import UndecidedError, UsageError
+from obsdesign.files import table
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
 from obsdesign.work import trial

@@ -19,7 +19,7 @@ UNSEEN = {
     "OBS807",
     "OBS808",
     "OBS812",
-    "OBS814",
+    "OBS815",
     "OBS909",
     "OBS915",
     "OBS922",

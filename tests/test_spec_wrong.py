@@ -382,8 +382,18 @@ OTHER_TONGUES = [  # what is written so elsewhere is told in what is written her
     wrong(B, "  B: [0 1]'", "", "no transpose", "[[0], [1]]", place=(5, 11)),
     wrong(W, "  w: [step(t)]", "simulation.w[0]", "a step at t = 1 is written (t >= 1)"),
     wrong(W, "  w: [heaviside(t - 1)]", "simulation.w[0]", "(t >= 1)"),
-    wrong(W, "  w: data/w1.csv", "simulation.w", "files are not read here, such as data/w1.csv"),
-    wrong(W, "  w: {file: w1.csv, column: w}", "simulation.w", "files are not read here"),
+    wrong(
+        W,
+        "  w: data/w1.csv",
+        "simulation.w",
+        "a file goes with a signal: write w: {NAME: {file: data/w1.csv, column: ..}}",
+    ),
+    wrong(
+        W,
+        "  w: {file: w1.csv, column: w}",
+        "simulation.w",
+        "a file goes with a signal: write w: {w1: {file: .., column: ..}}",
+    ),
     wrong(A, "  Ts: 0.1\n" + A, "system.Ts", "is called period here: write time: discrete, and period: in s"),
     wrong(TYPE, "  - type: {slope: [0, 1]}", "nonlinearities[0].type", "is refuted by", "region: {q: [lo, hi]}"),
     wrong(

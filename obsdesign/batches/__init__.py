@@ -26,6 +26,7 @@ from obsdesign.batches.record import (
     Options,
     digest_of_list,
     entry_of,
+    moved,
     printable,
     read,
     reason,
@@ -202,8 +203,8 @@ class Run:
         beside = Path(source) if os.path.isdir(source) else Path(source).parent
         for task in self.tasks:
             digest, record = sha256(task), read(beside, task)
-            failed = record is not None and record["entry"]["as_expected"] is not True
-            if digest is not None and known.get(printable(task.title)) == digest and not failed:
+            stale = record is not None and (record["entry"]["as_expected"] is not True or any(moved(record, task)))
+            if digest is not None and known.get(printable(task.title)) == digest and not stale:
                 self.skip(task, f"unchanged since {source}, which says that it was as expected", digest)
 
     def skip(self, task: Task, why: str, digest: str | None = None) -> None:

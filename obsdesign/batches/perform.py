@@ -1,13 +1,15 @@
 """One spec of a batch: solved, verified, simulated where that is asked, and held against what it expects."""
 
+import os
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from obsdesign.batches.find import Task
 from obsdesign.batches.form import ended_as
-from obsdesign.batches.record import Options, Result, entry_of, failure, sha256, written
+from obsdesign.batches.record import Options, Result, digest_at, entry_of, failure, sha256, written
 from obsdesign.design import Design
 from obsdesign.errors import EXIT, ObsdesignError, Problem
 from obsdesign.families import FAMILIES
@@ -16,6 +18,7 @@ from obsdesign.files import csv
 from obsdesign.reading import loads
 from obsdesign.sections.changes import OPTION, opened
 from obsdesign.sections.source import require_name, text_of
+from obsdesign.simulate.recorded import place
 from obsdesign.simulate.validity import require_kept
 from obsdesign.spec import Spec
 from obsdesign.work import solve, trial
@@ -100,7 +103,7 @@ def tried(design: Design, options: Options, result: Result) -> None:
     spec, summary = design.spec, None
     run = design.simulate() if (options.simulate or expects_run(spec)) and design.built and spec.simulation else None
     if run:
-        summary = run.summary
+        summary, result.read = run.summary, followed(spec)
     if run and options.simulate:
         result.files = {**result.files, "csv": csv(*run.table()), "png": run.plot()}
     expected = design.expected(summary or {})
@@ -108,6 +111,12 @@ def tried(design: Design, options: Options, result: Result) -> None:
     result.entry["problems"] += [written(problem) for problem in unmet(spec, expected)]
     if run:
         require_kept(run.summary, spec.path)
+
+
+def followed(spec: Spec) -> dict[str, str | None]:
+    """Hashes of the files of signals of a spec, by their paths from its folder."""
+    columns = spec.simulation.recorded.values() if spec.simulation else ()
+    return {one.file: digest_at(Path(os.path.realpath(place(spec, one)))) for one in columns}
 
 
 def expects_run(spec: Spec) -> bool:

@@ -52,6 +52,7 @@ class Result:
 
     entry: Entry
     files: Mapping[str, bytes] = field(default_factory=dict)
+    read: Mapping[str, str | None] = field(default_factory=dict)  # hashes of the files of signals that its run followed
 
 
 def printable(text: str) -> str:
@@ -163,6 +164,7 @@ def keep(result: Result, task: Task, options: Options, out: Path) -> Entry:
         "tool": tool(),
         "options": options.lasting,
         "hashes": {kind: digest_of(content) for kind, content in result.files.items()},
+        "read": dict(result.read),
         "entry": entry,
     }
     write_all({str(paths["record"]): to_bytes(record)})
@@ -225,7 +227,16 @@ def reasons(record: Mapping[str, Any], task: Task, options: Options, out: Path) 
         yield f"{changed} changed"
     if (entry["status"] in WITH_GAINS or entry["verified"] is not None) and "gains" not in entry["files"]:
         yield "its gains file is missing"
+    yield from (f"{name} was changed" for name in moved(record, task))
     yield from spoiled(record, task, out)
+
+
+def moved(record: Mapping[str, Any], task: Task) -> Iterator[str]:
+    """Files of signals that the run of a record followed, and that are others by now."""
+    read, folder = record.get("read"), Path(task.path).parent
+    for name, digest in read.items() if isinstance(read, dict) else ():
+        if digest_at(Path(os.path.realpath(folder / name))) != digest:
+            yield printable(name)
 
 
 def spoiled(record: Mapping[str, Any], task: Task, out: Path) -> Iterator[str]:

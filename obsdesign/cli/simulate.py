@@ -50,11 +50,13 @@ def simulate(
             kinds = dict(zip(paths, ("samples", "figures"), strict=True))
             kept = require_writable(kinds, read=[source, *[gains] * bool(gains)])
             problem = taken(source, () if gains else changes)
+            from obsdesign.simulate.recorded import followed
             from obsdesign.simulate.validity import require_kept
             from obsdesign.work import trial
 
             with progress(quiet) as report:
                 design = trial(problem, gains, solver, report, changes)
+            require_writable(kinds, read=followed(design.spec))
             with interruptible(lambda: "no samples and no figure are written"):
                 run = ran(design, quiet)
             samples, figure = drawn(run, paths[1], plot_all)

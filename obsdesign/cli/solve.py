@@ -40,6 +40,7 @@ def solve(
 
     def answer(spec: str) -> Answer:
         problem = loaded(spec, changes)
+        from obsdesign.simulate.recorded import followed
         from obsdesign.tables.text import aligned
 
         target = output or f"{stem(spec)}.gains.json"
@@ -47,7 +48,7 @@ def solve(
         kept = require_writable({target: "results"}, read=[spec])
         paths, curve = beside(target, spec)
         more = {paths[0]: "samples", paths[1]: "figures"} if simulate else {}
-        kept |= require_writable(more | ({curve: "figures"} if plot else {}), read=[spec])
+        kept |= require_writable(more | ({curve: "figures"} if plot else {}), read=[spec, *followed(problem)])
         with interruptible(lambda: lost(problem, spec)):
             design = solved(problem, solver, quiet)
         if design.status == "uncertified":

@@ -7,16 +7,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from obsdesign.data.table import Header, Table
 from obsdesign.errors import Problem, UsageError
 from obsdesign.families import FAMILIES
+from obsdesign.files.table import Header, Table, filled, not_rising
 from obsdesign.lmi.formula import Array, Float
 from obsdesign.spec import Spec
 from obsdesign.trial import Recorded
 
 LATEST = 1e13  # s, of a time
 APART = 0.01  # of a period: how far the instants of a plant in samples may be off
-SECONDS = ("s", "sec", "seconds", "")  # units of time that need no factor
 MOST = 50_000_000  # values that are held at once, where rows are put in order
 ROWS = 200_000  # that are given at once, where they are
 
@@ -114,8 +113,7 @@ class Log:
     def require_unit(self, name: str, head: Header) -> None:
         """Refuse a column that says another unit than the spec."""
         unit = "s" if name == "time" else self.spec.units.get(name, "")
-        same = head.unit in SECONDS if name == "time" else head.unit == unit
-        if head.unit and unit and not same:
+        if head.differs(unit, time=name == "time"):
             said = f"column {head.text} is in {head.unit}, {name} of the spec in {unit}"
             raise self.table.wrong(
                 f"{said}; write data: {{scale: {{{name}: factor}}}}, which is 1 if they are the same", 1, id="OBS811"
@@ -135,11 +133,7 @@ class Log:
         """Rows as they are in the file."""
         nu, ny = len(self.spec.inputs), len(self.spec.plant.outputs)
         places, before = (*self.places, *(() if self.counter is None else [self.counter])), 0.0
-        for block in self.table.blocks(places):
-            if len(wrong := np.argwhere(np.isinf(block.rows))):
-                k, column = wrong[0]
-                said = f"{self.table.columns[self.places[column]].text}: infinite; leave it empty where it is missing"
-                raise self.table.wrong(said, int(block.lines[k]), id="OBS811")
+        for block in self.table.finite(places):
             values = block.rows[:, : len(self.places)] * self.factors
             if self.counter is not None:
                 received = block.rows[:, -1]
@@ -175,19 +169,14 @@ class Log:
 
     def filled(self, rows: Rows, before: Float) -> Rows:
         """Rows with what is missing of u as it was in the row before."""
-        if not np.isnan(rows.u).any():
-            return rows
-        u = np.vstack([before, rows.u])
-        for column in u.T:
-            known = np.maximum.accumulate(np.where(np.isnan(column), 0, np.arange(len(column))))
-            column[:] = column[known]
-        if len(wrong := np.argwhere(np.isnan(u[1:]))):
+        u = filled(rows.u, before)
+        if len(wrong := np.argwhere(np.isnan(u))):
             k, i = wrong[0]
             said = (
                 f"{self.spec.inputs[i]}: the first value of a known input is missing; begin the log where it is known"
             )
             raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")
-        return rows._replace(u=u[1:])
+        return rows._replace(u=u)
 
     def require_rising(self, rows: Rows, last: float) -> None:
         """Refuse rows that are not each after the one before, or of a plant in samples not a period after it."""
@@ -195,12 +184,7 @@ class Log:
         if len(wrong := np.flatnonzero(~(gaps > 0))):
             k = int(wrong[0])
             t, before = rows.known[k], rows.known[k - 1] if k else last
-            what = (
-                "the time is missing"
-                if np.isnan(t)
-                else f"t = {t:.9g} "
-                + ("is that of the row before" if t == before else f"is before that of the row before, {before:.9g}")
-            )
+            what = not_rising(t, before)
             said = "--repair sorts rows and leaves out those without a time of their own"
             raise self.table.wrong(
                 f"{what}; {said}; or name the column of their arrival", int(rows.lines[k]), id="OBS811"

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from obsdesign.data.table import Block, Header, Table
 from obsdesign.errors import Problem, UsageError
+from obsdesign.files.table import Block, Header, Table
 
 ROWS = 100_000  # at once
 
@@ -29,7 +29,7 @@ class Parquet(Table):
             import pyarrow.parquet as pq
         except ImportError:
             said = "pyarrow, which reads Parquet, is not installed: pip install obsdesign[parquet]"
-            raise UsageError(Problem(said, self.path, id="OBS814")) from None
+            raise UsageError(Problem(said, self.path, id="OBS815")) from None
         try:
             return pq.ParquetFile(self.path)
         except (pa.ArrowException, OSError) as error:

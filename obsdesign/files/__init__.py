@@ -1,4 +1,4 @@
-"""Result files, read back exactly; what reads and writes any file is `obsdesign.disk`."""
+"""Result files, read back exactly, and columns of numbers; what reads and writes any file is `obsdesign.disk`."""
 
 from obsdesign.files.result import ResultFile, as_read, checks, csv, digest, rows, to_json, witness, written
 

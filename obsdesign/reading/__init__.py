@@ -1,6 +1,7 @@
 """Specs: from a YAML text to one estimation problem, or to everything that is wrong with it.
 
 schema.py     the sections of the format (structure only), and its JSON Schema; trial_schema.py: `simulation:`
+signals.py    what acts in a run: expressions, and columns of files, whose paths are below the folder of the spec
 plant.py      a plant in matrices; dynamics.py: one as equations, split, with the types of its terms (terms.py)
 resolve.py    the sections to the types of the design: exact values, derived sizes, names
 """

@@ -12,11 +12,11 @@ from obsdesign.families import FAMILIES, Family
 from obsdesign.reading import trial_schema as schema
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
+from obsdesign.reading.signals import Acting
 from obsdesign.sections.document import Loc
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, counted
 from obsdesign.sections.words import unknown
-from obsdesign.spec import numbered
 from obsdesign.trial import Noise, Simulation, Vector
 
 MAX_PERIODS = 10**7  # of noise in a simulation, each with a sample of every output
@@ -44,17 +44,16 @@ def read_simulation(
     known_family = family is not None and reader.clean(("observer",))  # a wrong observer may be one of any family
     sampled = not known_family or (family is not None and family.sampled)
     horizon = read_horizon(reader, section.horizon, period)
-    known = layout.known("states")
     if section.w is not None and section.v is not None:
         reader.wrong(
             (*loc, "v"), "w is given already; give w or v, the signal that drives the disturbance model", id="OBS206"
         )
-    xm, v = exogenous.xm, exogenous.v
+    xm = exogenous.xm
     names = (layout.names.states if layout.names else ()), exogenous.states
     xhat0 = read_state(reader, section.xhat0, (*loc, "xhat0"), layout.states, xm, names)
     size = (layout.states.size or 0) + (xm.size or 0)
-    channels = layout.names.w if layout.names else ()
-    w = None if section.w is None else read_signals(reader, section.w, (*loc, "w"), layout.w, channels, known)
+    acting = Acting(reader, layout, exogenous)
+    w = acting.w(section.w)
     if not sampled:
         refuse_sampling(reader, section)
     if known_family and family not in in_coordinates().values():
@@ -62,16 +61,13 @@ def read_simulation(
     constants = section.theta0 if isinstance(section.theta0, dict) else {}
     theta0 = None if isinstance(section.theta0, dict) else section.theta0
     correction = reader.entries(theta0, (*loc, "theta0"))
-    inputs = Axis(None if layout.names is None else len(layout.names.inputs), "input")
-    called = layout.names.inputs if layout.names else ()
-    drives = numbered("v", v.size or 0)
     return Simulation(
         horizon=float(horizon),
         x0=read_state(reader, section.x0, (*loc, "x0"), layout.states, xm, names),
         xhat0=np.concatenate([xhat0, np.zeros(max(size - len(xhat0), 0))]),
         w=w,
-        v=read_signals(reader, section.v, (*loc, "v"), v, drives, ("t",)) if w is None else None,
-        u=read_signals(reader, section.u, (*loc, "u"), inputs, called, known),
+        v=acting.v(section.v) if w is None else None,
+        u=acting.u(section.u),
         noise=read_noise(reader, section.noise, layout.outputs, horizon, period, sampled=sampled),
         seed=reader.integer(section.seed, (*loc, "seed"), 0, 0, 2**63 - 1),
         points=reader.integer(section.points, (*loc, "points"), 2000, 2, MAX_POINTS),
@@ -83,13 +79,9 @@ def read_simulation(
         constants=read_values(reader, constants, (*loc, "theta0")),
         events=read_events(reader, section.events, layout),
         stepped=section.observer == "implementation",
-        silent=tuple(name for name in called if not given(section.u, name)),
+        silent=acting.silent(section.u),
+        recorded=acting.recorded,
     )
-
-
-def given(written: schema.Signals | None, name: str) -> bool:
-    """Whether a signal is given: by its name, or with all in a list."""
-    return written is not None and (not isinstance(written, dict) or name in written)
 
 
 def read_horizon(reader: Reader, written: str, period: fmpq | None) -> fmpq:
@@ -104,28 +96,6 @@ def read_horizon(reader: Reader, written: str, period: fmpq | None) -> fmpq:
     elif horizon > MAX_SAMPLES * period:
         reader.wrong(loc, f"more than {MAX_SAMPLES:,} samples in the horizon; give a shorter one", id="OBS210")
     return horizon
-
-
-def read_signals(
-    reader: Reader,
-    written: schema.Signals | None,
-    loc: Loc,
-    axis: Axis,
-    names: Sequence[str],
-    known: Sequence[str] | None,
-) -> tuple[Expression, ...]:
-    """Expressions in a list, or by the names of the signals; those without one are 0."""
-    if not isinstance(written, dict):
-        return reader.expressions(written, loc, axis, known)
-    if known is None:
-        return ()
-    if "file" in written:
-        reader.wrong(loc, "files are not read here; write expressions, as a list or by name", id="OBS212")
-        return ()
-    for name in written:
-        if name not in names:
-            reader.wrong((*loc, name), unknown(axis.each, name, names, {}), at_key=True, id="OBS203")
-    return tuple(reader.expression(written.get(name, "0"), (*loc, name), known) for name in names)
 
 
 def read_values(reader: Reader, written: Mapping[str, str], loc: Loc) -> dict[str, fmpq]:

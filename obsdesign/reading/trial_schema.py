@@ -22,23 +22,39 @@ SAMPLED = f"of the family {' or '.join(name for name, family in FAMILIES.items()
 PLACED = f"of the family {', '.join(name for name, family in FAMILIES.items() if family.places)}"
 STATE = Named("State", Either("a number, a list of numbers, or numbers by name", ENTRY, NUMBERS, mapping=MapOf(ENTRY)))
 STATES = "over x, or over the augmented state; or by name, the others 0"
-SIGNALS_BY_NAME = Named(
-    "SignalsByName",
-    Either(
-        "an expression, a list of expressions (files are not read here), or expressions by name",
-        ENTRY,
-        NUMBERS,
-        mapping=MapOf(ENTRY),
-    ),
-)
 Numbers = str | list[str] | dict[str, str]
-Signals = str | list[str] | dict[str, str]
 
 MethodName = Literal["euler", "rk4", "exact"]
 RunsName = Literal["continuous", "implementation"]
 HoldName = Literal["zero", "first"]
 NoiseName = Literal["uniform", "gaussian", "normal"]
 SamplingName = Literal["periodic", "random"]
+
+
+class FromFile(Section):
+    """A signal from a column of a file: comma-separated values below a line of names, as the log of `estimate`."""
+
+    file: str = required(LINE, "path of the file, relative to the folder of the spec and below it", example="drive.csv")
+    column: str | None = key(LINE, "column of the signal", otherwise="the name of the signal", example="Current (A)")
+    time: str | None = key(LINE, "column of the time, in s", otherwise="t", example="time")
+    hold: HoldName = key(
+        OneOf("hold", get_args(HoldName)),
+        "the signal between two rows: that of the first, or on the line between both",
+        default="zero",
+        example="first",
+    )
+
+
+SIGNALS_BY_NAME = Named(
+    "SignalsByName",
+    Either(
+        "an expression, a list of expressions, or by name expressions and columns of files",
+        ENTRY,
+        NUMBERS,
+        mapping=MapOf(Either("an expression, or {file: .., column: ..}", ENTRY, mapping=FromFile)),
+    ),
+)
+Signals = str | list[str] | dict[str, str | FromFile]
 
 
 class Law(Section):
@@ -134,21 +150,21 @@ class Simulation(Section):
     xhat0: Numbers | None = key(STATE, f"initial estimate {STATES}", otherwise="0", example="{x1: 0.5}")
     w: Signals | None = key(
         SIGNALS_BY_NAME,
-        "disturbance and noise: expressions of t and the states",
+        "disturbance and noise: expressions of t and the states, or columns of files",
         otherwise="0, or what v makes of the disturbance model",
         example="{torque: 2*exp(-t)}",
     )
     v: Signals | None = key(
         SIGNALS_BY_NAME,
-        "what drives the disturbance model: expressions of t; not beside w",
+        "what drives the disturbance model: expressions of t, or columns of files; not beside w",
         otherwise="0, or what makes w",
         example="[exp(-t)]",
     )
     u: Signals | None = key(
         SIGNALS_BY_NAME,
-        "known inputs: expressions of t and the states",
+        "known inputs: expressions of t and the states, or columns of files",
         otherwise="0",
-        example="{voltage: 6*sin(t)}",
+        example="{voltage: 6*sin(t), load: {file: drive.csv, column: Load (N)}}",
     )
     events: dict[str, str] = key(
         MapOf(ENTRY),

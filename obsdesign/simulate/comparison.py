@@ -71,7 +71,8 @@ class Entrant:
         rates = system.program.places(map(rate, moving))
         found = [0.0]
         for k in np.unique(np.linspace(0, len(record.t) - 1, LOOKS).astype(int)):
-            X = system.program.run(record.t[k], record.s[k, : system.width], system.silent)
+            t = float(record.t[k])
+            X = system.program.run(t, record.s[k, : system.width], system.quiet(t))
             J = system.program.derivatives(X, moving)[rates]
             found.append(float(np.abs(np.linalg.eigvals(J)).max(initial=0.0)) if np.isfinite(J).all() else np.inf)
         return max(found)

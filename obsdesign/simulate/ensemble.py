@@ -159,7 +159,10 @@ class Passage:
             return
         start = initial(added.quiet, added.simulation, None)[: system.width]
         moving = [system.flowing.index(name) for name in added.moving]
-        begun = [system.with_initial(start.copy(), held)[moving] for held in (system.silent, *added.noises[0].T)]
+        begun = [
+            system.with_initial(start.copy(), system.given(0.0, noises))[moving]
+            for noises in (system.silent, *added.noises[0].T)
+        ]
         self.d = np.column_stack(begun[1:]) - begun[0][:, None]
 
     def receive(self, step: Interval, k: int) -> None:

@@ -92,7 +92,7 @@ class Perturbation:
     def table(self, t: Float, s: Float, held: Float | None = None) -> Float:
         """What is wanted and given, one row a signal, at instants t (N,) and states s (width, N); by default quiet."""
         noises = np.zeros(len(self.noisy.silent)) if held is None else held
-        X = self.whole.table(np.vstack([t, s, np.repeat(noises[:, None], len(t), axis=1)]))
+        X = self.whole.table(np.vstack([t, s, self.noisy.given(t, np.tile(noises, (len(t), 1))).T]))
         return np.asarray(X[self.whole.places((*self.wanted, *self.given))])
 
     def reached(self, sources: set[str]) -> tuple[str, ...]:

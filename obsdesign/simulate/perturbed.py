@@ -13,15 +13,15 @@ from obsdesign.simulate.collocation import NODES, WEIGHTS
 from obsdesign.simulate.ensemble import MOST_STEPS, Passage
 from obsdesign.simulate.integrate import PATH, Trajectory
 from obsdesign.simulate.perturbation import Interval, Perturbation
-from obsdesign.simulate.simulation import MANY
+from obsdesign.simulate.simulation import MANY, along_rows
 from obsdesign.simulate.system import System
 from obsdesign.spec import Spec
 
 
 def applies(system: System) -> bool:
-    """Whether noise is held over many periods, and no event, jump or kink depends on the states."""
+    """Whether noise is held over many periods, not along many rows, and no event, jump or kink depends on states."""
     acting = system.scenario
-    short = acting.noisy and len(acting.noise) > MANY and acting.clock is None
+    short = acting.noisy and len(acting.noise) > MANY and acting.clock is None and not along_rows(system)
     return short and not (system.observer.jump or acting.events or system.deciding) and system.constant() is None
 
 

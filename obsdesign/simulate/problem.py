@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from obsdesign.expressions import Expression, ExpressionError
 from obsdesign.expressions.algebra import identical
 from obsdesign.families import FAMILIES
 from obsdesign.families.noise import channels
+from obsdesign.simulate.recorded import Track, recordings, with_paths
 from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
@@ -41,6 +43,7 @@ def one_problem(specs: Sequence[Spec]) -> list[Spec]:
 
 def adopted(spec: Spec, first: Spec) -> Spec:
     """Spec with the simulation of another one, where its signals have the same names; its estimates start at zero."""
+    first = with_paths(first)
     simulation = first.simulation
     assert simulation
     w = by_name(first, simulation)
@@ -68,6 +71,7 @@ def entries(spec: Spec) -> Iterator[Entry]:
         yield "simulation.x0", f"{name}(0)", value
     for name, side in sorted(zip(spec.inputs, simulation.u, strict=True)):
         yield "simulation.u", name, side
+    yield "simulation", "what is in files", contents(spec, simulation)
     yield from noises(spec, simulation)
     v = [side for k, side in enumerate(simulation.v or ()) if k not in channels(spec)[1]]
     yield "simulation.v", "v", ", ".join(side.text for side in v) or "not given"
@@ -100,6 +104,20 @@ def model(spec: Spec) -> str:
     of_w = (np.delete(M, w, axis=0) for M in (m.Cm, m.Dwf))
     inverse = [own for i, own in enumerate(m.inverse) if i not in w]
     return str((m.Am, m.Bmf, m.Cq2, m.Dq2f, *of_w, *of_v, inverse))
+
+
+def contents(spec: Spec, simulation: Simulation) -> str:
+    """Signals in files, each with the hash of its samples within the horizon; empty without any."""
+    tracks = recordings(spec, simulation).tracks
+    pairs = ((simulation.recorded[track.variable], track) for track in tracks)
+    return "; ".join(
+        sorted(f"{one.name} from {one.file}, hold {one.hold}, sha256 {digest(track)}" for one, track in pairs)
+    )
+
+
+def digest(track: Track) -> str:
+    """Beginning of the SHA-256 of the rows of a signal."""
+    return sha256(np.concatenate((track.t, track.values)).tobytes()).hexdigest()[:8]
 
 
 def noises(spec: Spec, simulation: Simulation) -> Iterator[Entry]:

@@ -57,9 +57,10 @@ class Recursion(System):
         return self.scenario.clock
 
     def beside(self, t: float | Float) -> Float:
-        """Inputs of the program beside t and s: noise of a sample and of the next, and the instants of the next."""
+        """Inputs of the program beside t and s: noise and files at a sample and the next, instants of the next."""
         noise = [self.scenario.held(t, ahead) for ahead in (0, 1)]
-        return np.concatenate((np.concatenate(noise, axis=-1)[..., : len(self.silent)], self.clock.times(t)), axis=-1)
+        known = self.given(t, np.concatenate(noise, axis=-1)[..., : len(self.silent)])
+        return np.concatenate((known, self.clock.times(t)), axis=-1)
 
     def breaks(self) -> list[Break]:
         """None: nothing is between two samples."""

@@ -18,6 +18,7 @@ from obsdesign.model.disturbance import augment, with_inputs
 from obsdesign.model.equations import Equations
 from obsdesign.model.filtered import channels
 from obsdesign.simulate.clock import Clock, clock_of, following
+from obsdesign.simulate.recorded import Recordings, recordings
 from obsdesign.simulate.sampling import Sampling, Schedule, schedule
 from obsdesign.spec import Spec
 from obsdesign.trial import Noise, Simulation
@@ -25,6 +26,7 @@ from obsdesign.trial import Noise, Simulation
 Vector = Float
 NOISE_SAMPLES = 1_000_000
 LAST_TWO = 2  # that of the last sample in discrete time, which horizon / period does not count, and of the one after it
+ROW = -2  # in place of the number of a measurement: a row of a file
 JUMP = 1e-9  # of xm against its size: smaller is rounding
 
 
@@ -71,6 +73,7 @@ class Scenario:
     eta: Array | None = None  # (K, ny), noise of each of them
     noises: Mapping[str, tuple[str, fmpq]] = field(default_factory=dict)  # entries of v that are noise: output, number
     events: Mapping[str, Expression] = field(default_factory=dict)  # what ends the run where it becomes true, by name
+    recorded: Recordings = field(default_factory=Recordings)  # signals of u, v that are in files: variables there
 
     @property
     def w(self) -> tuple[str, ...]:
@@ -81,6 +84,11 @@ class Scenario:
     def integrated(self) -> int:
         """Number of the true states that are integrated."""
         return len(self.plant.states) - len(self.known)
+
+    @property
+    def timed(self) -> bool:
+        """Whether v is of time alone: an expression of it, or in a file."""
+        return not any(signal.names.difference({"t"}, self.recorded.variables) for signal in self.v)
 
     @property
     def noisy(self) -> bool:
@@ -112,15 +120,16 @@ class Scenario:
         return np.where(np.abs(step) > JUMP * (1 + np.abs(low)), step, 0.0)
 
     def stretches(self, breaks: Sequence[tuple[float, float]]) -> Iterator[Stretch]:
-        """Intervals between breaks, which are pairs (last double before, first after), noise samples, measurements."""
+        """Intervals between breaks (last double before, first after), rows of files, noise samples, measurements."""
         ticks = (self.period * np.arange(1, len(self.noise))).tolist()
         received = self.schedule.received.tolist() if self.schedule else []
         edges: list[tuple[float, float, int]] = [(before, after, -1) for before, after in breaks]
+        edges += [(before, after, ROW) for before, after in self.recorded.edges(self.horizon)]
         edges += [(t, t, -1) for t in ticks if t < self.horizon]
         edges += [(t, t, k) for k, t in enumerate(received)]
         ends = [(0.0, 0.0, -1), *sorted(edges), (self.horizon, self.horizon, -1)]
         for (before, start, k), (stop, _, _) in pairwise(ends):
-            step = self.steps_of_xm(before, start) if before < start else np.zeros(0)
+            step = self.steps_of_xm(before, start) if before < start and k != ROW else np.zeros(0)
             held = self.held(0.5 * (start + max(start, stop)))
             yield Stretch(start, max(start, stop), step, k if k >= 0 else None, held)
 
@@ -142,7 +151,7 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
     declared = simulation.noise.channels if simulation.noise else {}
     places = channels_of_noise(spec)[0 if unmodeled else 1] if declared else ()
     noises = {plant.exogenous[k]: each for k, each in zip(places, declared.items(), strict=True)}
-    return replace(acting, events=simulation.events, noises=noises)
+    return replace(acting, events=simulation.events, noises=noises, recorded=recordings(spec, simulation))
 
 
 def drives(spec: Spec, v: tuple[str, ...]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.simulate import exact
 from obsdesign.simulate.integrate import Flow, Segment, Tolerance, Trajectory, Vector, finite, integrate
+from obsdesign.simulate.march import march
 from obsdesign.simulate.recursion import Recursion
 from obsdesign.simulate.sampling import Sampling
 from obsdesign.simulate.scenario import received, scenario
@@ -19,7 +20,7 @@ from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
 RTOL = 1e-8
-RTOL_NOISE = 1e-6  # every noise sample is a restart, and more digits would be digits of the noise
+RTOL_NOISE = 1e-6  # every noise sample, or row of a long file, is a restart, and more digits would be digits of it
 MANY = 100  # stretches in a run: they are short
 ATOL = 1e-12  # of the size of a state at the start
 
@@ -48,8 +49,8 @@ def follow(
     """Follow the flow and its jumps from the start to the horizon, with its state at some samples (N,), increasing.
 
     A linear plant whose inputs are constant in each of many stretches, between measurements, jumps or samples of noise,
-    is solved by matrix exponentials, any other flow by LSODA. A plant in discrete time is a recursion over its own
-    samples.
+    is solved by matrix exponentials; one along many rows of a file by a step of collocation in each, any other flow by
+    LSODA. A plant in discrete time is a recursion over its own samples.
     """
     told = progress and (lambda t: progress(t / system.scenario.horizon))
     if isinstance(system, Recursion):
@@ -59,12 +60,15 @@ def follow(
     affine = system.constant() if many else None
     if affine is not None:
         return exact.follow(system, affine, start, stretches, samples)
+    allowed = tolerance(start, system)
+    if along_rows(system) and (found := march(system, start, stretches, samples, allowed, told)):
+        return found
     flow = Flow(system.rhs, system.jacobian, system.end, sizes(system, start), system.watch, system.stopped)
     segments = (
         Segment(stretch.start, stretch.stop, partial(system.enter, stretch), system.held(stretch))
         for stretch in stretches
     )
-    return integrate(flow, start, segments, samples, tolerance(start, system), told, explicit=many)
+    return integrate(flow, start, segments, samples, allowed, told, explicit=many)
 
 
 def sampled(simulation: Simulation, observer: Observer, guarantee: Guarantee | None) -> Sampling:
@@ -102,4 +106,11 @@ def tolerance(start: Vector, system: System) -> Tolerance:
     integrals = np.full(len(start) - system.end, size.max() ** 2)
     errors = size[:n] / system.amplification()
     absolute = ATOL * np.concatenate((size[:ns], errors, further, integrals))
-    return Tolerance(RTOL_NOISE if system.scenario.noisy else RTOL, absolute)
+    coarse = system.scenario.noisy or along_rows(system)
+    return Tolerance(RTOL_NOISE if coarse else RTOL, absolute)
+
+
+def along_rows(system: System) -> bool:
+    """Whether a run goes along so many rows of files that its stretches are short."""
+    acting = system.scenario
+    return len(acting.recorded.edges(acting.horizon)) > MANY

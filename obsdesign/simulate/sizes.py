@@ -13,15 +13,15 @@ LOOKS = 65  # instants at which it is seen what the inputs drive
 def balanced(F: Array) -> Array:
     """Powers of two d with which the rows and columns of F d / d' are of like size (Osborne, 1960).
 
-    What no row drives, an input, is scaled to the size of the rest.
+    What no row drives, an input, is scaled to the size of what others drive.
     """
-    size, d = np.abs(F), np.ones(len(F))
+    size, d, driven = np.abs(F), np.ones(len(F)), np.asarray(F.any(axis=1))
     np.fill_diagonal(size, 0)
     for _ in range(BALANCINGS):
         for i in range(len(F)):
             row, column = size[i].sum(), size[:, i].sum()
-            if column and (row or not F[i].any()):
-                largest = np.delete(size, i, 1).sum(axis=1).max(initial=0.0) or 1.0
+            if column and (row or not driven[i]):
+                largest = size[:, driven].sum(axis=1).max(initial=0.0) or 1.0
                 scale = 2.0 ** round(float(np.log2(row / column) / 2 if row else np.log2(largest / column)))
                 d[i] *= scale
                 size[i] /= scale
@@ -41,7 +41,7 @@ def sizes(system: System, start: Array) -> Array:
     place = [sorted(set(names)).index(name) for name in names]
     t = np.linspace(0.0, system.scenario.horizon, LOOKS)
     with np.errstate(all="ignore"):
-        X = program.run(0.0, start[: system.width], system.silent)
+        X = program.run(0.0, start[: system.width], system.quiet(0.0))
         slopes = np.nan_to_num(np.abs(program.derivatives(X, flowing)[program.places(rates)]), posinf=0.0)
         driven = np.nan_to_num(np.abs(system.table(t, np.zeros((LOOKS, system.width))).of(rates)), posinf=0.0)
     folded = np.zeros((len(names), len(names)))

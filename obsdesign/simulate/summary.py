@@ -115,20 +115,19 @@ def reconstruction(record: Record) -> tuple[dict[str, Any], list[Bound]]:
     """Accuracy of what, the bound on it or a note why there is none, and the bound where something is proved by it."""
     size = np.linalg.norm(record.signals.w_error, axis=1)
     found = {"limsup": float(size[record.course.late()].max()), "peak": float(size.max())}
-    guarantee, w = record.guarantee, record.acting.v
+    guarantee, acting = record.guarantee, record.acting
     if guarantee is None or guarantee.reconstruction is None:
         return found | {"note": "no bound on what - w is proved for these gains"}, []
     if why := no_reconstruction_bound(record):
         return found | {"note": why}, []
     states = record.acting.plant.states
     rates = record.now.of(map(rate, states)), record.now.of(rate(error(name)) for name in states)
-    known = not any(signal.names - {"t"} for signal in w)
-    w_rate = largest_rate(w, record.breaks, record.t) if known else sampled_rate(record)
+    w_rate = largest_rate(acting, record.breaks, record.t) if acting.timed else sampled_rate(record)
     if not np.isfinite(w_rate):
         return found | {"note": "w' is not bounded: no bound on what - w holds"}, []
     terms, proved = guarantee.reconstruction.check(record.course, found["limsup"], rates, w_rate)
     found |= terms
-    if known:
+    if acting.timed:
         return found, [proved]
     return found | {"note": "w depends on the states, w' is a difference: nothing is proved"}, []
 
@@ -139,8 +138,7 @@ def no_reconstruction_bound(record: Record) -> str:
         return record.uncovered
     if record.left:
         return f"{LOCAL} at t = {record.left[0].time:.4g}"
-    w = record.acting.v
-    if not any(signal.names - {"t"} for signal in w) and (jump := jump_of(w, record.breaks)) is not None:
+    if record.acting.timed and (jump := jump_of(record.acting, record.breaks)) is not None:
         return f"w jumps at t = {jump:.6g}, so that w' is not bounded: no bound on what - w holds"
     return ""
 

@@ -79,9 +79,10 @@ class System:
         self.width = self.end + len(INTEGRALS)
         self.seen = tuple(map(measured, observer.outputs)) if noisy else observer.outputs  # y as it is measured
         self.silent = np.zeros(len(made.measurable) if noisy else 0)
+        self.steady = (*(map(noise, observer.outputs) if noisy else ()), *scenario.recorded.inputs)
         self.still = np.zeros(1 + len(observer.outputs) if observer.jump else 0)
         states = (*self.flowing, *INTEGRALS)
-        inputs = ("t", *states, *(noise(name) for name in made.measurable if noisy))
+        inputs = ("t", *states, *(noise(name) for name in made.measurable if noisy), *scenario.recorded.inputs)
         self.build(made, inputs, [*map(rate, states), *self.recorded(made), *map(event, scenario.events)])
 
     def build(self, made: Definitions, inputs: tuple[str, ...], outputs: list[str]) -> None:
@@ -108,10 +109,11 @@ class System:
         return {Z2: fmpq(1)}, {V2: fmpq(1)}, b
 
     def signals(self, made: Definitions) -> dict[str, Definition]:
-        """Known inputs, known states of the disturbance model, and the drive."""
+        """Known inputs, known states of the disturbance model, the drive, and what of these is in files."""
         acting, plant = self.scenario, self.scenario.plant
         known = zip(plant.states[acting.integrated :], acting.known, strict=True)
         pairs = (*zip(plant.inputs, acting.u, strict=True), *known, *zip(plant.exogenous, acting.v, strict=True))
+        pairs = (*pairs, *acting.recorded.definitions.items())
         return {name: made.weights(signal) for name, signal in pairs} | dict(self.noises(made.measurable))
 
     def noises(self, measurable: Collection[str]) -> Iterator[tuple[str, Definition]]:
@@ -146,10 +148,11 @@ class System:
         return J
 
     def held(self, stretch: Stretch) -> Vector:
-        """Inputs held in a stretch: the noise, the signs of time alone, and those of the states, not known as yet."""
+        """Inputs held in a stretch: noise, rows of files, signs of time alone, and of the states, not known as yet."""
+        middle = 0.5 * (stretch.start + stretch.stop)
         return np.concatenate((
-            stretch.held[: len(self.silent)],
-            self.switches.at(0.5 * (stretch.start + stretch.stop)),
+            self.given(middle, stretch.held[: len(self.silent)]),
+            self.switches.at(middle),
             np.zeros(len(self.deciding)),
         ))  # fmt: skip
 
@@ -162,7 +165,7 @@ class System:
             return self.smooth.run(t, s[: self.width], held)[now]
 
         def true_values(t: float, s: Vector, held: Vector) -> Vector:
-            return self.program.run(t, s[: self.width], held[: len(self.silent)])[anew]
+            return self.program.run(t, s[: self.width], held[: self.beside_states])[anew]
 
         names = tuple(g.text for g in self.switches.others.values())
         return Watch(names, values, true_values) if names else None
@@ -180,7 +183,7 @@ class System:
         s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
             return self.with_initial(s, self.beside(0.0))
-        X, outputs = self.program.run(0.0, s, self.silent), self.observer.outputs
+        X, outputs = self.program.run(0.0, s, self.quiet(0.0)), self.observer.outputs
         errors, missing, y = map(self.program.places, (map(error, outputs), map(mismatch, self.corrections), outputs))
         supposed = -X[missing] if self.corrections else X[errors]  # yhat + theta, or yhat, less y
         return np.concatenate((s, [0.0], X[y] + supposed))
@@ -223,16 +226,25 @@ class System:
         return s
 
     def arriving(self, k: int, eta: Vector) -> Vector:
-        """Inputs of a jump beside t and s: the noise (ny,) or (ny, N), and the time since the measurement before."""
+        """Inputs of a jump beside t and s: the noise (ny,) or (ny, N), files, the time since the measurement before."""
         schedule = self.scenario.schedule
         assert schedule
-        gap = np.full((1, *eta.shape[1:]), schedule.intervals[k])
-        return np.concatenate((eta, gap)) if self.observer.gap else eta
+        known = [
+            *self.scenario.recorded.held(float(schedule.received[k])),
+            *[schedule.intervals[k]] * bool(self.observer.gap),
+        ]
+        return np.concatenate((eta, *(np.full((1, *eta.shape[1:]), value) for value in known)))
 
     def stopped(self, t: float, s: Vector, held: Vector) -> str:
         """Condition that is true at an instant and ends the run; empty if none is."""
-        beside = len(self.program.inputs) - self.width - 2  # the number 1 and t
-        return self.true_event(self.program.run(t, s[: self.width], held[:beside])) if self.scenario.events else ""
+        if not self.scenario.events:
+            return ""
+        return self.true_event(self.program.run(t, s[: self.width], held[: self.beside_states]))
+
+    @property
+    def beside_states(self) -> int:
+        """Number of the inputs of the program beside the number 1, t and s."""
+        return len(self.program.inputs) - self.width - 2
 
     def true_event(self, X: Vector) -> str:
         """Condition that is true, given the slots of the program; empty if none is."""
@@ -250,8 +262,7 @@ class System:
         linear = [row for row in rows if isinstance(row, Mapping)]
         held = tuple(dict.fromkeys(name for row in linear for name in row if name not in self.flowing))
         exactly = self.copied == tuple(map(error, self.scenario.plant.states))
-        steady = set(map(noise, self.observer.outputs)) if len(self.silent) else set()
-        varying = [name for name in held if not is_constant(name, definitions, steady)]
+        varying = [name for name in (*held, V2) if not is_constant(name, definitions, self.steady)]
         if len(linear) < len(rows) or not exactly or varying:
             return None
         columns = (*self.flowing, *held)
@@ -259,14 +270,22 @@ class System:
         return Affine(F, held)
 
     def beside(self, t: float | Float) -> Float:
-        """Inputs of the program beside t and s: the noise at an instant, (m,), or at instants (N,), (N, m)."""
-        return self.scenario.held(t)[..., : len(self.silent)]
+        """Inputs of the program beside t and s, at an instant, (m,), or at instants (N,), (N, m)."""
+        return self.given(t, self.scenario.held(t)[..., : len(self.silent)])
+
+    def quiet(self, t: float | Float) -> Float:
+        """The same without noise."""
+        return self.given(t, np.zeros((*np.shape(t), len(self.silent))))
+
+    def given(self, t: float | Float, noises: Float) -> Float:
+        """The same with some noise, (.., m)."""
+        return np.concatenate((noises, self.scenario.recorded.held(t)), axis=-1)
 
     def accumulated(self, t: Float, s: Float, now: "Table", breaks: Sequence[Break]) -> "Accumulated":
         """What states (N, ns) at times t, with their signals, say of all that was up to each."""
         plant, acting = self.scenario.plant, self.scenario
         z2, v2, b = s[:, self.end : self.end + 3].T
-        return Accumulated(z2, v2, largest_so_far(acting.v, breaks, t, now.of(plant.exogenous)), b, None)
+        return Accumulated(z2, v2, largest_so_far(acting, breaks, t, now.of(plant.exogenous)), b, None)
 
     def table(self, t: Float, s: Float) -> "Table":
         """Signals along states s (N, ns) at times t; NaN outside the model's domain."""
@@ -284,7 +303,7 @@ class System:
 
 
 def is_constant(name: str, definitions: Mapping[str, Definition], steady: Collection[str]) -> bool:
-    """Whether a signal is made of terms that are constant between breaks, as some signals are."""
+    """Whether a signal is made of terms, and of inputs, that are constant between breaks."""
     if name == UNIT or name in steady:
         return True
     made = definitions.get(name)

@@ -7,6 +7,7 @@ import numpy as np
 from obsdesign.expressions import Expression
 from obsdesign.sections.changes import opened
 from obsdesign.simulate.clock import clock_of, following
+from obsdesign.simulate.recorded import recordings
 from obsdesign.spec import Spec
 from obsdesign.trial import Simulation
 
@@ -90,7 +91,8 @@ def rates(spec: Spec, simulation: Simulation) -> Iterator[Found]:
 
 def at_start(spec: Spec, simulation: Simulation) -> dict[str, float]:
     """What signals may depend on, at t = 0."""
-    return {"t": 0.0, **dict(zip(spec.plant.states, map(float, simulation.x0), strict=False))}
+    in_files = {name: float(value) for name, value in recordings(spec, simulation).at(0.0).items()}
+    return {"t": 0.0, **in_files, **dict(zip(spec.plant.states, map(float, simulation.x0), strict=False))}
 
 
 def evaluated(signal: Expression, known: Mapping[str, float]) -> float:

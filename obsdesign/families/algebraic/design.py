@@ -69,7 +69,7 @@ def fitted(spec: Spec) -> Empirical | None:
     assert spec.typed
     inputs = spec.typed.equations.inputs
     u = dict(zip(inputs, spec.simulation.u, strict=True)) if spec.simulation else {}
-    if len(u) < len(inputs):
+    if len(u) < len(inputs) or (spec.simulation and any(side.text in spec.simulation.recorded for side in u.values())):
         return None
     try:
         return fit(spec.typed, u)

@@ -20,6 +20,8 @@ from obsdesign.sections.words import nearest
 BLOCK = 4 * 2**20  # bytes that are parsed at once
 LONGEST = 2**18  # bytes of a header, or of a row
 DELIMITERS = ",;\t"
+MOST_NAMED = 20  # heads that a message tells
+SECONDS = ("s", "sec", "seconds", "")  # units of time that need no factor
 MISSING = ("", "nan", "na", "null", "none")  # of a value, in whatever case
 UNIT = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 
@@ -37,6 +39,10 @@ class Header(NamedTuple):
         found = UNIT.match(text.strip())
         name, unit = (found["name"], found["unit"]) if found else (text, "")
         return cls(text.strip(), name.strip(), unit.strip())
+
+    def differs(self, unit: str, *, time: bool = False) -> bool:
+        """Whether it says another unit than a signal has, or, of a time, than seconds; none is no other."""
+        return self.unit not in SECONDS if time else bool(self.unit and unit and self.unit != unit)
 
 
 class Block(NamedTuple):
@@ -98,7 +104,9 @@ class Table:
         known = [one.name for one in self.columns]
         near = nearest(text, known)
         said = f"has no column {text}" + (f"; did you mean {near}?" if near else "")
-        raise self.wrong(f"{said}; it has {', '.join(one.text for one in self.columns)}", 1, id="OBS811")
+        heads = [one.text for one in self.columns[:MOST_NAMED]]
+        heads += [f"{len(self.columns) - MOST_NAMED} more"] if len(self.columns) > MOST_NAMED else []
+        raise self.wrong(f"{said}; it has {', '.join(heads)}", 1, id="OBS811")
 
     def blocks(self, wanted: Sequence[int]) -> Iterator[Block]:
         """Rows of some columns, block by block."""
@@ -115,6 +123,15 @@ class Table:
                     raise self.wrong(f"a row is longer than {LONGEST:,} bytes; is this a text file?", line, id="OBS811")
             if rest.strip():
                 yield self.slowly(rest, line, wanted)
+
+    def finite(self, wanted: Sequence[int]) -> Iterator[Block]:
+        """The same, where no value is infinite; one that is missing is NaN."""
+        for block in self.blocks(wanted):
+            if len(wrong := np.argwhere(np.isinf(block.rows))):
+                k, column = wrong[0]
+                said = f"{self.columns[wanted[column]].text}: infinite; leave it empty where it is missing"
+                raise self.wrong(said, int(block.lines[k]), id="OBS811")
+            yield block
 
     def parsed(self, text: bytes, line: int, wanted: Sequence[int]) -> Block:
         """Rows of whole lines; where nothing is missing, at once."""
@@ -180,6 +197,26 @@ class Table:
     def wrong(self, said: str, line: int, *, id: str) -> UsageError:
         """Error about a line."""
         return UsageError(Problem(said, self.path, line, id=id))
+
+
+def filled(values: Float, before: Float) -> Float:
+    """Rows (K, m) with what is missing as it was in the row before, (m,); NaN where it was never known."""
+    if not np.isnan(values).any():
+        return values
+    whole = np.vstack([before, values])
+    for column in whole.T:
+        known = np.maximum.accumulate(np.where(np.isnan(column), 0, np.arange(len(column))))
+        column[:] = column[known]
+    return whole[1:]
+
+
+def not_rising(t: float, before: float) -> str:
+    """What is wrong with an instant that is not after the one before."""
+    if np.isnan(t):
+        return "the time is missing"
+    return f"t = {t:.9g} " + (
+        "is that of the row before" if t == before else f"is before that of the row before, {before:.9g}"
+    )
 
 
 def number(text: str) -> float | None:
