@@ -204,9 +204,8 @@ class Design(Outcome):
         try:
             return to_json(self.result).encode()
         except ValueError:
-            raise UndecidedError(
-                Problem("the numbers are beyond what doubles can hold", self.spec.path, id="OBS508")
-            ) from None
+            said = "the numbers are beyond what doubles can hold"
+            raise UndecidedError(Problem(said, self.spec.path, id="OBS508")) from None
 
     def verify(self) -> Proof:
         """Prove the claim anew from what `save` writes, in rationals and with no solver.
