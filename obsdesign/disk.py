@@ -160,6 +160,7 @@ def whole(path: str) -> Iterator[IO[bytes]]:
         return
     place = Path(path).resolve()
     try:
+        remove_strays(place.parent)
         with tempfile.NamedTemporaryFile(dir=place.parent, prefix=STAGED, delete=False) as file:
             staged = Path(file.name)
             try:

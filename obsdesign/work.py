@@ -145,17 +145,19 @@ def trial(
 
 
 def otherwise(design: Design, changes: Sequence[str]) -> Design:
-    """Design whose run is another one; raises `UsageError` if a change is not of a key of `simulation:`."""
+    """Design with another run or log; raises `UsageError` if a change is not of a key of `simulation:` or `data:`."""
     for change in changes:
-        if not re.match(r"\s*simulation[.=]", change):
-            said = "these gains belong to their spec as it is; beside a result only keys of simulation: can be set"
+        if not re.match(r"\s*(simulation|data)[.=]", change):
+            said = "these gains belong to their spec as it is; beside a result only keys of simulation: and data: can"
+            said += " be set"
             raise UsageError(Problem(said, f"--set {described(change)}", id="OBS904"))
     if not changes:
         return design
     require_distinct(changes)
     spec = design.spec
     changed = loads(spec.text, spec.path, (*spec.changes, *changes))
-    return replace(design, spec=replace(spec, simulation=changed.simulation, changes=changed.changes))
+    tried = {"simulation": changed.simulation, "data": changed.data, "changes": changed.changes}
+    return replace(design, spec=replace(spec, **tried))
 
 
 def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:

@@ -605,6 +605,29 @@ def test_an_observer_that_escapes_is_told_with_the_row():
         od.estimate(design, log("log.csv", ["t", *spec.plant.outputs], t, np.ones((len(t), 2))))
 
 
+def test_what_is_known_of_a_log_is_set_beside_a_result(gains):
+    outcome = run("estimate", gains, "log.csv", "--set", "data.v_sup=3", "-o", "wide.csv", "-q")
+    assert outcome.exit_code == 0, outcome.output
+    assert run("estimate", gains, "log.csv", "-o", "own.csv", "-q").exit_code == 0
+    wide, own = (np.loadtxt(path, delimiter=",", skiprows=1)[:, 3] for path in ("wide.csv", "own.csv"))
+    assert wide[0] == own[0]
+    assert (wide[1:] > own[1:]).all()
+    assert run("estimate", gains, "log.csv", "--set", "observer.rho=0.5").exit_code == 2
+
+
+def test_rows_that_are_too_far_apart_are_told_before_any_step():
+    design = solved("pendulum-embedded")[1]
+    path = log("log.csv", ["t", "y_angle", "y_speed"], [0.0, 0.001, 1e9], *[np.zeros(3)] * 2)
+    with pytest.raises(UndecidedError, match=r"log.csv:4:0: 1e\+09 s after the row before"):
+        od.estimate(design, path)
+
+
+def test_what_a_killed_command_left_half_written_is_removed(gains):
+    Path(".obsdesign-staged-999999999-abc").write_text("half")
+    assert run("estimate", gains, "log.csv", "-q").exit_code == 0
+    assert not any(name.startswith(".obsdesign") for name in files())
+
+
 def test_gains_that_are_not_there_are_told():
     outcome = run("solve", SPECS / "infeasible" / "hidden-sensor-bias.yaml", "-o", "none.gains.json", "-q")
     assert outcome.exit_code == 3

@@ -206,7 +206,7 @@ def test_a_run_of_given_gains_changes_its_trial_only():
     assert Path("cart.run.csv").read_text().splitlines()[-1].startswith("0.5,")
     outcome = run("simulate", "cart.gains.json", "--set", "observer.alpha=1")
     assert (outcome.exit_code, outcome.stdout) == (2, "")
-    assert "only keys of simulation: can be set" in outcome.stderr
+    assert "only keys of simulation: and data: can be set" in outcome.stderr
     paired = ["specs/cart.yaml", "--gains", "cart.gains.json", "--set", "simulation.horizon=0.25", "-q"]
     assert run("simulate", *paired).exit_code == 0
     assert Path("cart.run.csv").read_text().splitlines()[-1].startswith("0.25,")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from obsdesign.cli.printing import say
-from obsdesign.cli.program import AsJson, Quiet, Timeout
+from obsdesign.cli.program import AsJson, Changes, Quiet, Timeout
 from obsdesign.cli.steps import as_text, interruptible, progress, stem
 from obsdesign.disk import require_ending, require_two, require_writable
 from obsdesign.errors import UsageError
@@ -25,6 +25,7 @@ def estimate(
     data: Annotated[str, typer.Argument(metavar="DATA.csv", help="Log: a column of time, and of each signal.")],
     output: Annotated[str, typer.Option("-o", "--output", help="Estimates (CSV); - is standard output.")] = "",
     plot: Annotated[str, typer.Option("--plot", help="Figure (PNG, or SVG by its ending).")] = "",
+    changes: Changes = [],  # noqa: B006
     columns: Annotated[
         list[str], typer.Option("--map", metavar="y1=COLUMN", help="Column of an output, input, of t or of arrival.")
     ] = [],  # noqa: B006
@@ -52,7 +53,7 @@ def estimate(
         from obsdesign.work import trial
 
         with progress(quiet) as report:
-            design = trial(source, "", "clarabel", report)
+            design = trial(source, "", "clarabel", report, changes)
             with design.spec.placed():
                 made = Estimation(design, Log.of(data, design.spec, chosen, named(hold), repair=repair))
                 found = kept_in(paths[0], made, lambda share: report(share, "estimates"))

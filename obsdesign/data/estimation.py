@@ -26,6 +26,7 @@ from obsdesign.trial import Implementation
 NOTHING: Mapping[str, str] = MappingProxyType({})
 DRAWN = 6000  # rows of a figure at most
 RTOL = 1e-6  # of estimates between rows, where the spec tells no steps
+MOST = 1_000_000  # steps between two rows
 FINEST = 2**14  # parts of the time between rows, beyond which a spec must tell its steps
 
 
@@ -133,6 +134,12 @@ class Estimation:
 
     def advanced(self, made: Runner, rows: Rows, begin: int) -> tuple[Runner, Passed]:
         """Go along rows; where the spec tells no steps, in such that halving them changes no estimate by 1e-6."""
+        longest = float(np.diff(rows.known).max(initial=0.0))
+        period = self.step or float(made.one.period.p) / float(made.one.period.q)
+        if longest > MOST * period:
+            line = int(rows.lines[int(np.argmax(np.diff(rows.known))) + 1])
+            said = f"{longest:.6g} s after the row before, which is more than {MOST:,} steps of {period:.3g} s"
+            raise UndecidedError(Problem(said, self.log.table.path, line, id="OBS813"))
         if not self.step:
             return made, made.run(rows.known, rows.u, rows.y, begin, self.first)
 

@@ -30,6 +30,7 @@ class Runner(Protocol):
     """An observer between two rows, wherever it is."""
 
     engine: ClassVar[Literal["c", "numpy"]]
+    one: Implemented
 
     def run(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float = 0.0) -> Passed:
         """Go along rows: t (K,), u (K, nu), y (K, ny), in which nothing is missing but what is not measured.

@@ -41,6 +41,8 @@ def search_figure(result: Mapping[str, Any], spec: Spec | None = None, form: For
         return None
     if (gain := search.get("parameter")) in GAINS:
         size = {gain: spectral_norm(result["observer"][gain])} if gain in result.get("observer", {}) else {}
+        kept = [one for one in spec.conditions if not one.startswith(f"|{gain}|")] if spec else []  # not what is varied
+        title = heading(result["name"], kept)
         return gain_figure(points, {**claimed, **size} if size and "gamma" in claimed else None, title, gain, **told)
     if any("weight" in point for point in points):
         draw = surface_figure if "parameters" in search else front_figure

@@ -34,8 +34,8 @@ def require_distinct(changes: Sequence[str]) -> None:
 
 
 def claimed(changes: Sequence[str]) -> list[str]:
-    """Changes that make a claim one of another problem: how it is tried, and what is expected, make none."""
-    return [change for change in changes if not re.match(r"\s*(simulation|expect)\b", change)]
+    """Changes that make a claim one of another problem: how it is tried, a log, and what is expected make none."""
+    return [change for change in changes if not re.match(r"\s*(simulation|data|expect)\b", change)]
 
 
 def parted(change: str) -> tuple[Loc, str, str]:
