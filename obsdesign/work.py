@@ -156,8 +156,8 @@ def otherwise(design: Design, changes: Sequence[str]) -> Design:
     require_distinct(changes)
     spec = design.spec
     changed = loads(spec.text, spec.path, (*spec.changes, *changes))
-    tried = {"simulation": changed.simulation, "data": changed.data, "changes": changed.changes}
-    return replace(design, spec=replace(spec, **tried))
+    tried = replace(spec, simulation=changed.simulation, data=changed.data, changes=changed.changes)
+    return replace(design, spec=tried)
 
 
 def read(path: str | os.PathLike[str], spec: Spec | None = None) -> Design:

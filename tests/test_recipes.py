@@ -106,7 +106,7 @@ def test_a_family_reads_its_own_section():
         ("{type: luenberger, poles: 2}", "poles", "must not be positive, for 2 states"),
         ("{type: luenberger, poles: -2, speed: -1}", "speed", "give a number > 0"),
         ("{type: luenberger, poles: -2, alpha: 1}", "alpha", "does not belong to type luenberger, but to l2 or linf"),
-        ("{type: l2, poles: -2}", "poles", "does not belong to type l2 or linf, but to luenberger"),
+        ("{type: l2, speed: 1}", "speed", "does not belong to type l2 or linf, but to luenberger"),
         ("{type: luenbergr, poles: -2}", "type", "did you mean luenberger? allowed: l2, linf, sporadic, lipschitz"),
     ],
 )

@@ -104,7 +104,7 @@ class Inverse:
 
 
 @dataclass(frozen=True)
-class Solved:
+class Resolved:
     """A signal, or one that is defined, which an error that is zero gives."""
 
     signal: str
@@ -122,8 +122,8 @@ class Identities:
     defined: Named  # each over those before it
     laws: tuple[Law, ...]
     inverse: Inverse
-    solved: Mapping[str, Solved]
-    known: Mapping[str, Solved] = field(default_factory=dict)
+    solved: Mapping[str, Resolved]
+    known: Mapping[str, Resolved] = field(default_factory=dict)
     falls: tuple[Fall, ...] = ()
 
     def whole(self, f: Expression, kept: frozenset[str] = frozenset()) -> Expression:

@@ -9,7 +9,7 @@ from functools import reduce
 
 from flint import fmpq
 
-from obsdesign.coq.identities import Fall, Identities, Inverse, Law, Solved, factors
+from obsdesign.coq.identities import Fall, Identities, Inverse, Law, Resolved, factors
 from obsdesign.coq.signals import ATOM, along, bounds, derivable, literal, operand, quotient_of, text, vanishes
 from obsdesign.coq.theorem import UnexportedError
 from obsdesign.expressions import Expression
@@ -59,7 +59,7 @@ class Stated:
             raise UnexportedError(f"{law.what} is no identity that ring and field of Coq prove")
 
     @property
-    def solutions(self) -> list[Solved]:
+    def solutions(self) -> list[Resolved]:
         """What the errors before it give; raises `UnexportedError`."""
         missing = [name for name in self.law.before if name not in self.claim.solved]
         if missing:
@@ -249,7 +249,7 @@ class Back:
                 raise UnexportedError(said)
 
     @property
-    def solved(self) -> list[Solved]:
+    def solved(self) -> list[Resolved]:
         """What follows where the errors are zero."""
         return [self.claim.known[name] for name in self.inverse.right]
 

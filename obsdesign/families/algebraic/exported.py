@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from flint import fmpq
 
-from obsdesign.coq.identities import Fall, Identities, Inverse, Law, Run, Solved
+from obsdesign.coq.identities import Fall, Identities, Inverse, Law, Resolved, Run
 from obsdesign.coq.runs import exported
 from obsdesign.coq.theorem import UnexportedError
 from obsdesign.expressions import Expression
@@ -89,7 +89,7 @@ def of_coordinates(plant: Plant, form: Transformed, rates: Mapping[str, fmpq]) -
     right = {name: added([side, theta[name]]) if name in theta else side for name, side in xi.items()}
     observer = {c.name: added([multiplied(c.rate, xi[c.name]), c.B.substituted(right)]) for c in form.coordinates}
     defined: dict[str, Expression] = {}
-    laws, solved = list[Law](), dict[str, Solved]()
+    laws, solved = list[Law](), dict[str, Resolved]()
     for c in form.coordinates:
         before = tuple(f"e {name}" for name in ordered(form, waits(form, *c.B.names)))
         what = f"d/dt ({c.phi}) = ({c.rate}) phi + {c.B}"
@@ -100,7 +100,7 @@ def of_coordinates(plant: Plant, form: Transformed, rates: Mapping[str, fmpq]) -
             laws.append(Law(f"e {c.name}", {f"e {c.name}": c.rate}, what, before, rates.get(c.name)))
         defined[f"e {c.name}"] = less(right[c.name], c.phi)
         solved[f"e {c.name}"] = (
-            Solved(f"theta_{c.name}", less(c.phi, xi[c.name])) if c.estimated else Solved(c.name, c.phi)
+            Resolved(f"theta_{c.name}", less(c.phi, xi[c.name])) if c.estimated else Resolved(c.name, c.phi)
         )
     if form.estimator is not None:
         observer |= regressed(form, defined, laws)
@@ -143,7 +143,7 @@ def of_proportional(plant: Plant, form: Transformed, scheme: Scheme, rates: Mapp
     cascade = attraction(plant, form, theta, ())
     errors = {f"δ_{c.name}": f"e {c.name}" for c in form.coordinates}
     defined: dict[str, Expression] = {}
-    solved: dict[str, Solved] = {}
+    solved: dict[str, Resolved] = {}
     right: dict[str, Expression] = {}
     constant: list[Law] = []
     for c in form.coordinates:
@@ -154,7 +154,7 @@ def of_proportional(plant: Plant, form: Transformed, scheme: Scheme, rates: Mapp
             before = tuple(f"e {name}" for name in ordered(form, waits(form, *c.B.names)))
             constant.append(Law(f"k {c.name}", {}, f"d/dt ({c.phi}) = {c.B}", before))
         defined[e] = less(right[c.name], c.phi)
-        solved[e] = Solved(f"zeta_{c.name}", less(c.phi, xi, K[c.name])) if c.estimated else Solved(c.name, c.phi)
+        solved[e] = Resolved(f"zeta_{c.name}", less(c.phi, xi, K[c.name])) if c.estimated else Resolved(c.name, c.phi)
     told = {f"e {name.removeprefix('theta of ')}": rate for name, rate in rates.items()}
     laws = (*constant, *cascaded(cascade, errors, told))
     falls = together(cascade, errors)
@@ -221,8 +221,8 @@ def of_manifold(plant: Plant, form: Immersion, scheme: Scheme, rates: Mapping[st
     names = dict(zip(cascade.errors, e, strict=True))
     told = {names[symbol]: rates[one.name] for symbol, one in cascade.errors.items() if one.name in rates}
     laws = tuple(cascaded(cascade, names, told))
-    known = {f"e {i}": Solved(f"b {i}", side) for i, side in zip(places, form.phi, strict=True)}
-    solved, taken = dict[str, Solved](), set[str]()
+    known = {f"e {i}": Resolved(f"b {i}", side) for i, side in zip(places, form.phi, strict=True)}
+    solved, taken = dict[str, Resolved](), set[str]()
     for name, phi, beta in zip(e, form.phi, form.beta, strict=True):
         if (one := linear_in(beta, phi, [chi for chi in form.chi if chi not in taken])) is not None:
             solved[name] = one
@@ -236,12 +236,12 @@ def of_manifold(plant: Plant, form: Immersion, scheme: Scheme, rates: Mapping[st
     )
 
 
-def linear_in(beta: Expression, phi: Expression, chi: list[str]) -> Solved | None:
+def linear_in(beta: Expression, phi: Expression, chi: list[str]) -> Resolved | None:
     """A signal, the only one of several in beta, that beta = phi gives; None of none."""
     inside = [name for name in chi if name in beta.names]
     if len(inside) != 1 or beta.derivative(inside[0]).text != "1":
         return None
-    return Solved(inside[0], less(phi, beta.substituted({inside[0]: ZERO})))
+    return Resolved(inside[0], less(phi, beta.substituted({inside[0]: ZERO})))
 
 
 def of_copy(plant: Plant, form: HighGain, scheme: Scheme, rates: Mapping[str, fmpq]) -> Identities:
@@ -252,7 +252,7 @@ def of_copy(plant: Plant, form: HighGain, scheme: Scheme, rates: Mapping[str, fm
     inside = {name for side in meaning.values() for name in side.names}
     constant = tuple(u for u in plant.inputs if u in inside)
     defined = {f"e {name}": less(variable(name), side) for name, side in meaning.items()}
-    solved = {f"e {name}": Solved(name, side) for name, side in meaning.items()}
+    solved = {f"e {name}": Resolved(name, side) for name, side in meaning.items()}
     laws = []
     for i, (name, row) in enumerate(zip(sides, M, strict=True)):
         terms = {f"e {other}": c for other, c in zip(sides, row, strict=True) if c.text != "0"}
