@@ -31,7 +31,7 @@ OBSERVERS = on(  # spec, period, method: every family, time and method, loops, j
     ("corless2019-magnetic-bearing", "5.0e-6", "euler"),
     ("discrete-feedthrough", None, None),
     ("discrete-battery", None, None),
-    ("dc-motor-sampled", "1.0e-3", "exact"),
+    ("lost-packets", "1.0e-2", "exact"),
     ("ferrante2019-oscillator-gap", "1.0e-2", "rk4"),
     ("cuk-kkl-pebo", "1.0e-5", "rk4"),
     ("cuk-immersion", "1.0e-6", "rk4"),
@@ -152,9 +152,9 @@ def test_an_estimate_at_the_start_is_where_it_is_asked_for(tmp_path):
 
 
 def test_many_steps_of_a_loop_are_those_of_the_simulator(tmp_path):
-    """100,000 steps at 1 kHz; a million were run by hand."""
+    """20,000 steps at 1 kHz; a million were run by hand."""
     spec, design = solved("pendulum-embedded")
-    text = spec.text.replace("horizon: 20", "horizon: 100").replace("0.4 + 0.5*(1 - exp(8 - t))", "sin(0.3*t)")
+    text = spec.text.replace("0.4 + 0.5*(1 - exp(8 - t))", "sin(0.3*t)")
     long = loads(text)
     made, _ = passage(long, design.observer)
     code = Library(od.export(design, "c"), tmp_path)
@@ -165,7 +165,7 @@ def test_many_steps_of_a_loop_are_those_of_the_simulator(tmp_path):
         assert code("estimate", row.t, None, None, out) == 0
         worst = max(worst, (np.abs(np.array(out) - expected) / size).max())
         assert code("step", row.t, None, doubles(*y)) == 0
-    assert len(made.rows) == 100_001
+    assert len(made.rows) == 20_001
     assert worst < 1e-12
 
 

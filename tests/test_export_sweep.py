@@ -8,7 +8,7 @@ from test_export_fmu import Slave, expected, fmpy, linux
 from test_export_matlab import octave, ran
 from test_export_python import imported
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.sweep]  # three minutes: run by hand
 NAMES = on(*(name for name in ALL if not name.startswith("infeasible/") and name not in SLOW))
 
 
