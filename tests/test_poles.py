@@ -170,6 +170,7 @@ def test_frozen_members_of_random_designs_are_where_they_are_proved_to_be():
     assert sum(map(hold_members, range(4))) >= 2
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_frozen_members_of_many_random_designs_are_where_they_are_proved_to_be():
     count = SWEEP.size(60)

@@ -284,6 +284,7 @@ def test_the_kernel_accepts_one_design_of_each_type(library, tmp_path):
     accepted(library, [theorem(name, tmp_path) for name in TYPES])
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @needs_coq
 def test_the_kernel_accepts_the_other_designs(library, tmp_path):
