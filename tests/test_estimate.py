@@ -86,7 +86,7 @@ def test_estimates_are_those_of_the_simulator(name, period, method):
     for state in spec.plant.states:
         assert_same(found[f"hat_{state}"], made[f"hat_{state}"])
     assert found.report["rows"] == len(made.t)
-    assert (found["covered"] == float(spec.period is not None)).all()  # of steps nothing is proved
+    assert (found["covered"] == float(design.guarantee is not None)).all()
 
 
 def test_between_rows_it_is_as_exact_as_it_says():
@@ -271,6 +271,38 @@ def test_a_plant_that_may_be_outside_the_region_is_not_covered():
     near = od.estimate(od.solve(loads(ESCAPING.replace("x: 3", "x: 0.3"))), path)
     assert (near["covered"] == 1).all()
     assert np.isfinite(near["radius_x"]).all()
+
+
+def test_a_measurement_that_is_overdue_ends_what_is_proved():
+    design = solved("ferrante2019-oscillator-clock")[1]
+    T1, T2 = design.guarantee.T1, design.guarantee.T2
+    t = np.cumsum([0.0, *[(T1 + T2) / 2] * 5, 2 * T2, *[(T1 + T2) / 2] * 3])
+    found = od.estimate(design, log("log.csv", ["t", *design.spec.plant.outputs], t, np.ones(len(t))))
+    assert found["covered"].tolist() == [1.0] * 6 + [0.0] * 4
+
+
+def test_a_claim_for_a_range_of_inputs_has_no_radius():
+    """The slope of f depends on u, whose range is not followed."""
+    text = """
+obsdesign: 1
+name: Ranged
+system:
+  time: discrete
+  period: 0.1
+  states: [x, z]
+  inputs: [u]
+  disturbances: [w]
+  dynamics: {x: 0.5*x + 0.1*z, z: 0.5*z + 0.1*u*sin(z) + 0.1*w}
+  outputs: {y: x}
+  domain: {x: [-1, 1], z: [-1, 1], u: [-1, 1]}
+observer: {type: linf, rho: 0.9, gains: {L1: [[-0.1], [0]]}}
+data: {v_sup: 1, e0: {x: 0.1, z: 0.1}}
+"""
+    design = od.solve(loads(text))
+    assert design.status == "certified"
+    found = od.estimate(design, log("log.csv", ["t", "u", "y"], 0.1 * np.arange(4), 5 * np.ones(4), np.zeros(4)))
+    assert "ranges of known inputs" in found.report["radius"]["none"]
+    assert (found["covered"] == 0).all()
 
 
 def test_rows_that_drift_from_their_samples_are_refused(scalar):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from obsdesign.data.runner import Passed, Runner, runner
 from obsdesign.design import Design
 from obsdesign.disk import whole
 from obsdesign.errors import Problem, UndecidedError, UsageError
-from obsdesign.families.observer import Observer
+from obsdesign.families.guarantee import ROUNDING, SampledGuarantee
 from obsdesign.lmi.formula import Array, Float, rational_number
 from obsdesign.spec import Spec, limited
 from obsdesign.stepping.implemented import implemented, watched
@@ -61,6 +61,7 @@ class Estimation:
         self.engine = ""
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
         self.left = False
+        self.measured: float | None = None  # s, the last measurement at an instant, or the first row
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -165,25 +166,42 @@ class Estimation:
         self.missing += int(np.isnan(y).any(axis=1).sum())
         t = (rows.t if self.late_ones else rows.known)[:K]
         radii = self.radius.along(np.arange(first, first + K)) if isinstance(self.radius, Radius) else np.zeros((K, 0))
-        covered = self.inside(passed.arguments, first, ~rows.guessed[:K] & np.isfinite(y).all(axis=1)) & self.covers
+        known = ~rows.guessed[:K] & np.isfinite(y).all(axis=1)
+        covered = self.inside(passed.arguments, first, known, self.timely(t, y)) & self.covers
         radii = np.where(covered[:, None], radii, np.nan)
         self.uncovered += int((~covered).sum())
         return Part(t, passed.estimates, innovations, radii, covered)
 
     @cached_property
     def covers(self) -> bool:
-        """Whether anything that is proved is about the observer as it runs here."""
-        return self.design.guarantee is not None and (self.spec.period is not None or self.spec.implementation is None)
+        """Whether anything is proved of the observer, for inputs and outputs of any size."""
+        return self.design.guarantee is not None and not any(block.others for block in self.spec.nonlinearities)
 
-    def inside(self, q: Float, first: int, known: Array) -> Array:
+    def timely(self, t: Float, y: Float) -> Array:
+        """Rows at which no measurement at instants is overdue, and none came sooner than the guarantee expects."""
+        guarantee = self.design.guarantee
+        if guarantee is None or not self.observer.jump or self.late_ones:
+            return np.ones(len(t), dtype=bool)
+        sampled, kept = cast("SampledGuarantee", guarantee), np.ones(len(t), dtype=bool)
+        shortest = sampled.T1 if sampled.ahead is not None else 0.0
+        for k, measured in enumerate(np.asarray(np.isfinite(y).any(axis=1))):
+            gap = float(t[k]) - (self.measured if self.measured is not None else float(t[k]))
+            hasty = measured and self.measured is not None and gap < shortest * (1 - ROUNDING)
+            kept[k] = gap <= sampled.T2 * (1 + ROUNDING) and not hasty
+            if measured or self.measured is None:
+                self.measured = float(t[k])
+        return kept
+
+    def inside(self, q: Float, first: int, known: Array, timely: Array) -> Array:
         """Rows up to which the arguments of f stay where the types hold, and nothing that bounds rest on is missing.
 
         Where radii are told, those of the plant too: within the radius of its argument of that in the observer.
-        `first`: number of the first row; `known`: rows in which nothing is missing.
+        `first`: number of the first row; `known`: rows in which nothing is missing; `timely`: those of `timely`.
         """
         kept = known.copy() if not self.observer.jump else np.ones(len(q), dtype=bool)
         at = np.arange(first, first + len(q))
         spread = self.radius.of_arguments(at) if isinstance(self.radius, Radius) else np.zeros((len(q), q.shape[1]))
+        kept &= timely
         for column, low, high in self.limits:
             kept &= (q[:, column] - spread[:, column] >= low) & (q[:, column] + spread[:, column] <= high)
         if self.left:
@@ -195,7 +213,7 @@ class Estimation:
     @cached_property
     def limits(self) -> list[tuple[int, float, float]]:
         """Argument of f, and the limits within which its type holds."""
-        known = implemented_arguments(self.spec, self.observer)
+        known = len(watched(self.spec, self.observer))
         return [(column, *ends) for _, _, column, ends in limited(self.spec.nonlinearities) if column < known]
 
     def report(self) -> dict[str, Any]:
@@ -315,11 +333,6 @@ def told(made: Estimation, progress: Callable[[float], None] | None) -> Iterator
         yield part
         if progress is not None:
             progress(made.log.table.share)
-
-
-def implemented_arguments(spec: Spec, observer: Observer) -> int:
-    """How many arguments of f the observer shows."""
-    return len(watched(spec, observer))
 
 
 def agree(one: Float, other: Float) -> bool:

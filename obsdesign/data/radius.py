@@ -98,20 +98,29 @@ def outputs(spec: Spec, estimates: Sequence[str]) -> dict[str, Array]:
 
 def uncovered(design: Design, where: Recorded) -> str:
     """Why what is proved says nothing of a log, or nothing."""
-    spec = design.spec
-    if spec.period is None and spec.implementation is not None:
-        return "nothing is proved of the steps of an implementation; take a plant in samples"
-    if spec.period is None:
-        return "of a continuous plant y is not known between rows; take a plant in samples, or discretise with a defect"
-    if spec.continuous is not None and spec.continuous.defect is None:
-        return "nothing is proved of the continuous plant: give discretise a defect"
-    if where.arrival:
-        return "rows are used when they arrive, and nothing is proved of that"
-    p = spec.augmented
+    spec, p = design.spec, design.spec.augmented
     loops = (p.Dqf != 0).any() or (p.Dq != 0).any() or spec.observer.filtered
-    if spec.validity and (loops or (design.gains.get("L2", np.zeros(0)) != 0).any()):
-        return "the claim is local, and where the arguments of f are in the plant does not follow from the estimates"
-    return ""
+    injected = (design.gains.get("L2", np.zeros(0)) != 0).any()
+    continuous = spec.period is None
+    reasons = {
+        "nothing is proved of the steps of an implementation; take a plant in samples": (
+            continuous and spec.implementation is not None
+        ),
+        "of a continuous plant y is not known between rows; take a plant in samples, or discretise with a defect": (
+            continuous
+        ),
+        "nothing is proved of the continuous plant: give discretise a defect": (
+            spec.continuous is not None and spec.continuous.defect is None
+        ),
+        "rows are used when they arrive, and nothing is proved of that": bool(where.arrival),
+        "the claim holds for ranges of known inputs or outputs, which are not followed along a log": (
+            any(block.others for block in spec.nonlinearities)
+        ),
+        "the claim is local, and where the arguments of f are in the plant does not follow from the estimates": (
+            bool(spec.validity) and (loops or injected)
+        ),
+    }
+    return next((why for why, applies in reasons.items() if applies), "")
 
 
 def premise(spec: Spec) -> str:
