@@ -33,10 +33,13 @@ interrupted: list[int] = []  # signals that the child heard
 def limited(seconds: float) -> Iterator[None]:
     """Give up after so many seconds; every second again, for an error raised within a destructor is lost.
 
-    Raises `TimeLimitError`: the time is over.
+    Raises `TimeLimitError`: the time is over, whatever this became on its way, such as an ImportError.
     """
+    over = False
 
     def stop(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        nonlocal over
+        over = True
         raise late(seconds)
 
     before = signal.signal(signal.SIGALRM, stop)
@@ -44,6 +47,10 @@ def limited(seconds: float) -> Iterator[None]:
     LIMIT.pack_into(shared, 0, seconds, time.monotonic() + seconds)
     try:
         yield
+    except Exception as raised:
+        if over and not hasattr(raised, "exit_code"):  # an answer has one
+            raise late(seconds) from None
+        raise
     finally:
         LIMIT.pack_into(shared, 0, 0, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)

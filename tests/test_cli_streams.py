@@ -16,6 +16,8 @@ import pytest
 from support.commands import begin, files, hearing, interrupted, run
 
 import obsdesign.__main__ as entry
+from obsdesign.errors import TimeLimitError
+from obsdesign.watch import limited
 
 COMMAND = [sys.executable, "-m", "obsdesign"]
 SAFE = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(entry.__file__).parent.parent)}
@@ -205,6 +207,17 @@ def test_a_limit_of_time_is_kept_while_compiled_code_computes(gains):
     assert (code, out) == (4, "")
     assert err.endswith("not finished after 0.5 s; --timeout allows more [OBS905]\n")
     assert time.monotonic() - began < 0.5 + 2 + 2  # and the time to start a process on a busy machine
+
+
+def test_a_limit_of_time_is_told_whatever_it_became_on_its_way():
+    class Slow:
+        def __set_name__(self, owner, name):
+            time.sleep(5)
+
+    with pytest.raises(TimeLimitError, match=r"not finished after 0\.01 s"), limited(0.01):
+        type("Made", (), {"attribute": Slow()})  # a RuntimeError of Python 3.11, where a class has failed
+    with pytest.raises(ZeroDivisionError), limited(60):
+        1 / 0  # noqa: B018
 
 
 def unheard():
