@@ -1,5 +1,6 @@
 """The split of a plant as equations is the equations; identities that are proved are true."""
 
+import math
 import random
 import re
 
@@ -13,6 +14,7 @@ from support.sweep import examples
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression, ExpressionError, parse
 from obsdesign.expressions.algebra import identical
+from obsdesign.model.coefficients import Coefficients
 from obsdesign.model.split import Splitter
 from obsdesign.reading import loads
 
@@ -223,3 +225,35 @@ def test_a_spec_of_random_equations_is_split_or_answered_in_lines_of_its_own_key
     for name, text in zip((*STATES, "y"), texts, strict=True):
         side = {**plant.dynamics, **plant.outputs}[name].substituted(q).substituted(dict(plant.outputs)).substituted(q)
         assert agree(side, parse(text, NAMES), NAMES)
+
+
+@pytest.mark.parametrize(
+    ("side", "row", "read"),
+    [
+        ("sqrt(2)*w - b", {"w": math.sqrt(2), "b": -1}, {"sqrt(2)"}),
+        ("-sqrt(2)*(a + w)/pi", {"a": -math.sqrt(2) * (1 / math.pi)}, {"sqrt(2)", "pi"}),
+        ("a*(1 + exp(1))/2", {"a": (1 + math.e) / 2}, {"1 + exp(1)"}),
+        ("sin(pi*t) + u*sqrt(3) + sin(pi*a) + a", {"a": 1}, set()),  # what is known, and functions, keep theirs
+    ],
+)
+def test_an_irrational_coefficient_is_a_double(side, row, read):
+    coefficients = Coefficients((*STATES, *DISTURBANCES))
+    made = coefficients.in_numbers(parse(side, NAMES))
+    linear = Splitter(STATES, DISTURBANCES, {}).split({"a": made}, {}).linear["a"]
+    assert {name: float(linear[name]) for name in row} == pytest.approx(row, rel=1e-15)
+    assert set(coefficients.read) == read
+    assert all(float(parse(text, ()).scalar(())()) == value for text, value in coefficients.read.items())
+
+
+def test_an_irrational_coefficient_that_is_not_finite_is_refused():
+    with pytest.raises(ExpressionError, match="undefined, infinite"):
+        Coefficients(STATES).in_numbers(parse("log(0)*a", NAMES))
+
+
+def test_a_spec_says_which_double_is_meant():
+    spec = loads(
+        "obsdesign: 1\nsystem: {states: [a], disturbances: [w], dynamics: {a: sqrt(2)*w - a}, outputs: {y: a}}\n"
+        "observer: {type: l2, alpha: 0.1}"
+    )
+    assert float(spec.plant.B[0, 0]) == math.sqrt(2)
+    assert spec.notes == ("sqrt(2) in system.dynamics.a is read as the double 1.4142135623730951",)

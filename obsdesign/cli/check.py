@@ -56,7 +56,8 @@ def checked(spec: str, changes: Sequence[str], as_json: bool, quiet: bool) -> An
         report = {"name": problem.name, "possible": possible, "findings": [f.written() for f in findings]}
         text = as_text(report | entry(problem) | {"notes": list(problem.notes)})
     else:
-        text = "" if quiet else printed(problem) + "".join(map(line, findings))
+        read = [f"read  {note}\n" for note in problem.notes]
+        text = "" if quiet else "".join([printed(problem), *read, *map(line, findings)])
     return Answer(text, 0 if possible else 3)
 
 

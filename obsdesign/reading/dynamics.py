@@ -8,6 +8,7 @@ from flint import fmpq
 
 from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.expressions import Expression, ExpressionError
+from obsdesign.model.coefficients import Coefficients
 from obsdesign.model.split import Split, Splitter, Term
 from obsdesign.nonlinearities.evidence.restriction import Ends
 from obsdesign.reading import plant_schema as schema
@@ -16,7 +17,7 @@ from obsdesign.reading.noise import channels, in_outputs
 from obsdesign.reading.plant import Layout, Names, Reading, W, X, Y, read_matrices, read_names, refuse_outputs
 from obsdesign.reading.plant_schema import AUTO
 from obsdesign.reading.terms import Typed, Types, over, read_types
-from obsdesign.sections.document import Loc
+from obsdesign.sections.document import Loc, dotted
 from obsdesign.sections.values import Entries, Reader
 from obsdesign.sections.words import unknown
 from obsdesign.trial import Level
@@ -48,11 +49,25 @@ def read_sides(reader: Reader, system: schema.Equations, names: Names) -> tuple[
     def read(key: str, texts: Mapping[str, str]) -> dict[str, Expression]:
         places = {name: ("system", key, name) for name in texts}
         allowed = (*inner, *names.outputs)
-        return {name: reader.expression(text, places[name], allowed, UNDECLARED) for name, text in texts.items()}
+        sides = {name: reader.expression(text, places[name], allowed, UNDECLARED) for name, text in texts.items()}
+        return {name: in_numbers(reader, side, places[name], (*names.states, *names.w)) for name, side in sides.items()}
 
     outputs = explicit(reader, read("outputs", system.outputs))
     dynamics = read("dynamics", system.dynamics)
     return {name: dynamics[name] for name in names.states if name in dynamics}, outputs
+
+
+def in_numbers(reader: Reader, side: Expression, loc: Loc, signals: Sequence[str]) -> Expression:
+    """Right side whose irrational coefficients of signals are read as doubles, with a note."""
+    coefficients = Coefficients(signals)
+    try:
+        made = coefficients.in_numbers(side)
+    except ExpressionError as error:
+        reader.wrong(loc, error.message, id=error.id)
+        return side
+    for text, value in coefficients.read.items():
+        reader.notes.append(f"{text} in {dotted(loc)} is read as the double {value!r}")
+    return made
 
 
 def explicit(reader: Reader, outputs: Mapping[str, Expression]) -> dict[str, Expression]:
