@@ -164,7 +164,7 @@ def finite(function: Function) -> Function:
             found = function(*arguments)
         except (ArithmeticError, ValueError):
             raise StuckError from None
-        if not math.isfinite(sum(found)):
+        if not all(map(math.isfinite, found)):
             raise StuckError
         return found
 

@@ -3,11 +3,34 @@
 import keyword
 from collections.abc import Iterator
 
-from obsdesign.exports.code import Language
+from obsdesign.exports.code import Code, Language
+from obsdesign.expressions.tree import Call, Number
 from obsdesign.exports.subject import ITERATIONS, Subject, shortest
 
-MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "tanh", "log", "sqrt", "atan2", "pi")
-OWN = {  # functions of the trade that Python has not, or not quite
+QUOTIENT = """\
+try:
+        return a / b
+    except ZeroDivisionError:
+        return math.copysign(math.inf, a) * math.copysign(1.0, b) if abs(a) > 0 else math.nan"""
+POWER = """\
+try:
+        return math.pow(a, b)
+    except (OverflowError, ValueError):
+        if a < 0 and b % 1 != 0:
+            return math.nan
+        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf"""
+UNDEFINED = """\
+try:
+        return math.%s(x)
+    except ValueError:
+        return math.nan"""
+MATH = ("atan", "tanh", "atan2", "pi")
+RAISING = ("sin", "cos", "tan", "asin", "acos", "sqrt")  # where they are not defined
+OWN = {  # functions of the trade that Python has not, or not quite: numbers go on where they are infinite or undefined
+    "/": ("divided(a, b)", "Quotient; infinite or NaN where b is zero.", QUOTIENT),
+    "**": ("power(a, b)", "Power; infinite or NaN where it is no number.", POWER),
+    "log": ("log(x)", "Logarithm.", "return math.log(x) if x > 0 else math.nan if x else -math.inf"),
+    **{name: (f"{name}(x)", f"Function {name}; NaN where it is not defined.", UNDEFINED % name) for name in RAISING},
     "square": ("square(x)", "Square.", "return x * x"),
     "cube": ("cube(x)", "Cube.", "return x * x * x"),
     "sign": ("sign(x)", "Sign; 0 of 0.", "return 1.0 if x > 0 else -1.0 if x < 0 else x"),
@@ -22,12 +45,22 @@ CALLED = {name: head[: head.index("(")] for name, (head, _, _) in OWN.items()} |
 RESERVED = frozenset([*keyword.kwlist, *f"{WORDS} {ROUTINES}".split(), *CALLED.values()])
 
 
+class Python(Language):
+    """Python, whose division by zero gives no number of its own."""
+
+    def quotient(self, node: Call, arguments: list[Code]) -> Code:
+        """A quotient; of a divisor that may be zero it is a function."""
+        if isinstance(node.arguments[1], Number) and node.arguments[1].value != 0:
+            return super().quotient(node, arguments)
+        return self.call("/", arguments)
+
+
 def language() -> Language:
     """How Python writes expressions."""
     names = {name: f"math.{name}" for name in MATH}
-    return Language(
+    return Python(
         number=shortest,
-        functions={**names, **CALLED, "abs": "abs", "**": "math.pow"},
+        functions={**names, **CALLED, "abs": "abs"},
         choice="({a} if {c} else {b})",
     )
 
@@ -67,7 +100,7 @@ def newton(equations, known, n):
             try:
                 if size(equations(known, b)[0]) <= before:
                     break
-            except (ArithmeticError, ValueError):  # there is no value there
+            except ArithmeticError:  # there is no value there
                 pass
             share /= 2
         a = b
