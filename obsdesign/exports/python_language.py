@@ -4,8 +4,8 @@ import keyword
 from collections.abc import Iterator
 
 from obsdesign.exports.code import Code, Language
-from obsdesign.expressions.tree import Call, Number
 from obsdesign.exports.subject import ITERATIONS, Subject, shortest
+from obsdesign.expressions.tree import Call, Number
 
 QUOTIENT = """\
 try:
