@@ -56,7 +56,8 @@ FUNCTIONS = (
     "where((u == 1) + (v <= 1), u, -v)", "where(u < 0, -u**2, u**0.5)/-7", "where(abs(u) > 1, u, acos(u))",
     # infinite on the way where u = v
     "1/(1 + 1/(u - v))", "max(u, log(abs(u - v)))", "exp(-1/(u - v)**2)", "tanh(log(abs(u - v)))",
-    "1/(1 + (u - v)**-3)", "min(v, abs(u - v)**-0.5)", "atan(exp(1000*abs(u))*exp(abs(v)))", "1/(1 + (1000 + u)**(1000 + v))",
+    "1/(1 + (u - v)**-3)", "min(v, abs(u - v)**-0.5)", "atan(exp(1000*abs(u))*exp(abs(v)))",
+    "1/(1 + (1000 + u)**(1000 + v))",
 )  # fmt: skip
 
 
