@@ -479,6 +479,12 @@ def test_a_file_that_is_no_text_is_refused(scalar):
         od.estimate(scalar[0], ".")
 
 
+@pytest.mark.parametrize("folder", [".", "..", "/"])
+def test_estimates_are_not_written_in_place_of_a_folder(folder):
+    outcome = run("estimate", "any.gains.json", "any.csv", "-o", folder)
+    assert (outcome.exit_code, outcome.stderr) == (2, f"{folder}: cannot be written: it is a folder [OBS902]\n")
+
+
 def test_parquet_is_read_as_csv_is(scalar):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     design, made = scalar

@@ -224,6 +224,7 @@ def test_the_command_writes_a_folder_and_says_what_is_proved(gains):
         (["--to", "java"], "'java' is no target; allowed: c, python, matlab, fmu"),
         (["--to", "python", "--float"], "--float is for C"),
         (["--to", "c", "--name", "2x"], "is no identifier of C"),
+        (["--to", "python", "--name", "class"], "class is a word of Python"),
         (["--to", "c", "--method", "heun"], "'heun' is no method; allowed: euler, rk4, exact"),
         (["--to", "c", "--period", "-1"], "is no time in s"),
         (["--to", "c", "--period", "1e-3s"], "is no time in s"),

@@ -1,7 +1,7 @@
 """`obsdesign estimate`: an observer on recorded data."""
 
+import os
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -99,4 +99,4 @@ def pair(text: str) -> tuple[str, str]:
 
 def figure_of(output: str) -> str:
     """Figure beside the estimates; none beside those on standard output."""
-    return "" if output == "-" else str(Path(output).with_suffix(".png"))
+    return "" if output == "-" else f"{os.path.splitext(output)[0]}.png"

@@ -8,6 +8,7 @@ code.py       expressions as code; one file for each target beside it
 import os
 from dataclasses import dataclass
 from importlib import import_module
+from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -100,6 +101,9 @@ def exported(
         raise UsageError("--float is for C: the others compute in doubles", id="OBS904")
     with design.spec.placed():
         subject = subject_of(design, name, period, method, single)
+        if to == "python" and iskeyword(subject.name):
+            said = f"{subject.name} is a word of Python, so no module of this name can be imported"
+            raise UsageError(f"--name: {said}; give --name x_{subject.name}", id="OBS904")
         made: dict[str, bytes] = import_module(f"obsdesign.exports.{to}").files(subject, vectors(design, subject))
     return Exported(subject, made)
 
