@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flint import fmpq
+from flint import fmpq, fmpz_mat
 from hypothesis import given
 from hypothesis import strategies as st
 from support.sweep import examples
 
 from obsdesign.errors import UsageError
+from obsdesign.lmi import dominance
 from obsdesign.lmi.formula import (
     Inequality,
     Injection,
@@ -377,6 +378,30 @@ def test_a_singular_matrix_is_semidefinite_until_it_is_lowered_by_1e_30(n, seed)
     assert not holds(Inequality("F", -(gram - TINY * rational(np.eye(n)))))
     shift = gram + TINY * rational(np.eye(n))
     assert holds(Inequality("F", -shift, strict=True))
+
+
+@given(congruences(), st.sampled_from(["found", "identity", "random", "singular"]), SEEDS)
+@examples(150)
+def test_dominance_proves_nothing_false_whatever_the_congruence(drawn, kind, seed):
+    matrix, signs = drawn
+    n, rng = len(signs), np.random.default_rng(seed)
+    given = {"identity": np.eye(n), "random": integers(rng, n, n), "singular": np.zeros((n, n))}
+    taken = dominance.congruence if kind == "found" else lambda _: fmpz_mat(given[kind].astype(int).tolist())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dominance, "congruence", taken)
+        assert not dominance.definite(rational(matrix)) or min(signs) > 0
+
+
+@given(st.integers(1, 12), st.integers(0, 300), SEEDS)
+@examples(60)
+def test_dominance_proves_what_is_well_conditioned_in_any_units(n, decades, seed):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n))
+    units = np.diag(np.array([fmpq(10) ** int(k) for k in rng.integers(-decades, decades + 1, n)], dtype=object))
+    S = units @ rational(np.round(A @ A.T + 1e-6 * np.eye(n), 12)) @ units
+    assert dominance.definite(S)
+    S[0, 0] = -S[0, 0]
+    assert not dominance.definite(S)
 
 
 def test_zero_pivots_need_zero_rows():

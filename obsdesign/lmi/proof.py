@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from flint import fmpq, fmpq_mat
 
+from obsdesign.lmi.dominance import definite
 from obsdesign.lmi.formula import Array, Inequality, Unknown, Values, approximate, rational
 from obsdesign.lmi.probe import coordinates, matrices
 
@@ -54,10 +55,18 @@ def prove(inequalities: Sequence[Inequality]) -> tuple[Check, ...]:
 def holds(inequality: Inequality) -> bool:
     """Whether the matrix is negative semidefinite, or definite if the inequality is strict.
 
-    Raises `TypeError`: an entry is no rational.
+    By dominance where that decides, by an exact factorisation elsewhere. Raises `TypeError`: an entry is no rational.
     """
     require_rational(inequality)
-    signs = pivots(-inequality.matrix)
+    S = -inequality.matrix
+    if (S != S.T).any():
+        return False
+    if not inequality.strict:
+        kept = (S != 0).any(axis=0)
+        S = S[kept][:, kept]
+    if definite(S):
+        return True
+    signs = pivots(S)
     return signs is not None and (min(signs, default=1) > 0 or not inequality.strict)
 
 
@@ -78,8 +87,6 @@ def pivots(matrix: Array) -> list[int] | None:
     Without pivoting: a zero on the diagonal of a semidefinite matrix makes its row zero.
     """
     S = matrix.copy()
-    if (S != S.T).any():
-        return None
     signs = []
     for k in range(len(S)):
         d, column = S[k, k], S[k + 1 :, k]
