@@ -2,6 +2,7 @@
 
 import json
 import math
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -483,6 +484,41 @@ def test_a_file_that_is_no_text_is_refused(scalar):
 def test_estimates_are_not_written_in_place_of_a_folder(folder):
     outcome = run("estimate", "any.gains.json", "any.csv", "-o", folder)
     assert (outcome.exit_code, outcome.stderr) == (2, f"{folder}: cannot be written: it is a folder [OBS902]\n")
+
+
+STARTS = ["2026-11-29T00:00:00Z", "2026-11-29 01:00:00.000+01:00", "20261129T000000"]
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_instants_may_be_written_as_iso_8601_does(scalar, start):
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    first = datetime.fromisoformat(start)
+    text = Path("log.csv").read_text().splitlines()
+    rows = [row.split(",", 1) for row in text[1:]]
+    dated = [f"{(first + timedelta(seconds=float(t))).isoformat()},{rest}" for t, rest in rows]
+    Path("dated.csv").write_text("\n".join([text[0], *dated, ""]))
+    found = od.estimate(design, "dated.csv", "out.csv")
+    assert found["t"][0] == datetime(2026, 11, 29, tzinfo=UTC).timestamp()
+    assert_same(found["hat_x"], expected["hat_x"])
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    times = pa.array([datetime.fromisoformat(row.split(",", 1)[0]) for row in dated], pa.timestamp("us"))
+    pq.write_table(
+        pa.table({"t": times, "u": made.u[:, 0], "y": made.y[:, 0]}).rename_columns(text[0].split(",")), "d.pq"
+    )
+    assert_same(od.estimate(design, "d.pq", "out.csv")["hat_x"], expected["hat_x"])
+
+
+def test_an_instant_stands_in_no_column_but_that_of_the_time(scalar):
+    design, made = scalar
+    of_run(made)
+    head, row, *rest = Path("log.csv").read_text().splitlines()
+    Path("log.csv").write_text("\n".join([head, f"{row.rpartition(',')[0]},2026-11-29T00:00:00Z", *rest]))
+    with pytest.raises(UsageError, match="'2026-11-29T00:00:00Z' is no number"):
+        od.estimate(design, "log.csv")
+    Path("log.csv").write_text("\n".join([head, f"29.11.2026,{row.partition(',')[2]}", *rest]))
+    with pytest.raises(UsageError, match=r"t: '29\.11\.2026' is no number"):
+        od.estimate(design, "log.csv")
 
 
 def test_parquet_is_read_as_csv_is(scalar):

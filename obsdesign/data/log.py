@@ -133,7 +133,7 @@ class Log:
         """Rows as they are in the file."""
         nu, ny = len(self.spec.inputs), len(self.spec.plant.outputs)
         places, before = (*self.places, *(() if self.counter is None else [self.counter])), 0.0
-        for block in self.table.finite(places):
+        for block in self.table.finite(places, (places[0], *(places[-1:] if self.where.arrival else ()))):
             values = block.rows[:, : len(self.places)] * self.factors
             if self.counter is not None:
                 received = block.rows[:, -1]

@@ -1,6 +1,6 @@
 """A Parquet file as a table, read some rows at a time; pyarrow is an extra."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -45,20 +45,25 @@ class Parquet(Table):
         """Names of the columns."""
         return tuple(map(Header.of, self.file.schema_arrow.names))
 
-    def blocks(self, wanted: Sequence[int]) -> Iterator[Block]:
+    def blocks(self, wanted: Sequence[int], times: Collection[int] = ()) -> Iterator[Block]:
         """Rows of some columns, some at a time."""
         names, first = [self.file.schema_arrow.names[i] for i in wanted], 1
         for batch in self.file.iter_batches(ROWS, columns=list(dict.fromkeys(names))):
-            rows = np.column_stack([self.numbers(batch, name) for name in names])
+            timed = [i in times for i in wanted]
+            columns = [self.numbers(batch, name, timed=one) for name, one in zip(names, timed, strict=True)]
+            rows = np.column_stack(columns)
             self.progress[0] += len(rows)
             yield Block(rows, np.arange(first, first + len(rows)))
             first += len(rows)
 
-    def numbers(self, batch: Any, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Values of a column; NaN where there is none."""
+    def numbers(self, batch: Any, name: str, *, timed: bool) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Values of a column, of instants the seconds since 1970-01-01; NaN where there is none."""
         import pyarrow as pa
 
         column = batch.column(batch.schema.names.index(name))
+        if timed and pa.types.is_timestamp(column.type):
+            column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
+            return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float) / 1e9
         try:
             return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=float)
         except pa.ArrowException:
