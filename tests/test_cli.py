@@ -495,7 +495,8 @@ def test_a_name_that_is_no_text_is_refused():
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "inf", "1e300"])
 def test_a_timeout_is_a_positive_number_of_seconds(seconds):
-    assert_refused(run("check", CART, "--timeout", seconds), "timeout")
+    for command in (["check", CART], ["batch", "."]):
+        assert_refused(run(*command, "--timeout", seconds), "timeout")
 
 
 def test_every_mistake_of_a_spec_has_its_line():

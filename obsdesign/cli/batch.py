@@ -11,7 +11,7 @@ import typer
 
 from obsdesign.cli.follow import followed
 from obsdesign.cli.printing import say
-from obsdesign.cli.program import AsJson, Quiet, Solver
+from obsdesign.cli.program import AsJson, Quiet, Solver, seconds
 from obsdesign.errors import Problem, UsageError
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def batch(
     output_file: Annotated[str, typer.Option(help="Write what --format asks for to a file.")] = "",
     solver: Solver = "clarabel",
     scheduler: Annotated[str, typer.Option(metavar="tcp://HOST:8786", help="Run on this Dask cluster.")] = "",
-    timeout: Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds a spec.")] = 600,
+    timeout: Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds a spec.", callback=seconds)] = 600,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Say why each is run.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -94,7 +94,7 @@ def batch(
 
 def require_together(ctx: typer.Context) -> None:
     """Refuse options that do not go together; raises `UsageError`."""
-    options = {one.name: max(one.opts, key=len) for one in ctx.command.params if one.opts[0].startswith("-")}
+    options = {str(one.name): max(one.opts, key=len) for one in ctx.command.params if one.opts[0].startswith("-")}
     given = [name for name in options if getattr(ctx.get_parameter_source(name), "name", "") == "COMMANDLINE"]
     if "output_file" in given and "form" not in given:
         raise UsageError("--output-file: nothing to write; --format says what", id="OBS904")

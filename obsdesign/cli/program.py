@@ -1,5 +1,6 @@
 """The program: how a command answers, and the arguments that commands share."""
 
+import math
 import os
 import sys
 import warnings
@@ -162,6 +163,13 @@ def known(solver: str) -> str:
     return solver
 
 
+def seconds(limit: float) -> float:
+    """A limit of time; one that is no number is in no range."""
+    if math.isnan(limit):
+        raise typer.BadParameter("nan is no number of seconds")
+    return limit
+
+
 SpecPaths = Annotated[
     list[str], typer.Argument(metavar="SPEC..", help="Spec files (YAML), folders of them; - is standard input.")
 ]
@@ -175,7 +183,10 @@ PlotAll = Annotated[bool, typer.Option("--plot-all", help="Figure with every pan
 Solver = Annotated[
     str, typer.Option(help="clarabel, or another that cvxpy has for semidefinite programs.", callback=known)
 ]
-Timeout = Annotated[float, typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.")]
+Timeout = Annotated[
+    float,
+    typer.Option(min=1e-3, max=1e9, help="Seconds after which the command gives up.", callback=seconds),
+]
 
 
 def main() -> None:
