@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from flint import fmpq
@@ -111,6 +111,18 @@ class Request(Protocol):
         """Bounds on what a design may use, in words."""
 
 
+@runtime_checkable
+class Cancelling(Protocol):
+    """What is asked of an observer whose error does not depend on some channels of w."""
+
+    @property
+    def cancel(self) -> tuple[int, ...]:
+        """Places of these channels."""
+
+    def posed(self, plant: Plant[Exact]) -> Plant[Exact]:
+        """Plant whose predicted estimates have the errors that the observer has of the augmented plant."""
+
+
 class Called(type):
     """Type of `Spec`: with the parts of a spec it makes the dataclass, with sections of a file it reads them."""
 
@@ -193,7 +205,13 @@ class Spec(metaclass=Called):
     @property
     def disturbed(self) -> bool:
         """Whether anything drives the augmented plant; otherwise gamma means nothing."""
-        return bool(self.augmented.B.shape[1])
+        return bool(self.posed.B.shape[1])
+
+    @property
+    def cancelled(self) -> tuple[str, ...]:
+        """Channels of w that the error does not depend on, where the observer cancels some."""
+        asked = self.observer
+        return tuple(self.plant.exogenous[k] for k in asked.cancel) if isinstance(asked, Cancelling) else ()
 
     @cached_property
     def augmented(self) -> Plant[Exact]:
@@ -202,7 +220,9 @@ class Spec(metaclass=Called):
 
     @cached_property
     def posed(self) -> Plant[Exact]:
-        """The plant of whose errors the inequalities are: of filtered estimates not the augmented one."""
+        """The plant of whose errors the inequalities are: not the augmented one where estimates know y at once."""
+        if isinstance(self.observer, Cancelling):
+            return self.observer.posed(self.augmented)
         return filtered(self.augmented) if self.observer.filtered else self.augmented
 
     @property
@@ -287,7 +307,7 @@ class Spec(metaclass=Called):
         named = {*x, *self.plant.exogenous}.issuperset(self.H_names)
         z = f"error of the estimated {', '.join(self.H_names if named else x)}"
         modelled = len(self.generator.Am) > 0
-        v = self.drives if modelled else self.plant.exogenous
+        v = self.drives if modelled else [name for name in self.plant.exogenous if name not in self.cancelled]
         driven = f"{self.observer.drive}: {', '.join(v)}"
         if modelled:
             driven += f", which drives the model of {', '.join(self.plant.exogenous)}"

@@ -191,7 +191,6 @@ class Stepped(Record):
         what = self.found[:, [names.index(name) for name in wanted]]
         w = self.now.of(self.acting.w)
         true = self.now.of([self.system.estimated[name] for name in wanted])
-        twins = self.one.observer.twins
-        own = [i for i, name in enumerate(self.one.observer.states) if name not in twins]
+        own = [i for i, name in enumerate(self.one.observer.states) if name in self.one.observer.own]
         beside = {"w_error": what - true, "y": self.y, "theta": self.states[:, own]}
         return replace(super().signals, what=what, w=w, **beside)

@@ -73,8 +73,9 @@ class System:
             made.made[error(w)] = made.difference(observer.estimates[name], Expression.variable(w))
         self.integrated = plant.states[: scenario.integrated]
         self.copied, self.further, self.jumping = made.copied, made.further, made.jumping
+        self.followed = made.followed
         self.corrections = tuple(name for name in self.further if name in observer.jump)
-        self.flowing = (*self.integrated, *self.copied, *self.further)
+        self.flowing = (*self.integrated, *self.copied, *self.followed, *self.further)
         self.end = len(self.flowing)
         self.width = self.end + len(INTEGRALS)
         self.seen = tuple(map(measured, observer.outputs)) if noisy else observer.outputs  # y as it is measured
@@ -180,13 +181,19 @@ class System:
         x[: len(x0)] = x0
         x[acting.integrated :] = acting.xm(0.0)
         copied = [i for i, name in enumerate(acting.plant.states) if error(name) in self.copied]
-        s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
+        errors = np.concatenate([(xhat0 - x)[copied], self.following(xhat0 - x)])
+        s = np.concatenate((x[: acting.integrated], errors, further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
             return self.with_initial(s, self.beside(0.0))
         X, outputs = self.program.run(0.0, s, self.quiet(0.0)), self.observer.outputs
         errors, missing, y = map(self.program.places, (map(error, outputs), map(mismatch, self.corrections), outputs))
         supposed = -X[missing] if self.corrections else X[errors]  # yhat + theta, or yhat, less y
         return np.concatenate((s, [0.0], X[y] + supposed))
+
+    def following(self, e: Vector) -> Vector:
+        """T e of states that follow T x, which begin at T xhat0."""
+        names = self.scenario.plant.states
+        return np.array([side.scalar(names)(*e.tolist()) for side in self.observer.follows.values()], dtype=float)
 
     def with_initial(self, s: Vector, held: Vector) -> Vector:
         """State with the further states of the observer where they begin: at functions of u and noisy y at t = 0."""
@@ -196,6 +203,8 @@ class System:
         known = {"t": 0.0, **dict(zip(self.observer.outputs, X[self.program.places(self.seen)], strict=True))}
         known |= dict(zip(self.observer.inputs, X[self.program.places(self.observer.inputs)], strict=True))
         for name, side in self.observer.initial.items():
+            if name in self.observer.follows:
+                continue
             s[self.flowing.index(name)] = side.scalar([*known])(*known.values())
         return s
 
@@ -283,9 +292,9 @@ class System:
 
     def accumulated(self, t: Float, s: Float, now: "Table", breaks: Sequence[Break]) -> "Accumulated":
         """What states (N, ns) at times t, with their signals, say of all that was up to each."""
-        plant, acting = self.scenario.plant, self.scenario
+        acting = self.scenario
         z2, v2, b = s[:, self.end : self.end + 3].T
-        return Accumulated(z2, v2, largest_so_far(acting, breaks, t, now.of(plant.exogenous)), b, None)
+        return Accumulated(z2, v2, largest_so_far(acting, breaks, t, now.of(acting.drive)), b, None)
 
     def table(self, t: Float, s: Float) -> "Table":
         """Signals along states s (N, ns) at times t; NaN outside the model's domain."""
