@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from flint import fmpq
@@ -18,7 +18,7 @@ from obsdesign.model.discretise import Continuous
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.filtered import channels, filtered
-from obsdesign.model.plant import Plant
+from obsdesign.model.plant import Cancelling, Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
@@ -109,18 +109,6 @@ class Request(Protocol):
     @property
     def restrictions(self) -> Sequence[str]:
         """Bounds on what a design may use, in words."""
-
-
-@runtime_checkable
-class Cancelling(Protocol):
-    """What is asked of an observer whose error does not depend on some channels of w."""
-
-    @property
-    def cancel(self) -> tuple[int, ...]:
-        """Places of these channels."""
-
-    def posed(self, plant: Plant[Exact]) -> Plant[Exact]:
-        """Plant whose predicted estimates have the errors that the observer has of the augmented plant."""
 
 
 class Called(type):

@@ -208,8 +208,6 @@ class Incremental(ABC):
         poles = np.linalg.eigvals(p.A + self.L1 @ p.C + (p.Bf + self.L1 @ p.Df) @ F)
         return complex(min(poles, key=self.edge.of))
 
-    # Problems for the solver, in doubles
-
     def least_gamma(self, bounds: Bounds = NO_BOUNDS) -> Problem:
         """Minimise mu = gamma^2; P >= 0 is closed by the solver, so that the optimum is the infimum.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Exact
+from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.equations import Equations, Named, free, linear, total
 
 
@@ -72,6 +72,10 @@ class Observer:
     def own(self) -> tuple[str, ...]:
         """Names of the states that copy none of the plant, and follow none."""
         return tuple(name for name in self.dynamics if name not in self.twins and name not in self.follows)
+
+    def following_errors(self, states: Sequence[str], e: Array) -> Array:
+        """T e of the states that follow T x, which begin at T xhat0; e (n,) over the named states of the plant."""
+        return np.array([side.scalar(states)(*e.tolist()) for side in self.follows.values()], dtype=float)
 
 
 @dataclass(frozen=True)

@@ -181,7 +181,7 @@ class System:
         x[: len(x0)] = x0
         x[acting.integrated :] = acting.xm(0.0)
         copied = [i for i, name in enumerate(acting.plant.states) if error(name) in self.copied]
-        errors = np.concatenate([(xhat0 - x)[copied], self.following(xhat0 - x)])
+        errors = np.concatenate([(xhat0 - x)[copied], self.observer.following_errors(acting.plant.states, xhat0 - x)])
         s = np.concatenate((x[: acting.integrated], errors, further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
             return self.with_initial(s, self.beside(0.0))
@@ -190,11 +190,6 @@ class System:
         supposed = -X[missing] if self.corrections else X[errors]  # yhat + theta, or yhat, less y
         return np.concatenate((s, [0.0], X[y] + supposed))
 
-    def following(self, e: Vector) -> Vector:
-        """T e of states that follow T x, which begin at T xhat0."""
-        names = self.scenario.plant.states
-        return np.array([side.scalar(names)(*e.tolist()) for side in self.observer.follows.values()], dtype=float)
-
     def with_initial(self, s: Vector, held: Vector) -> Vector:
         """State with the further states of the observer where they begin: at functions of u and noisy y at t = 0."""
         if not self.observer.initial:
@@ -202,9 +197,8 @@ class System:
         X = self.program.run(0.0, s, held)
         known = {"t": 0.0, **dict(zip(self.observer.outputs, X[self.program.places(self.seen)], strict=True))}
         known |= dict(zip(self.observer.inputs, X[self.program.places(self.observer.inputs)], strict=True))
-        for name, side in self.observer.initial.items():
-            if name in self.observer.follows:
-                continue
+        own = {name: side for name, side in self.observer.initial.items() if name not in self.observer.follows}
+        for name, side in own.items():
             s[self.flowing.index(name)] = side.scalar([*known])(*known.values())
         return s
 

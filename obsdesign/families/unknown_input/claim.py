@@ -91,7 +91,6 @@ class Claim(Proved):
             **({"gamma": g.gamma} if spec.disturbed else {}),
             **self.certificate.decay(spec.period),
             **({"mu1": g.mu1, "mu2": g.mu2} if spec.disturbed else {}),
-            "cancelled": list(spec.cancelled),
             **(self.certificate.poles.written() if self.certificate.poles else {}),
             **limits,
             "statement": self.statement(spec),
@@ -156,7 +155,13 @@ def written(spec: Spec, outcome: Outcome) -> dict[str, Any]:
     P = outcome.claim.certificate.P.astype(float) if isinstance(outcome.claim, Claim) else None
     period = {} if spec.period is None else {"period": float(spec.period)}
     E = [[entry(x) for x in row] for row in exact(spec, outcome.gains["E"])]
-    return {**period, "E": E, "L": outcome.gains["L"].tolist(), **figures(errors(spec, outcome.gains), P)}
+    return {
+        "cancelled": list(spec.cancelled),
+        **period,
+        "E": E,
+        "L": outcome.gains["L"].tolist(),
+        **figures(errors(spec, outcome.gains), P),
+    }
 
 
 def entry(x: fmpq) -> float | str:

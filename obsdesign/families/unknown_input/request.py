@@ -323,8 +323,6 @@ def request_of(spec: Spec) -> UnknownInputRequest:
 
 SECTION = UnknownInputObserver
 RESULTS = {
-    "guarantee": (
-        *("gamma", "alpha", "rho", "mu1", "mu2", "cancelled", "poles", "implementation", "limit", "limit_bounded"),
-    ),
-    "observer": ("E", "L", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
+    "guarantee": (*("gamma", "alpha", "rho", "mu1", "mu2", "poles", "implementation", "limit", "limit_bounded"),),
+    "observer": ("cancelled", "E", "L", "period", "poles", "fastest", "largest_step", "noise_gain", "condition_P"),
 }

@@ -10,11 +10,11 @@ from obsdesign.tables.text import decay_rows, gamma_text, matrix_text, spectral_
 Rows = list[tuple[str, str]]
 
 
-def proved(_: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
+def proved(made: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
     """What is proved of the gains."""
-    if "cancelled" not in claimed:
+    if "statement" not in claimed:
         return []
-    rows = [("cancelled", f"{', '.join(claimed['cancelled'])}   the error does not depend on it: T B = 0, exactly")]
+    rows = [("cancelled", f"{', '.join(made['cancelled'])}   the error does not depend on it: T B = 0, exactly")]
     rows += [("gamma", gamma_text(claimed, UnknownInput.about.gamma))] if "gamma" in claimed else []
     return [*rows, *decay_rows(claimed)]
 
