@@ -176,7 +176,8 @@ class Stepped(Record):
     @cached_property
     def course(self) -> Course:
         """Error at the rows; the energies are sums over them."""
-        z, v2 = np.linalg.norm(self.z, axis=1), (self.v**2).sum(axis=1)
+        drives = self.acting.plant.exogenous if self.spec.observer.filtered else self.acting.drive
+        z, v2 = np.linalg.norm(self.z, axis=1), (self.now.of(drives) ** 2).sum(axis=1)
         on = np.diff(self.t, append=self.t[-1:])
         sums = [np.concatenate([[0.0], np.cumsum(on * values)[:-1]]) for values in (z**2, v2)]
         zero = np.zeros(len(self.t))

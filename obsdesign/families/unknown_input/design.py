@@ -38,7 +38,8 @@ def found(spec: Spec, E: Exact, made: Outcome) -> Outcome:
         claim = Claim(made.claim.certificate, E, cancelling(spec, E), made.claim.asked)
     names = ", ".join(spec.cancelled)
     alone = f"nothing but {names} acts on this plant, and it is cancelled: the claim is the decay"
-    notes = tuple(alone if note == UNDISTURBED else note for note in made.notes)
+    said = [alone] if made.gains else []
+    notes = tuple(text for note in made.notes for text in (said if note == UNDISTURBED else [note]))
     return replace(made, gains=gains, claim=claim, notes=notes, diagnosis=told(made.diagnosis))
 
 
