@@ -197,7 +197,7 @@ class Spec(metaclass=Called):
 
     @property
     def cancelled(self) -> tuple[str, ...]:
-        """Channels of w that the error does not depend on, where the observer cancels some."""
+        """Channels of w that are in no equation of the error, where the observer cancels some."""
         asked = self.observer
         return tuple(self.plant.exogenous[k] for k in asked.cancel) if isinstance(asked, Cancelling) else ()
 

@@ -52,7 +52,7 @@ class Plant(Generic[N]):
 
 @runtime_checkable
 class Cancelling(Protocol):
-    """What is asked of an observer whose error does not depend on some channels of w."""
+    """What is asked of an observer that takes some channels of w out of the equations of its error."""
 
     @property
     def cancel(self) -> tuple[int, ...]:

@@ -1,1 +1,1 @@
-"""Unknown-input observers: the error is independent of the channels of w that T = I - E C takes out of the plant."""
+"""Unknown-input observers: their errors obey bounds whatever the channels of w are that T = I - E C cancels."""

@@ -32,7 +32,10 @@ DIRECT = "eps = e - E D v"
 
 @dataclass(frozen=True)
 class Claim(Proved):
-    """The error does not depend on the cancelled channels, decays, and has a gain from the others."""
+    """Whatever the cancelled channels are, the error decays, and has a gain from the others.
+
+    Without f it does not depend on them at all; the f of the plant depends on its state, and that on them.
+    """
 
     certificate: Certificate  # of the plant that is left
     E: Exact  # (n, ny)
@@ -60,7 +63,9 @@ class Claim(Proved):
         rate, about = self.certificate.rate, self.certificate.theorem.about
         decay = f"rho {at_most(1 - rate)}" if about.pace.sampled else f"decay rate {at_least(rate)} 1/s"
         level = [f"gamma {at_most(self.certificate.gamma)}, {about.gamma}"] if spec.disturbed else []
-        free = f"the error does not depend on {', '.join(spec.cancelled)}"
+        names = ", ".join(spec.cancelled)
+        alone = not self.certificate.family.plant.Bf.shape[1]
+        free = f"the error does not depend on {names}" if alone else f"whatever {names} is"
         return "; ".join([*level, decay, free, *told(self.certificate)])
 
     def statement(self, spec: Spec) -> str:

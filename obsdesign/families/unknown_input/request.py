@@ -57,7 +57,7 @@ class UnknownInputObserver(RateSection):
 
     cancel: str | list[str] | None = key(
         Either("a name or a list of names", TEXT, ListOf(TEXT, least=1)),
-        "channels of w that the error must not depend on: those with T B = 0",
+        "channels of w that must not drive the error: T B = 0 in their columns of B",
         otherwise="all that act on x and are not in y at once",
         example="[w1]",
     )

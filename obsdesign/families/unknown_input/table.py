@@ -14,7 +14,7 @@ def proved(made: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
     """What is proved of the gains."""
     if "statement" not in claimed:
         return []
-    rows = [("cancelled", f"{', '.join(made['cancelled'])}   the error does not depend on it: T B = 0, exactly")]
+    rows = [("cancelled", f"{', '.join(made['cancelled'])}   what is proved holds whatever it is: T B = 0, exactly")]
     rows += [("gamma", gamma_text(claimed, UnknownInput.about.gamma))] if "gamma" in claimed else []
     return [*rows, *decay_rows(claimed)]
 

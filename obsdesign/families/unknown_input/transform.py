@@ -84,7 +84,7 @@ def obstacle(plant: Plant[Exact], channels: Sequence[int]) -> tuple[Exact, Exact
     Along it every E has T B w = B w - E (C B w + Df f) = B w, if E Df = 0.
     """
     B = plant.B[:, list(channels)]
-    for direction in null_space(np.hstack([plant.C @ B, plant.Df])).T:
+    for direction in null_space(np.hstack([plant.C @ B, plant.Df])):
         w, f = direction[: len(channels)], direction[len(channels) :]
         if (B @ w != 0).any():
             return w, f
