@@ -37,8 +37,8 @@ class Demand:
     gain: str = "L"  # key of the injection in a spec
     largest: fmpq | None = None  # what bounds its norm, unless it is given
     L2: Array | None = None  # None: any
-    cancelled: str = ""  # channels of w that may be anything, in words
     theorem: str = ""  # whose inequality alone asks a bounded gain for more, where the error is not that of a copy
+    cancelled: str = ""  # channels of w that may be anything, in words
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
