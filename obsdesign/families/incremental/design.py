@@ -64,8 +64,8 @@ class Designer:
         return Limits(self.engine, self.family.about, self.request, self.points, self.notes, self.noise)
 
     def noise(self, L1: Array) -> float | None:
-        """Rms of z for white noise of density 1 in every output, of the worst member; None where it is not known."""
-        if self.request.L2 is None:
+        """Rms of z for white noise of density 1 in every output, of the worst member; None: not known."""
+        if self.request.L2 is None or not self.family.about.feedback:
             return None
         return noise_of(errors(self.spec, {"L1": L1, "L2": in_floats(self.request.L2)}), in_floats(self.spec.H))
 

@@ -30,12 +30,13 @@ def missing(spec: Spec) -> Diagnosis:
     assert found is not None
     w = {name: str(x) for name, x in zip(spec.cancelled, found[0], strict=True) if x != 0}
     said = ", ".join(w) if len(w) == 1 else " and ".join(f"{x} {name}" for name, x in w.items())
+    seen = "C B w + Df f is 0 for some f" if spec.augmented.Df.any() else "C B w is 0"
     able = cancellable(spec)
     others = f"cancel: [{', '.join(able)}], which can be, or " if able else ""
     return {
         "id": "OBS950",
         "condition": "rank C B",
-        "reason": f"no E has T B = 0, T = I - E C: {ranks(spec)}; along {said} C B w is 0 and B w is not",
+        "reason": f"no E has T B = 0, T = I - E C: {ranks(spec)}; along {said} {seen}, and B w is not",
         "feasible": {"cancel": able} if able else {},
         "suggestion": f"{others}another measurement, or type l2, which bounds the gain from it",
         "proof": "exact",
