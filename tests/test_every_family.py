@@ -103,7 +103,7 @@ SEEN = {  # w1 acts on the speed, which is measured
         "C": [[1, 0], [0, 1]],
         "D": [[0, 0.2, 0], [0, 0, 0.1]],
     },
-    "simulation": {"w": ["sin(t)", "cos(3*t)", "0.5*sin(2*t)"]},
+    "simulation": {"w": ["sin(t)", "cos(3*t)", "0.5*sin(2*t)"], "horizon": 3},
 }
 LATE = {"system": {"B": [[0, 0, 0], [1, 0, 0]], "C": [[1, 0], [1, 0]]}}  # C B = 0
 SMALL = {
@@ -210,13 +210,6 @@ SMALL["unknown-input"] = (
         {**SEEN, "nonlinearities": [{**LOOP[0], "Dq": [[0, 0.1, 0]]}]},
         raised=(FASTER,),
         hopeless=LATE,
-    ),
-    Small(
-        {"type": "unknown-input", "alpha": 0.2, "bounds": {"L": 20}},
-        {**SEEN, "nonlinearities": TWO},
-        raised=(FASTER,),
-        hopeless={"observer": {"alpha": 1000}},
-        scalable=False,
     ),
 )
 CASES = [pytest.param(case, id=f"{name}-{i}") for name, cases in SMALL.items() for i, case in enumerate(cases)]
