@@ -226,8 +226,7 @@ class Design(Outcome):
         spec = with_simulation(self.spec, changes) if changes else self.spec
         with spec.placed():
             observer, run = self.observer, simulate(replace(self, spec=spec), progress)
-            states = [name for name in observer.states if name not in observer.twins]
-            signals = dict(zip(states, run.steps.theta.T, strict=True))
+            signals = dict(zip(observer.own, run.steps.theta.T, strict=True))
             told = FAMILIES[spec.observer.type].report(spec, self.form, run.steps.t, signals)
             return replace(run, summary={**run.summary, **told}) if told else run
 

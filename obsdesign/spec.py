@@ -18,7 +18,7 @@ from obsdesign.model.discretise import Continuous
 from obsdesign.model.disturbance import Generator, augment
 from obsdesign.model.equations import Equations, Typed, free, from_matrices
 from obsdesign.model.filtered import channels, filtered
-from obsdesign.model.plant import Plant
+from obsdesign.model.plant import Cancelling, Plant
 from obsdesign.nonlinearities import Multiplier, combine
 from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, SINCE_ZERO, Ends, Range, Restriction, outward
 from obsdesign.sections.changes import claimed, opened
@@ -193,7 +193,13 @@ class Spec(metaclass=Called):
     @property
     def disturbed(self) -> bool:
         """Whether anything drives the augmented plant; otherwise gamma means nothing."""
-        return bool(self.augmented.B.shape[1])
+        return bool(self.posed.B.shape[1])
+
+    @property
+    def cancelled(self) -> tuple[str, ...]:
+        """Channels of w that are in no equation of the error, where the observer cancels some."""
+        asked = self.observer
+        return tuple(self.plant.exogenous[k] for k in asked.cancel) if isinstance(asked, Cancelling) else ()
 
     @cached_property
     def augmented(self) -> Plant[Exact]:
@@ -202,7 +208,9 @@ class Spec(metaclass=Called):
 
     @cached_property
     def posed(self) -> Plant[Exact]:
-        """The plant of whose errors the inequalities are: of filtered estimates not the augmented one."""
+        """The plant of whose errors the inequalities are: not the augmented one where estimates know y at once."""
+        if isinstance(self.observer, Cancelling):
+            return self.observer.posed(self.augmented)
         return filtered(self.augmented) if self.observer.filtered else self.augmented
 
     @property
@@ -287,7 +295,7 @@ class Spec(metaclass=Called):
         named = {*x, *self.plant.exogenous}.issuperset(self.H_names)
         z = f"error of the estimated {', '.join(self.H_names if named else x)}"
         modelled = len(self.generator.Am) > 0
-        v = self.drives if modelled else self.plant.exogenous
+        v = self.drives if modelled else [name for name in self.plant.exogenous if name not in self.cancelled]
         driven = f"{self.observer.drive}: {', '.join(v)}"
         if modelled:
             driven += f", which drives the model of {', '.join(self.plant.exogenous)}"

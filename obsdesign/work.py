@@ -15,7 +15,7 @@ from obsdesign.design import Design, Solver, design_of, proof_of
 from obsdesign.dissipation.engine import Engine, Report
 from obsdesign.errors import InfeasibleError, Problem, UndecidedError, UsageError
 from obsdesign.expectation import strays
-from obsdesign.families import FAMILIES, rescaled
+from obsdesign.families import FAMILIES, hinted, rescaled
 from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
@@ -76,7 +76,7 @@ def check(spec: Spec) -> list[Finding]:
     require_expectable(spec)
     with spec.placed():
         idle = [finding("acts", False, said, advice="use it or leave it out", id="OBS615") for said in spec.idle]
-        return [*FAMILIES[spec.observer.type].check(spec, Engine()), *idle]
+        return [*FAMILIES[spec.observer.type].check(spec, Engine()), *hinted(spec), *idle]
 
 
 def lipschitz(spec: Spec, *, scaling: bool = False, T: Sequence[float | str] | None = None) -> Mapping[str, Any]:

@@ -51,7 +51,10 @@ APART = {
 }
 
 FOLDERS = {path.parent.name for path in (ROOT / "families").glob("*/__init__.py")}
-SIDEWAYS = {("lipschitz", "incremental")}  # folders of families, of which the first may import the second
+SIDEWAYS = {
+    ("lipschitz", "incremental"),
+    ("unknown_input", "incremental"),
+}  # folders of families, of which the first may import the second
 NO_FAMILY = {  # a word that names a family and something else too, and where it is something else
     "lipschitz": {
         "nonlinearities/": "the type, the constant",

@@ -96,6 +96,16 @@ TANK = {
 }
 ALL = [{"f": ["0.3*sin(q1)", "0.3*sin(q2)"], "type": {"lipschitz": 0.3}, "Bf": np.eye(2), "Cq": np.eye(2)}]
 FASTER = ({"alpha": 40}, {"alpha": 40})
+SEEN = {  # w1 acts on the speed, which is measured
+    "system": {
+        "A": [[0, 1], [-2, -1]],
+        "B": [[0.1, 0, 0], [1, 0, 0]],
+        "C": [[1, 0], [0, 1]],
+        "D": [[0, 0.2, 0], [0, 0, 0.1]],
+    },
+    "simulation": {"w": ["sin(t)", "cos(3*t)", "0.5*sin(2*t)"], "horizon": 3},
+}
+LATE = {"system": {"B": [[0, 0, 0], [1, 0, 0]], "C": [[1, 0], [1, 0]]}}  # C B = 0
 SMALL = {
     "l2": (
         Small({"type": "l2", "alpha": 0.2, "L2": 0}, {"nonlinearities": LOOP}, raised=(FASTER,)),
@@ -194,6 +204,14 @@ SMALL = {
         ),
     ),
 }
+SMALL["unknown-input"] = (
+    Small(
+        {"type": "unknown-input", "alpha": 0.2},
+        {**SEEN, "nonlinearities": [{**LOOP[0], "Dq": [[0, 0.1, 0]]}]},
+        raised=(FASTER,),
+        hopeless=LATE,
+    ),
+)
 CASES = [pytest.param(case, id=f"{name}-{i}") for name, cases in SMALL.items() for i, case in enumerate(cases)]
 every_case = pytest.mark.parametrize("case", CASES)
 

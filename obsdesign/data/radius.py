@@ -74,6 +74,8 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     P: Any = guarantee.P  # type: ignore[attr-defined]
     e0 = np.array([float(where.e0[name]) for name in states])
     reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
+    if not np.isfinite([*reach, *of_q]).all():
+        return "the estimates hold the noise of y at once"
     return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec))
 
 

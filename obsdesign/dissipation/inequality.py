@@ -67,6 +67,8 @@ class Theorem:
     monotone: bool  # whether the least gamma never decreases with the rate
     pace: Pace = ALPHA
     at_rest: Literal["", "strict", "weak"] = ""  # how (13) holds for the rate zero, if it may be: strict, e converges
+    gain: str = "L1"  # what the injection is called in a spec
+    feedback: bool = True  # whether L2 is a gain of the observer; else it is zero
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,11 @@ class Incremental(ABC):
         rise = np.concatenate([P @ p.Bf + Y @ p.Df, -(P @ p.B + Y @ p.D)], axis=-1)
         stored = symmetric([[he(P @ p.A + Y @ p.C) + (0 if self.still else self.loss) * P, rise], [none]])
         return stored_and_supplied(stored, self.supplied(v, Q, m))
+
+    @property
+    def direct(self) -> bool:
+        """Whether v is in z beside H e, so that no gain keeps it from z."""
+        return False
 
     @property
     def loss(self) -> Any:
@@ -200,8 +207,6 @@ class Incremental(ABC):
         F = np.linalg.solve(np.eye(len(K)) - K @ (p.Dqf + self.L2 @ p.Df), K @ (p.Cq + self.L2 @ p.C))
         poles = np.linalg.eigvals(p.A + self.L1 @ p.C + (p.Bf + self.L1 @ p.Df) @ F)
         return complex(min(poles, key=self.edge.of))
-
-    # Problems for the solver, in doubles
 
     def least_gamma(self, bounds: Bounds = NO_BOUNDS) -> Problem:
         """Minimise mu = gamma^2; P >= 0 is closed by the solver, so that the optimum is the infimum.

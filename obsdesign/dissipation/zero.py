@@ -136,6 +136,8 @@ def vanishing(engine: Engine, family: Incremental, limit: Answer) -> Vanishing:
 
     Gamma falls towards such a gain as well.
     """
+    if family.direct:
+        return Vanishing()
     silent = kept_out(family)
     attained = silent is not None and engine.widest(silent.feasible()).status is Status.OPTIMAL
     instead = share_of_widest(engine, family) if attained else None
@@ -168,7 +170,7 @@ def silencing(engine: Engine, family: Incremental, bounds: Bounds) -> Array | No
 
     |L1|^2 <= |Z|^2 + |B D^+|^2, since the rows of both are orthogonal.
     """
-    silent = None if family.L2 is None else kept_out(family)
+    silent = None if family.L2 is None or family.direct else kept_out(family)
     if silent is None:
         return None
     L, N = annihilators(family)
@@ -193,7 +195,7 @@ def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds 
 
     Where there is no answer, such a gain within the bounds is searched; a given gain is no other.
     """
-    if family.L1 is not None:
+    if family.L1 is not None or family.direct:
         return answer
     optimal = answer.status is Status.OPTIMAL
     attained = not optimal and silencing(engine, family, bounds) is not None
@@ -227,13 +229,15 @@ def loudness(engine: Engine, family: Incremental, rows: Sequence[tuple[float, fl
     return [rms for rms in found if rms is not None] if None not in found else []
 
 
-def unbounded(where: str, rows: Sequence[tuple[float, float]], noise: Sequence[float]) -> UsageError:
-    """Refusal of min-gamma where the infimum is zero."""
+def unbounded(
+    where: str, rows: Sequence[tuple[float, float]], noise: Sequence[float], gain: str = "L1", knee: bool = True
+) -> UsageError:
+    """Refusal of min-gamma where the infimum is zero; `knee`: whether the family finds it by itself."""
     first = (
         f"the least gamma at {where} is 0, with a gain that grows without "
-        "bound; choose `bounds: {L1: ..}` or `objective: {gamma: ..}` from this table, or `bounds: auto`, its knee"
+        f"bound; choose `bounds: {{{gain}: ..}}` or `objective: {{gamma: ..}}` from this table"
     )
-    return tabulated(first, "L1", "gamma", rows, noise)
+    return tabulated(first + ", or `bounds: auto`, its knee" * knee, gain, "gamma", rows, noise)
 
 
 def tabulated(

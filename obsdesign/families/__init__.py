@@ -11,6 +11,7 @@ from obsdesign.families.family import Family
 
 if TYPE_CHECKING:
     from obsdesign.dissipation.engine import Engine
+    from obsdesign.families.finding import Finding
     from obsdesign.spec import Spec
 
 ALGEBRAIC = "obsdesign.families.algebraic"
@@ -27,6 +28,15 @@ FAMILIES: dict[str, Family] = {  # by observer.type
         ),
         Family(("sporadic",), "obsdesign.families.sporadic", sampled=True),
         Family(("lipschitz",), "obsdesign.families.lipschitz", unstructured=True, discrete=True, places=True),
+        Family(
+            ("unknown-input",),
+            "obsdesign.families.unknown_input",
+            discrete=True,
+            places=True,
+            refutes=True,
+            obstacles=("rank",),
+            hints=True,
+        ),
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
         Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
         Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),
@@ -35,7 +45,16 @@ FAMILIES: dict[str, Family] = {  # by observer.type
     for name in family.names
 }
 
-__all__ = ["FAMILIES", "Family", "rescaled"]
+__all__ = ["FAMILIES", "Family", "hinted", "rescaled"]
+
+
+def hinted(spec: "Spec") -> "list[Finding]":
+    """What other families could do for a spec, as far as its plant is given in matrices and y is known at all times."""
+    own = FAMILIES[spec.observer.type]
+    if own.sampled or spec.typed is not None:
+        return []
+    others = {id(family): family for family in FAMILIES.values() if family.hints and family is not own}
+    return [found for family in others.values() for found in family.part("hint").hint(spec)]
 
 
 def rescaled(spec: "Spec", engine: "Engine", T: Sequence[str] | None) -> dict[str, Any]:

@@ -29,13 +29,18 @@ def analysis(spec: Spec, errors: Errors, guarantee: Guarantee | None) -> dict[st
         most = math.inf if gap is None else gap
         steps["largest_step"] = {name: h and min(h, most) for name, h in errors.largest_step.items()}
     steps["peak_gain"] = {"least": errors.least_peak(), "most": most_peak(spec, guarantee)}
-    unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
-    open_loop = unaided.peak_gain() if guarantee and guarantee.norm == "sup" else unaided.energy_gain()
+    open_loop = None if spec.cancelled else alone(spec, peaks=guarantee is not None and guarantee.norm == "sup")
     steps |= heard(spec, errors, period_of(spec))
     if spec.noise and FAMILIES[spec.observer.type].noise_in_w:
         steps["gain_by_channel"] = by_channel(spec, errors, peaks=guarantee is not None and guarantee.norm == "sup")
     found = {**steps, "no_observer": {"zero": open_loop if rests(spec) else None, "open_loop": open_loop}}
     return {name: finite(value) for name, value in found.items()}
+
+
+def alone(spec: Spec, *, peaks: bool) -> float | None:
+    """Gain from v to z of a copy of the plant that uses no y."""
+    unaided = Errors.of(spec.posed, spec.multiplier, spec.H, modes=modes(spec.period))
+    return unaided.peak_gain() if peaks else unaided.energy_gain()
 
 
 def most_peak(spec: Spec, guarantee: Guarantee | None) -> float | None:

@@ -21,7 +21,7 @@ from obsdesign.spec import Nonlinearity
 from obsdesign.trial import Implementation
 
 AS_GIVEN = "given gains are analysed as they are"
-LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
+LATER_FAMILIES = ("ukf", "lqe")
 MAX_POINTS = 10_000
 MOST_SIZES = 100  # bounds on a gain that are gone through, a design each
 AUTO = "auto"

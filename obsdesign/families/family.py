@@ -52,6 +52,8 @@ class Family:
     defects: tuple[str, ...] = ()  # its types that bound the error of a continuous plant at its samples
     places: bool = False  # the poles of its observers may be imposed
     refutes: bool = False  # a file may hold a dual certificate that there is no solution
+    obstacles: tuple[str, ...] = ()  # kinds of further certificates that there is none, which `absence` reads
+    hints: bool = False  # `hint.py` says of specs of other families what this one could do
 
     def part(self, name: str) -> Any:
         """Module of the folder."""
@@ -177,7 +179,7 @@ class Family:
         kinds = {frozen.KIND: frozen.read, reach.KIND: reach.read}
         if (kind := str(file.table("diagnosis", "certificate").get("kind"))) in kinds:
             return kinds[kind](spec, self.demand(spec), file)
-        if not self.refutes or kind != farkas.KIND:
+        if kind not in (*((farkas.KIND,) if self.refutes else ()), *self.obstacles):
             raise file.wrong(
                 "diagnosis.certificate", f"there is none of this kind for type {spec.observer.type}", id="OBS706"
             )

@@ -38,6 +38,7 @@ class Demand:
     largest: fmpq | None = None  # what bounds its norm, unless it is given
     L2: Array | None = None  # None: any
     theorem: str = ""  # whose inequality alone asks a bounded gain for more, where the error is not that of a copy
+    cancelled: str = ""  # channels of w that may be anything, in words
 
 
 def designed(spec: Spec, demand: Demand, design: Callable[[], Outcome]) -> Outcome:
@@ -80,10 +81,11 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
     if named and not blind(spec.posed, demand.edge) and (independent := together(spec)):
         must = f"{must} for every f of the class; the class takes {independent}, so that this member may not occur"
         instead += "; an observer.type that takes the equations as they are has no such class"
+    whatever = f" whatever {demand.cancelled} is" if demand.cancelled else ""
     return {
         "id": "OBS601",
         "condition": "detectability",
-        "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}",
+        "reason": f"{sentence(spec, found, demand)}, so no observer makes its error decay {must}{whatever}",
         "mode": described(found.mode),
         **({"member": named} if named else {}),
         "slopes": slopes(found),
@@ -97,6 +99,10 @@ def diagnosis(spec: Spec, found: Hidden, demand: Demand) -> Diagnosis:
 def sentence(spec: Spec, found: Hidden, demand: Demand) -> str:
     """Member and mode in words, or that every f hides it."""
     named = members(found.member, terms(spec))
+    if demand.cancelled:
+        at = f"at {named}, which the types allow, " if named else ""
+        unseen = f"while {demand.cancelled} keeps y at zero: it is a zero of {demand.cancelled} to y"
+        return f"{at}{found.mode.sentence} {unseen}"
     if not named:
         return found.mode.sentence
     if always := blind(spec.posed, demand.edge):

@@ -105,6 +105,7 @@ class Course:
     drive: str = "v"  # letter of v
     measurements: Measurements | None = None
     v: Array | None = None  # (M,): |v| of samples, each of which counts
+    inner: Array | None = None  # (M, n): errors of states that follow T x, where the estimates know y at once
 
     def before(self, time: float) -> "Course":
         """Return the part before a time."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.lmi.formula import Exact
+from obsdesign.lmi.formula import Array, Exact
 from obsdesign.model.equations import Equations, Named, free, linear, total
 
 
@@ -18,6 +18,7 @@ class Observer:
     s'    = f(t, s, u, y, a)        or, in discrete time, s+ = f(..)
     a     = g(t, s, u, y, a)
     xhat  = h(t, s, u, y, a)
+    s - T x is an error too, of states that follow T x: their dynamics copy those of T x
     s+    = j(t, s, u, y, a, r)     at a measurement, of the states that jump
     r     = k(t, s, u, y, a, gap)   at a measurement, the time `gap` after the one before it, or after the start
 
@@ -39,6 +40,7 @@ class Observer:
     initial: Named = field(default_factory=dict)  # of states that copy none, where not 0: of t, u and y at the start
     located: Named = field(default_factory=dict)  # where such states begin at an estimate of x: of its names too
     twins: Mapping[str, str] = field(default_factory=dict)  # signals that copy one of the plant, and which
+    follows: Named = field(default_factory=dict)  # states that follow a combination of those of the plant, and which
     following: tuple[str, ...] = ()  # names of what it knows of the next sample: t+, u+, y+
     proved: bool = False  # to estimate, by what bounds no run
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
@@ -65,6 +67,15 @@ class Observer:
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
         return tuple(self.dynamics)
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the states that copy none of the plant, and follow none."""
+        return tuple(name for name in self.dynamics if name not in self.twins and name not in self.follows)
+
+    def following_errors(self, states: Sequence[str], e: Array) -> Array:
+        """T e of the states that follow T x, which begin at T xhat0; e (n,) over the named states of the plant."""
+        return np.array([side.scalar(states)(*e.tolist()) for side in self.follows.values()], dtype=float)
 
 
 @dataclass(frozen=True)

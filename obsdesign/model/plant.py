@@ -1,9 +1,9 @@
 """The plant (1) of Corless and Chakrabarty (2019), which is also the shape of the augmented plant (10)."""
 
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar, cast
+from typing import Generic, Protocol, TypeVar, cast, runtime_checkable
 
-from obsdesign.lmi.formula import Array, Float, in_floats
+from obsdesign.lmi.formula import Array, Exact, Float, in_floats
 
 N = TypeVar("N", bound=Array)
 
@@ -48,3 +48,15 @@ class Plant(Generic[N]):
     def undisturbed(self) -> "Plant[N]":
         """Same plant without w."""
         return replace(self, **{name: getattr(self, name)[:, :0] for name in ("B", "D", "Dq")}, exogenous=())
+
+
+@runtime_checkable
+class Cancelling(Protocol):
+    """What is asked of an observer that takes some channels of w out of the equations of its error."""
+
+    @property
+    def cancel(self) -> tuple[int, ...]:
+        """Places of these channels."""
+
+    def posed(self, plant: Plant[Exact]) -> Plant[Exact]:
+        """Plant whose predicted estimates have the errors that the observer has of the augmented plant."""

@@ -7,7 +7,7 @@ integrated itself, since the difference of two large states has lost its digits.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from flint import fmpq
@@ -51,12 +51,17 @@ class Definitions:
         if self.noisy:
             self.made |= {measured(y): dict.fromkeys(self.seen(y), fmpq(1)) for y in self.measurable}
         self.made |= {hat: Pair(twin, error(twin), 1) for hat, twin in observer.twins.items()}
-        self.compare(observer.algebraic, self.sides, lambda name: name)
-        self.compare(observer.dynamics, plant.dynamics, rate)
+        self.made |= {name: {**self.weights(side), error(name): fmpq(1)} for name, side in observer.follows.items()}
+        states = {name: Expression.variable(name) for name in plant.states}
+        self.compare(observer.algebraic, {**self.sides, **states}, lambda name: name)
+        self.compare(
+            {k: side for k, side in observer.dynamics.items() if k not in observer.follows}, plant.dynamics, rate
+        )
+        self.follow()
         self.made |= {
-            error(name): self.difference(observer.estimates[name], Expression.variable(name))
-            for name in plant.states
-            if error(name) not in self.copied
+            error(name): self.difference(observer.estimates[name], side)
+            for name, side in states.items()
+            if error(name) not in (*self.copied, *self.made)
         }
         self.made |= {name: self.difference(side, ZERO) for name, side in observer.received.items()}
         noises = set(map(noise, self.measurable))
@@ -75,6 +80,18 @@ class Definitions:
             else:
                 self.made[named(error(twin))] = self.difference(side, true[twin])
 
+    def follow(self) -> None:
+        """Define the rates of the errors of states that follow a combination of those of the plant."""
+        for name, side in self.observer.follows.items():
+            pairs = [(c, self.plant.dynamics[term.text]) for c, term in side.summands() if c != 0]
+            true = Expression.combination([c for c, _ in pairs], [moves for _, moves in pairs])
+            self.made[rate(error(name))] = self.difference(self.observer.dynamics[name], true)
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """Names of these errors, which are integrated."""
+        return tuple(map(error, self.observer.follows))
+
     @property
     def jumping(self) -> tuple[str, ...]:
         """Names of the states of the flow that a measurement changes: in place of a copy its error, by as much."""
@@ -90,7 +107,7 @@ class Definitions:
     @property
     def further(self) -> tuple[str, ...]:
         """States of the observer that copy none of the plant."""
-        return tuple(name for name in self.observer.states if name not in self.observer.twins)
+        return self.observer.own
 
     @property
     def sides(self) -> dict[str, Expression]:
@@ -138,8 +155,8 @@ class Definitions:
         for c, term in estimate.summands():
             name = term.text
             if term.names == {name}:
-                for part in self.parts(name):
-                    found[part] += c
+                for part, weight in self.parts(name).items():
+                    found[part] += c * weight
                 continue
             twin, here = term.substituted(back), term.substituted(seen)
             if pending.get(twin) == -c:
@@ -152,11 +169,24 @@ class Definitions:
             found[self.slot(term)] += c
         return {name: c for name, c in found.items() if c != 0}
 
-    def parts(self, name: str) -> Iterable[str]:
-        """Signals whose sum a signal of the observer is."""
+    def parts(self, name: str) -> dict[str, fmpq]:
+        """Signals whose combination a signal of the observer is.
+
+        Where its states follow T x and y is in the estimates at once, y is written out: then T x + E C x - x cancels.
+        """
+        one, follows = fmpq(1), self.observer.follows
+        if name in follows:
+            return {**self.weights(follows[name]), error(name): one}
         if twin := self.observer.twins.get(name):
-            return (twin, error(twin))
-        return self.seen(name)
+            return {**self.written_out(twin), error(twin): one}
+        noisy = dict.fromkeys(self.seen(name)[1:], one)
+        return {**self.written_out(name), **noisy}
+
+    def written_out(self, name: str) -> dict[str, fmpq]:
+        """A signal of the plant; an output by its right side, where that is of use."""
+        if self.observer.follows and name in self.plant.outputs:
+            return self.weights(self.plant.outputs[name])
+        return {name: fmpq(1)}
 
     def seen(self, name: str) -> tuple[str, ...]:
         """Signals whose sum an output is as it is measured; other signals are themselves."""

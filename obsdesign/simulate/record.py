@@ -78,7 +78,8 @@ class Record:
         if at and not np.isfinite(self.system.kicks).all():
             b = np.where(np.isfinite(at.added), b, np.inf)
         z, drive = np.linalg.norm(self.z, axis=1), self.spec.observer.drive
-        return Course(self.t, self.e, z, up_to.z2, up_to.v2, up_to.v_sup, b, drive, at, up_to.v)
+        inner = self.now.of(self.system.followed) if self.system.followed else None
+        return Course(self.t, self.e, z, up_to.z2, up_to.v2, up_to.v_sup, b, drive, at, up_to.v, inner)
 
     @cached_property
     def measurements(self) -> Measurements | None:

@@ -81,6 +81,12 @@ class Scenario:
         return tuple(self.plant.outputs)[len(self.outputs) :]
 
     @property
+    def driving(self) -> tuple[Expression, ...]:
+        """Signals of v in continuous time, as far as a guarantee is about them."""
+        named = zip(self.plant.exogenous, self.v, strict=True)
+        return tuple(signal for name, signal in named if name in self.drive)
+
+    @property
     def integrated(self) -> int:
         """Number of the true states that are integrated."""
         return len(self.plant.states) - len(self.known)
@@ -156,6 +162,8 @@ def scenario(spec: Spec, simulation: Simulation, sampled: bool) -> Scenario:
 
 def drives(spec: Spec, v: tuple[str, ...]) -> tuple[str, ...]:
     """Names of what a guarantee calls v, given those of v: of filtered estimates in part that of the next sample."""
+    if spec.cancelled:
+        return tuple(name for name, own in zip(v, spec.drives, strict=True) if own in spec.posed.exogenous)
     if not spec.observer.filtered:
         return v
     now, late = channels(spec.augmented)

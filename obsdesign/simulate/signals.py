@@ -26,7 +26,7 @@ def largest_so_far(acting: Scenario, breaks: Sequence[tuple[float, float]], t: A
     grid = fine_grid(acting, breaks, float(t[-1]))
     times = np.concatenate((t, grid))
     order = np.argsort(times, kind="stable")
-    sizes = np.concatenate((sizes, np.linalg.norm(table(acting.v, grid, acting.recorded), axis=1)))[order]
+    sizes = np.concatenate((sizes, np.linalg.norm(table(acting.driving, grid, acting.recorded), axis=1)))[order]
     largest = np.maximum.accumulate(np.where(np.isfinite(sizes), sizes, 0.0))
     return np.asarray(largest[np.searchsorted(times[order], t, side="right") - 1])
 

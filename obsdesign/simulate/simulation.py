@@ -102,7 +102,7 @@ def tolerance(start: Vector, system: System) -> Tolerance:
     size[:ns] = np.maximum(size[:ns], np.abs(start[:ns]))
     nonzero = size[size > 0]
     size[size == 0] = nonzero.min() if len(nonzero) else 1.0
-    further = np.full(len(system.further), size.max())
+    further = np.full(len(system.followed) + len(system.further), size.max())
     integrals = np.full(len(start) - system.end, size.max() ** 2)
     errors = size[:n] / system.amplification()
     absolute = ATOL * np.concatenate((size[:ns], errors, further, integrals))

@@ -176,7 +176,8 @@ class Stepped(Record):
     @cached_property
     def course(self) -> Course:
         """Error at the rows; the energies are sums over them."""
-        z, v2 = np.linalg.norm(self.z, axis=1), (self.v**2).sum(axis=1)
+        drives = self.acting.plant.exogenous if self.spec.observer.filtered else self.acting.drive
+        z, v2 = np.linalg.norm(self.z, axis=1), (self.now.of(drives) ** 2).sum(axis=1)
         on = np.diff(self.t, append=self.t[-1:])
         sums = [np.concatenate([[0.0], np.cumsum(on * values)[:-1]]) for values in (z**2, v2)]
         zero = np.zeros(len(self.t))
@@ -191,7 +192,6 @@ class Stepped(Record):
         what = self.found[:, [names.index(name) for name in wanted]]
         w = self.now.of(self.acting.w)
         true = self.now.of([self.system.estimated[name] for name in wanted])
-        twins = self.one.observer.twins
-        own = [i for i, name in enumerate(self.one.observer.states) if name not in twins]
+        own = [i for i, name in enumerate(self.one.observer.states) if name in self.one.observer.own]
         beside = {"w_error": what - true, "y": self.y, "theta": self.states[:, own]}
         return replace(super().signals, what=what, w=w, **beside)

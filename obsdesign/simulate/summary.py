@@ -43,7 +43,7 @@ def norms(record: Record) -> dict[str, Any]:
     endless = (
         None
         if sup or v2 is None or acting.clock or acting.noises
-        else norm_to_infinity(acting.v, record.trajectory.time, course.v2[-1])
+        else norm_to_infinity(acting.driving, record.trajectory.time, course.v2[-1])
     )
     return {
         "z_norm2": z2,
@@ -53,7 +53,7 @@ def norms(record: Record) -> dict[str, Any]:
         f"{course.drive}_sup": v_sup,
         "ratio": z / v if z is not None and v else None,
         "ratio_of": "sup|z| / sup|v|" if sup else f"norm2(z) / norm2({course.drive})",
-        "gamma": guarantee.gamma if guarantee and acting.v else None,
+        "gamma": guarantee.gamma if guarantee and acting.drive else None,
     }
 
 

@@ -73,8 +73,9 @@ class System:
             made.made[error(w)] = made.difference(observer.estimates[name], Expression.variable(w))
         self.integrated = plant.states[: scenario.integrated]
         self.copied, self.further, self.jumping = made.copied, made.further, made.jumping
+        self.followed = made.followed
         self.corrections = tuple(name for name in self.further if name in observer.jump)
-        self.flowing = (*self.integrated, *self.copied, *self.further)
+        self.flowing = (*self.integrated, *self.copied, *self.followed, *self.further)
         self.end = len(self.flowing)
         self.width = self.end + len(INTEGRALS)
         self.seen = tuple(map(measured, observer.outputs)) if noisy else observer.outputs  # y as it is measured
@@ -180,7 +181,8 @@ class System:
         x[: len(x0)] = x0
         x[acting.integrated :] = acting.xm(0.0)
         copied = [i for i, name in enumerate(acting.plant.states) if error(name) in self.copied]
-        s = np.concatenate((x[: acting.integrated], (xhat0 - x)[copied], further, np.zeros(len(INTEGRALS))))
+        errors = np.concatenate([(xhat0 - x)[copied], self.observer.following_errors(acting.plant.states, xhat0 - x)])
+        s = np.concatenate((x[: acting.integrated], errors, further, np.zeros(len(INTEGRALS))))
         if not self.observer.jump:
             return self.with_initial(s, self.beside(0.0))
         X, outputs = self.program.run(0.0, s, self.quiet(0.0)), self.observer.outputs
@@ -195,7 +197,8 @@ class System:
         X = self.program.run(0.0, s, held)
         known = {"t": 0.0, **dict(zip(self.observer.outputs, X[self.program.places(self.seen)], strict=True))}
         known |= dict(zip(self.observer.inputs, X[self.program.places(self.observer.inputs)], strict=True))
-        for name, side in self.observer.initial.items():
+        own = {name: side for name, side in self.observer.initial.items() if name not in self.observer.follows}
+        for name, side in own.items():
             s[self.flowing.index(name)] = side.scalar([*known])(*known.values())
         return s
 
@@ -283,9 +286,9 @@ class System:
 
     def accumulated(self, t: Float, s: Float, now: "Table", breaks: Sequence[Break]) -> "Accumulated":
         """What states (N, ns) at times t, with their signals, say of all that was up to each."""
-        plant, acting = self.scenario.plant, self.scenario
+        acting = self.scenario
         z2, v2, b = s[:, self.end : self.end + 3].T
-        return Accumulated(z2, v2, largest_so_far(acting, breaks, t, now.of(plant.exogenous)), b, None)
+        return Accumulated(z2, v2, largest_so_far(acting, breaks, t, now.of(acting.drive)), b, None)
 
     def table(self, t: Float, s: Float) -> "Table":
         """Signals along states s (N, ns) at times t; NaN outside the model's domain."""

@@ -93,6 +93,13 @@ def plant_of(sections):
     return Matrices(A, B, Bf, C, D, Df, Cq, Dq, Dqf, H)
 
 
+def left(plant, E):
+    """What is left of a plant without D whose first disturbance is cancelled by xhat = xi + E y."""
+    T = np.eye(len(plant.A)) - E @ plant.C
+    cut = {"B": T @ plant.B[:, 1:], "D": plant.D[:, 1:], "Dq": plant.Dq[:, 1:]}
+    return plant._replace(A=T @ plant.A, Bf=T @ plant.Bf, **cut)
+
+
 def members_of(kinds, rng, count, factor=1):
     """Matrices of members of all the classes, side by side; `factor`: of every Lipschitz constant."""
     return [block_diag(np.zeros((0, 0)), *(factor * kind.member(rng) for kind in kinds)) for _ in range(count)]
@@ -267,6 +274,9 @@ def claims(result, drawn, plant):
         levels = [numbers.get(key, value) for key, value in still.items()]
         return Copy(name, L1, L2, exact(P), rate, observer["type"] != "linf", *levels, factor)
 
+    if observer["type"] == "unknown-input":
+        yield claim("", -exact(observer["L"]), np.zeros((rows, len(plant.C))), guarantee, certificate["P"], 1)
+        return
     if observer["type"] != "lipschitz":
         L1, L2 = exact(observer["L1"]), exact(observer["L2"]).reshape(rows, len(plant.C))
         yield claim("", L1, L2, guarantee, certificate["P"], 1)
@@ -282,8 +292,12 @@ def claims(result, drawn, plant):
 
 
 def continuous(result, drawn, rng, members, length):
-    """Attack `l2`, `linf` and `lipschitz`: members held and switched, at steps from the fastest pole to the slowest."""
+    """Attack what has no jumps: members held and switched, at steps from the fastest pole to the slowest."""
     plant = plant_of(drawn.sections)
+    if "E" in result["observer"]:
+        E = exact(result["observer"]["E"])
+        assert np.abs((np.eye(len(E)) - E @ plant.C) @ plant.B[:, 0]).max() < 1e-12 * (1 + np.abs(plant.B).max())
+        plant = left(plant, E)
     for claim in claims(result, drawn, plant):
         systems = [
             closed(plant, claim.L1, claim.L2, K) for K in members_of(drawn.kinds, rng, 4 * members, claim.factor)
@@ -411,6 +425,11 @@ def solution(result, drawn, rng):
     where the inequality holds for a gain and a lambda (the Kalman-Yakubovich-Popov lemma).
     """
     section, diagnosis, plant = drawn.sections["observer"], result["diagnosis"], plant_of(drawn.sections)
+    if section["type"] == "unknown-input":
+        b = plant.B[:, :1]
+        if not (plant.C @ b).any():
+            return None
+        plant = left(plant, b @ np.linalg.pinv(plant.C @ b))
     alpha = section.get("alpha", section.get("decay", 0))
     shift = (alpha["min"] if isinstance(alpha, dict) else alpha) * np.eye(len(plant.A))
     shape, (rows, ny), free = (len(plant.A), len(plant.C)), (len(plant.Cq), len(plant.C)), section.get("L2") == "free"

@@ -70,8 +70,12 @@ def broken_rules(result, gains):
 
 
 def rules_of_gains(observer, gains):
-    """Gains are matrices of numbers, and the observer has a type."""
-    kept = {f"observer.{name} is a matrix of numbers": is_matrix(observer.get(name), is_number) for name in gains}
+    """Gains are matrices of numbers, and the observer has a type; E is exact, and no decimal may be."""
+    entry = {"E": is_exact}
+    kept = {
+        f"observer.{name} is a matrix of numbers": is_matrix(observer.get(name), entry.get(name, is_number))
+        for name in gains
+    }
     return kept | {"observer.type": isinstance(observer.get("type"), str)}
 
 

@@ -143,7 +143,9 @@ KINDS = (
 )  # fmt: skip
 
 
-SHARES = dict.fromkeys(("l2", "linf", "sporadic"), (0.1, 0.6, 0.3)) | {"lipschitz": (0, 0.7, 0.3)}  # of 0, 1, 2 blocks
+SHARES = dict.fromkeys(("l2", "linf", "sporadic", "unknown-input"), (0.1, 0.6, 0.3)) | {
+    "lipschitz": (0, 0.7, 0.3)
+}  # of 0, 1, 2 blocks
 
 
 class Drawn(NamedTuple):
@@ -156,6 +158,7 @@ class Drawn(NamedTuple):
 def drawn(rng, family):
     """A spec of a family, drawn so that about half of them have a solution."""
     n, nw, ny = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
+    nw = 2 if family == "unknown-input" else nw  # of which the first is cancelled
     A = rng.normal(size=(n, n)) - rng.uniform(0.5, 2.5) * np.eye(n)
     through = rng.integers(2, size=nw) | (np.arange(nw) == 0) * (rng.uniform() < 0.95)  # disturbs states, or is noise
     system = {
@@ -163,7 +166,7 @@ def drawn(rng, family):
         "B": decimals(rng.normal(size=(n, nw)) * through),
         "C": decimals(rng.normal(size=(ny, n))),
     }
-    if family != "sporadic":
+    if family not in ("sporadic", "unknown-input"):
         system["D"] = decimals(0.3 * rng.normal(size=(ny, nw)) * (rng.integers(2, size=nw) | (through == 0)))
     choice = (lipschitz,) if family == "lipschitz" else KINDS
     kinds = [choice[rng.integers(len(choice))](rng) for _ in range(rng.choice([0, 1, 2], p=SHARES[family]))]
@@ -281,4 +284,17 @@ def sporadic(rng, A, C, kinds):  # noqa: ARG001
     return {"T1": T1, "T2": T2, "decay": decay, "injection": injection, **changes}
 
 
+def cancelling(rng, A, C, kinds):  # noqa: ARG001
+    """Section of the family unknown-input but for its type."""
+    size, low = decimals(10 ** rng.uniform(0.3, 2)), decimals(10 ** rng.uniform(-1.5, 0))
+    section = [
+        {"bounds": {"L": size}},
+        {"objective": "feasibility"},
+        {"objective": {"gamma": decimals(10 ** rng.uniform(-0.5, 1))}},
+        {"bounds": {"L": {"frobenius": size}}, "slack": 0.01},
+    ][rng.integers(4)]
+    return {"cancel": "w1", "alpha": low, **section}
+
+
 SECTIONS = {"l2": incremental, "linf": incremental, "lipschitz": lipschitz_section, "sporadic": sporadic}
+SECTIONS |= {"unknown-input": cancelling}

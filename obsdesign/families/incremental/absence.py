@@ -183,14 +183,14 @@ def structural(spec: Spec, family: Incremental) -> Diagnosis | None:
 def within_bounds(spec: Spec) -> str:
     """Bounds and level that what is said to be feasible keeps; nothing where there are none."""
     request = request_of(spec)
-    words = request.bounds.words("L1")
+    words = request.bounds.words(posed(spec).about.gain)
     words += [f"gamma <= {float(request.level):g}"] if request.level is not None else []
     return f" within the bounds ({' and '.join(words)})" if words else ""
 
 
 def other(family: Incremental) -> str:
     """Suggestion of a free L2 where it is fixed."""
-    return "" if family.L2 is None else "; so may another L2, or `L2: free`"
+    return "; so may another L2, or `L2: free`" if family.L2 is not None and family.about.feedback else ""
 
 
 def out_of_reach(spec: Spec, family: Incremental, levels: dict[str, float], largest: float | None) -> Diagnosis:

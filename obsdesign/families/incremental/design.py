@@ -64,8 +64,8 @@ class Designer:
         return Limits(self.engine, self.family.about, self.request, self.points, self.notes, self.noise)
 
     def noise(self, L1: Array) -> float | None:
-        """Rms of z for white noise of density 1 in every output, of the worst member; None where it is not known."""
-        if self.request.L2 is None:
+        """Rms of z for white noise of density 1 in every output, of the worst member; None: not known."""
+        if self.request.L2 is None or not self.family.about.feedback:
             return None
         return noise_of(errors(self.spec, {"L1": L1, "L2": in_floats(self.request.L2)}), in_floats(self.spec.H))
 
@@ -87,7 +87,7 @@ class Designer:
     def accurate(self) -> Outcome | None:
         """Gains in closed form for `objective: {gamma: ..}`, where nothing bounds them and the plant admits them."""
         gamma, outputs = self.request.gamma, [in_floats(self.family).H]
-        if gamma is None or self.request.bounds.restricted or self.pace.sampled:
+        if gamma is None or self.request.bounds.restricted or self.pace.sampled or self.family.direct:
             return None
         if self.request.reconstruct:
             inverse = left_inverse(self.family.plant.B)
@@ -100,10 +100,10 @@ class Designer:
         made = self.proved(((family, None) for family in best.gains(float(gamma), outputs)), float(gamma))
         if made.status is not Verdict.CERTIFIED:
             return None
-        size = float(np.linalg.norm(made.gains["L1"], 2))
+        size, name = float(np.linalg.norm(made.gains["L1"], 2)), self.family.about.gain
         self.notes.append(
-            f"any gamma can be reached, at |L1| of the order of 1 / gamma^2 at most: in closed form |L1| = {size:.4g} "
-            f"for gamma = {float(gamma):g}; where the spec limits L1, smaller gains are searched"
+            f"any gamma can be reached, at |{name}| of the order of 1 / gamma^2 at most: in closed form |{name}| = "
+            f"{size:.4g} for gamma = {float(gamma):g}; where the spec limits {name}, smaller gains are searched"
         )
         return replace(made, limit={"gamma": 0.0, "attained": False}, notes=tuple(self.notes))
 

@@ -38,11 +38,11 @@ def beyond(decay: Decay, rate: fmpq, limit: float | None, reached: float | None)
     above = level is not None and limit is not None and limit > level
     raised = round_up(limit * (1 + MORE), 4) if above and limit else level
     size = least_size(solve, bounds, np.inf if raised is None else (raised * (1 - ROOM)) ** 2)
-    slower, enough, hints = decay.largest_below(rate), {}, []
+    slower, enough, hints, name = decay.largest_below(rate), {}, [], decay.family.about.gain
     if size and above:
-        hints = [f"allow |L1| up to {size:g} and ask for gamma at least {raised:g}, with which there is one"]
+        hints = [f"allow |{name}| up to {size:g} and ask for gamma at least {raised:g}, with which there is one"]
     elif size:
-        enough["L1"] = size, "allow |L1| up to"
+        enough[name] = size, f"allow |{name}| up to"
     inside = "within the bounds ask for"
     if reached:
         enough["gamma"] = round_up(reached * (1 + CLOSE), 4), f"{inside} gamma at least"
@@ -53,9 +53,9 @@ def beyond(decay: Decay, rate: fmpq, limit: float | None, reached: float | None)
     steep = endless(decay.family, bounds.poles)
     hints += [BOUND] if steep else []
     where = f"at {decay.pace.said(rate)}" + ("" if level is None else f" for gamma = {level:g}")
-    found = too_tight(bounds.words("L1"), where, enough, hints)
+    found = too_tight(bounds.words(name), where, enough, hints)
     if size and above:
-        found["feasible"]["together"] = {"L1": size, "gamma": raised}
+        found["feasible"]["together"] = {name: size, "gamma": raised}
     found["reason"] += f"; {steep}" if steep else ""
     goal = np.inf if level is None else level**2
     return above or excluded(solve, bounds, goal) or unplaced(decay.engine, search, bounds), found
@@ -77,10 +77,8 @@ def remedied(spec: Spec, decay: Decay, rate: fmpq, largest: float | None, diagno
         diagnosis = {**diagnosis, "nonlinearity": found["nonlinearity"], "within": within, "feasible": more}
     if quiet and largest:
         diagnosis = {**diagnosis, "feasible": {**diagnosis["feasible"], decay.pace.key: decay.pace.told(largest)}}
-    return {
-        **diagnosis,
-        "suggestion": "; ".join(hints) or f"{decay.pace.weaker}, D = 0 and `L2: free` will not do{within}",
-    }
+    others = "D = 0 and `L2: free`" if decay.family.about.feedback else "and D = 0"
+    return {**diagnosis, "suggestion": "; ".join(hints) or f"{decay.pace.weaker}, {others} will not do{within}"}
 
 
 def quieter(decay: Decay, rate: fmpq, largest: float | None, within: str) -> Iterator[str]:
@@ -92,7 +90,8 @@ def quieter(decay: Decay, rate: fmpq, largest: float | None, within: str) -> Ite
         yield f"ask for {decay.pace.slower(largest * (1 - CLOSE))}, with which there is a solution{within}"
     plant = decay.family.plant
     silent = replace(decay.family, plant=replace(plant, D=printed(np.zeros(plant.D.shape))))
-    for family, words in ((silent, ""), (replace(silent, L2=None), " with `L2: free`")):
+    free = [(replace(silent, L2=None), " with `L2: free`")] if silent.about.feedback else []
+    for family, words in ((silent, ""), *free):
         if solvable(replace(decay, family=family), rate):
             yield f"leave noise out of y (D = 0){words}, with which there is a solution{within}"
             return

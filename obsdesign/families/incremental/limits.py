@@ -72,7 +72,8 @@ class Limits:
 
     def refusal(self, search: Incremental, rate: fmpq, table: Sequence[tuple[float, float]]) -> UsageError:
         """Refusal of a limit of zero, with what larger gains do, and with the noise that they let through."""
-        return unbounded(self.pace.said(rate), table, loudness(self.engine, search, table, self.noise))
+        noise = loudness(self.engine, search, table, self.noise)
+        return unbounded(self.pace.said(rate), table, noise, self.about.gain, self.about.feedback)
 
     def attained(self, search: Incremental, limits: dict[str, Any], bounded: float = math.inf) -> dict[str, Any]:
         """Limits with whether a finite gain attains the one over all gains, in samples, as far as doubles tell.

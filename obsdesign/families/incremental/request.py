@@ -146,6 +146,10 @@ class Request:
         """Bounds on what a design may use, in words."""
         return self.bounds.words("L1")
 
+    def family(self, spec: Spec, rate: fmpq, L1: Array | None, L2: Array | None) -> Incremental:
+        """Inequality of a spec at a rate, with gains; None: to be found."""
+        return theorem(self.type, sampled=self.pace.sampled)(spec.posed, spec.multiplier, spec.H, rate, L1, L2)
+
     @property
     def kept(self) -> Bounds:
         """Bounds that a claim is held against: of given gains those on the poles only."""
@@ -273,11 +277,11 @@ def posed(spec: Spec, rate: fmpq | None = None, L1: Array | None = None, L2: Arr
     L2 is that of the request where it is not given.
     """
     request = request_of(spec).printed()
-    given, kind = request.gains or {}, theorem(request.type, sampled=request.pace.sampled)
+    given = request.gains or {}
     rate = ends(request.rate)[0] if rate is None else rate
     L1 = given.get("L1") if L1 is None else L1
     L2 = given.get("L2", request.L2) if L2 is None else L2
-    return kind(spec.posed, spec.multiplier, spec.H, rate, L1, L2)
+    return request.family(spec, rate, L1, L2)
 
 
 def demand(spec: Spec) -> Demand:
