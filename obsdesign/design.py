@@ -29,7 +29,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import in_floats
-from obsdesign.reading import loads, with_simulation
+from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec, named_by
 from obsdesign.tables.split import entry
@@ -64,6 +64,7 @@ class Design(Outcome):
     spec: Spec
     solver: Solver | None = None  # None of a design that was read from a file
     recorded: ResultFile | None = None  # the file that it was read from
+    elsewhere: Spec | None = None  # with another plant, on which it is run: nothing is proved of it there
 
     @classmethod
     def of(cls, spec: Spec, outcome: Outcome, **origin: Any) -> "Design":
@@ -223,13 +224,7 @@ class Design(Outcome):
         """
         from obsdesign.simulate import simulate
 
-        spec = with_simulation(self.spec, changes) if changes else self.spec
-        with spec.placed():
-            observer, run = self.observer, simulate(replace(self, spec=spec), progress)
-            states = [name for name in observer.states if name not in observer.twins]
-            signals = dict(zip(states, run.steps.theta.T, strict=True))
-            told = FAMILIES[spec.observer.type].report(spec, self.form, run.steps.t, signals)
-            return replace(run, summary={**run.summary, **told}) if told else run
+        return simulate(self, changes, progress)
 
     def to_control(self) -> "NonlinearIOSystem":
         """Observer as a system of python-control: inputs u and y, outputs `hat_..`, states by their names.

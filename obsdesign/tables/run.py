@@ -29,9 +29,15 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
         if spec.simulation
         else []
     )
-    rows += [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
+    without = "no guarantee: nothing is proved of these gains with this plant"
+    why = summary.get("no_guarantee", "" if guaranteed else without)
+    rows += [("guarantee", why)] if why else []
     for key, value in summary.items():
-        if key == "bounds":
+        if key == "no_guarantee" or (key == "bounds_omitted" and value == why):
+            continue
+        if key == "observed":
+            rows += [(key, observed_text(bound)) for bound in value]
+        elif key == "bounds":
             rows += [("bound", bound_text(bound)) for bound in value]
         elif key == "status":
             rows.append(
@@ -133,6 +139,12 @@ def reached(time: float | None, end: float) -> str:
     if time is None:
         return "never"
     return f"after {time:.4g} s" if time <= HELD * end else "not held before the end"
+
+
+def observed_text(bound: Mapping[str, Any]) -> str:
+    """One bound that is proved of another plant, against the run."""
+    sign, said = ("<=", "kept") if bound["holds"] else (">", "not kept")
+    return f"{said}: {bound['value']:.6g} {sign} {at_most(bound['bound'])}   {bound['name']}; no guarantee"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:
