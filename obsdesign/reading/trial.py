@@ -37,9 +37,8 @@ def read_simulation(
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
-    `exogenous`: the disturbance model; `family`: says whether measurements arrive at instants, so that the section may
-    say when, and whether the observer has coordinates of its own; `period`: of the samples, in discrete time;
-    `in_plant`: names of the parameters that stand in the plant.
+    `family`: says whether measurements arrive at instants, and whether the observer has coordinates of its own;
+    `period`: of the samples, in discrete time; `in_plant`: names of the parameters that stand in the plant.
     """
     if section is None:
         return None

@@ -35,7 +35,7 @@ class Drawn:
 
 def uncertain(spec: Spec) -> bool:
     """Whether the plant of a run is another than that of the spec."""
-    return bool(spec.simulation) and any(one.share for one in spec.simulation.uncertainty.values())
+    return spec.simulation is not None and any(one.share for one in spec.simulation.uncertainty.values())
 
 
 def drawn(spec: Spec) -> Drawn:
@@ -80,8 +80,8 @@ def tried(design: "Design", changes: Mapping[str, Any]) -> Spec:
     if (there := design.elsewhere) is not None:
         name = spec.name if there.name == spec.name else f"{spec.name}, on {there.name}"
         step = spec.implementation or there.implementation
-        place = {"text": there.text, "path": there.path, "changes": there.changes}
-        spec = replace(on_plant(spec, there), name=name, implementation=step, **place)
+        made = replace(on_plant(spec, there), name=name, implementation=step)
+        spec = replace(made, text=there.text, path=there.path, changes=there.changes)
     return with_simulation(spec, changes) if changes else spec
 
 
@@ -97,14 +97,15 @@ def foreign(design: "Design", parameters: Mapping[str, float]) -> str:
 
 def on_plant(spec: Spec, other: Spec) -> Spec:
     """Spec with the plant of another one, and with what acts on it."""
-    parts = ("plant", "generator", "gx", "gq", "gy", "typed", "nonlinearities", "noise", "simulation", "units")
-    return replace(spec, **{name: getattr(other, name) for name in parts})
+    made = replace(spec, plant=other.plant, generator=other.generator, gx=other.gx, gq=other.gq, gy=other.gy)
+    made = replace(made, typed=other.typed, nonlinearities=other.nonlinearities, noise=other.noise, units=other.units)
+    return replace(made, simulation=other.simulation or spec.simulation)
 
 
 def require_fitting(spec: Spec, other: Spec) -> None:
     """Refuse a plant on which the observer of a spec cannot run.
 
-    Raises `UsageError` with everything that does not fit: names of signals, in their order, time, the form of the plant.
+    Raises `UsageError` with all that does not fit: names of signals, in their order, time, the form of the plant.
     """
     pairs = {
         "system.states": (spec.plant.states, other.plant.states),

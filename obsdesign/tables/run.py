@@ -32,13 +32,12 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
     without = "no guarantee: nothing is proved of these gains with this plant"
     why = summary.get("no_guarantee", "" if guaranteed else without)
     rows += [("guarantee", why)] if why else []
-    for key, value in summary.items():
-        if key == "no_guarantee" or (key == "bounds_omitted" and value == why):
-            continue
-        if key == "observed":
-            rows += [(key, observed_text(bound)) for bound in value]
-        elif key == "bounds":
-            rows += [("bound", bound_text(bound)) for bound in value]
+    told = {"no_guarantee", *(["bounds_omitted"] if summary.get("bounds_omitted") == why else [])}
+    texts = {"bounds": ("bound", bound_text), "observed": ("observed", observed_text)}
+    for key, value in ((key, value) for key, value in summary.items() if key not in told):
+        if key in texts:
+            name, text_of = texts[key]
+            rows += [(name, text_of(bound)) for bound in value]
         elif key == "status":
             rows.append(
                 (key, value if value == "done" else f"{value} at t = {summary['time']:.6g} s: computed until then")
