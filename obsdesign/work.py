@@ -157,11 +157,10 @@ def of_spec(gains: str, spec: Spec) -> Design:
     try:
         return read(gains, spec)
     except UsageError as error:
-        first, *others = error.problems
-        if first.id != "OBS704":
+        if error.problems[0].id != "OBS704":
             raise
-        said = f"{first.message}; `simulate --labelled` runs them with this plant, with no guarantee"
-        raise UsageError(replace(first, message=said), *others) from None
+        said = "`simulate --labelled` runs them with this plant, with no guarantee"
+        raise UsageError(*(replace(one, message=f"{one.message}; {said}") for one in error.problems)) from None
 
 
 def on_plant_of(design: Design, other: Spec) -> Design:
@@ -172,7 +171,7 @@ def on_plant_of(design: Design, other: Spec) -> Design:
     own = design.spec
     if (own.text, claimed(own.changes)) == (other.text, claimed(other.changes)):
         return replace(design, spec=replace(own, simulation=other.simulation, data=other.data, changes=other.changes))
-    require_fitting(own, other)
+    require_fitting(own, other, design.path)
     return replace(design, elsewhere=other)
 
 

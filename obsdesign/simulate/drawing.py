@@ -11,6 +11,7 @@ import numpy as np
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.reading import varied, with_simulation
+from obsdesign.sections.changes import claimed
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
@@ -89,7 +90,10 @@ def foreign(design: "Design", parameters: Mapping[str, float]) -> str:
     """Why nothing is proved of a run of a design whose plant has drawn parameters; empty where something may be."""
     said = []
     if design.elsewhere is not None:
-        said.append(f"the plant is that of {design.elsewhere.path}, and these gains were made for {design.spec.path}")
+        changed = f" with {', '.join(told)}" if (told := claimed(design.elsewhere.changes)) else ""
+        said.append(
+            f"the plant is that of {design.elsewhere.path}{changed}, and the gains in {design.path} were made for another"
+        )
     if parameters:
         said.append("the plant has the parameters that were drawn, and a proof is of the nominal ones")
     return f"no guarantee: {'; '.join(said)}" if said else ""
@@ -102,8 +106,8 @@ def on_plant(spec: Spec, other: Spec) -> Spec:
     return replace(made, simulation=other.simulation or spec.simulation)
 
 
-def require_fitting(spec: Spec, other: Spec) -> None:
-    """Refuse a plant on which the observer of a spec cannot run.
+def require_fitting(spec: Spec, other: Spec, gains: str) -> None:
+    """Refuse a plant on which the observer of a spec, whose gains are in a file, cannot run.
 
     Raises `UsageError` with all that does not fit: names of signals, in their order, time, the form of the plant.
     """
@@ -112,16 +116,17 @@ def require_fitting(spec: Spec, other: Spec) -> None:
         "system.inputs": (spec.inputs, other.inputs),
         "system.outputs": (spec.plant.outputs, other.plant.outputs),
         "system.disturbances": (spec.plant.exogenous, other.plant.exogenous),
-        "disturbance": (spec.model_states, other.model_states),
     }
+    if spec.plant.exogenous == other.plant.exogenous:
+        pairs["disturbance"] = spec.model_states, other.model_states
     found = [
-        Problem(f"{amount(there)} here, and {amount(own)} in {spec.path}: the gains do not fit", key=key, id="OBS932")
+        Problem(f"{amount(there)} here, and {amount(own)} in {gains}: the gains do not fit", key=key, id="OBS932")
         for key, (own, there) in pairs.items()
         if own != there
     ]
     if spec.period != other.period:
         own, there = ("continuous" if one.period is None else f"{float(one.period):g} s" for one in (spec, other))
-        said = f"time is {there} here, and {own} in {spec.path}: the gains do not fit"
+        said = f"time is {there} here, and {own} in {gains}: the gains do not fit"
         found.append(Problem(said, key="system.time", id="OBS932"))
     if (spec.typed is None) != (other.typed is None):
         said = f"takes the plant in another form than {spec.observer.type}, whose gains they are; give that type here"

@@ -129,8 +129,8 @@ class Subject:
         try:
             record = recorded(trial.spec, self.observer, self.guarantee, foreign=foreign(self.design, trial.parameters))
         except UsageError as error:
-            first = replace(error.problems[0], message=f"{error.problems[0].message} (with seed {seed})")
-            raise UsageError(first, *error.problems[1:]) from None
+            told = (replace(one, message=f"{one.message} (with seed {seed})") for one in error.problems)
+            raise UsageError(*told) from None
         return member_of(record, seed, self.grid), estimates(record)
 
     @cached_property
@@ -219,7 +219,7 @@ def montecarlo(
     """Runs of a design with the seeds from that of its spec on, in so many processes; the same for any number of them.
 
     `changes`: other values of keys of `simulation`. The runs that are told of as worst are those that `simulate` makes
-    of their seeds; of the others errors are accurate to about 1e-6 of the largest. Raises `UsageError`: see `simulate`.
+    of their seeds; errors of the others are known to about a thousandth. Raises `UsageError`: see `simulate`.
     """
     spec = tried(design, changes or {})
     first = require_runs(spec, runs)

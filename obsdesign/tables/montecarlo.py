@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from obsdesign.tables.text import aligned, at_most, plain
+from obsdesign.tables.text import aligned, at_most, compared, plain
 
 MOST = 8  # seeds in a row
 
@@ -50,7 +50,7 @@ def bound_text(bound: Mapping[str, Any]) -> str:
     """One bound in all runs, and in the worst one."""
     kept = f"{bound['kept']} of {bound['checked']} runs"
     verdict = "kept in" if not bound["proved"] else "holds in" if bound["holds"] else "VIOLATED, holds in"
-    sign = "<=" if bound["value"] <= bound["bound"] else ">"
+    sign = compared(bound["value"], bound["bound"])
     worst = f"worst {bound['value']:.6g} {sign} {at_most(bound['bound'])} (seed {bound['seed']})"
     label = "" if bound["proved"] else "; no guarantee"
     return f"{verdict} {kept}, {worst}   {bound['name']}{label}"

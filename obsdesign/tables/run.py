@@ -5,7 +5,7 @@ from typing import Any
 
 from obsdesign.families.guarantee import HELD
 from obsdesign.spec import Spec
-from obsdesign.tables.text import aligned, at_most, plain
+from obsdesign.tables.text import aligned, at_most, compared, plain
 
 BOUNDS = ("gamma", "bound")
 MEANT = {  # unit or definition of a number of a run, after it
@@ -142,8 +142,8 @@ def reached(time: float | None, end: float) -> str:
 
 def observed_text(bound: Mapping[str, Any]) -> str:
     """One bound that is proved of another plant, against the run."""
-    sign, said = ("<=", "kept") if bound["holds"] else (">", "not kept")
-    return f"{said}: {bound['value']:.6g} {sign} {at_most(bound['bound'])}   {bound['name']}; no guarantee"
+    said, value, limit = "kept" if bound["holds"] else "not kept", bound["value"], bound["bound"]
+    return f"{said}: {value:.6g} {compared(value, limit)} {at_most(limit)}   {bound['name']}; no guarantee"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:
