@@ -91,9 +91,8 @@ def foreign(design: "Design", parameters: Mapping[str, float]) -> str:
     said = []
     if design.elsewhere is not None:
         changed = f" with {', '.join(told)}" if (told := claimed(design.elsewhere.changes)) else ""
-        said.append(
-            f"the plant is that of {design.elsewhere.path}{changed}, and the gains in {design.path} were made for another"
-        )
+        there = f"{design.elsewhere.path}{changed}"
+        said.append(f"the plant is that of {there}, and the gains in {design.path} were made for another")
     if parameters:
         said.append("the plant has the parameters that were drawn, and a proof is of the nominal ones")
     return f"no guarantee: {'; '.join(said)}" if said else ""

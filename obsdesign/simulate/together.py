@@ -25,6 +25,7 @@ from obsdesign.simulate.system import INTEGRALS, System
 ACCURATE = 1e-6  # of the largest of a state in all runs: the error of a step
 WORN = 2  # iterations more than with a new J, from which on it is renewed: the runs differ, whatever J is
 EFFORT = 40, 20_000  # steps for each stretch, and as many more
+SHORTEST = 1e-11  # of the horizon: a step that has to be shorter is that of a run that escapes, or slides
 MOST = 30_000_000  # samples of noise that are held
 PATH = 4000  # steps that are kept
 
@@ -100,9 +101,14 @@ class Together:
                 raise FloatingPointError("the steps are too many")
             if not wrong <= 1:
                 self.level, k = self.level + 1, 2 * k
+                if h < SHORTEST * self.samples[-1]:
+                    self.let_go(self.size() < self.size().max())
+                if not len(self.alive):
+                    return
                 continue
             self.s, k = new, k + 1
-            self.leave()
+            if not (fine := self.size() < HUGE).all():
+                self.let_go(fine)
             if not len(self.alive):
                 return
             self.keep(t + h if k < 2**self.level else stretch.stop)
@@ -162,12 +168,12 @@ class Together:
             self.steps[length] = Step.of(self.J, h, self.unit)
         return self.steps[length]
 
-    def leave(self) -> None:
-        """Let go of runs that have grown beyond bounds."""
-        end = self.system.end
-        fine = np.linalg.norm(self.s[:end] / self.bounds, axis=0) < HUGE
-        if fine.all():
-            return
+    def size(self) -> Float:
+        """Size of the state of each run, as `integrate` has it."""
+        return np.asarray(np.linalg.norm(self.s[: self.system.end] / self.bounds, axis=0))
+
+    def let_go(self, fine: Array) -> None:
+        """Keep some of the runs, by a mask: the others go by themselves."""
         self.alive, self.s = self.alive[fine], self.s[:, fine]
         self.bounds, self.held = self.bounds[:, fine], self.held[:, fine]
         for kept in (self.sampled, self.path_s):
