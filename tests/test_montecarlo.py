@@ -281,11 +281,11 @@ def test_parts_of_work_come_from_any_number_of_processes_and_tell_what_is_wrong(
 
 @pytest.mark.usefixtures("here", "sketched")
 def test_the_command_writes_envelope_and_figure_and_the_same_for_any_number_of_processes():
-    first = summary("pendulum.gains.json", "--runs", 12, "--jobs", 1)
+    first = summary("pendulum.gains.json", "--runs", 130, "--jobs", 1)
     envelope = Path("pendulum.runs.csv").read_bytes()
     assert envelope.startswith(b"t,median_angle,p5_angle,p95_angle,worst_angle,")
     assert Path("pendulum.runs.png").exists()
-    assert summary("pendulum.gains.json", "--runs", 12, "--jobs", 2) == first
+    assert summary("pendulum.gains.json", "--runs", 130, "--jobs", 2) == first
     assert Path("pendulum.runs.csv").read_bytes() == envelope
     assert {"runs", "seed", "bounds", "errors", "escaped"} <= first.keys()
     assert all({"name", "worst", "holds", "seed"} <= bound.keys() for bound in first["bounds"])

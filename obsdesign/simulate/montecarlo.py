@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 MOST = 10_000  # runs
 TOGETHER, ALONE = 125, 4  # runs in a part of the work: in common steps, or each by itself
+FEW = 12  # runs that are as quick by themselves
 LARGEST_SEED = 2**63 - 1
 QUANTILES = (0.5, 0.05, 0.95)
 
@@ -149,7 +150,7 @@ class Subject:
 
     def part_of(self, seeds: Sequence[int]) -> list[Member]:
         """Some runs: together where they go so, a run that seems to break a bound by itself."""
-        found = dict(self.together(seeds)) if self.common and len(seeds) > 1 else {}
+        found = dict(self.together(seeds)) if self.common and len(seeds) >= FEW else {}
         return [found[seed] if seed in found else self.alone(seed)[0] for seed in seeds]
 
     def together(self, seeds: Sequence[int]) -> "Sequence[tuple[int, Member]]":
@@ -219,7 +220,7 @@ def montecarlo(
     """Runs of a design with the seeds from that of its spec on, in so many processes; the same for any number of them.
 
     `changes`: other values of keys of `simulation`. The runs that are told of as worst are those that `simulate` makes
-    of their seeds; errors of the others are known to about a thousandth. Raises `UsageError`: see `simulate`.
+    of their seeds; errors of the others are known to better than a hundredth. Raises `UsageError`: see `simulate`.
     """
     spec = tried(design, changes or {})
     first = require_runs(spec, runs)
@@ -233,7 +234,7 @@ def montecarlo(
             return MonteCarlo(spec, names, subject.grid, members, why, same=True)
         found = computed(subject, seeds, jobs, progress)
         random = random_intervals(spec, subject.observer)
-        exact = {first: member} if subject.common else found
+        exact = {first: member} if subject.common and runs >= FEW else found
         while True:
             found |= exact
             made = MonteCarlo(spec, names, subject.grid, tuple(found[seed] for seed in seeds), why, intervals=random)
