@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from obsdesign.reports.page import Report, report
     from obsdesign.simulate import Run
     from obsdesign.simulate.comparison import Comparison
+    from obsdesign.simulate.montecarlo import MonteCarlo
     from obsdesign.work import check, compare, lipschitz, load, read, solve, theorem, verify
 
 __version__ = "0.1.0"
@@ -37,6 +38,7 @@ __all__ = [
     "Exported",
     "Finding",
     "InfeasibleError",
+    "MonteCarlo",
     "ObsdesignError",
     "Proof",
     "Report",
@@ -71,6 +73,7 @@ HOMES = {
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),
     "simulate.comparison": ("Comparison",),
+    "simulate.montecarlo": ("MonteCarlo",),
     "families.finding": ("Finding",),
     "families.outcome": ("Proof",),
     "errors": ("InfeasibleError", "ObsdesignError", "TimeLimitError", "UndecidedError", "UsageError"),

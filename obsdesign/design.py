@@ -29,7 +29,7 @@ from obsdesign.families.observer import Observer
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import in_floats
-from obsdesign.reading import loads, with_simulation
+from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
 from obsdesign.spec import Spec, named_by
 from obsdesign.tables.split import entry
@@ -39,8 +39,10 @@ if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
     from obsdesign.simulate import Run
+    from obsdesign.simulate.montecarlo import MonteCarlo
 
 FORMAT = 1
+Progress = Callable[[float], None]  # called with the fraction that is done
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class Design(Outcome):
     spec: Spec
     solver: Solver | None = None  # None of a design that was read from a file
     recorded: ResultFile | None = None  # the file that it was read from
+    elsewhere: Spec | None = None  # with another plant, on which it is run: nothing is proved of it there
 
     @classmethod
     def of(cls, spec: Spec, outcome: Outcome, **origin: Any) -> "Design":
@@ -192,8 +195,7 @@ class Design(Outcome):
         """Draw the points of its search, at a path (SVG, or PNG); False where there are none. Raises as `save`."""
         from obsdesign.plot import form_of, search_figure
 
-        figure = search_figure(self.result, self.spec, form_of(path))
-        if figure is not None:
+        if (figure := search_figure(self.result, self.spec, form_of(path))) is not None:
             write_whole(path, figure)
         return figure is not None
 
@@ -214,21 +216,21 @@ class Design(Outcome):
         """
         return proof_of(ResultFile("this design", self.text()), self.spec)
 
-    def simulate(self, progress: Callable[[float], None] | None = None, /, **changes: Any) -> "Run":
+    def simulate(self, progress: Progress | None = None, /, **changes: Any) -> "Run":
         """Run plant and observer, and hold the run against every bound of the guarantee.
 
-        `progress`: called now and then with the fraction that is done; `changes`: keys of the section `simulation` of
-        a spec: `horizon=5`, `x0=[1, 0]`, `w=["sin(t)"]`, .. Raises `UsageError`: there are no gains, a nonlinearity
-        has no f, or a change is not valid.
+        `changes`: keys of the section `simulation` of a spec: `horizon=5`, `x0=[1, 0]`, `w=["sin(t)"]`, .. Raises
+        `UsageError`: there are no gains, a nonlinearity has no f, or a change is not valid.
         """
         from obsdesign.simulate import simulate
 
-        spec = with_simulation(self.spec, changes) if changes else self.spec
-        with spec.placed():
-            observer, run = self.observer, simulate(replace(self, spec=spec), progress)
-            signals = dict(zip(observer.own, run.steps.theta.T, strict=True))
-            told = FAMILIES[spec.observer.type].report(spec, self.form, run.steps.t, signals)
-            return replace(run, summary={**run.summary, **told}) if told else run
+        return simulate(self, changes, progress)
+
+    def montecarlo(self, runs: int, jobs: int = 1, progress: Progress | None = None, **changes: Any) -> "MonteCarlo":
+        """Runs with the seeds from that of the spec on; see `simulate.montecarlo.montecarlo`. Raises as `simulate`."""
+        from obsdesign.simulate.montecarlo import montecarlo
+
+        return montecarlo(self, runs, jobs, progress, changes)
 
     def to_control(self) -> "NonlinearIOSystem":
         """Observer as a system of python-control: inputs u and y, outputs `hat_..`, states by their names.
@@ -242,8 +244,7 @@ class Design(Outcome):
     def expected(self, summary: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
         """What the spec expects of its result (and of a run with this summary): `key`, `expected`, `found`, `holds`."""
         known = {"status": str(Verdict.UNCERTIFIED)} if self.status is Verdict.NO_GUARANTEE else self.result
-        run = {} if summary is None else {"simulation": summary}
-        content = {**known, **run}
+        content = {**known, **(run := {} if summary is None else {"simulation": summary})}
         told = {key: value for key, value in self.spec.expect.items() if run or not key.startswith("simulation.")}
         return [
             {

@@ -38,6 +38,7 @@ KINDS = {
     "results": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"name":\ "(?:\\.|[^"\\])*",\s*"spec"')),
     "samples": Kind((".csv",), marked(rb"t,(?!hat_)[^\n]*,hat_")),
     "estimates": Kind((".csv",), marked(rb"t,hat_")),
+    "envelopes": Kind((".csv",), marked(rb"t,median_")),
     "figures": Kind((".png", ".svg"), marked(rb"\x89PNG.*Software\x00obsdesign | <.*<dc:title>obsdesign<")),
     "theorems": Kind((".v",), marked(rb"\(\*\ obsdesign:\ | -Q\ \.\ Obs")),
     "pages": Kind((".html", ".htm"), marked(rb'\s*<!DOCTYPE\ html>.*<meta\ name="generator"\ content="obsdesign\ ')),

@@ -28,6 +28,7 @@ SUMMARY = (
     *("z_sup", "v_sup", "w_sup", "ratio", "ratio_of", "gamma", "bounds", "bounds_omitted", "reconstruction"),
     *("validity", "sampling", "settling", "settling_time", "worst_peak", "initial_error", "final_error"),
     *("initial_distance", "final_distance", "start", "excitation", "guard"),
+    *("no_guarantee", "observed", "drawn_x0", "drawn_parameters"),
 )
 
 

@@ -65,6 +65,14 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """Where a parameter lies: within so much of its nominal value."""
+
+    nominal: fmpq
+    share: fmpq  # relative half-width, 0 to 1
+
+
+@dataclass(frozen=True)
 class Simulation:
     """How to try the observer."""
 
@@ -87,6 +95,8 @@ class Simulation:
     silent: tuple[str, ...] = ()  # known inputs that are not given, and are zero
     stepped: bool = False  # the observer runs in the steps of its implementation
     recorded: Mapping[str, Column] = field(default_factory=dict)  # signals in files, by their variables
+    x0_width: Vector | None = None  # (n,) half-widths of what is drawn about x0 with the seed; None: nothing is
+    uncertainty: Mapping[str, Tolerance] = field(default_factory=dict)  # of parameters that are drawn with the seed
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,11 @@ from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load, loads
-from obsdesign.sections.changes import require_distinct
+from obsdesign.sections.changes import claimed, require_distinct
 from obsdesign.sections.scalars import described
 from obsdesign.simulate.comparison import Comparison
 from obsdesign.simulate.comparison import compare as compared
+from obsdesign.simulate.drawing import require_fitting
 from obsdesign.spec import Spec
 
 __all__ = ["check", "compare", "lipschitz", "load", "read", "solve", "verify"]
@@ -117,12 +118,17 @@ def trial(
     solver: str = "clarabel",
     report: Report = lambda *_: None,
     changes: Sequence[str] = (),
+    *,
+    labelled: bool = False,
 ) -> Design:
     """Design that is to be simulated: of a result file, or of a spec, with the gains of a file or solved first.
 
     `changes`: of single keys of the spec, as `load` takes them; beside a result file, of keys of `simulation:` only.
-    Raises `UsageError`: gains go with a spec; `InfeasibleError`: there are none.
+    `labelled`: whether the gains may be those of another spec, on whose plant nothing is proved of them. Raises
+    `UsageError`: gains go with a spec, and do not fit it; `InfeasibleError`: there are none.
     """
+    if labelled and not gains:
+        raise UsageError("--labelled goes with --gains GAINS.json and the spec of another plant", id="OBS904")
     if isinstance(source, Design):
         return source
     path = "" if isinstance(source, Spec) else os.fspath(source)
@@ -130,9 +136,11 @@ def trial(
         if gains:
             raise UsageError(Problem("already a gains file; --gains goes with a spec", path, id="OBS904"))
         return otherwise(read(path), changes)
-    problem = source if isinstance(source, Spec) else load(source, () if gains else changes)
+    problem = source if isinstance(source, Spec) else load(source, () if gains and not labelled else changes)
+    if labelled:
+        return on_plant_of(read(gains), problem)
     if gains:
-        return otherwise(read(gains, problem), changes)
+        return otherwise(of_spec(gains, problem), changes)
     if not FAMILIES[problem.observer.type].proves:
         require_expectable(problem)
         return Design.of(problem, Outcome(Verdict.NO_GUARANTEE, form=problem.observer))
@@ -142,6 +150,29 @@ def trial(
             Problem(f"no gains to simulate: {design.diagnosis.get('reason', design.status)}", problem.path, id="OBS709")
         )
     return design
+
+
+def of_spec(gains: str, spec: Spec) -> Design:
+    """Design of the gains of a spec; raises `UsageError`, of those of another one with the option that takes them."""
+    try:
+        return read(gains, spec)
+    except UsageError as error:
+        if error.problems[0].id != "OBS704":
+            raise
+        said = "`simulate --labelled` runs them with this plant, with no guarantee"
+        raise UsageError(*(replace(one, message=f"{one.message}; {said}") for one in error.problems)) from None
+
+
+def on_plant_of(design: Design, other: Spec) -> Design:
+    """Design that is run with the plant of another spec; as it is, if that is its own.
+
+    Raises `UsageError`: the gains do not fit that plant.
+    """
+    own = design.spec
+    if (own.text, claimed(own.changes)) == (other.text, claimed(other.changes)):
+        return replace(design, spec=replace(own, simulation=other.simulation, data=other.data, changes=other.changes))
+    require_fitting(own, other, design.path)
+    return replace(design, elsewhere=other)
 
 
 def otherwise(design: Design, changes: Sequence[str]) -> Design:

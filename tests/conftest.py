@@ -101,7 +101,8 @@ def here(tmp_path, monkeypatch):
 @pytest.fixture
 def sketched(monkeypatch):
     """Figures that take no time to draw."""
-    monkeypatch.setattr("obsdesign.plot.run_figure", lambda *_, **__: PNG + b"....tEXtSoftware\0obsdesign")
+    for name in ("obsdesign.plot.run_figure", "obsdesign.plot.envelope.envelope_figure"):
+        monkeypatch.setattr(name, lambda *_, **__: PNG + b"....tEXtSoftware\0obsdesign")
 
 
 DESIGNS = {}

@@ -700,6 +700,18 @@ def test_a_design_that_was_read_runs_as_the_one_that_was_written(case, tmp_path)
 
 
 @every_case
+def test_one_of_many_runs_is_the_run_of_its_seed(case):
+    design = design_of(case)
+    drawn = {"x0_width": [0.1, 0.2], "seed": 4}
+    found = design.montecarlo(3, **drawn)
+    assert [one.seed for one in found.members] == [4, 5, 6]
+    name, errors = list(found.report["errors"].items())[-1]
+    run = design.simulate(**{**drawn, "seed": errors["seed"]})
+    assert run.summary["settling"][name]["peak"] == errors["peak"]
+    assert all(bound["holds"] and bound["proved"] and bound["checked"] <= 3 for bound in found.report["bounds"])
+
+
+@every_case
 def test_what_is_not_proved_bounds_no_run(case, tmp_path):
     forged = copy.deepcopy(design_of(case).result)
     for place in storages(forged["certificate"]):

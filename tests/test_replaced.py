@@ -24,6 +24,10 @@ COMMANDS = {  # with the files that each writes, and what is in them
         "short.curve.png": "figures",
     },
     ("simulate", "kept.gains.json", "-o", "run.csv", "--plot", "run.svg"): {"run.csv": "samples", "run.svg": "figures"},
+    ("simulate", "kept.gains.json", "--runs", "2", "--jobs", "1"): {
+        "kept.runs.csv": "envelopes",
+        "kept.runs.png": "figures",
+    },
     ("compare", "kept.gains.json", "--seeds", "1", "-o", "both.svg"): {"both.svg": "figures"},
     ("report", "kept.gains.json"): {"report.html": "pages"},
     ("estimate", "kept.gains.json", "log.csv"): {"kept.estimate.csv": "estimates", "kept.estimate.png": "figures"},

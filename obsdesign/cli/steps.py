@@ -26,9 +26,10 @@ def as_text(report: Mapping[str, Any]) -> str:
 
 def run_text(design: "Design", summary: Mapping[str, Any], files: tuple[str, str]) -> str:
     """Summary of a run, and the files that it is in."""
+    from obsdesign.simulate.drawing import tried
     from obsdesign.tables.run import run_table
 
-    return run_table(summary, design.spec, bool(design.guarantee or (design.proved and design.form)), files)
+    return run_table(summary, tried(design, {}), bool(design.guarantee or (design.proved and design.form)), files)
 
 
 @contextmanager
@@ -96,7 +97,7 @@ def solved(problem: "Spec", solver: str, quiet: bool) -> "Design":
 
 def ran(design: "Design", quiet: bool) -> "Run":
     """Run of a design, with what is to be known of it before and after."""
-    tell(() if quiet else [*design.spec.starts_outside()])
+    tell(() if quiet or design.elsewhere else [*design.spec.starts_outside()])
     with progress(quiet) as report:
         run = design.simulate(lambda done: report(done, "simulation"))
     if run.status != "done" and not quiet:

@@ -30,6 +30,7 @@ __all__ = [
     "json_schema",
     "load",
     "loads",
+    "varied",
     "with_simulation",
 ]
 
@@ -48,6 +49,15 @@ def load(source: str | os.PathLike[str], changes: Sequence[str] = ()) -> Spec:
 def loads(text: str, path: str = "<text>", changes: Sequence[str] = ()) -> Spec:
     """Read a spec from its text, YAML of at most 4 MiB; `path`: what messages call it. Raises as `load`."""
     return resolve(opened(text, path, changes))
+
+
+def varied(spec: Spec, values: Mapping[str, Any]) -> Spec:
+    """Return the same spec with other values of parameters, whose types are not judged: to be run, not designed for.
+
+    Raises `UsageError`: with these values the plant is none.
+    """
+    changes = (*spec.changes, *(f"parameters.{name}={value!r}" for name, value in values.items()))
+    return resolve(opened(spec.text, spec.path, changes), judged=False)
 
 
 def build(sections: Mapping[str, Any]) -> Spec:

@@ -199,6 +199,8 @@ def examine(
     if f is None:
         reader.notes.append(f"{dotted(place)}: {declared.text} is assumed: no f is given")
         return "no f is given"
+    if not reader.judged:
+        return "not examined"
     where = restricted(f, block.nq, region)
     if template.f is not None and not same(reader, block, template.f, where):
         return ""

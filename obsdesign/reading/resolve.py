@@ -1,7 +1,7 @@
 """From the models of the format to the types of the design and of the simulation."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from flint import fmpq
@@ -38,13 +38,14 @@ TOLERANCES = ("rtol", "atol")
 RECORD = ("verified", "printed", "rtol", "atol", "note")
 
 
-def resolve(document: Document) -> Spec:
+def resolve(document: Document, *, judged: bool = True) -> Spec:
     """Read a document: its structure, then every value.
 
-    Raises `UsageError` with everything that is wrong, in the order of the file.
+    `judged`: whether declared types are proved of their f, or refuted; a plant that is only run needs neither. Raises
+    `UsageError` with everything that is wrong, in the order of the file.
     """
     require_spec(document)
-    reader = Reader(document, list(document.problems))
+    reader = Reader(document, list(document.problems), judged=judged)
     file, named = read_file(reader), document.find(("observer", "type"))[1].value
     family = FAMILIES.get(named) if isinstance(named, str) else None  # whatever else is wrong in its section
     if file is None or file.parameters is None:
@@ -59,6 +60,7 @@ def resolve(document: Document) -> Spec:
     layout = plant.layout
     require_outputs(reader, levels, layout)
     exogenous = read_disturbance(reader, file.disturbance, layout, period)
+    in_plant = frozenset(reader.used)
     typed = family is not None and family.equations and not family.matrices
     asked = read_performance(reader, file.performance, layout, exogenous, kind=named if typed else "")
     steps = read_implementation(reader, file.implementation, file.simulation, period, family)
@@ -67,7 +69,7 @@ def resolve(document: Document) -> Spec:
     if family is not None and file.observer is not None:
         split = isinstance(file.system, Equations) and not family.equations
         observer, blocks = read_observer(reader, family, file.observer, plant, noisy, asked.H, split, period, steps)
-    running = read_running(reader, file, layout, exogenous, levels, family, period, steps)
+    running = read_running(reader, file, layout, exogenous, levels, family, period, steps, in_plant)
     expect = read_expectations(reader, file.expect or {})
     judge_parameters(reader)
     if reader.problems or plant.plant is None or noisy.generator is None or observer is None:
@@ -105,9 +107,10 @@ def read_running(
     family: Family | None,
     period: fmpq | None,
     steps: Implementation | None,
+    in_plant: Collection[str],
 ) -> dict[str, Any]:
     """How the observer is tried, how it runs on a computer, and where its signals are in a log."""
-    simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period)
+    simulation = read_simulation(reader, file.simulation, layout, exogenous, family, period, in_plant)
     if simulation is not None and layout.names is not None:
         held = steps and steps.period
         simulation = drawn(reader, levels, layout.names.outputs, simulation, period, held, family)

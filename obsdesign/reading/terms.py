@@ -154,7 +154,7 @@ class Types:
 
     def attempt(self, term: Term, place: Loc, declared: Declared, region: Domain) -> Trial:
         """Read a term as a block of its own; what is wrong is kept apart."""
-        trial = Reader(self.reader.document, [])
+        trial = Reader(self.reader.document, [], judged=self.reader.judged)
         trial.parameters, trial.exact, trial.used = self.reader.parameters, self.reader.exact, self.reader.used
         nq = len(term.arguments)
         section = schema.Function(type=declared, f=[term.f.text], region=written(region, term.f, nq))

@@ -1,6 +1,6 @@
 """The simulation section of a spec: how to try the observer."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from obsdesign.reading import trial_schema as schema
 from obsdesign.reading.generator import Exogenous
 from obsdesign.reading.plant import Layout
 from obsdesign.reading.signals import Acting
+from obsdesign.reading.uncertainty import read_uncertainty, read_widths
 from obsdesign.sections.document import Loc
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Entries, Reader, counted
@@ -32,11 +33,12 @@ def read_simulation(
     exogenous: Exogenous,
     family: Family | None,
     period: fmpq | None = None,
+    in_plant: Collection[str] = (),
 ) -> Simulation | None:
     """Return the trial; None if there is none.
 
-    `exogenous`: the disturbance model; `family`: says whether measurements arrive at instants, so that the section may
-    say when, and whether the observer has coordinates of its own; `period`: of the samples, in discrete time.
+    `family`: says whether measurements arrive at instants, and whether the observer has coordinates of its own;
+    `period`: of the samples, in discrete time; `in_plant`: names of the parameters that stand in the plant.
     """
     if section is None:
         return None
@@ -81,6 +83,8 @@ def read_simulation(
         stepped=section.observer == "implementation",
         silent=acting.silent(section.u),
         recorded=acting.recorded,
+        x0_width=read_widths(reader, section.x0_width, layout.states, names[0]),
+        uncertainty=read_uncertainty(reader, section.uncertainty or {}, in_plant),
     )
 
 

@@ -148,6 +148,20 @@ class Simulation(Section):
     horizon: str = required(ENTRY, "length of the run, > 0", unit="s", example="10")
     x0: Numbers | None = key(STATE, f"initial state of the plant {STATES}", otherwise="0", example="[1, 0]")
     xhat0: Numbers | None = key(STATE, f"initial estimate {STATES}", otherwise="0", example="{x1: 0.5}")
+    x0_width: Numbers | None = key(
+        STATE,
+        "half-widths over x: a run starts anywhere within x0 less and plus these, drawn uniformly with its seed; or by "
+        "name, the others 0",
+        otherwise="every run starts at x0",
+        example="{angle: 0.2}",
+    )
+    uncertainty: dict[str, str] = key(
+        MapOf(ENTRY),
+        "relative half-widths of `parameters`, as shares or in %: the plant of a run has others, drawn uniformly with "
+        "its seed, the observer keeps the nominal ones, and nothing is guaranteed",
+        default={},
+        example='{J: 0.1, friction: "50 %"}',
+    )
     w: Signals | None = key(
         SIGNALS_BY_NAME,
         "disturbance and noise: expressions of t and the states, or columns of files",
@@ -207,7 +221,9 @@ class Simulation(Section):
         default="continuous",
         example="implementation",
     )
-    seed: str | None = key(ENTRY, "of noise and of random intervals", otherwise="0", example="1")
+    seed: str | None = key(
+        ENTRY, "of noise, of random intervals, of x0_width and of uncertainty", otherwise="0", example="1"
+    )
     points: str | None = key(
         ENTRY,
         "samples for files and figures, in discrete time for figures alone; at most 1e6",

@@ -155,8 +155,9 @@ def repeated(first: Problem, *others: Problem) -> Problem:
 class Reader:
     """Reads values and collects what is wrong and what a user should know."""
 
-    def __init__(self, document: Document, problems: list[Problem]) -> None:
+    def __init__(self, document: Document, problems: list[Problem], *, judged: bool = True) -> None:
         self.document = document
+        self.judged = judged  # whether declared types are proved or refuted
         self.problems = problems
         self.notes: list[str] = []
         self.unused: list[str] = []  # keys that have no effect, with the reason

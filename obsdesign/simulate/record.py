@@ -20,12 +20,18 @@ class Record:
     """Signals and errors of a run, at the samples and at the steps of the integrator together.
 
     An instant at which the model has no value, as at the end of a run that stalled, is left out. The breaks are those
-    of `System.breaks`.
+    of `System.breaks`. `foreign`: why nothing is proved with this plant; empty: it is that of the design.
     """
 
     def __init__(
-        self, spec: Spec, system: System, breaks: Sequence[tuple[float, float]], trajectory: Trajectory
+        self,
+        spec: Spec,
+        system: System,
+        breaks: Sequence[tuple[float, float]],
+        trajectory: Trajectory,
+        foreign: str = "",
     ) -> None:
+        self.foreign = foreign
         self.spec, self.system, self.breaks, self.trajectory = spec, system, breaks, trajectory
         self.acting, self.guarantee, self.schedule = system.scenario, system.guarantee, system.scenario.schedule
         t, s, steps, samples = trajectory.merged()
@@ -176,6 +182,11 @@ class Record:
     @cached_property
     def uncovered(self) -> str:
         """Why no bound can be stated, or nothing."""
+        return self.foreign or self.uncheckable
+
+    @cached_property
+    def uncheckable(self) -> str:
+        """Why no bound has a value, or nothing."""
         if self.guarantee is None and self.system.observer.proved:
             return f"{ESTIMATES} is how it estimates without disturbance and noise, with no bound"
         if self.guarantee is None:

@@ -24,12 +24,13 @@ def run(
     guarantee: Guarantee | None,
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
+    foreign: str = "",
 ) -> Run:
     """Simulate the plant of a spec with an observer, up to the horizon, an event, an escape or a stall.
 
     See `recorded`.
     """
-    return run_of(recorded(spec, observer, guarantee, sampling, progress))
+    return run_of(recorded(spec, observer, guarantee, sampling, progress, foreign))
 
 
 def recorded(
@@ -38,12 +39,14 @@ def recorded(
     guarantee: Guarantee | None,
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
+    foreign: str = "",
 ) -> Record:
     """Record of a run.
 
     The signals of the observer have the same names as those of the plant with its disturbance model. Without a
     guarantee, what is proved of the observer, the bounds are left out. `sampling` says how measurements reach an
     observer that jumps at each; None: as the spec says. `progress` is called now and then with the fraction done.
+    `foreign`: why nothing is proved with the plant of the spec, which is another than the observer was designed for.
 
     Raises `UsageError` if the spec has no `simulation`, a nonlinearity no f, a signal no value at t = 0, or
     measurements go back in time.
@@ -52,7 +55,7 @@ def recorded(
     if simulation is None:
         raise UsageError(Problem("is missing; give at least horizon, x0, and w or v", key="simulation", id="OBS801"))
     if simulation.stepped and spec.period is None:
-        return passage(spec, observer, sampling, progress)[1]
+        return passage(spec, observer, sampling, progress, foreign)[1]
     system = system_of(spec, simulation, observer, guarantee, sampling)
     try:
         start, breaks = initial(system, simulation, sampling), system.breaks()
@@ -66,7 +69,7 @@ def recorded(
         )
     samples = np.linspace(0, simulation.horizon, simulation.points)
     quick = perturbed(spec, observer, guarantee, samples) if applies(system) else None
-    return Record(spec, system, breaks, quick or follow(system, start, breaks, samples, progress))
+    return Record(spec, system, breaks, quick or follow(system, start, breaks, samples, progress), foreign)
 
 
 def run_of(record: Record) -> Run:
@@ -76,7 +79,7 @@ def run_of(record: Record) -> Run:
         **vars(record.at_samples()),
         steps=record.at_steps(),
         spec=record.spec,
-        guarantee=record.guarantee,
+        guarantee=None if record.foreign else record.guarantee,
         schedule=acting.schedule,
         states=acting.plant.states,
         plant_states=acting.n,

@@ -1,6 +1,7 @@
 """Follow a plant and its observer from the start to the horizon."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -32,10 +33,13 @@ def system_of(
     guarantee: Guarantee | None = None,
     sampling: Sampling | None = None,
 ) -> System:
-    """Plant and observer in the scenario of a `simulation` section."""
+    """Plant and observer in the scenario of a `simulation` section; with another plant it copies fewer signals."""
     acting = scenario(spec, simulation, bool(observer.jump))
     if observer.jump:
         acting = received(acting, simulation, sampling or sampled(simulation, observer, guarantee), guarantee)
+    there = {*acting.plant.states, *acting.plant.algebraic, *acting.plant.outputs}
+    if not there.issuperset(observer.twins.values()):
+        observer = replace(observer, twins={hat: twin for hat, twin in observer.twins.items() if twin in there})
     return (System if acting.clock is None else Recursion)(acting, observer, spec.H.astype(float), guarantee)
 
 

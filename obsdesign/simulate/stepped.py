@@ -52,6 +52,7 @@ def passage(
     observer: Observer,
     sampling: Sampling | None = None,
     progress: Callable[[float], None] | None = None,
+    foreign: str = "",
 ) -> tuple[Passage, "Stepped"]:
     """Run of an observer in the steps of its spec, and the record of the run.
 
@@ -89,7 +90,7 @@ def passage(
         part = replace(trajectory, t=trajectory.t[:kept], s=trajectory.s[:kept], time=float(trajectory.t[kept - 1]))
         trajectory = replace(part, status="escape", reason=trouble)
     found = Passage(rows[:kept], u[:kept], y[:kept], states, estimates)
-    return found, Stepped(spec, system, breaks, trajectory, found, one)
+    return found, Stepped(spec, system, breaks, trajectory, found, one, foreign)
 
 
 def schedule_of(one: Implemented, steps: int, schedule: Schedule | None) -> Iterator[Row]:
@@ -140,8 +141,10 @@ class Stepped(Record):
         trajectory: Trajectory,
         made: Passage,
         one: Implemented,
+        foreign: str = "",
     ) -> None:
-        super().__init__(spec, system, breaks, replace(trajectory, path_t=trajectory.t[:0], path_s=trajectory.s[:0]))
+        rows = replace(trajectory, path_t=trajectory.t[:0], path_s=trajectory.s[:0])
+        super().__init__(spec, system, breaks, rows, foreign)
         self.made, self.one, self._steps = made, one, self._samples
         known = np.flatnonzero(np.isin(trajectory.t, self.t))
         self.states, self.found, self.u, self.y = (
@@ -152,7 +155,7 @@ class Stepped(Record):
     def uncovered(self) -> str:
         """Why no bound can be stated."""
         period, method = float(self.one.period), self.one.method
-        return f"{STEPS} of {period:g} s ({method}): what is proved is about it in continuous time"
+        return self.foreign or f"{STEPS} of {period:g} s ({method}): what is proved is about it in continuous time"
 
     def estimate_of(self, name: str) -> Array:
         """Estimate of a state of the plant or of its disturbance model, (M,)."""

@@ -53,7 +53,7 @@ def norms(record: Record) -> dict[str, Any]:
         f"{course.drive}_sup": v_sup,
         "ratio": z / v if z is not None and v else None,
         "ratio_of": "sup|z| / sup|v|" if sup else f"norm2(z) / norm2({course.drive})",
-        "gamma": guarantee.gamma if guarantee and acting.drive else None,
+        "gamma": guarantee.gamma if guarantee and acting.drive and not record.foreign else None,
     }
 
 
@@ -67,7 +67,7 @@ def sampled_norms(record: Record) -> dict[str, Any]:
         "v_norm2": v,
         "ratio": z / v if v else None,
         "ratio_of": "norm2(z) / norm2(w)",
-        "gamma": guarantee.gamma if guarantee else None,
+        "gamma": guarantee.gamma if guarantee and not record.foreign else None,
         "sampling": schedule.report(),
     }
 
@@ -83,22 +83,28 @@ def distances(record: Record) -> dict[str, float]:
 def checks(record: Record) -> dict[str, Any]:
     """Bounds, the accuracy of a reconstruction, and where the run leaves the region of a local guarantee."""
     found: dict[str, Any] = {"bounds": [], "bounds_omitted": omitted(record)}
-    if record.guarantee and not record.uncovered:
-        covered = record.course.before(record.until)
-        stated = record.guarantee.bounds(covered) if len(covered.t) > 1 else []
-        found["bounds"] = [entry for entry in stated if np.isfinite(entry["bound"])]
-        endless = [
-            f"left out, for it has no finite limit: {entry['name']}"
-            for entry in stated
-            if not np.isfinite(entry["bound"])
-        ]
+    if not record.uncovered:
+        found["bounds"], endless = stated(record)
+        endless = [f"left out, for it has no finite limit: {name}" for name in endless]
         found["bounds_omitted"] = "; ".join(filter(None, (found["bounds_omitted"], *endless))) or None
+    if record.foreign:
+        found |= {"no_guarantee": record.foreign, "observed": [] if record.uncheckable else stated(record)[0]}
     if record.spec.observer.reconstruct:
         found["reconstruction"], bounds = reconstruction(record)
         found["bounds"] += bounds
     if is_local(record.spec.nonlinearities):
-        found["validity"] = validity(record.spec.nonlinearities, record.left, record.guarantee is not None)
+        found["validity"] = validity(
+            record.spec.nonlinearities, record.left, record.guarantee is not None and not record.foreign
+        )
     return found
+
+
+def stated(record: Record) -> tuple[list[Bound], list[str]]:
+    """Bounds against the run as far as a guarantee covers it, and the names of those that have no finite limit."""
+    covered = record.course.before(record.until)
+    every = record.guarantee.bounds(covered) if record.guarantee and len(covered.t) > 1 else []
+    finite = [entry for entry in every if np.isfinite(entry["bound"])]
+    return finite, [entry["name"] for entry in every if not np.isfinite(entry["bound"])]
 
 
 def omitted(record: Record) -> str | None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from obsdesign.families.guarantee import HELD
 from obsdesign.spec import Spec
-from obsdesign.tables.text import aligned, at_most, plain
+from obsdesign.tables.text import aligned, at_most, compared, plain
 
 BOUNDS = ("gamma", "bound")
 MEANT = {  # unit or definition of a number of a run, after it
@@ -29,10 +29,15 @@ def run_rows(summary: Mapping[str, Any], spec: Spec, guaranteed: bool) -> list[t
         if spec.simulation
         else []
     )
-    rows += [] if guaranteed else [("guarantee", "no guarantee: nothing is proved of these gains with this plant")]
-    for key, value in summary.items():
-        if key == "bounds":
-            rows += [("bound", bound_text(bound)) for bound in value]
+    without = "no guarantee: nothing is proved of these gains with this plant"
+    why = summary.get("no_guarantee", "" if guaranteed else without)
+    rows += [("guarantee", why)] if why else []
+    told = {"no_guarantee", *(["bounds_omitted"] if summary.get("bounds_omitted") == why else [])}
+    texts = {"bounds": ("bound", bound_text), "observed": ("observed", observed_text)}
+    for key, value in ((key, value) for key, value in summary.items() if key not in told):
+        if key in texts:
+            name, text_of = texts[key]
+            rows += [(name, text_of(bound)) for bound in value]
         elif key == "status":
             rows.append(
                 (key, value if value == "done" else f"{value} at t = {summary['time']:.6g} s: computed until then")
@@ -133,6 +138,12 @@ def reached(time: float | None, end: float) -> str:
     if time is None:
         return "never"
     return f"after {time:.4g} s" if time <= HELD * end else "not held before the end"
+
+
+def observed_text(bound: Mapping[str, Any]) -> str:
+    """One bound that is proved of another plant, against the run."""
+    said, value, limit = "kept" if bound["holds"] else "not kept", bound["value"], bound["bound"]
+    return f"{said}: {value:.6g} {compared(value, limit)} {at_most(limit)}   {bound['name']}; no guarantee"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:

@@ -50,6 +50,11 @@ def directed(x: float | fmpq, digits: int, rounding: str) -> str:
     return text if decimal.Decimal(text) == found else f"{found:g}"  # beyond the normal numbers of doubles
 
 
+def compared(value: float, bound: float) -> str:
+    """Sign between a value and what it should not exceed."""
+    return ">" if value > bound else "<="
+
+
 def gamma_text(claimed: Mapping[str, Any], meaning: str) -> str:
     """Level that is proved, with its meaning, and whether it was sought at all."""
     limit = {**claimed.get("limit", {}), **claimed.get("limit_bounded", {})}
