@@ -5,11 +5,11 @@ With i_k = y_k - yhat_k, where yhat_k knows the rows before k, over N rows:
 likelihood, of a filter         J = (1/N) sum_k [ln det S_k + i_k' S_k^-1 i_k]
 prediction error, of any other  J = sum_j ln (1/N) sum_k i_jk^2 + (1/ny) sum_j sum_(l = 1..20) r_jl^2
 
-S_k is the covariance of i_k that the filter supposes. With Q and R multiplied by c it is c S_k; the best c is (1/n) sum_k
-i_k' S_k^-1 i_k, n the count of values, and but for a constant J is (1/N) [sum_k ln det S_k + n ln c] then (Schweppe, 1965;
-Mehra, 1970). r_jl is the autocorrelation of i_j at lag l. The first sum of a prediction error is the likelihood of
-innovations that are white, whatever their sizes are (Ljung, System Identification, 1999, 7.4); the second is near zero, 20
-/ N, where they are.
+S_k is the covariance of i_k that the filter supposes. With Q and R multiplied by c it is c S_k; the best c is
+(1/n) sum_k i_k' S_k^-1 i_k, n the count of values, and but for a constant J is (1/N) [sum_k ln det S_k + n ln c] then
+(Schweppe, 1965; Mehra, 1970). r_jl is the autocorrelation of i_j at lag l. The first sum of a prediction error is the
+likelihood of innovations that are white, whatever their sizes are (Ljung, System Identification, 1999, 7.4); the second
+is 20 / N on average where they are.
 """
 
 import math

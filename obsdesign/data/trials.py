@@ -53,6 +53,7 @@ class Search:
     expected: int  # trials, for how far it is
     least: dict[tuple[str, ...], float] = field(default_factory=dict)  # criterion by changes
     whitest: float = 0.0  # greatest probability of a trial
+    ends: list[str] = field(default_factory=list)  # keys of which the best is at an end of what is searched
 
     def __call__(self, changes: tuple[str, ...]) -> float:
         """Criterion with some changes; infinite where there is no design, or it escapes."""
@@ -67,8 +68,10 @@ class Search:
         A filter, of which nothing is proved, has no design.
         """
         try:
-            spec = loads(self.spec.text, self.spec.path, (*self.spec.changes, *changes))
-            course = along(designed(spec), self.log).between(self.first, None)
+            design = designed(loads(self.spec.text, self.spec.path, (*self.spec.changes, *changes)))
+            if design.status not in BUILT:
+                return math.inf
+            course = along(design, self.log).between(self.first, None)
         except (UndecidedError, UsageError, InfeasibleError, OverflowError, ZeroDivisionError, np.linalg.LinAlgError):
             return math.inf
         self.whitest = max(self.whitest, course.white)
@@ -88,6 +91,8 @@ class Search:
             x = at[i]
             assert x is not None
             at[i] = self.narrowed(free, at, i, [max(one.low, x - NEAR), x, min(one.high, x + NEAR)])
+        pairs = [(one, x) for one, x in zip(free, at, strict=True) if x is not None]
+        self.ends = [one.key for one, x in pairs if min(x - one.low, one.high - x) < 2 * FINE]
         return changes_of(free, at)
 
     def narrowed(self, free: Sequence[Free], at: Sequence[float | None], i: int, grid: Sequence[float]) -> float:
@@ -127,14 +132,11 @@ def held(log: Log) -> Held:
 
 
 def designed(spec: Spec) -> Design:
-    """Design of a trial: without advice where there is none. Raises `UndecidedError`: there are no proved gains."""
+    """Design of a trial: without advice where there is none. Raises `UndecidedError`: as a family does."""
     family = FAMILIES[spec.observer.type]
     if not family.proves:
         return Design.of(spec, Outcome(Verdict.NO_GUARANTEE, form=spec.observer))
-    design = Design.of(spec, family.design(spec, Engine()))
-    if design.status not in BUILT:
-        raise UndecidedError("no gains", id="OBS963")
-    return design
+    return Design.of(spec, family.design(spec, Engine()))
 
 
 def along(design: Design, log: Held) -> Course:

@@ -1,7 +1,7 @@
 """Numbers of a spec from a log: those whose observer predicts its outputs best, judged on rows that are held back.
 
 The rows are parted: of the first share (0.6) the first tenth is left out, in which an estimate comes in from xhat0; on
-the rest of it, `train`, a criterion of the innovations is made small (`criterion.py`); the rows after it, `test`, judge.
+the rest, `train`, a criterion of the innovations is made small (`criterion.py`); the rows after it, `test`, judge.
 
 What a criterion of innovations can tell: each is y less what was expected of it from the rows before, so it is one of
 predictions over the time between rows, and the fitted numbers are those for such rows. An observer that is faster
@@ -16,7 +16,7 @@ filter follows from that of the innovations.
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,11 +30,11 @@ from obsdesign.data.driver import foresees
 from obsdesign.data.estimation import NOTHING
 from obsdesign.data.free import WEIGHTS, chosen, sections, times
 from obsdesign.data.log import Log
-from obsdesign.data.trials import TRIALS, Held, Search, along, designed, held
+from obsdesign.data.trials import BUILT, TRIALS, Held, Search, along, designed, held
 from obsdesign.design import Design
 from obsdesign.disk import write_whole
 from obsdesign.dissipation.engine import Report
-from obsdesign.errors import Problem, UndecidedError, UsageError, one_line
+from obsdesign.errors import Problem, UsageError, one_line
 from obsdesign.families import FAMILIES
 from obsdesign.reading import loads
 from obsdesign.sections.editing import edited
@@ -103,25 +103,26 @@ class Tuner:
         count = sum(math.ceil(one.high - one.low) + TRIALS + 2 for one in free)
         search = Search(self.spec, self.log.until(end), first, self.report, count * (2 if len(free) > 1 else 1))
         changes = search.best(free)
-        if not any(value < math.inf for value in search.least.values()):
-            said = "no setting that was tried has an observer that runs along the log; the log is of another plant"
-            raise UndecidedError(Problem(said, self.log.table.path, id="OBS963"))
         self.report(0.99, "what is found, on all rows")
-        for found in filter(None, dict.fromkeys((self.sized(changes), self.sized(())))):
+        for found in self.candidates(changes if search(changes) < math.inf else (), was[0]):
             design = self.design(found, path)
-            now = self.judged(along(design, self.log))
+            now = self.judged(along(design, self.log)) if design.status in BUILT else was
             if better(now[1], was[1]):
                 return self.told(found, design, (was, now), search, source)
-        return self.told((), self.design((), path), (was, was), search, source)
+        return self.told((), self.before, (was, was), search, source)
+
+    def candidates(self, changes: tuple[str, ...], was: Course) -> Iterator[tuple[str, ...]]:
+        """What was found; of a filter in the size that its innovations have, and then that size alone."""
+        if was.spread is None or not all(key in sections(self.spec).get("observer", {}) for key in WEIGHTS):
+            yield from [changes] if changes else []
+            return
+        yield from dict.fromkeys((self.sized(changes), self.sized(())))
 
     def sized(self, changes: tuple[str, ...]) -> tuple[str, ...]:
-        """Changes with Q and R of a filter multiplied by the factor that makes S as large as the innovations are."""
+        """Q and R with changes, multiplied by the factor that makes S of train as large as its innovations are."""
         spec = loads(self.spec.text, self.spec.path, (*self.spec.changes, *changes))
-        course = self.judged(along(designed(spec), self.log))[0]
-        observer = sections(spec).get("observer", {})
-        if course.spread is None or not all(key in observer for key in WEIGHTS):
-            return changes
-        c = course.factor
+        c = self.judged(along(designed(spec), self.log))[0].factor
+        observer = sections(spec)["observer"]
         return tuple(f"observer.{key}={flow(plain(times(observer[key], c), (), [], ''))}" for key in WEIGHTS)
 
     def design(self, changes: Sequence[str], path: str) -> Design:
@@ -148,7 +149,8 @@ class Tuner:
     ) -> Tuning:
         """Report, and the text with a line on where it is from."""
         was, now = parts
-        old, new = values(self.spec, changes), values(design.spec, changes)
+        searched = [one.key for one in chosen(self.spec, self.keys)]
+        old, new = values(self.spec, changes or searched), values(design.spec, changes)
         told = {
             "fitted": {key: number(value) for key, value in new.items()},
             "train": now[0].told,
@@ -161,7 +163,8 @@ class Tuner:
             "kept": not changes,
             "fits": max(search.whitest, was[0].white) >= WHITE,
             "criterion": "prediction error" if was[0].spread is None else "likelihood",
-            "searched": [one.key for one in chosen(self.spec, self.keys)],
+            "searched": searched,
+            "ends": [key for key in search.ends if key in new],
             "trials": len(search.least),
             "status": str(design.status),
         }
@@ -190,19 +193,27 @@ def tune(
     keys that are searched, else those of `free.chosen`; `share`: of the rows that is fitted to, the others judge;
     `progress`: called with the share that is done, and with what is tried.
 
-    Raises `UsageError`: as `estimate`; nothing can be tuned, rows are too few, or y between rows is no prediction;
-    `UndecidedError`: the observer escapes on the log at every setting, or as it is.
+    Raises `UsageError`: as `estimate`; nothing can be tuned, rows are too few, or innovations are of no predictions;
+    `UndecidedError`: the observer, as it is, has no finite value on the log.
     """
     if not 0 < share < 1:
         raise UsageError(f"share: {share:g} is no share of the rows; give a number between 0 and 1", id="OBS904")
     before = work.trial(source)
     with before.spec.placed():
         log = held(Log.of(os.fspath(data), before.spec, columns, repair=repair))
-        path, name = ("<text>" if output is None else os.fspath(output)), before.path
-        made = Tuner(before, log, share, free, progress).tuned(path, name)
+        path = before.spec.path if output is None else os.fspath(output)
+        made = Tuner(before, log, share, free, progress).tuned(path, before.path)
     if output is not None:
         made.save(output)
     return made
+
+
+def warned(made: Tuning, data: str) -> Iterator[Problem]:
+    """That no setting fits a log, if none does."""
+    if not made.report["fits"]:
+        said = "innovations are not white at any setting that was tried: the plant, its inputs or their signs may be"
+        said += " others than in the spec, its disturbance no white noise, or what is not searched is in the way"
+        yield Problem(said, data, id="OBS963")
 
 
 def better(now: Course, before: Course) -> bool:
