@@ -21,7 +21,7 @@ from obsdesign.lmi.formula import Float
 from obsdesign.reading import loads
 from obsdesign.spec import Spec
 
-FINE = 0.01  # decades, to which a number is found
+FINE = 0.02  # decades, to which a number is found
 TRIALS = 14  # of a search between two points of the grid, at most
 NEAR = 0.5  # decades around what was found, of a second search
 BUILT = (Verdict.CERTIFIED, Verdict.NO_GUARANTEE)
