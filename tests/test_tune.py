@@ -11,7 +11,7 @@ from support.commands import files, run
 
 import obsdesign as od
 from obsdesign.data import runner
-from obsdesign.data.criterion import Course
+from obsdesign.data.criterion import Course, better
 from obsdesign.data.free import chosen
 from obsdesign.data.log import Log
 from obsdesign.data.trials import Search, along, held
@@ -160,7 +160,7 @@ def test_what_is_worse_on_the_rows_that_are_held_back_is_not_taken():
     log(turn, 0.01, noise)
     outcome = run("tune", "spec.yaml", "log.csv")
     assert outcome.exit_code == 0
-    assert "kept       noise.y as before: nothing that was tried is better on the rows that are " in outcome.stdout
+    assert "kept       noise.y as before: nothing that was tried is better on the rows held back, " in outcome.stdout
     head, _, text = Path("spec.tuned.yaml").read_text().partition("\n")
     assert head.startswith(f"{MARK} as before; rows 91 to 900 of log.csv")
     assert text == Path("spec.yaml").read_text()
@@ -214,6 +214,20 @@ def test_the_likelihood_is_that_of_normal_values_and_its_factor_the_best():
     assert Course(("a", "b"), i, 5 * course.spread).wanting() == pytest.approx(course.wanting())
 
 
+def test_what_chance_may_win_is_not_better_and_what_is_worse_never():
+    rng = np.random.default_rng(2)
+    i, more = rng.normal(size=(2, 2000, 1))
+    same, noisier = Course(("y",), i), Course(("y",), i + 0.3 * more)
+    assert better(same, noisier)
+    assert not better(noisier, same)
+    assert not better(same, same)
+    taken = sum(
+        better(Course(("y",), rng.normal(size=(400, 1))), Course(("y",), rng.normal(size=(400, 1)))) for _ in range(400)
+    )
+    assert taken < 20  # 1 in 40 by chance
+    assert better(Course(("y",), i, np.full((2000, 1, 1), 1.0)), Course(("y",), i, np.full((2000, 1, 1), 9.0)))
+
+
 def test_the_covariance_that_a_filter_supposes_is_that_of_the_riccati_equation():
     spec = loads(MOTOR + FILTER)
     course = along(trial(spec), held(Log.of(log(turn, *TRUTH[1], count=400), spec, {})))
@@ -241,7 +255,8 @@ implementation: {period: 0.01}
         (DESIGN, ["noise.y"]),
         (DESIGN.replace("0.01", "{rms: 0.01}"), ["noise.y.rms"]),
         (DESIGN.replace("0.01", "{density: 0.01}"), ["noise.y.density"]),
-        (DESIGN.replace("noise: {y: 0.01}", ""), ["observer.rho"]),
+        (DESIGN.replace("noise: {y: 0.01}", "performance: x"), ["observer.rho"]),
+        (DESIGN.replace("noise: {y: 0.01}", "performance: [speed]"), ["observer.rho"]),
         (
             "performance: {of: [angle, speed], weights: {angle: 1, speed: 3}}\nobserver: {type: l2}",
             ["performance.weights.speed"],

@@ -14,12 +14,17 @@ is 20 / N on average where they are.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from obsdesign.data.innovations import Innovations
 from obsdesign.lmi.formula import Array, Float
+
+SAME = 1e-6  # of ln rms: what is no worse
+BATCHES = 20  # parts of the rows that are held back
+CHANCE = 2.0  # standard errors, which chance wins once in forty times
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ class Course:
         """Criterion of innovations of an unknown size: the likelihood at the best c, or the prediction error."""
         if self.spread is None:
             return 2 * self.error + self.correlated
-        logarithms, squares, count = self.sums(self.spread)
+        logarithms, squares, count = self.sums
         if not (squares > 0 and math.isfinite(logarithms) and math.isfinite(squares)):
             return math.inf
         return (logarithms + count * math.log(squares / count)) / len(self.innovations)
@@ -67,17 +72,13 @@ class Course:
     @property
     def factor(self) -> float:
         """The best c; 1 where nothing is supposed."""
-        if self.spread is None:
-            return 1.0
-        _, squares, count = self.sums(self.spread)
+        _, squares, count = self.sums
         return squares / count if count and squares > 0 and math.isfinite(squares) else 1.0
 
     @property
     def surprise(self) -> float:
-        """Likelihood J with the covariance as it is supposed; the prediction error where none is."""
-        if self.spread is None:
-            return self.error
-        logarithms, squares, _ = self.sums(self.spread)
+        """Likelihood J with the covariance as it is supposed; infinite where it is none."""
+        logarithms, squares, _ = self.sums
         found = (logarithms + squares) / len(self.innovations)
         return found if math.isfinite(found) else math.inf
 
@@ -95,20 +96,49 @@ class Course:
         """Least probability over the outputs that white noise is as correlated; 1 where nothing varies."""
         return min((p for p in self.told["white"].values() if p is not None), default=1.0)
 
-    def sums(self, spread: Float) -> tuple[float, float, int]:
-        """Sums of ln det S and of i' S^-1 i over what is known of each row, and how many values these are."""
+    @property
+    def sums(self) -> tuple[float, float, int]:
+        """Sums over the rows of ln det S and of i' S^-1 i, and how many values are known."""
+        logarithms, squares = self.parts
+        return float(logarithms.sum()), float(squares.sum()), int(np.isfinite(self.innovations).sum())
+
+    @cached_property
+    def parts(self) -> tuple[Float, Float]:
+        """Of each row ln det S and i' S^-1 i over what is known of it, (K,); infinite where S is no covariance.
+
+        Where nothing is supposed S is the identity.
+        """
         known: Array = np.isfinite(self.innovations)
-        logarithms, squares, count = 0.0, 0.0, 0
+        K, ny = known.shape
+        spread = np.broadcast_to(np.eye(ny), (K, ny, ny)) if self.spread is None else self.spread
+        logarithms, squares = np.zeros(K), np.zeros(K)
         for pattern in np.unique(known, axis=0):
-            if not pattern.any():
-                continue
             rows = (known == pattern).all(axis=1)
             S = spread[rows][:, pattern][:, :, pattern]
             i = self.innovations[rows][:, pattern]
             with np.errstate(all="ignore"):
                 if not (np.isfinite(S).all() and (np.linalg.eigvalsh(S) > 0).all()):
-                    return math.inf, math.inf, 0
-                logarithms += float(np.linalg.slogdet(S)[1].sum())
-                squares += float((i * np.linalg.solve(S, i[..., None])[..., 0]).sum())
-            count += i.size
-        return logarithms, squares, count
+                    logarithms[rows] = squares[rows] = math.inf
+                elif pattern.any():
+                    logarithms[rows] = np.linalg.slogdet(S)[1]
+                    squares[rows] = (i * np.linalg.solve(S, i[..., None])[..., 0]).sum(axis=1)
+        return logarithms, squares
+
+
+def better(now: Course, before: Course) -> bool:
+    """Whether rows that are held back are predicted no worse, and what is won on them is more than chance.
+
+    What is won on a row is the fall of ln det S + i' S^-1 i; where nothing is supposed, of the sum of i_j^2 over their
+    mean before. Its mean is held against its standard error, from the means of 20 parts of the rows, for what is won on
+    rows beside each other may be correlated.
+    """
+    if now.error > before.error + SAME:
+        return False
+    if before.spread is None:
+        with np.errstate(all="ignore"):
+            sizes = np.nanmean(before.innovations**2, axis=0)
+            won = np.nansum((before.innovations**2 - now.innovations**2) / np.maximum(sizes, 1e-300), axis=1)
+    else:
+        won = sum(before.parts) - sum(now.parts)
+    means = np.array([part.mean() for part in np.array_split(won, BATCHES)])
+    return bool(means.mean() > CHANCE * means.std(ddof=1) / math.sqrt(BATCHES))

@@ -98,7 +98,8 @@ def by_kind(spec: Spec) -> list[tuple[Free, ...]]:
         part = next((key for key in ("rms", "density") if isinstance(level, dict) and key in level), "")
         levels.append(scaled(f"noise.{name}{part and f'.{part}'}", level[part] if part else level))
     rates = [] if family.equations else [rate(key, observer[key]) for key in RATES if key in observer]
-    weights = entries("performance.weights", written.get("performance", {}).get("weights", {}))
+    asked = written.get("performance")
+    weights = entries("performance.weights", asked.get("weights", {}) if isinstance(asked, Mapping) else {})
     weights = weights[1:] if len(weights) >= len(spec.H_names) else weights
     return [R, tuple(levels), tuple(one for one in rates if one), weights, Q]
 

@@ -25,7 +25,7 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign import work
-from obsdesign.data.criterion import Course
+from obsdesign.data.criterion import Course, better
 from obsdesign.data.driver import foresees
 from obsdesign.data.estimation import NOTHING
 from obsdesign.data.free import WEIGHTS, chosen, sections, times
@@ -47,7 +47,6 @@ SHARE = 0.6  # of the rows that is fitted to
 SETTLING = 0.1  # of these, which are left out
 FEWEST = 50  # values of each output in each part
 WHITE = 1e-3  # probability below which innovations are not
-SAME = 1e-6  # of ln rms: what is no worse
 MARK = "# obsdesign tune:"  # begins a spec that is written here
 
 
@@ -214,11 +213,6 @@ def warned(made: Tuning, data: str) -> Iterator[Problem]:
         said = "innovations are not white at any setting that was tried: the plant, its inputs or their signs may be"
         said += " others than in the spec, its disturbance no white noise, or what is not searched is in the way"
         yield Problem(said, data, id="OBS963")
-
-
-def better(now: Course, before: Course) -> bool:
-    """Whether rows that are held back are predicted no worse, and are less of a surprise."""
-    return now.error <= before.error + SAME and now.surprise < before.surprise
 
 
 def values(spec: Spec, changes: Sequence[str]) -> dict[str, Any]:

@@ -20,7 +20,9 @@ def tuning_table(report: Mapping[str, Any], file: str) -> str:
     rows = [("fitted", f"{key} {shown(old[key])} -> {shown(value)}") for key, value in report["fitted"].items()]
     if report["kept"]:
         searched = ", ".join(report["searched"])
-        rows = [("kept", f"{searched} as before: nothing that was tried is better on the rows that are held back")]
+        rows = [
+            ("kept", f"{searched} as before: nothing that was tried is better on the rows held back, but by chance")
+        ]
     rows += [("end", f"{key}: the best is at an end of what was searched") for key in report["ends"]]
     rows.append(("judged by", f"{report['criterion']} of the innovations, {report['trials']} settings tried"))
     rows.append(("proved", PROVED.get(report["status"], f"nothing: {report['status']}")))
