@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_are
 from support.commands import files, run
 
 import obsdesign as od
-from obsdesign.data import runner
+from obsdesign.data import runner, trials
 from obsdesign.data.criterion import Course, better
 from obsdesign.data.free import chosen
 from obsdesign.data.log import Log
@@ -153,8 +153,9 @@ def test_the_level_of_a_design_grows_with_the_noise_and_its_gain_predicts_nearly
 # what is held back
 
 
-def test_what_is_worse_on_the_rows_that_are_held_back_is_not_taken():
+def test_what_is_worse_on_the_rows_that_are_held_back_is_not_taken(monkeypatch):
     """The noise falls where the rows begin that judge, and the level of the spec is right for these."""
+    monkeypatch.setattr(trials, "TRIALS", 2)
     noise = np.where(np.arange(1500) < 900, 0.1, 0.001)
     Path("spec.yaml").write_text(MOTOR + DESIGN.replace("y: 0.01", "y: 1") + "expect: {status: certified}\n")
     log(turn, 0.01, noise)
@@ -415,11 +416,11 @@ def test_a_limit_of_time_and_an_interrupt_leave_nothing(monkeypatch):
     outcome = run("tune", "spec.yaml", "log.csv", "--timeout", "0.4")
     assert (outcome.exit_code, outcome.stdout) == (4, "")
     assert "OBS905" in outcome.stderr
-    trials = []
+    tried = []
 
     def stopped(*arguments):
-        trials.append(arguments)
-        if len(trials) == 3:
+        tried.append(arguments)
+        if len(tried) == 3:
             raise KeyboardInterrupt
         return 1.0
 
