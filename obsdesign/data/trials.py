@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -128,7 +128,8 @@ def held(log: Log) -> Held:
     if not parts:
         raise UsageError(Problem("has no rows", log.table.path, id="OBS811"))
     rows = Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    return Held(log.table, log.spec, replace(log.where, v_sup=None), log.repair, log.clock, log.counts, (rows,))
+    own = {one.name: getattr(log, one.name) for one in fields(log)}
+    return Held(**{**own, "where": replace(log.where, v_sup=None)}, held=(rows,))
 
 
 def designed(spec: Spec) -> Design:
