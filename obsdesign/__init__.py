@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from obsdesign.batches import batch
     from obsdesign.data.estimation import Estimates, estimate
+    from obsdesign.data.tuning import Tuning, tune
     from obsdesign.design import Design
     from obsdesign.difference import diff
     from obsdesign.errors import InfeasibleError, ObsdesignError, TimeLimitError, UndecidedError, UsageError
@@ -45,6 +46,7 @@ __all__ = [
     "Run",
     "Spec",
     "TimeLimitError",
+    "Tuning",
     "UndecidedError",
     "UsageError",
     "batch",
@@ -59,6 +61,7 @@ __all__ = [
     "report",
     "solve",
     "theorem",
+    "tune",
     "verify",
 ]
 
@@ -69,6 +72,7 @@ HOMES = {
     "reports.page": ("Report", "report"),
     "difference": ("diff",),
     "data.estimation": ("Estimates", "estimate"),
+    "data.tuning": ("Tuning", "tune"),
     "exports": ("Exported", "export"),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with
     "simulate": ("Run",),

@@ -35,6 +35,7 @@ def marked(pattern: bytes) -> re.Pattern[bytes]:
 
 KINDS = {
     "specs": Kind((".yaml", ".yml"), marked(rb"(?!)")),  # which people write, and no command replaces
+    "tuned specs": Kind((".yaml", ".yml"), marked(rb"\#\ obsdesign\ tune:")),
     "results": Kind((".json",), marked(rb'\{\s*"obsdesign":\ 1,\s*"name":\ "(?:\\.|[^"\\])*",\s*"spec"')),
     "samples": Kind((".csv",), marked(rb"t,(?!hat_)[^\n]*,hat_")),
     "estimates": Kind((".csv",), marked(rb"t,hat_")),

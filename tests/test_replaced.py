@@ -31,6 +31,7 @@ COMMANDS = {  # with the files that each writes, and what is in them
     ("compare", "kept.gains.json", "--seeds", "1", "-o", "both.svg"): {"both.svg": "figures"},
     ("report", "kept.gains.json"): {"report.html": "pages"},
     ("estimate", "kept.gains.json", "log.csv"): {"kept.estimate.csv": "estimates", "kept.estimate.png": "figures"},
+    ("tune", "kept.gains.json", "long.csv"): {"kept.tuned.yaml": "tuned specs"},
     ("verify", "kept.gains.json", "--theorem", "coq"): {"kept.theorem.v": "theorems"},
     **{
         ("batch", "short.yaml", "wrong.yaml", "--jobs", "1", "--format", form, "--output-file", f"out.{form}"): {
@@ -54,6 +55,8 @@ def here(tmp_path, monkeypatch):
     Path("wrong.yaml").write_text("obsdesign: 1\n")
     assert run("solve", "short.yaml", "-o", "kept.gains.json", "-q").exit_code == 0
     Path("log.csv").write_text("t,y1\n0,1\n0.5,1\n1,0\n")
+    rows = "".join(f"{k / 100},{k * 7 % 13}\n" for k in range(200))
+    Path("long.csv").write_text(f"t,y1\n{rows}")
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)

@@ -15,6 +15,7 @@ from obsdesign.cli.schema import schema
 from obsdesign.cli.simulate import simulate
 from obsdesign.cli.solve import solve
 from obsdesign.cli.theorem import theorem
+from obsdesign.cli.tune import tune
 from obsdesign.cli.verify import verify
 
 __all__ = ["app", "main"]
@@ -30,6 +31,7 @@ for command in (
     verify,
     theorem,
     estimate,
+    tune,
     export,
     diff,
     report,

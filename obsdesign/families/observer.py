@@ -12,6 +12,14 @@ from obsdesign.model.equations import Equations, Named, free, linear, total
 
 
 @dataclass(frozen=True)
+class Supposed:
+    """Covariance of y - yhat that a filter supposes before it knows y: states + white / h, h the time between rows."""
+
+    states: Array  # (ny, ny) of expressions
+    white: Array  # (ny, ny), intensity of what is white in y, unit^2 s; zero in discrete time
+
+
+@dataclass(frozen=True)
 class Observer:
     """An observer over named signals, driven by the known inputs u and the measured outputs y of a plant.
 
@@ -44,6 +52,7 @@ class Observer:
     following: tuple[str, ...] = ()  # names of what it knows of the next sample: t+, u+, y+
     proved: bool = False  # to estimate, by what bounds no run
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
+    supposed: Supposed | None = None  # of a filter
 
     def __post_init__(self) -> None:
         known = {"t", *self.dynamics, *self.inputs, *self.algebraic, *self.following}

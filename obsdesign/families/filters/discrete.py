@@ -7,7 +7,7 @@ import numpy as np
 from obsdesign.expressions import Expression
 from obsdesign.families.filters.request import FilterRequest
 from obsdesign.families.filters.symbols import ZERO, Signals, jacobian, numbers, split, times, written_out
-from obsdesign.families.observer import Copy, Observer
+from obsdesign.families.observer import Copy, Observer, Supposed
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.disturbance import with_inputs
 from obsdesign.model.equations import free
@@ -39,6 +39,8 @@ def filter_of_samples(spec: Spec, request: FilterRequest) -> Observer:
     C, D = (signals.matrix(letter, outputs, by, jacobian(h, by, prior)) for letter, by in (("C", x), ("D", v)))
     missing = [h[name].substituted(prior) - Expression.variable(name) for name in outputs]
     change, cov = conditioned(P, C, D, request, missing, signals)
+    Q, R = numbers(request.Q), numbers(request.R)
+    S = times(C, P, C.T) + times(D, Q, D.T) + R
     corrected = [
         signals.named(f"corrected_{name}", prior[name] + more) for name, more in zip((*x, *v), change, strict=True)
     ]
@@ -66,6 +68,7 @@ def filter_of_samples(spec: Spec, request: FilterRequest) -> Observer:
             **{name: numbers(request.P0)[at] for at, name in names.items()},
         },
         twins=twins(copy, (*plant.algebraic, *(() if corrects else x))),
+        supposed=Supposed(S, np.zeros(S.shape)),
     )
 
 

@@ -9,7 +9,7 @@ from obsdesign.expressions import Expression
 from obsdesign.families.filters.discrete import filter_of_samples
 from obsdesign.families.filters.request import FilterRequest
 from obsdesign.families.filters.symbols import ZERO, Signals, jacobian, numbers, split, times, written_out
-from obsdesign.families.observer import Copy, Observer
+from obsdesign.families.observer import Copy, Observer, Supposed
 from obsdesign.lmi.formula import Array
 from obsdesign.model.disturbance import with_inputs
 from obsdesign.model.equations import Equations, Named, free
@@ -39,7 +39,7 @@ def filter_of_flow(spec: Spec, request: FilterRequest) -> Observer:
     x, hats = plant.states, {twin: hat for hat, twin in copy.twins.items()}
     names = {(a, b): free(f"P_{i}_{j}", signals.taken) for a, i in enumerate(x) for b, j in enumerate(x) if a <= b}
     P = np.array([[Expression.variable(names[min(a, b), max(a, b)]) for b in range(len(x))] for a in range(len(x))])
-    K, rate = riccati(plant, outputs, request, signals, P, hats)
+    K, rate, supposed = riccati(plant, outputs, request, signals, P, hats)
     innovation = np.array([[Expression.variable(name) - Expression.variable(hats[name])] for name in outputs])
     correction = times(K, innovation)[:, 0]
     modeled = zip(spec.plant.exogenous, w.values(), spec.generator.Dm, strict=True)
@@ -57,6 +57,7 @@ def filter_of_flow(spec: Spec, request: FilterRequest) -> Observer:
         algebraic={**copy.algebraic, **y, **signals.sides},
         initial={name: numbers(request.P0)[at] for at, name in names.items()},
         twins={hat: twin for hat, twin in copy.twins.items() if hat not in w},
+        supposed=supposed,
     )
 
 
@@ -67,8 +68,8 @@ def riccati(
     signals: Signals,
     P: Array,
     hats: Mapping[str, str],
-) -> tuple[Array, Array]:
-    """Gain K (n, ny), and P' (n, n)."""
+) -> tuple[Array, Array, Supposed]:
+    """Gain K (n, ny), P' (n, n), and the covariance of y - yhat at rows of a log: C P C' + S / h."""
     x, v = plant.states, plant.exogenous
     f, h = written_out(plant, outputs)
     at = {name: Expression.variable(hats[name]) for name in x} | dict.fromkeys(v, ZERO)
@@ -82,7 +83,8 @@ def riccati(
     shared = times(B, numbers(request.Q @ D.T))
     K = signals.matrix("K", x, outputs, times(times(P, C.T) + shared, numbers(np.linalg.inv(S))))
     F = times(A, P)
-    return K, F + F.T + times(B, numbers(request.Q), B.T) - times(K, numbers(S), K.T)
+    rate = F + F.T + times(B, numbers(request.Q), B.T) - times(K, numbers(S), K.T)
+    return K, rate, Supposed(times(C, P, C.T), S)
 
 
 def constant(D: Array, outputs: Sequence[str]) -> Array:
