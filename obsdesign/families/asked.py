@@ -21,7 +21,7 @@ from obsdesign.spec import Nonlinearity
 from obsdesign.trial import Implementation
 
 AS_GIVEN = "given gains are analysed as they are"
-LATER_FAMILIES = ("unknown-input", "ukf", "lqe")
+LATER_FAMILIES = ("unknown-input",)
 MAX_POINTS = 10_000
 MOST_SIZES = 100  # bounds on a gain that are gone through, a design each
 AUTO = "auto"
@@ -53,6 +53,7 @@ class Estimation:
     period: fmpq | None = None  # s, of a plant x+ = ..
     noisy: bool = False  # whether the last channels of w are noise that the spec declares
     steps: Implementation | None = None  # in which the observer is to run
+    inputs: tuple[str, ...] = ()  # known
 
     def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""
