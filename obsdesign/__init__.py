@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obsdesign.batches import batch
+    from obsdesign.data.comparison import LogComparison, compare
     from obsdesign.data.estimation import Estimates, estimate
     from obsdesign.design import Design
     from obsdesign.difference import diff
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from obsdesign.reports.page import Report, report
     from obsdesign.simulate import Run
     from obsdesign.simulate.comparison import Comparison
-    from obsdesign.work import check, compare, lipschitz, load, read, solve, theorem, verify
+    from obsdesign.work import check, lipschitz, load, read, solve, theorem, verify
 
 __version__ = "0.1.0"
 
@@ -37,6 +38,7 @@ __all__ = [
     "Exported",
     "Finding",
     "InfeasibleError",
+    "LogComparison",
     "ObsdesignError",
     "Proof",
     "Report",
@@ -61,11 +63,12 @@ __all__ = [
 ]
 
 HOMES = {
-    "work": ("check", "compare", "lipschitz", "load", "read", "solve", "theorem", "verify"),
+    "work": ("check", "lipschitz", "load", "read", "solve", "theorem", "verify"),
     "batches": ("batch",),
     "design": ("Design",),
     "reports.page": ("Report", "report"),
     "difference": ("diff",),
+    "data.comparison": ("LogComparison", "compare"),
     "data.estimation": ("Estimates", "estimate"),
     "exports": ("Exported", "export"),
     "reading": ("Spec",),  # which reads the sections that a Spec is called with

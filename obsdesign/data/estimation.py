@@ -39,6 +39,7 @@ class Part:
     innovations: Float  # (K, ny); NaN where y is missing
     radii: Float  # (K, names of the radius)
     covered: Array  # (K,), whether a local guarantee still holds
+    truth: Float  # (K, m), of what the log knows of the plant beside u and y
 
     def table(self) -> Float:
         """Columns side by side, as in the file."""
@@ -170,7 +171,7 @@ class Estimation:
         covered = self.inside(passed.arguments, first, known, self.timely(t, y)) & self.covers
         radii = np.where(covered[:, None], radii, np.nan)
         self.uncovered += int((~covered).sum())
-        return Part(t, passed.estimates, innovations, radii, covered)
+        return Part(t, passed.estimates, innovations, radii, covered, rows.truth[:K])
 
     @cached_property
     def covers(self) -> bool:
