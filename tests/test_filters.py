@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
-from scipy.linalg import solve_continuous_are, solve_discrete_are
+from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 from support.commands import run
 
 import obsdesign as od
@@ -221,6 +221,27 @@ observer: {type: ukf, Q: [[0.1, 0.02], [0.02, 0.3]], R: {y: 1.0e-4}, alpha: 0.7,
     assert [found[f"P_{n}"] for n in ("angle_angle", "angle_rate", "rate_rate")] == pytest.approx(
         list(rate[np.triu_indices(2)]), rel=1e-9
     )
+
+
+def test_in_steps_a_y_that_is_held_counts_as_one_sample_and_x_goes_on_without_it():
+    """By rk4, whose error is of the fifth power of a step, against the exponential, and whatever P0 is."""
+    A, B, C, h = np.array([[0, 1], [-2, -0.3]]), np.array([[0], [1.0]]), np.array([[1.0, 0]]), 2.0**-6
+    plant = "{A: [[0, 1], [-2, -0.3]], B: [0, 1], C: [1, 0]}"
+    end = "implementation: {period: 0.015625, method: rk4}\nsimulation: {horizon: 4, x0: [1, -1], w: [cos(3*t)], "
+    end += "points: 257, observer: implementation, noise: {type: gaussian, amplitude: 0.02, period: 0.015625}}\n"
+    both = expm(h * np.block([[A, B @ B.T * 0.5], [np.zeros((2, 2)), -A.T]]))
+    Phi, Qh = both[:2, :2], both[:2, 2:] @ both[:2, :2].T
+    for P0, reached in (("1", 2e-6), ("1.0e+6", 2e-4)):
+        observer = f"{{type: ekf, Q: 0.5, R: 1.0e-5, P0: {P0}}}"
+        found = filter_of(f"obsdesign: 1\nsystem: {plant}\nobserver: {observer}\n{end}").simulate()
+        x, P = np.zeros(2), float(P0) * np.eye(2)
+        for k, y in enumerate(found["y1"]):
+            assert [found[f"hat_x{i}"][k] for i in (1, 2)] == pytest.approx(list(x), abs=reached if k < 200 else 2e-6)
+            K = P @ C.T / (C @ P @ C.T + 1e-5 / h)
+            x, P = Phi @ (x + K[:, 0] * (y - x[0])), Phi @ (P - K @ C @ P) @ Phi.T + Qh
+        other = observer.replace("ekf", "ukf")
+        same = filter_of(f"obsdesign: 1\nsystem: {plant}\nobserver: {other}\n{end}").simulate()
+        assert same["hat_x2"] == pytest.approx(found["hat_x2"], abs=1e-5)
 
 
 CURVED = """obsdesign: 1

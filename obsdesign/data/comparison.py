@@ -43,14 +43,12 @@ class Errors:
     count: Float = field(init=False)
     squares: Float = field(init=False)
     first: Float = field(init=False)
-    above: dict[str, Float] = field(init=False)  # last times above these shares of the first
-    seen: Float = field(init=False)  # the last times with an error
+    below: dict[str, Float] = field(init=False)  # times of the rows from which on it is below these shares of the first
 
     def __post_init__(self) -> None:
         m = len(self.names)
         self.count, self.squares = np.zeros(m), np.zeros(m)
-        self.first, self.seen = np.full(m, np.nan), np.full(m, np.nan)
-        self.above = {name: np.full(m, np.nan) for name in SHARES}
+        self.first, self.below = np.full(m, np.nan), {name: np.full(m, np.nan) for name in SHARES}
 
     def add(self, t: Float, e: Float) -> None:
         """Take errors (K, names) at times (K,)."""
@@ -64,11 +62,11 @@ class Errors:
                 continue
             if np.isnan(self.first[i]):
                 self.first[i] = abs(column[known[0]])
-            self.seen[i] = t[known[-1]]
             for name, share in SHARES.items():
-                high = known[np.abs(column[known]) > share * self.first[i]]
-                if len(high):
-                    self.above[name][i] = t[high[-1]]
+                high = np.flatnonzero(np.abs(column[known]) > share * self.first[i])
+                after = known[high[-1] + 1 :] if len(high) else known
+                if len(high) or np.isnan(self.below[name][i]):
+                    self.below[name][i] = t[after[0]] if len(after) else np.nan
 
     def report(self) -> dict[str, dict[str, float | None]]:
         """Entries by name; None where nothing is known, or an error does not stay below a level."""
@@ -81,10 +79,9 @@ class Errors:
 
     def times(self, i: int) -> dict[str, float | None]:
         """Settling times of an error, to the row; 0 where there is none at first."""
-        if not self.first[i] > 0:
-            return dict.fromkeys(SHARES, 0.0 if self.first[i] == 0 else None)
-        last = {name: float(times[i]) for name, times in self.above.items()}
-        return {name: None if at >= self.seen[i] else at - self.begin for name, at in last.items()}
+        if self.first[i] == 0:
+            return dict.fromkeys(SHARES, 0.0)
+        return {name: None if np.isnan(at[i]) else float(at[i]) - self.begin for name, at in self.below.items()}
 
 
 @dataclass(frozen=True)
@@ -109,7 +106,9 @@ class LogEntrant:
         claim, spec = self.design.claim, self.design.spec
         if not (self.design.proved and claim):
             return {"statement": None, "claim": None}
-        return {"statement": claim.statement(spec), "claim": "; ".join([claim.headline(spec), *spec.provisos])}
+        of_steps = [] if spec.period is not None else ["of its steps along a log nothing is proved"]
+        said = "; ".join([claim.headline(spec), *spec.provisos, *of_steps])
+        return {"statement": claim.statement(spec), "claim": said}
 
     def column(self, head: str) -> Float | None:
         """Some rows of a column; None where there is none."""
@@ -280,8 +279,14 @@ def entrant(
             kept.add(shown(part, known))
     except UndecidedError as error:
         run = "; ".join(str(problem) for problem in error.problems)
+        errors, innovations = Errors(truth, window, begin), Innovations(made.observer.outputs)
     heads = ("t", *(f"hat_{n}" for n in names), *(f"innov_{y}" for y in made.observer.outputs), *truth)
-    counts = {key: value for key, value in made.report().items() if key in ("rows", "missing", "late", "uncovered")}
+    counts: dict[str, Any] = {
+        "rows": made.rows,
+        "missing": made.missing,
+        "late": made.late,
+        "uncovered": made.uncovered,
+    }
     counts |= {"engine": made.engine, "step": made.step or None}
     rows = kept.rows if kept.rows.size else np.zeros((0, len(heads)))
     order, cost = len(made.observer.states), None if run != "done" else cost_of(made)

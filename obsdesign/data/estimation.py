@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import IO, Any, Literal, cast
@@ -132,7 +132,8 @@ class Estimation:
             return runner(implemented(self.spec, self.observer))
         gaps = np.diff(np.unique(rows.t if self.late_ones else rows.known))
         self.coarsest = self.step = float(np.median(gaps)) if len(gaps) else 1.0
-        return runner(implemented(self.spec, self.observer, Implementation(rational_number(self.step), "rk4")))
+        alone = replace(self.observer, correction=None)
+        return runner(implemented(self.spec, alone, Implementation(rational_number(self.step), "rk4")))
 
     def advanced(self, made: Runner, rows: Rows, begin: int) -> tuple[Runner, Passed]:
         """Go along rows; where the spec tells no steps, in such that halving them changes no estimate by 1e-6."""

@@ -101,10 +101,17 @@ def in_order(one: "LogEntrant", head: str) -> tuple[Float, Float]:
     return t[order], values[order]
 
 
+def proved_of(one: "LogEntrant") -> str:
+    """Whether something is proved of an observer, in a word or two."""
+    if not one.design.proved:
+        return "no guarantee"
+    return "yes" if one.design.spec.period is not None else "not of its steps"
+
+
 def table(entrants: "Sequence[LogEntrant]", truth: list[str]) -> list[tuple[str, ...]]:
     """Columns of a line an observer: what is proved, and rms of innovations and errors."""
     told = [one.written() for one in entrants]
-    proved = tuple("yes" if one.design.proved else "no guarantee" for one in entrants)
+    proved = tuple(proved_of(one) for one in entrants)
     columns = [
         ("observer", *(plain(one.label, LABEL) for one in entrants)),
         ("type", *(one.design.spec.observer.type for one in entrants)),

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from typing import Any
 
-from obsdesign.tables.comparison import columns, number
+from obsdesign.tables.comparison import STARTS, columns, number
 
 KNOWN = ("observer", "type", "status", "order", "step us")
 SEEN, TRUE = ("output", "innovation", "white"), ("estimate", "error rms", "5 % s", "1 % s")
@@ -23,7 +23,8 @@ def recorded_table(report: Mapping[str, Any]) -> str:
         *(
             [
                 "error rms: of the estimate less the truth of the log, in the window",
-                "5 %, 1 %: time in s after which |error| stays below that part of the first one, if in this log",
+                f"5 %, 1 %: time in s after which |error| stays below that part of the first one, if in this log; "
+                f"{STARTS}: that is none",
             ]
             if truth
             else ["no truth: no column is called as a state; --map STATE=COLUMN names one"]
@@ -42,7 +43,7 @@ def rows_of(observer: Mapping[str, Any], truth: bool) -> list[Sequence[str]]:
         (name, number(rms, "none"), white(observer["white"][name])) for name, rms in observer["innovation_rms"].items()
     ]
     errors = [
-        (name, number(one["error_rms"], "none"), *(number(one[key], "never") for key in ("t5", "t1")))
+        (name, number(one["error_rms"], "none"), *(settled(one[key]) for key in ("t5", "t1")))
         for name, one in observer["states"].items()
     ]
     rows: list[Sequence[str]] = []
@@ -50,6 +51,11 @@ def rows_of(observer: Mapping[str, Any], truth: bool) -> list[Sequence[str]]:
         begin = known if k == 0 else ("",) * len(known)
         rows.append([*begin, *(one or ("",) * len(SEEN)), *((error or ("",) * len(TRUE)) if truth else ())])
     return rows
+
+
+def settled(time: float | None) -> str:
+    """Settling time in a table."""
+    return STARTS if time == 0 else number(time, "never")
 
 
 def white(p: float | None) -> str:

@@ -1,14 +1,15 @@
 """The extended Kalman filter, as equations (Kalman, 1960; Kalman and Bucy, 1961)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from obsdesign.expressions import Expression
 from obsdesign.families.filters.frame import Frame
 from obsdesign.families.filters.symbols import ZERO, numbers, times
-from obsdesign.families.observer import Observer
+from obsdesign.families.observer import Correction, Observer
 from obsdesign.lmi.formula import Array
+from obsdesign.model.equations import Named, free
 
 
 def of_flow(frame: Frame) -> Observer:
@@ -18,7 +19,7 @@ def of_flow(frame: Frame) -> Observer:
     P'    = A P + P A' + B Q B' - K S K',   P(0) = P0,        K = (P C' + B Q D') S^-1,   S = R + D Q D'
     A = df/dx, B = df/dw, C = dh/dx at xhat, D = dh/dw
 
-    A measured y that stands in a right side is known. Raises `UsageError`: D is not constant.
+    A measured y that stands in a right side is known. In steps see `in_steps`. Raises `UsageError`: D is not constant.
     """
     names, P = frame.covariance()
     at, request = frame.prior, frame.request
@@ -34,7 +35,81 @@ def of_flow(frame: Frame) -> Observer:
         {**corrected(frame, K), **{name: rate[place] for place, name in names.items()}},
         {frame.hats[name]: frame.copy.outputs[frame.hats[name]] for name in frame.y},
         frame.begun(names),
+        None if shared_noise(shared) else in_steps(frame, names, P, S),
     )
+
+
+def shared_noise(shared: Array) -> bool:
+    """Whether a disturbance acts on x and y, B Q D' not being zero: such a filter has no correction of its own."""
+    return any(entry != ZERO for entry in shared.flat)
+
+
+def in_steps(frame: Frame, names: Mapping[tuple[int, int], str], P: Array, S: Array) -> Correction:
+    """Extended Kalman filter in steps of h, in each of which y is held and counts as one sample.
+
+    first       xhat = xhat + K (y - yhat),  P = P - K (C P C' + S / h) K',     K = P C' (C P C' + S / h)^-1
+    then        xhat' = f(t, xhat, u, 0, y),  Phi' = A Phi,  W' = A W + W A' + B Q B'     over h, Phi from I, W from 0
+    last        P = Phi P Phi' + W
+
+    It is the filter in continuous time as h goes to 0, and has no gain that is too large for a step where P is large.
+    """
+    begin, after = frame.fresh(), frame.fresh()
+    prior, span, taken = frame.prior, free("span", frame.signals.taken), frame.signals.taken
+    C = begin.slopes("C", frame.h, frame.x, prior)
+    PC = times(P, C.T)
+    yhat = [frame.h[name].substituted(prior) for name in frame.y]
+    change, cov = conditioned(begin, times(C, PC) + held(S, span), PC, P, frame.measured(yhat))
+    first = {frame.hats[name]: prior[name] + more for name, more in zip(frame.x, change, strict=True)}
+    kept = {name: free(f"kept_{name}", taken) for name in names.values()}  # P as it is corrected, which rests
+    phi = {(i, j): free(f"phi_{i}_{j}", taken) for i in frame.x for j in frame.x}
+    A, rates, W = grown(frame, after, names, prior)
+    Phi = np.array([[Expression.variable(phi[i, j]) for j in frame.x] for i in frame.x], dtype=object)
+    resting = np.array([[side.substituted(renamed(kept)) for side in row] for row in P], dtype=object)
+    last = times(Phi, resting, Phi.T) + W
+    return Correction(
+        span,
+        {
+            **first,
+            **{kept[name]: cov[at] for at, name in names.items()},
+            **{name: Expression.number(int(i == j)) for (i, j), name in phi.items()},
+            **dict.fromkeys(rates, ZERO),
+        },
+        begin.signals.sides,
+        after.flow(
+            {
+                **frame.copy.dynamics,
+                **dict.fromkeys(kept.values(), ZERO),
+                **dict(zip(phi.values(), times(A, Phi).flat, strict=True)),
+                **rates,
+            },
+            frame.copy.algebraic,
+        ),
+        {**{hat: Expression.variable(hat) for hat in first}, **{name: last[at] for at, name in names.items()}},
+        {},
+    )
+
+
+def renamed(names: Mapping[str, str]) -> dict[str, Expression]:
+    """Signals under other names."""
+    return {name: Expression.variable(other) for name, other in names.items()}
+
+
+def grown(
+    frame: Frame, after: Frame, names: Mapping[tuple[int, int], str], at: Named
+) -> tuple[Array, dict[str, Expression], Array]:
+    """Slopes A at some estimates, and W with W' = A W + W A' + B Q B', what w adds to P in a step: rates, and W."""
+    own = {place: free(name.replace("P_", "W_", 1), frame.signals.taken) for place, name in names.items()}
+    n = range(len(frame.x))
+    W = np.array([[Expression.variable(own[min(a, b), max(a, b)]) for b in n] for a in n], dtype=object)
+    A, B = (after.slopes(letter, frame.f, by, at) for letter, by in (("A", frame.x), ("B", frame.w)))
+    M = times(A, W)
+    rate = M + M.T + times(B, numbers(frame.request.Q), B.T)
+    return A, {name: rate[place] for place, name in own.items()}, W
+
+
+def held(S: Array, span: str) -> Array:
+    """Covariance S / h of white noise of an intensity S over a time of this name."""
+    return np.array([[entry / Expression.variable(span) for entry in row] for row in numbers(S)], dtype=object)
 
 
 def corrected(frame: Frame, K: Array) -> dict[str, Expression]:

@@ -1,7 +1,7 @@
 """What every filter is made of: the plant written out, its copy, a covariance by names, the observer around them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.expressions import Expression
 from obsdesign.families.filters.request import FilterRequest
 from obsdesign.families.filters.symbols import ZERO, Signals, jacobian, numbers, written_out
-from obsdesign.families.observer import Copy, Observer
+from obsdesign.families.observer import Copy, Correction, Observer
 from obsdesign.lmi.formula import Array, printed
 from obsdesign.model.disturbance import with_inputs
 from obsdesign.model.equations import Equations, Named, free
@@ -94,7 +94,15 @@ class Frame:
         pairs = zip(self.spec.plant.exogenous, shown, self.spec.generator.Dm, strict=True)
         return {name: side.substituted(known) for name, (_, side), direct in pairs if not (direct != 0).any()}
 
-    def of_flow(self, rates: Named, yhat: Named, initial: Named) -> Observer:
+    def fresh(self) -> "Frame":
+        """The same with no signals yet, whose names are others."""
+        return replace(self, signals=Signals(self.signals.taken))
+
+    def flow(self, rates: Named, algebraic: Named) -> Observer:
+        """What goes on in a step, without y: rates of its states, and signals that these need beside those here."""
+        return Observer(rates, {}, self.spec.inputs, self.y, {**algebraic, **self.signals.sides})
+
+    def of_flow(self, rates: Named, yhat: Named, initial: Named, correction: Correction | None = None) -> Observer:
         """Observer in continuous time with these rates of its states and these expected outputs, by their copies."""
         shown = {hat for hat, twin in self.copy.twins.items() if twin in self.w_shown}
         return Observer(
@@ -108,6 +116,7 @@ class Frame:
             algebraic={**self.copy.algebraic, **yhat, **self.signals.sides},
             initial=initial,
             twins={hat: twin for hat, twin in self.copy.twins.items() if hat not in shown},
+            correction=correction,
         )
 
     @property

@@ -1,14 +1,17 @@
 """The unscented Kalman filter, as equations (Julier and Uhlmann, 1997; in continuous time Sarkka, 2007)."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from obsdesign.expressions import Expression
-from obsdesign.families.filters.extended import conditioned, moved
+from obsdesign.families.filters.extended import conditioned, grown, held, moved, shared_noise
 from obsdesign.families.filters.frame import Frame
-from obsdesign.families.filters.symbols import jacobian, numbers, times
+from obsdesign.families.filters.symbols import ZERO, jacobian, numbers, times
 from obsdesign.families.filters.transform import Transform, values
-from obsdesign.families.observer import Observer
+from obsdesign.families.observer import Correction, Observer
 from obsdesign.lmi.formula import Array
+from obsdesign.model.equations import free
 
 
 def of_flow(frame: Frame) -> Observer:
@@ -39,6 +42,7 @@ def of_flow(frame: Frame) -> Observer:
     M = transform.product(X, mean, F, drift)
     rate = M + M.T + times(B, numbers(request.Q), B.T) - times(K, numbers(S), K.T)
     expected = dict(zip((frame.hats[name] for name in frame.y), yhat, strict=True))
+    alone = not shared_noise(times(B, numbers(request.Q @ D.T)))
     missing = np.array([frame.measured([Expression.variable(hat) for hat in expected])], dtype=object).T
     moves = [side - more for side, more in zip(drift, times(K, missing)[:, 0], strict=True)]
     return frame.of_flow(
@@ -48,6 +52,51 @@ def of_flow(frame: Frame) -> Observer:
         },
         expected,
         frame.begun(names),
+        in_steps(frame, names, P, S) if alone else None,
+    )
+
+
+def in_steps(frame: Frame, names: Mapping[tuple[int, int], str], P: Array, S: Array) -> Correction:
+    """Unscented Kalman filter in steps of h, in each of which y is held and counts as one sample.
+
+    first       xhat = xhat + K (y - yhat),  P = P - K Y K',     K = c[X, h(X)] Y^-1,  Y = c[h(X), h(X)] + S / h
+    then        Z_k' = f(t, Z_k, u, 0, y),  W' = A W + W A' + B Q B'     over h, from sigma points of (xhat, P) and 0
+    last        xhat = m[Z],  P = c[Z, Z] + W                            A, B: slopes at Z_0
+    """
+    begin, after, close = frame.fresh(), frame.fresh(), frame.fresh()
+    prior, span, taken = frame.prior, free("span", frame.signals.taken), frame.signals.taken
+    quiet = {name: prior[name] for name in frame.w}
+    transform = Transform(begin.signals, frame.request, sure=True)
+    centre = {name: prior[name] for name in frame.x}
+    points = transform.points(centre, transform.root(P, "L"), "X")
+    H = transform.images(frame.h, [point | quiet for point in points], "H")
+    yhat = transform.mean(H)
+    cross = transform.product(values(points, frame.x), list(centre.values()), H, yhat)
+    Y = transform.product(H, yhat, H, yhat) + held(S, span)
+    change, cov = conditioned(begin, Y, cross, P, frame.measured(yhat))
+    corrected = moved(begin, frame.x, prior, change)
+    start = transform.points(corrected, transform.root(cov, "M"), "Z")
+    Z = [{name: free(f"at{k}_{name}", taken) for name in frame.x} for k in range(len(start))]
+    known = [{name: Expression.variable(own) for name, own in one.items()} | quiet for one in Z]
+    rates = {own: frame.f[name].substituted(at) for one, at in zip(Z, known, strict=True) for name, own in one.items()}
+    _, noises, W = grown(frame, after, names, known[0])
+    ended = Transform(close.signals, frame.request, sure=True)
+    reached = values(known, frame.x)
+    mean = [close.signals.named(f"mean_{name}", side) for name, side in zip(frame.x, ended.mean(reached), strict=True)]
+    following = ended.product(reached, mean, reached, mean) + W
+    return Correction(
+        span,
+        {
+            **{own: at[name] for one, at in zip(Z, start, strict=True) for name, own in one.items()},
+            **dict.fromkeys(noises, ZERO),
+        },
+        begin.signals.sides,
+        after.flow({**rates, **noises}, {}),
+        {
+            **dict(zip((frame.hats[name] for name in frame.x), mean, strict=True)),
+            **{name: following[at] for at, name in names.items()},
+        },
+        close.signals.sides,
     )
 
 
