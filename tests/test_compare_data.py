@@ -28,7 +28,7 @@ nonlinearities: [{type: sin, Bf: [0, -9.81], Cq: [1, 0]}]
 disturbance: integrator
 observer: %(observer)s
 implementation: {period: 1.0e-3, method: rk4}
-simulation: {horizon: 4, x0: [0.3, 0], u: 0.5*sin(3*t), w: ["1 - exp(-t)"], points: 4001, NOISE}
+simulation: {horizon: 2, x0: [0.3, 0], u: 0.5*sin(3*t), w: ["1 - exp(-t)"], points: 2001, NOISE}
 """
 NOISE = "noise: {type: gaussian, amplitude: 1.0e-3, period: 1.0e-3}, observer: implementation"
 OBSERVERS = {
@@ -75,13 +75,13 @@ def compared(*options):
 def test_all_observers_run_on_one_log_and_are_held_against_its_truth(log):
     Path("log.csv").write_text(log)
     report = compared(*(f"{name}.yaml" for name in OBSERVERS), "--data", "log.csv", "-o", "on.png")
-    assert report["data"] == {"file": "log.csv", "rows": 4001, "span": [0, 4], "truth": ["angle", "speed", "torque"]}
-    assert report["window"] == [pytest.approx(4 / 6), 4]
+    assert report["data"] == {"file": "log.csv", "rows": 2001, "span": [0, 2], "truth": ["angle", "speed", "torque"]}
+    assert report["window"] == [pytest.approx(2 / 6), 2]
     assert [one["status"] for one in report["observers"]] == ["certified", *["no guarantee"] * 3]
     table = dict(
         zip(log.splitlines()[0].split(","), np.loadtxt(log.splitlines(), delimiter=",", skiprows=1).T, strict=True)
     )
-    inside = table["t"] >= 4 / 6
+    inside = table["t"] >= 2 / 6
     for one in report["observers"]:
         assert one["run"] == "done"
         estimates = od.estimate(f"{one['type']}.yaml", "log.csv")
@@ -94,10 +94,11 @@ def test_all_observers_run_on_one_log_and_are_held_against_its_truth(log):
         assert one["states"]["speed"]["t5"] == 0
         assert 0 < one["time_s"] < 1e-3
     found = {one["type"]: one["states"]["torque"]["error_rms"] for one in report["observers"]}
-    assert max(found.values()) < 10 * min(found.values())
+    assert max(found.values()) < 30 * min(found.values())
     assert Path("on.png").read_bytes().startswith(PNG)
 
 
+@pytest.mark.slow
 def test_two_runs_differ_in_the_time_of_a_step_only(log):
     Path("log.csv").write_text(log)
     reports, figures = [], []
@@ -125,6 +126,7 @@ def test_the_truth_is_what_is_called_so_or_what_a_map_or_the_spec_names(log):
     assert run("estimate", "lqe.yaml", "bare.csv", "-q").exit_code == 0  # which asks for no truth
 
 
+@pytest.mark.slow
 def test_a_value_of_the_truth_that_is_missing_does_not_count(log):
     lines = columns(log, "t", "u", "encoder", "speed").splitlines()
     kept = [lines[0], *(line if k % 2 else line.rpartition(",")[0] + "," for k, line in enumerate(lines[1:]))]
@@ -231,3 +233,33 @@ simulation: {horizon: 0.2, x0: [0, 0], u: 12*sin(10*t), noise: {amplitude: 0.02,
     )
     outcome = run("compare", "motor.yaml", "--seeds", 1)
     assert outcome.exit_code == 0, outcome.output
+
+
+KNEE = PLANT.replace("  inputs: [u]\n", "").replace("  gx: [0, u]\n", "")
+KNEE = (
+    KNEE.replace("u: 0.5*sin(3*t), ", "")
+    .replace('"1 - exp(-t)"', '"2*(1 - exp(-t/2))"')
+    .replace("horizon: 2, x0: [0.3, 0]", "horizon: 5, x0: [0.3, 0], xhat0: [0.3, 0]")
+)
+KNEE = KNEE.replace(
+    "disturbance: integrator", "noise: {encoder: {rms: 1.0e-3, period: 1.0e-3}}\ndisturbance: integrator"
+)
+
+
+@pytest.mark.slow
+def test_the_design_at_the_knee_has_about_the_noise_of_filters_that_follow_as_closely():
+    """Q is such that the lag of the torque is that of the design; R that of the encoder."""
+    knee = {
+        "l2": "{type: l2, alpha: 0.5, bounds: auto}\nperformance: w",
+        "ekf": "{type: ekf, Q: 1.9e-4, R: 1.0e-9}",
+        "lqe": "{type: lqe, Q: 1.9e-4, R: 1.0e-9}",
+    }
+    for name, observer in knee.items():
+        text = KNEE.replace(", NOISE", "") % {"name": name, "observer": observer}
+        Path(f"{name}.yaml").write_text(text.replace("implementation: {period: 1.0e-3, method: rk4}\n", ""))
+    report = compared(*(f"{name}.yaml" for name in knee), "--seeds", "3")
+    ours, *others = (one["states"] for one in report["observers"])
+    for name in ours:
+        best = min(one[name]["noise_rms"] for one in others)
+        assert 0 < ours[name]["noise_rms"] < 1.3 * best, name
+    assert ours["torque"]["floor"] < 1.3 * min(one["torque"]["floor"] for one in others)

@@ -103,7 +103,10 @@ def test_solve_refuses_it_in_one_line():
     outcome = run("solve", "p.yaml")
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1)
     assert outcome.stderr.startswith("p.yaml:8:")
-    assert "ekf has no guarantee: nothing is solved or proved; simulate and compare take it" in outcome.stderr
+    assert (
+        "ekf has no guarantee: nothing is solved or proved; simulate, compare, estimate and export take it"
+        in outcome.stderr
+    )
     assert not Path("p.gains.json").exists()
 
 

@@ -303,12 +303,10 @@ def cost_of(made: Estimation) -> float | None:
 
     Reading the log is not counted; a step is that of the observer, of which there may be several between two rows.
     """
-    if made.late_ones:
+    log, start = made.log, made.start
+    if made.late_ones or start is None:
         return None
-    log = made.log
-    again = Log(log.table, log.spec, log.where, log.repair, truth=log.truth)
-    rows = first_of(again)
-    start = made.begun(rows)
+    rows = first_of(Log(log.table, log.spec, log.where, log.repair, truth=log.truth))
     least, spent = math.inf, 0.0
     while spent < LEAST:
         one = start.copied()

@@ -62,6 +62,7 @@ class Estimation:
         self.engine = ""
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
         self.left = False
+        self.start: Runner | None = None  # the observer before the first row
         self.measured: float | None = None  # s, the last measurement at an instant, or the first row
 
     @property
@@ -84,7 +85,7 @@ class Estimation:
         for rows in self.log.rows():
             if made is None:
                 made = self.begun(rows)
-                self.engine = made.engine
+                self.engine, self.start = made.engine, made.copied()
                 history = self.history(made, rows) if self.late_ones else None
             joined, begin = rows, 0
             if history is not None:
