@@ -25,6 +25,7 @@ COMMANDS = {  # with the files that each writes, and what is in them
     },
     ("simulate", "kept.gains.json", "-o", "run.csv", "--plot", "run.svg"): {"run.csv": "samples", "run.svg": "figures"},
     ("compare", "kept.gains.json", "--seeds", "1", "-o", "both.svg"): {"both.svg": "figures"},
+    ("compare", "kept.gains.json", "--data", "log.csv", "-o", "on.png"): {"on.png": "figures"},
     ("report", "kept.gains.json"): {"report.html": "pages"},
     ("estimate", "kept.gains.json", "log.csv"): {"kept.estimate.csv": "estimates", "kept.estimate.png": "figures"},
     ("verify", "kept.gains.json", "--theorem", "coq"): {"kept.theorem.v": "theorems"},

@@ -8,7 +8,6 @@ from obsdesign.lmi.formula import Float
 from obsdesign.plot.axis import DECADES, finite, plain, with_unit
 from obsdesign.plot.canvas import Panel, compose, drawn, legend_below, log_ticks
 from obsdesign.plot.comparison import LABEL, MOST, ROW, TIMES, TITLE, looks_of, name_axis, peaks, room, told_panel
-from obsdesign.tables.comparison import number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,6 +100,11 @@ def in_order(one: "LogEntrant", head: str) -> tuple[Float, Float]:
     return t[order], values[order]
 
 
+def number(value: float | None) -> str:
+    """Number of a cell; empty where there is none."""
+    return "" if value is None else f"{value:.4g}"
+
+
 def proved_of(one: "LogEntrant") -> str:
     """Whether something is proved of an observer, in a word or two."""
     if not one.design.proved:
@@ -119,9 +123,9 @@ def table(entrants: "Sequence[LogEntrant]", truth: list[str]) -> list[tuple[str,
         ("order", *(str(one.order) for one in entrants)),
     ]
     for name in list(entrants[0].design.spec.plant.outputs)[:TIMES]:
-        sizes = (number(one["innovation_rms"][name], "") for one in told)
+        sizes = (number(one["innovation_rms"][name]) for one in told)
         columns.append((f"rms of y - ŷ, {plain(name, 18)}", *sizes))
     for name in truth[:TIMES]:
-        sizes = (number(one["states"].get(name, {}).get("error_rms"), "") for one in told)
+        sizes = (number(one["states"].get(name, {}).get("error_rms")) for one in told)
         columns.append((f"rms of e, {plain(name, 18)}", *sizes))
     return columns
