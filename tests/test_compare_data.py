@@ -263,3 +263,25 @@ def test_the_design_at_the_knee_has_about_the_noise_of_filters_that_follow_as_cl
         best = min(one[name]["noise_rms"] for one in others)
         assert 0 < ours[name]["noise_rms"] < 1.3 * best, name
     assert ours["torque"]["floor"] < 1.3 * min(one["torque"]["floor"] for one in others)
+
+
+@pytest.mark.slow
+def test_models_in_samples_and_in_continuous_time_are_compared_on_one_log(log):
+    Path("log.csv").write_text(log)
+    Path("samples.yaml").write_text("""obsdesign: 1
+name: In samples
+system:
+  time: discrete
+  period: 1.0e-3
+  inputs: [u]
+  disturbances: [v]
+  dynamics:
+    angle: angle + 1.0e-3*speed
+    speed: speed + 1.0e-3*(torque - 9.81*sin(angle) - 0.5*speed + u)
+    torque: torque + v
+  outputs: {encoder: angle}
+observer: {type: ekf, Q: 1.0e-6, R: 1.0e-6}
+""")
+    samples, flow = compared("samples.yaml", "ekf.yaml", "--data", "log.csv")["observers"]
+    for name in ("angle", "speed", "torque"):
+        assert samples["states"][name]["error_rms"] == pytest.approx(flow["states"][name]["error_rms"], rel=0.2)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from obsdesign.data.comparison import LogComparison, LogEntrant
 
 NOTE = (
-    "Errors are drawn without dips that are narrower than a twentieth of the panel. rms: over the last 5/6 of the log."
+    "Sizes are drawn without dips that are narrower than a twentieth of the panel. rms: over the last 5/6 of the log."
 )
 
 
