@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from obsdesign.batches import batch
+    from obsdesign.data.comparison import LogComparison, compare
     from obsdesign.data.estimation import Estimates, estimate
     from obsdesign.data.tuning import Tuning, tune
     from obsdesign.design import Design
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from obsdesign.simulate import Run
     from obsdesign.simulate.comparison import Comparison
     from obsdesign.simulate.montecarlo import MonteCarlo
-    from obsdesign.work import check, compare, lipschitz, load, read, solve, theorem, verify
+    from obsdesign.work import check, lipschitz, load, read, solve, theorem, verify
 
 __version__ = "0.1.0"
 
@@ -39,6 +40,7 @@ __all__ = [
     "Exported",
     "Finding",
     "InfeasibleError",
+    "LogComparison",
     "MonteCarlo",
     "ObsdesignError",
     "Proof",
@@ -66,11 +68,12 @@ __all__ = [
 ]
 
 HOMES = {
-    "work": ("check", "compare", "lipschitz", "load", "read", "solve", "theorem", "verify"),
+    "work": ("check", "lipschitz", "load", "read", "solve", "theorem", "verify"),
     "batches": ("batch",),
     "design": ("Design",),
     "reports.page": ("Report", "report"),
     "difference": ("diff",),
+    "data.comparison": ("LogComparison", "compare"),
     "data.estimation": ("Estimates", "estimate"),
     "data.tuning": ("Tuning", "tune"),
     "exports": ("Exported", "export"),

@@ -29,6 +29,7 @@ COMMANDS = {  # with the files that each writes, and what is in them
         "kept.runs.png": "figures",
     },
     ("compare", "kept.gains.json", "--seeds", "1", "-o", "both.svg"): {"both.svg": "figures"},
+    ("compare", "kept.gains.json", "--data", "log.csv", "-o", "on.png"): {"on.png": "figures"},
     ("report", "kept.gains.json"): {"report.html": "pages"},
     ("estimate", "kept.gains.json", "log.csv"): {"kept.estimate.csv": "estimates", "kept.estimate.png": "figures"},
     ("tune", "kept.gains.json", "long.csv"): {"kept.tuned.yaml": "tuned specs"},

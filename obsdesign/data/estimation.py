@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import IO, Any, Literal, cast
@@ -39,6 +39,7 @@ class Part:
     innovations: Float  # (K, ny); NaN where y is missing
     radii: Float  # (K, names of the radius)
     covered: Array  # (K,), whether a local guarantee still holds
+    truth: Float  # (K, m), of what the log knows of the plant beside u and y
 
     def table(self) -> Float:
         """Columns side by side, as in the file."""
@@ -61,6 +62,7 @@ class Estimation:
         self.engine = ""
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
         self.left = False
+        self.start: Runner | None = None  # the observer before the first row
         self.measured: float | None = None  # s, the last measurement at an instant, or the first row
 
     @property
@@ -83,7 +85,7 @@ class Estimation:
         for rows in self.log.rows():
             if made is None:
                 made = self.begun(rows)
-                self.engine = made.engine
+                self.engine, self.start = made.engine, made.copied()
                 history = self.history(made, rows) if self.late_ones else None
             joined, begin = rows, 0
             if history is not None:
@@ -131,7 +133,8 @@ class Estimation:
             return runner(implemented(self.spec, self.observer))
         gaps = np.diff(np.unique(rows.t if self.late_ones else rows.known))
         self.coarsest = self.step = float(np.median(gaps)) if len(gaps) else 1.0
-        return runner(implemented(self.spec, self.observer, Implementation(rational_number(self.step), "rk4")))
+        alone = replace(self.observer, correction=None)
+        return runner(implemented(self.spec, alone, Implementation(rational_number(self.step), "rk4")))
 
     def advanced(self, made: Runner, rows: Rows, begin: int) -> tuple[Runner, Passed]:
         """Go along rows; where the spec tells no steps, in such that halving them changes no estimate by 1e-6."""
@@ -170,7 +173,7 @@ class Estimation:
         covered = self.inside(passed.arguments, first, known, self.timely(t, y)) & self.covers
         radii = np.where(covered[:, None], radii, np.nan)
         self.uncovered += int((~covered).sum())
-        return Part(t, passed.estimates, innovations, radii, covered)
+        return Part(t, passed.estimates, innovations, radii, covered, rows.truth[:K])
 
     @cached_property
     def covers(self) -> bool:

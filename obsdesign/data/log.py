@@ -1,6 +1,6 @@
 """The signals of a spec in a log: which columns they are, in which units, and rows whose instants rise."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -32,6 +32,7 @@ class Rows(NamedTuple):
     known: Float  # (K,), s: when each row is known; t where the log says nothing of it
     lines: Array  # (K,), of the file
     guessed: Array  # (K,), whether some of u was missing
+    truth: Float  # (K, m), of what is known of the plant beside u and y; NaN where it is missing
 
 
 def table(path: str) -> Table:
@@ -57,6 +58,7 @@ class Log:
     repair: bool = False
     clock: list[float] = field(default_factory=list)  # time of the first sample, once it is known
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))  # of what was done to rows
+    truth: tuple[str, ...] = ()  # signals beside u and y whose columns are read, to compare estimates with
 
     @classmethod
     def of(
@@ -67,10 +69,14 @@ class Log:
         hold: Literal["zero", "first"] | None = None,
         *,
         repair: bool = False,
+        truth: Sequence[str] = (),
     ) -> "Log":
-        """Log at a path. `columns`: of signals, in place of those of the spec; `hold`: likewise."""
+        """Log at a path. `columns`: of signals, in place of those of the spec; `hold`: likewise.
+
+        `truth`: further signals, which are read where a column has their name, or where one is named for them.
+        """
         where = spec.data or Recorded()
-        allowed = ("t", "arrival", *spec.plant.outputs, *spec.inputs)
+        allowed = ("t", "arrival", *spec.plant.outputs, *spec.inputs, *truth)
         for name in columns:
             if name not in allowed:
                 said = f"{name} is no signal; allowed: {', '.join(allowed)}"
@@ -78,16 +84,19 @@ class Log:
         own = {name: column for name, column in columns.items() if name not in ("t", "arrival")}
         where = replace(where, columns={**where.columns, **own}, hold=hold or where.hold)
         where = replace(where, time=columns.get("t", where.time), arrival=columns.get("arrival", where.arrival))
-        return cls(table(path), spec, where, repair)
+        file = table(path)
+        heads = {text for head in file.columns for text in (head.text, head.name)} if truth else set()
+        found = tuple(name for name in truth if name in where.columns or name in heads)
+        return cls(file, spec, where, repair, truth=found)
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of u and y, in the order of `places`."""
-        return (*self.spec.inputs, *self.spec.plant.outputs)
+        """Names of u and y, and of what else is read, in the order of `places`."""
+        return (*self.spec.inputs, *self.spec.plant.outputs, *self.truth)
 
     @cached_property
     def places(self) -> tuple[int, ...]:
-        """Columns of the time, of u and y, and of the arrival, if there is one."""
+        """Columns of the time, of the signals, and of the arrival, if there is one."""
         where = self.where
         found = [self.table.column(where.time or "t")]
         found += [self.table.column(where.columns.get(name, name)) for name in self.signals]
@@ -142,7 +151,8 @@ class Log:
             t = values[:, 0]
             known = np.fmax(values[:, -1], t) if self.where.arrival else t
             u, y = values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny]
-            yield Rows(t, u, y, known, block.lines, np.asarray(np.isnan(u).any(axis=1)))
+            truth = values[:, 1 + nu + ny : 1 + len(self.signals)]
+            yield Rows(t, u, y, known, block.lines, np.asarray(np.isnan(u).any(axis=1)), truth)
 
     def ordered(self) -> Iterator[Rows]:
         """Rows in order, each instant once, those without one left out."""

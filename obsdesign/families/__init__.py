@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from obsdesign.families.finding import Finding
     from obsdesign.spec import Spec
 
-ALGEBRAIC = "obsdesign.families.algebraic"
+ALGEBRAIC, FILTERS = "obsdesign.families.algebraic", "obsdesign.families.filters"
 FAMILIES: dict[str, Family] = {  # by observer.type
     name: family
     for family in (
@@ -40,7 +40,10 @@ FAMILIES: dict[str, Family] = {  # by observer.type
         Family(("kkl", "pebo", "kkl+pebo"), ALGEBRAIC, "CoordinatesSection", equations=True),
         Family(("immersion-invariance",), ALGEBRAIC, "ImmersionSection", equations=True),
         Family(("high-gain",), ALGEBRAIC, "HighGainSection", equations=True),
-        Family(("ekf",), "obsdesign.families.filters", equations=True, matrices=True, proves=False, discrete=True),
+        *(
+            Family((name,), FILTERS, section, equations=True, matrices=True, proves=False, discrete=True)
+            for name, section in (("ekf", "ExtendedSection"), ("ukf", "UnscentedSection"), ("lqe", "StationarySection"))
+        ),
     )
     for name in family.names
 }

@@ -16,12 +16,10 @@ from obsdesign.sections.document import Loc
 from obsdesign.sections.forms import ENTRY, FLAG, Either, OneOf, Schema, Section, key, refuse, required
 from obsdesign.sections.scalars import described
 from obsdesign.sections.values import Axis, Reader, Sign
-from obsdesign.sections.words import unavailable
 from obsdesign.spec import Nonlinearity
 from obsdesign.trial import Implementation
 
 AS_GIVEN = "given gains are analysed as they are"
-LATER_FAMILIES = ("ukf", "lqe")
 MAX_POINTS = 10_000
 MOST_SIZES = 100  # bounds on a gain that are gone through, a design each
 AUTO = "auto"
@@ -34,7 +32,7 @@ CALLED = {  # in other words
     **dict.fromkeys(("luenberger", "linear"), "is l2 here: without nonlinearities it is the observer of Luenberger"),
     **dict.fromkeys(("sampled", "sampled-data", "continuous-discrete"), "is called sporadic here"),
 }
-FAMILY = OneOf("observer", lambda: tuple(FAMILIES), lambda: {**unavailable(LATER_FAMILIES, tuple(FAMILIES)), **CALLED})
+FAMILY = OneOf("observer", lambda: tuple(FAMILIES), lambda: CALLED)
 
 
 @dataclass(frozen=True)
@@ -53,6 +51,7 @@ class Estimation:
     period: fmpq | None = None  # s, of a plant x+ = ..
     noisy: bool = False  # whether the last channels of w are noise that the spec declares
     steps: Implementation | None = None  # in which the observer is to run
+    inputs: tuple[str, ...] = ()  # known
 
     def refused(self, name: str, taker: str) -> Iterator[tuple[Loc, str]]:
         """Where D, Df, Dq or Dqf is not zero, which a `taker` does not take, in words; of equations in their terms."""

@@ -113,7 +113,8 @@ class Family:
         if not self.proves:
             from obsdesign.errors import Problem, UsageError
 
-            said = f"{spec.observer.type} has no guarantee: nothing is solved or proved; simulate and compare take it"
+            said = f"{spec.observer.type} has no guarantee: nothing is solved or proved"
+            said += "; simulate, compare, estimate and export take it"
             raise UsageError(spec.located(Problem(said, key="observer.type", id="OBS505")))
 
     def design(self, spec: "Spec", engine: "Engine") -> "Outcome":

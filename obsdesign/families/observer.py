@@ -20,6 +20,22 @@ class Supposed:
 
 
 @dataclass(frozen=True)
+class Correction:
+    """How an observer in continuous time takes a y that is held for a time h, where it runs in steps of its own.
+
+    First follows from s and y where the step begins, r = b(t, s, u, y, h); r goes on for h without y, as another
+    observer says; and where it ends, s = e(r, h).
+    """
+
+    span: str  # name of h, s
+    begin: Named  # r, by the names of the states of the flow
+    algebraic: Named  # signals that these need
+    flow: "Observer"
+    end: Named  # s, by the names of the states
+    closing: Named  # signals that these need
+
+
+@dataclass(frozen=True)
 class Observer:
     """An observer over named signals, driven by the known inputs u and the measured outputs y of a plant.
 
@@ -53,6 +69,7 @@ class Observer:
     proved: bool = False  # to estimate, by what bounds no run
     intervals: tuple[float, float] | None = None  # s, shortest and longest between measurements that it is made for
     supposed: Supposed | None = None  # of a filter
+    correction: Correction | None = None  # what a step is in place of one of its equations, where it has such
 
     def __post_init__(self) -> None:
         known = {"t", *self.dynamics, *self.inputs, *self.algebraic, *self.following}

@@ -16,7 +16,7 @@ from obsdesign.plot.signals import Curve
 from obsdesign.tables.text import at_least, at_most
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -57,10 +57,12 @@ class Look:
 
 def looks(comparison: "Comparison") -> list[Look]:
     """One for each observer."""
-    return [
-        Look(PALETTE[k % len(PALETTE)], LINES[k % len(LINES)], max(WIDEST - 0.5 * k, 0.9))
-        for k, _ in enumerate(comparison.entrants)
-    ]
+    return looks_of(len(comparison.entrants))
+
+
+def looks_of(count: int) -> list[Look]:
+    """Looks of so many observers."""
+    return [Look(PALETTE[k % len(PALETTE)], LINES[k % len(LINES)], max(WIDEST - 0.5 * k, 0.9)) for k in range(count)]
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def comparison_sheet(comparison: "Comparison") -> "Figure":
         ],
         foot=(
             table_panel(comparison, [one.name for one in shown if one.estimates]),
-            ROW * (count + 2.5 + room(comparison)),
+            ROW * (count + 2.5 + room(remarks(comparison))),
         ),
     )
     mark_left(figure, comparison)
@@ -204,11 +206,15 @@ def table_panel(comparison: "Comparison", names: list[str]) -> Panel:
     timed = names if len(names) <= TIMES else []
     columns = [column for column in zip(HEADER, *map(told, comparison.entrants), strict=True) if any(column[1:])]
     columns += [(f"5 % of {plain(n, 22)} [s]", *(settled_text(one, n) for one in comparison.entrants)) for n in timed]
+    return told_panel(columns, remarks(comparison))
+
+
+def told_panel(columns: "Sequence[tuple[str, ...]]", lines: "Sequence[str]") -> Panel:
+    """Panel of columns, each a head and a cell an observer, beside how these are drawn; remarks below."""
     widths = [max(map(len, column)) + GAP for column in columns]
     total = SWATCH + sum(widths)
     at = (SWATCH + np.concatenate([[0], np.cumsum(widths)[:-1]])) / total
-    lines, below = remarks(comparison), room(comparison)
-    font, count = min(FONT, FONT * FITS / total), len(comparison.entrants)
+    font, count, below = min(FONT, FONT * FITS / total), len(columns[0]) - 1, room(lines)
 
     def draw(axes: "Axes") -> None:
         axes.set_axis_off()
@@ -217,7 +223,7 @@ def table_panel(comparison: "Comparison", names: list[str]) -> Panel:
             axes.text(x, count + 1.75, name, va="center", fontsize=font, color=FAINT)
             for i, cell in enumerate(cells):
                 axes.text(x, count + 0.75 - i, cell or "–", va="center", fontsize=font)
-        for i, look in enumerate(looks(comparison)):
+        for i, look in enumerate(looks_of(count)):
             axes.plot([0, 0.8 * at[0]], [count + 0.75 - i] * 2, color=look.color, linestyle=look.line, linewidth=WIDEST)
         axes.text(0, 0.4 - below / 2, "\n".join(lines), va="center", fontsize=7, color=FAINT)
 
@@ -230,9 +236,9 @@ def remarks(comparison: "Comparison") -> list[str]:
     return [NOTE, *([OTHERS] if differ(comparison) else []), *notes]
 
 
-def room(comparison: "Comparison") -> float:
+def room(lines: "Sequence[str]") -> float:
     """Rows of the table that its remarks take beyond those of two lines."""
-    return 0.5 * max(len(remarks(comparison)) - 2, 0)
+    return 0.5 * max(len(lines) - 2, 0)
 
 
 def differ(comparison: "Comparison") -> bool:

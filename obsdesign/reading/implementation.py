@@ -59,8 +59,9 @@ def read_data(reader: Reader, section: Data | None, layout: Layout, xm: Sequence
             if name not in allowed:
                 reader.wrong((*loc, key, name), unknown(what, name, allowed, {}), at_key=True, id="OBS203")
 
-    named("columns", section.columns, known, "signal")
-    named("scale", section.scale, (*known, "time"), "signal")
+    seen = (*known, *names.states, *names.w) if names else known
+    named("columns", section.columns, seen, "signal")
+    named("scale", section.scale, (*seen, "time"), "signal")
     named("e0", section.e0, states, "state")
     return Recorded(
         time=section.time or "",

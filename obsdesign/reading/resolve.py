@@ -203,9 +203,9 @@ def read_observer(
     states = Axis(total(layout.states, exogenous.xm), "augmented state")
     q = layout.q.of(total(layout.q, exogenous.q))
     model, noisy = exogenous.generator, exogenous.noisy
-    problem = Estimation(
-        states, layout.outputs, q, plant.plant, model, H, blocks, plant.typed, as_equations, period, noisy, steps
-    )
+    inputs = layout.names.inputs if layout.names else ()
+    known = states, layout.outputs, q, plant.plant, model, H, blocks
+    problem = Estimation(*known, plant.typed, as_equations, period, noisy, steps, inputs)
     return family.request(reader, section, problem), blocks
 
 

@@ -102,11 +102,14 @@ class Data(Section):
 
     time: str | None = key(LINE, "column of the time, in s", otherwise="t", example="time")
     columns: dict[str, str] = key(
-        MapOf(LINE), "columns of outputs and inputs, by name", default={}, example="{y1: Current (A)}"
+        MapOf(LINE),
+        "columns of outputs and inputs, and of what else is known of the plant, by name",
+        default={},
+        example="{y1: Current (A)}",
     )
     scale: dict[str, str] = key(
         MapOf(ENTRY),
-        "factors from the units of columns to those of the spec, by name of output, input or time",
+        "factors from the units of columns to those of the spec, by name of signal or time",
         default={},
         example="{y1: 0.001}",
     )

@@ -7,12 +7,6 @@ from difflib import get_close_matches
 from obsdesign.sections.scalars import described
 
 
-def unavailable(words: Sequence[str], available: Sequence[str]) -> dict[str, str]:
-    """Hints for words of the format that this version does not read."""
-    instead = f"; available: {', '.join(available)}" if available else ""
-    return dict.fromkeys(words, f"is not available in this version{instead}")
-
-
 def nearest(word: str, words: Sequence[str]) -> str | None:
     """Return the word that was probably meant."""
     folded = {w.lower(): w for w in words}

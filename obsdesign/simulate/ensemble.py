@@ -92,7 +92,8 @@ class Reference:
         system = added.quiet
         start = initial(system, added.simulation, None)
         found = follow(system, start, system.breaks(), instants)
-        self.t, self.s, self.end = found.t, found.s[:, : system.width], found.time
+        self.t, self.s = found.t, found.s[:, : system.width]
+        self.end = min(found.time, float(self.t[-1]))  # of a run that escapes, the last instant before
         chunks = [slice(i, i + CHUNK) for i in range(0, len(self.t), CHUNK)]
         tables = [added.table(self.t[k], self.s[k].T) for k in chunks]
         self.values, self.given = np.split(np.hstack(tables), [len(added.wanted)])  # (signals, instants)

@@ -8,7 +8,7 @@ from flint import fmpq
 
 from obsdesign.errors import UsageError
 from obsdesign.expressions import Expression
-from obsdesign.families.observer import Observer
+from obsdesign.families.observer import Correction, Observer
 from obsdesign.lmi.formula import Array, Exact, in_floats, rational
 from obsdesign.model.equations import free, linear, total
 
@@ -28,11 +28,31 @@ def step(observer: Observer, method: str, h: Expression, period: fmpq) -> Step:
     exact   s + G f(t, s),    G = integral over [0, h] of exp(A r) dr, with A the constant linear part of f in s:
             exact where the rest of f is constant over the step (exponential Euler)
 
+    An observer that has a correction takes y by this at the beginning of the step, and goes on by the method.
+
     Raises `UsageError`: a part of an exact step would need too many terms of its series.
     """
+    if observer.correction is not None:
+        return corrected(observer.correction, taken_by(observer), method, h, period)
     if not observer.dynamics:
         return dict(observer.algebraic), {}
     return {"euler": euler, "rk4": runge_kutta, "exact": exact}[method](observer, h, period)
+
+
+def corrected(one: Correction, taken: set[str], method: str, h: Expression, period: fmpq) -> Step:
+    """Step that begins with a correction by y, under names that are free."""
+    algebraic, following = step(one.flow, method, h, period)
+    taken |= {*one.algebraic, *one.closing, one.span}
+    first, last = ({name: free(f"{name}_{place}", taken) for name in one.begin} for place in ("begin", "end"))
+    names = {name: free(name, taken) for name in algebraic}
+    there = {name: Expression.variable(other) for name, other in (*first.items(), *names.items())}
+    ended = {name: Expression.variable(other) for name, other in last.items()} | {one.span: h}
+    made = {name: side.substituted({one.span: h}) for name, side in one.algebraic.items()}
+    made |= {first[name]: side.substituted({one.span: h}) for name, side in one.begin.items()}
+    made |= {names[name]: side.substituted(there) for name, side in algebraic.items()}
+    made |= {last[name]: side.substituted(there) for name, side in following.items()}
+    made |= {name: side.substituted(ended) for name, side in one.closing.items()}
+    return made, {name: side.substituted(ended) for name, side in one.end.items()}
 
 
 def euler(observer: Observer, h: Expression, _: fmpq) -> Step:

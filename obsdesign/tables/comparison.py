@@ -1,6 +1,6 @@
 """Observers side by side, as text."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from obsdesign.families.guarantee import HELD
@@ -61,10 +61,10 @@ def number(value: float | None, missing: str) -> str:
     return missing if value is None else f"{value:.4g}"
 
 
-def columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Aligned lines."""
+def columns(rows: Sequence[Sequence[str]], right: Collection[str] = ()) -> list[str]:
+    """Aligned lines; `right`: further columns that are aligned to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    sides = [str.rjust if name in NUMBERS else str.ljust for name in rows[0]]
+    sides = [str.rjust if name in NUMBERS or name in right else str.ljust for name in rows[0]]
     return [
         "  ".join(side(cell, width) for side, cell, width in zip(sides, row, widths, strict=True)).rstrip()
         for row in rows

@@ -28,6 +28,8 @@ OBSERVERS = on(  # spec, period, method: each method and time, loops, jumps, sta
     ("cuk-kkl-pebo", "1.0e-5", "rk4"),
     ("cuk-immersion", "1.0e-6", "rk4"),
     ("cuk-ekf", "1.0e-5", "rk4"),
+    ("cuk-lqe", "1.0e-5", "rk4"),
+    ("discrete-pendulum-ukf", None, None),
     ("saturated-spring", "1.0e-3", "rk4"),
     ("nonlinear-disturbance", "1.0e-2", "rk4"),
 )

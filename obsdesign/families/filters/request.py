@@ -39,8 +39,42 @@ class FilterSection(ObserverSection):
         default="predicted",
         example="filtered",
     )
+
+
+class ExtendedSection(FilterSection):
+    """Keys of the extended Kalman filter."""
+
     P0: Entries | dict[str, str] | None = key(
         WEIGHT, "covariance of x at first: a number, a matrix, or one by name", otherwise="I", example="{x1: 1, x2: 36}"
+    )
+
+
+class UnscentedSection(ExtendedSection):
+    """Keys of the unscented Kalman filter."""
+
+    alpha: str = key(
+        ENTRY,
+        "how far the sigma points lie from the mean, > 0: sqrt(alpha^2 (n + kappa)) deviations",
+        default="1",
+        example="1.0e-3",
+    )
+    beta: str = key(
+        ENTRY,
+        "what is known of the distribution beside its covariance: 2 is best of a Gaussian one",
+        default="2",
+        example="2",
+    )
+    kappa: str = key(ENTRY, "further scaling of the sigma points, > -n", default="0", example="1")
+
+
+class StationarySection(FilterSection):
+    """Keys of the stationary Kalman filter."""
+
+    at: dict[str, str] | None = key(
+        MapOf(ENTRY),
+        "where the plant is linearised, by the names of states and known inputs",
+        otherwise="xhat0 of simulation, and known inputs 0",
+        example="{x1: 0.5, u: 0.45}",
     )
 
 
@@ -52,7 +86,11 @@ class FilterRequest:
     Q: Array  # over what drives the augmented plant
     R: Array  # (ny, ny)
     P0: Array  # (n + nm, n + nm)
-    estimate: str = ESTIMATES[0]
+    estimate: str
+    alpha: float  # of sigma points, as beta and kappa
+    beta: float
+    kappa: float
+    at: Mapping[str, float]  # where the plant is linearised
     drive: ClassVar[str] = "w"
     restrictions: ClassVar[tuple[str, ...]] = ()
     reconstruct: ClassVar[bool] = False
@@ -61,7 +99,7 @@ class FilterRequest:
 
 
 def request(reader: Reader, section: FilterSection, problem: Estimation) -> FilterRequest:
-    """Weights, which must be symmetric and not negative, and that of y positive."""
+    """Weights, which must be symmetric and not negative, and that of y positive; sigma points; a point."""
     plant, model = problem.plant, problem.generator
     nv = None if model is None else model.Bm.shape[1]
     if problem.typed and model is not None and model.Am.size:
@@ -76,11 +114,43 @@ def request(reader: Reader, section: FilterSection, problem: Estimation) -> Filt
         )
     Q = read_weight(reader, section.Q, "Q", Axis(nv, "disturbance"), names[0], 0.0)
     R = read_weight(reader, section.R, "R", problem.outputs, names[1], 0.0, positive=True)
-    P0 = read_weight(reader, section.P0, "P0", problem.states, names[2], 1.0)
+    started = section.P0 if isinstance(section, ExtendedSection) else None
+    P0 = read_weight(reader, started, "P0", problem.states, names[2], 1.0, positive=spread_in_time(section, problem))
     if section.estimate != ESTIMATES[0] and problem.period is None:
         said = "is of a plant with time: discrete; in continuous time there is no next sample"
         reader.wrong(("observer", "estimate"), said, at_key=True, id="OBS213")
-    return FilterRequest(section.type, Q, R, P0, section.estimate)
+    sigma, point = read_sigma(reader, section, problem.states), read_point(reader, section, problem, names[2])
+    return FilterRequest(section.type, Q, R, P0, section.estimate, *sigma, point)
+
+
+def spread_in_time(section: FilterSection, problem: Estimation) -> bool:
+    """Whether P must have a root at all times, and so at first."""
+    return isinstance(section, UnscentedSection) and problem.period is None
+
+
+def read_sigma(reader: Reader, section: FilterSection, states: Axis) -> tuple[float, float, float]:
+    """Alpha, beta and kappa of the unscented transform; those that are not used, of a filter without it."""
+    if not isinstance(section, UnscentedSection):
+        return 1.0, 2.0, 0.0
+    alpha = float(reader.number(section.alpha, ("observer", "alpha"), "> 0"))
+    beta, kappa = (float(reader.number(getattr(section, k), ("observer", k))) for k in ("beta", "kappa"))
+    if states.size is not None and kappa <= -states.size:
+        said = f"{section.kappa} is not allowed; give a number > -n, which is -{states.size} here"
+        reader.wrong(("observer", "kappa"), said, id="OBS208")
+    return alpha, beta, kappa
+
+
+def read_point(reader: Reader, section: FilterSection, problem: Estimation, states: Sequence[str]) -> dict[str, float]:
+    """Point at which the plant is linearised, of a filter that has one."""
+    if not isinstance(section, StationarySection):
+        return {}
+    point, allowed = {}, (*states, *problem.inputs)
+    for name, text in (section.at or {}).items():
+        if states and name not in allowed:
+            said = unknown("signal", name, allowed, {})
+            reader.wrong(("observer", "at", name), said, at_key=True, id="OBS203")
+        point[name] = float(reader.number(text, ("observer", "at", name)))
+    return point
 
 
 def read_weight(
@@ -125,5 +195,4 @@ def require_weight(reader: Reader, found: Array, loc: Loc, *, positive: bool) ->
         reader.wrong(loc, f"has the eigenvalue {least:.4g}; it must be {kind}", id="OBS208")
 
 
-SECTION = FilterSection
 RESULTS: Mapping[str, Sequence[str]] = {}  # nothing is proved: what is expected is expected of a run
