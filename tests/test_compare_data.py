@@ -113,10 +113,10 @@ def test_two_runs_differ_in_the_time_of_a_step_only(log):
 
 def test_the_truth_is_what_is_called_so_or_what_a_map_or_the_spec_names(log):
     Path("bare.csv").write_text(columns(log, "t", "u", "encoder"))
-    report = compared("lqe.yaml", "--data", "bare.csv")
-    assert report["data"]["truth"] == []
-    assert report["observers"][0]["states"] == {}
-    assert "no truth: no column is called as a state" in run("compare", "lqe.yaml", "--data", "bare.csv").stdout
+    found = od.compare(["lqe.yaml"], data="bare.csv")
+    assert found.report["data"]["truth"] == []
+    assert found.report["observers"][0]["states"] == {}
+    assert "no truth: no column is called as a state" in str(found)
     Path("named.csv").write_text(columns(log, "t", "u", "encoder", "speed", head="t,u,encoder,Tacho [rad/s]"))
     said = ("lqe.yaml", "--data", "named.csv", "--map")
     mapped = compared(*said, "speed=Tacho")
@@ -179,11 +179,12 @@ def test_an_observer_that_escapes_says_so_beside_the_others(log):
     Path("log.csv").write_text(log)
     text = Path("lqe.yaml").read_text().replace("Q: 1.0e-3", "Q: 1.0e+13").replace("lqe", "wild", 1)
     Path("wild.yaml").write_text(text)
-    wild, lqe = compared("wild.yaml", "lqe.yaml", "--data", "log.csv")["observers"]
+    found = od.compare(["wild.yaml", "lqe.yaml"], data="log.csv")
+    wild, lqe = found.report["observers"]
     assert "the observer has no finite value after this row" in wild["run"]
     assert wild["time_s"] is None
     assert lqe["run"] == "done"
-    assert "it ended early" in run("compare", "wild.yaml", "--data", "log.csv").stdout
+    assert "it ended early" in str(found)
 
 
 def figure(log, *names):
