@@ -372,13 +372,6 @@ def test_a_transform_that_is_singular_on_the_domain_is_refuted():
     assert "1 - u is not 0 fails: 1 - u is 0 at u = 1" in outcome.stdout
 
 
-def test_what_is_not_designed_yet_is_named():
-    Path("later.yaml").write_text(PLANT % "{type: unknown-input}")
-    outcome = run("solve", "later.yaml")
-    assert outcome.exit_code == 2
-    assert "unknown-input is not available" in outcome.stderr
-
-
 # Constants that are hard to estimate
 
 

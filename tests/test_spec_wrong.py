@@ -158,9 +158,6 @@ FORMS = [
     wrong(TYPE, TYPE + "\n    region: {q: [1]}", "nonlinearities[0].region.q", "expected at least 2 items"),
     wrong(TYPE, "  - type: {slope: [1]}", "nonlinearities[0].type.slope", "expected at least 2 items"),
     wrong(TYPE, "  - type: {slope: 1}", "nonlinearities[0].type.slope", "expected [lo, hi], or auto; found 1"),
-    wrong(
-        "  type: l2", "  type: unknown-input", "observer.type", "is not available in this version; available: l2, linf"
-    ),
     wrong("  type: l2", "  type: l3", "observer.type", "unknown observer l3; allowed: l2"),
     wrong(ALPHA, "  reconstruct: w", "observer.reconstruct", "not available for type l2; it needs type linf"),
     wrong(ALPHA, "  objective: min-gama", "observer.objective", "did you mean min-gamma?"),
