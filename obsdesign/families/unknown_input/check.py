@@ -11,6 +11,7 @@ from obsdesign.families.incremental.request import posed, request_of
 from obsdesign.families.unknown_input import transform
 from obsdesign.families.unknown_input.absence import missing, ranks
 from obsdesign.families.unknown_input.request import factor, reduced
+from obsdesign.families.unknown_input.request import request_of as own_request
 from obsdesign.lmi.formula import in_floats
 from obsdesign.model.loop import well_posed
 from obsdesign.model.pencil import System, invariant_zeros
@@ -39,9 +40,8 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
 
 def zeros(spec: Spec) -> Finding:
     """Zeros from the cancelled channels to y, which are modes of the error that no gain moves."""
-    one, K = spec.observer, in_floats(spec.multiplier.member)
+    K, channels = in_floats(spec.multiplier.member), list(own_request(spec).cancel)
     system = linear(spec.augmented.doubles, K)
-    channels = list(getattr(one, "cancel", ()))
     zeros = invariant_zeros(System(system.A, system.B[:, channels], system.C, system.D[:, channels]))
     said = f"{', '.join(spec.cancelled)} to y{frozen_at(K)}: {zeros.sentence}"
     acting = transform.rank(spec.augmented.B[:, channels])

@@ -18,7 +18,7 @@ from obsdesign.families.unknown_input import transform
 from obsdesign.families.unknown_input.guarantee import Shifted
 from obsdesign.families.unknown_input.observer import errors, exact
 from obsdesign.families.unknown_input.request import reduced, request_of
-from obsdesign.families.unknown_input.theorem import OBSERVER
+from obsdesign.families.unknown_input.theorem import DIRECT, OBSERVER, gain_words
 from obsdesign.files import ResultFile
 from obsdesign.files import checks as listed
 from obsdesign.lmi.formula import Array, Exact, printed
@@ -26,8 +26,6 @@ from obsdesign.lmi.proof import Check, Proved
 from obsdesign.model.plant import Plant
 from obsdesign.spec import Spec
 from obsdesign.tables.text import at_least, at_most
-
-DIRECT = "eps = e - E D v"
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,8 @@ class Claim(Proved):
         """Claim in one line."""
         rate, about = self.certificate.rate, self.certificate.theorem.about
         decay = f"rho {at_most(1 - rate)}" if about.pace.sampled else f"decay rate {at_least(rate)} 1/s"
-        level = [f"gamma {at_most(self.certificate.gamma)}, {about.gamma}"] if spec.disturbed else []
+        meaning = gain_words(direct=self.shift(spec) is not None)
+        level = [f"gamma {at_most(self.certificate.gamma)}, {meaning}"] if spec.disturbed else []
         names = ", ".join(spec.cancelled)
         alone = not self.certificate.family.plant.Bf.shape[1]
         free = f"the error does not depend on {names}" if alone else f"whatever {names} is"

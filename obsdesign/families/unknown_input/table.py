@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.families.incremental.table import linear
-from obsdesign.families.unknown_input.theorem import UnknownInput
+from obsdesign.families.unknown_input.theorem import DIRECT, gain_words
 from obsdesign.tables.text import decay_rows, gamma_text, matrix_text, spectral_norm
 
 Rows = list[tuple[str, str]]
@@ -15,7 +15,8 @@ def proved(made: Mapping[str, Any], claimed: Mapping[str, Any]) -> Rows:
     if "statement" not in claimed:
         return []
     rows = [("cancelled", f"{', '.join(made['cancelled'])}   what is proved holds whatever it is: T B = 0, exactly")]
-    rows += [("gamma", gamma_text(claimed, UnknownInput.about.gamma))] if "gamma" in claimed else []
+    meaning = gain_words(direct=DIRECT in claimed["statement"])
+    rows += [("gamma", gamma_text(claimed, meaning))] if "gamma" in claimed else []
     return [*rows, *decay_rows(claimed)]
 
 

@@ -7,10 +7,17 @@ from obsdesign.families.incremental.theorems import L2, DiscreteL2
 from obsdesign.families.unknown_input.guarantee import Shifted, ShiftedOfSteps
 from obsdesign.lmi.formula import Array, Inequality, Values, symmetric, zeros
 
+DIRECT = "eps = e - E D v"  # in a statement, where that is not e
 OBSERVER = (
     "xi{next} = T (A xhat + Bf f(t, y, qhat) + gx) + L (y - yhat), xhat = xi + E (y - gy), "
     "qhat = Cq xhat + Dqf f(t, y, qhat) + gq, yhat = C xhat + Df f(t, y, qhat) + gy, T = I - E C, e = xhat - x, z = H e"
 )
+
+
+def gain_words(*, direct: bool) -> str:
+    """What gamma bounds, from an error of zero; where v is in the estimates at once, of eps."""
+    said = L2.about.gamma
+    return said.replace("from zero error", "from eps(0) = 0") if direct else said
 
 
 @dataclass(frozen=True)
