@@ -1,8 +1,5 @@
 """Runs of given gains against a guarantee that a test makes up, which no design would carry."""
 
-from types import SimpleNamespace
-
-from obsdesign import simulate as simulation
 from obsdesign.families import FAMILIES
 from obsdesign.families.sporadic.observer import holding
 from obsdesign.simulate import run
@@ -10,7 +7,7 @@ from obsdesign.simulate import run
 
 def simulate(spec, gains, guarantee, progress=None):
     observer = FAMILIES[spec.observer.type].observer(spec, gains)
-    return simulation.simulate(SimpleNamespace(spec=spec, observer=observer, guarantee=guarantee), progress)
+    return run(spec, observer, guarantee, progress=progress)
 
 
 def simulate_sporadic(spec, gains, sampling, guarantee):
