@@ -14,7 +14,7 @@ from obsdesign.simulate.record import Record
 from obsdesign.simulate.summary import checks
 from obsdesign.spec import Spec
 
-EVENLY, EARLY, FIRST = 301, 100, 1e-5  # instants of an envelope: evenly spaced, and from so early on by ratios
+EVENLY, EARLY, FIRST = 301, 150, 1e-5  # instants of an envelope: evenly spaced, and from so early on by ratios
 HEAD = 8  # bytes of the length of what comes first
 
 
@@ -60,7 +60,7 @@ def instants(spec: Spec) -> Float:
     assert simulation
     horizon = simulation.horizon
     if spec.period is None:
-        early = np.geomspace(FIRST * horizon, horizon / EVENLY, EARLY)
+        early = np.geomspace(FIRST * horizon, horizon, EARLY)[:-1]
         return np.unique(np.concatenate((np.linspace(0, horizon, EVENLY), early)))
     period = float(spec.period)
     last = int(horizon / period * (1 + 1e-9))

@@ -36,7 +36,7 @@ def report_of(found: "MonteCarlo") -> dict[str, Any]:
         "seed": members[0].seed,
         **without,
         "bounds": bounds_of(members, proved=not found.why),
-        "bounds_omitted": omissions(members),
+        "bounds_omitted": omissions(members, found.why),
         "errors": {name: errors_of(kept, k) for k, name in enumerate(found.names)},
         "escaped": [one.seed for one in members if one.status == "escape"],
         **{name: [one.seed for one in members if one.status == status] for name, status in ended.items()},
@@ -69,9 +69,12 @@ def bound_of(members: Sequence[Member], name: str) -> dict[str, Any]:
     }
 
 
-def omissions(members: Sequence[Member]) -> list[dict[str, Any]]:
-    """Why bounds are left out, or not checked from some time on, with the number of runs; without those times."""
-    counts = Counter(MOMENT.sub("..", one.omitted) for one in members if one.omitted)
+def omissions(members: Sequence[Member], why: str) -> list[dict[str, Any]]:
+    """Why bounds are left out, or not checked from some time on, with the number of runs; without those times.
+
+    `why`: why nothing is proved of any run, which is told once.
+    """
+    counts = Counter(MOMENT.sub("..", one.omitted) for one in members if one.omitted and one.omitted != why)
     return [{"reason": reason, "runs": count} for reason, count in counts.items()]
 
 

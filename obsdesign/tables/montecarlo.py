@@ -21,11 +21,7 @@ def montecarlo_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows += [("guarantee", report["no_guarantee"])] if "no_guarantee" in report else []
     rows += [("drawn", text) for text in drawn_texts(report["drawn"])]
     rows += [("bound" if bound["proved"] else "observed", bound_text(bound)) for bound in report["bounds"]]
-    rows += [
-        ("left out", f"in {one['runs']} of {runs} runs: {one['reason']}")
-        for one in report["bounds_omitted"]
-        if one["reason"] != report.get("no_guarantee")
-    ]
+    rows += [("left out", f"in {one['runs']} of {runs} runs: {one['reason']}") for one in report["bounds_omitted"]]
     rows += [("error", f"{name}: {error_text(errors)}") for name, errors in report["errors"].items()]
     for key in ("escaped", "stalled", "stopped", "left_region"):
         if report[key] or key == "escaped":
