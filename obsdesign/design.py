@@ -31,7 +31,7 @@ from obsdesign.files import ResultFile, as_read, digest, to_json
 from obsdesign.lmi.formula import in_floats
 from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
-from obsdesign.spec import Spec, named_by
+from obsdesign.spec import DOUBLES, Spec, named_by
 from obsdesign.tables.split import entry
 from obsdesign.tables.text import aligned
 
@@ -342,7 +342,7 @@ def proof_of(file: ResultFile, spec: Spec | None = None) -> Proof:
         if proof.holds and status == Verdict.INFEASIBLE:
             require_agreement(file, {}, spec)
             require_dual(file, proof)
-        proof = replace(proof, claim="; ".join([proof.claim, *spec.changed]))
+        proof = replace(proof, claim="; ".join([proof.claim, *([DOUBLES] if spec.rounded else []), *spec.changed]))
     elif status != Verdict.CERTIFIED:
         raise file.wrong("status", f"{status!r} claims nothing; only a certified result can be verified", id="OBS706")
     else:

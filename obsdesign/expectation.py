@@ -27,7 +27,7 @@ SUMMARY = (
     *("status", "time", "reason", "z_norm2", "v_norm2", "w_norm2", "v_norm2_infinite", "w_norm2_infinite"),
     *("z_sup", "v_sup", "w_sup", "ratio", "ratio_of", "gamma", "bounds", "bounds_omitted", "reconstruction"),
     *("validity", "sampling", "settling", "settling_time", "worst_peak", "initial_error", "final_error"),
-    *("initial_distance", "final_distance", "start", "excitation", "guard"),
+    *("initial_distance", "final_distance", "initial_eps", "start", "excitation", "guard"),
     *("no_guarantee", "observed", "drawn_x0", "drawn_parameters"),
 )
 

@@ -27,6 +27,7 @@ from obsdesign.trial import Implementation, Level, Recorded, Simulation
 
 PROVED = "is proved from f"  # of a type, in a note
 MODEL = "of the plant in samples, a model of the continuous one"  # of a claim
+DOUBLES = "its irrational numbers are the doubles that the notes name"
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
@@ -158,6 +159,7 @@ class Spec(metaclass=Called):
     expect: Mapping[str, Any]
     typed: Typed | None  # the plant as equations, of a family that takes it so; its matrices are zero then
     notes: tuple[str, ...]  # what the reader did that a user should know, such as rounding sqrt(2)
+    rounded: bool = False  # whether the design has irrational numbers, as the nearest doubles
     unused: tuple[str, ...] = ()  # keys that have no effect on what is asked, in sentences
     reproduces: tuple[str, ...] = ()  # figures and tables of the source
     changes: tuple[str, ...] = ()  # keys that have other values than in the text, such as observer.alpha=0.5
@@ -307,7 +309,7 @@ class Spec(metaclass=Called):
     def provisos(self) -> list[str]:
         """Where a guarantee of the observer holds, and what it assumes: clauses for the end of a sentence."""
         assumed = [f"assumed: {' and '.join(self.assumed)}"] if self.assumed else []
-        model = [MODEL] if self.continuous else []
+        model = [*([MODEL] if self.continuous else []), *([DOUBLES] if self.rounded else [])]
         return [*([f"local: {self.validity}"] if self.validity else []), *assumed, *model, *self.changed]
 
     @property

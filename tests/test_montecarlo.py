@@ -208,7 +208,7 @@ simulation: {horizon: 3, x0: [0.9], x0_width: [0.3], points: 51}
     assert gone.report["escaped"] == [0, 1]
     assert gone.report["errors"]["x"]["rms"] is None
     assert gone.table()[1].shape[0] == 0
-    assert "every run escaped" in str(gone)
+    assert "no run came to its end" in str(gone)
     assert envelope_sheet(gone).axes
     json.dumps(gone.report, allow_nan=False)
 

@@ -59,6 +59,8 @@ class Innovations:
         if n == 0:
             return {"mean": None, "rms": None, "autocorrelation": [], "white": None}
         mean, rms = self.sum[i] / n, float(np.sqrt(self.products[0, i] / n))
+        if not np.isfinite([mean, rms]).all():  # of an observer that escapes
+            return {"mean": None, "rms": None, "autocorrelation": [], "white": None}
         r = self.correlation(i, float(mean), n)
         white = self.whiteness(r, n) if r else None
         return {"mean": float(mean), "rms": rms, "autocorrelation": r, "white": white}
@@ -66,7 +68,7 @@ class Innovations:
     def correlation(self, i: int, mean: float, n: float) -> list[float]:
         """Autocorrelation at lags 1, 2, ..; none where nothing varies, or there are too few rows."""
         spread = self.products[0, i] - n * mean * mean
-        if n <= LAGS + 1 or not spread > 1e-24 * max(self.products[0, i], 1e-300):
+        if n <= LAGS + 1 or not np.inf > spread > 1e-24 * max(self.products[0, i], 1e-300):
             return []
         found = []
         for k in range(1, LAGS + 1):

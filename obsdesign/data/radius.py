@@ -72,7 +72,7 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     names = tuple(rows)
     H = np.array([rows[name] for name in names], dtype=object).reshape(len(names), len(states))
     P: Any = guarantee.P  # type: ignore[attr-defined]
-    e0 = np.array([float(where.e0[name]) for name in states])
+    e0 = guarantee.entering(np.array([float(where.e0[name]) for name in states]))  # type: ignore[attr-defined]
     reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
     if not np.isfinite([*reach, *of_q]).all():
         return "the estimates hold the noise of y at once"

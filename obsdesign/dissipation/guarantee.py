@@ -72,6 +72,10 @@ class Quadratic(ABC):
         """Bounds on |h e| / sqrt(V) for the rows h of H, in rationals, (m,)."""
         return largest_outputs(rational(self.P), H)
 
+    def entering(self, e0: Float) -> Float:
+        """Bounds on what V is of, at first, from those on the errors of the estimates |e_i| <= e0_i, (n,)."""
+        return e0
+
     @cached_property
     def spectrum(self) -> tuple[float, float]:
         """Numbers between which the eigenvalues of P lie, proved."""

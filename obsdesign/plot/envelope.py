@@ -64,7 +64,7 @@ def panel(found: "MonteCarlo", k: int) -> Panel:
         axes.plot(found.t, median, color=TRUE, label="median")
         axes.plot(found.t, worst, color=ESTIMATE, linewidth=0.9, label="the run of largest rms")
         if seed is None:
-            axes.text(0.5, 0.5, "every run escaped", transform=axes.transAxes, ha="center", color=BOUND)
+            axes.text(0.5, 0.5, "no run came to its end", transform=axes.transAxes, ha="center", color=BOUND)
         else:
             axes.set_title(f"worst: seed {seed}", loc="left", fontsize=8)
         seen = curves[np.isfinite(curves) & (curves > 0)]

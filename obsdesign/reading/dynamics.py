@@ -18,7 +18,7 @@ from obsdesign.reading.plant import Layout, Names, Reading, W, X, Y, read_matric
 from obsdesign.reading.plant_schema import AUTO
 from obsdesign.reading.terms import Typed, Types, over, read_types
 from obsdesign.sections.document import Loc, dotted
-from obsdesign.sections.values import Entries, Reader
+from obsdesign.sections.values import AS_DOUBLE, Entries, Reader
 from obsdesign.sections.words import unknown
 from obsdesign.trial import Level
 
@@ -66,7 +66,7 @@ def in_numbers(reader: Reader, side: Expression, loc: Loc, signals: Sequence[str
         reader.wrong(loc, error.message, id=error.id)
         return side
     for text, value in coefficients.read.items():
-        reader.notes.append(f"{text} in {dotted(loc)} is read as the double {value!r}")
+        reader.notes.append(f"{text} in {dotted(loc)} {AS_DOUBLE} {value!r}")
     return made
 
 

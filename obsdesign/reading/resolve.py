@@ -25,7 +25,7 @@ from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc, dotted
 from obsdesign.sections.forms import ENTRY, TEXT
 from obsdesign.sections.scalars import Number, described
-from obsdesign.sections.values import Axis, Reader, Size
+from obsdesign.sections.values import AS_DOUBLE, Axis, Reader, Size
 from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
 from obsdesign.trial import Implementation, Level
@@ -90,6 +90,7 @@ def resolve(document: Document, *, judged: bool = True) -> Spec:
         **running,
         expect=expect,
         notes=tuple(reader.notes),
+        rounded=any(AS_DOUBLE in note and not note.startswith("simulation.") for note in reader.notes),
         unused=tuple(reader.unused),
         as_equations=isinstance(file.system, Equations) and plant.typed is None,
         period=period,

@@ -37,8 +37,10 @@ def reads(text: str) -> Any:
 
 
 def replaced(text: str, change: str) -> str:
-    """Text with the value of one key replaced, where that has a value in one line."""
+    """Text with the value of one key replaced, where that has a value in one line; one that is no YAML stays."""
     loc, _, value = parted(change)
+    if reads(text) is None:  # what another value took away, such as an anchor
+        return text
     document = compose(text, "")
     node = document.root
     for name in loc:

@@ -152,6 +152,9 @@ def repeated(first: Problem, *others: Problem) -> Problem:
     return replace(first, message=f"{first.message}; also at {also}") if others else first
 
 
+AS_DOUBLE = "is read as the double"  # in a note
+
+
 class Reader:
     """Reads values and collects what is wrong and what a user should know."""
 
@@ -239,8 +242,7 @@ class Reader:
             self.note_used(text)
             self.exact[text], was_rounded = constant(text, self.parameters)
             if was_rounded:
-                double = float(self.exact[text])
-                self.notes.append(f"{dotted(loc)} = {described(text)} is read as the double {double!r}")
+                self.notes.append(f"{dotted(loc)} = {described(text)} {AS_DOUBLE} {float(self.exact[text])!r}")
         return self.exact[text]
 
     def note_used(self, text: str) -> None:

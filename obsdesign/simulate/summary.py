@@ -29,6 +29,7 @@ def summarise(record: Record) -> dict[str, Any]:
         **convergence(record.course, record.acting.plant.states, record.acting.clock is not None),
         "settling": settling(record),
         **distances(record),
+        **({} if record.course.inner is None else {"initial_eps": float(np.linalg.norm(record.course.inner[0]))}),
     }
 
 

@@ -55,7 +55,7 @@ def bound_text(bound: Mapping[str, Any]) -> str:
 def error_text(errors: Mapping[str, Any]) -> str:
     """Errors of one estimate."""
     if errors["rms"] is None:
-        return "every run escaped"
+        return "no run came to its end"
     worst = f"worst run {plain(errors['worst_rms'])} (seed {errors['worst_rms_seed']})"
     return f"rms {plain(errors['rms'])}, {worst}, peak {plain(errors['peak'])} (seed {errors['seed']})"
 

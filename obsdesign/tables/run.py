@@ -77,6 +77,10 @@ def related(summary: Mapping[str, Any]) -> str:
     """What gamma says of the ratio of the norms of a run, if it says it of all of the run."""
     if summary["gamma"] is None or summary["bounds_omitted"]:
         return ""
+    if "initial_eps" in summary:
+        return "; at most gamma from eps(0) = 0" + (
+            ", and this run begins with another" if summary["initial_eps"] else ""
+        )
     offset = summary.get("initial_distance", summary["initial_error"])
     return "; at most gamma from zero error" + (", and this run begins with an error" if offset else "")
 

@@ -14,6 +14,7 @@ from obsdesign.nonlinearities.evidence.restriction import EVERYWHERE, Ends
 from obsdesign.spec import Nonlinearity, Spec, arguments
 from obsdesign.tables.text import aligned
 
+EXACTLY = "the equations exactly, proved"
 MODEL = "a model: nothing that is proved of it is proved of the continuous plant"
 LARGEST = 2**53  # integer that every reader of JSON takes exactly
 
@@ -146,9 +147,8 @@ def form(spec: Spec) -> str:
     x = ["A x", f[0], "gx" if any(e.text != "0" for e in view.gx) else "", "B w" if w else ""]
     y = ["C x", f[1] if plant.Df.any() else "", "gy" if any(e.text != "0" for e in view.gy) else "", "D w" if w else ""]
     next_x = "x+" if spec.period and not spec.continuous else "x'"
-    return (
-        f"{next_x} = {' + '.join(filter(None, x))},  y = {' + '.join(filter(None, y))}: the equations exactly, proved"
-    )
+    exactly = "the equations exactly, but for numbers read as doubles, proved" if spec.rounded else EXACTLY
+    return f"{next_x} = {' + '.join(filter(None, x))},  y = {' + '.join(filter(None, y))}: {exactly}"
 
 
 def located(block: Nonlinearity) -> str:

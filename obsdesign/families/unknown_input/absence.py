@@ -1,5 +1,6 @@
 """Why there is no unknown-input observer: the rank of C B, and what the inequality of the plant that is left says."""
 
+from dataclasses import replace
 from typing import Any
 
 from obsdesign.families.incremental import absence as incremental
@@ -12,6 +13,10 @@ from obsdesign.lmi.proof import Check
 from obsdesign.spec import Spec
 
 KIND = "rank"
+LEFT = {  # by whether gains are given
+    False: "A, Bf and B are here T A, T Bf and T B, what is left of the plant by its E",
+    True: "A, Bf and B are here T A, T Bf and T B, what is left by the E that is given; another E may leave more",
+}
 
 
 def ranks(spec: Spec) -> str:
@@ -60,7 +65,8 @@ def read(spec: Spec, file: ResultFile) -> Proof:
     """
     root = ("diagnosis", "certificate")
     if file.at(*root, "kind") != KIND:
-        return incremental.read(reduced(spec), file)
+        proof = incremental.read(reduced(spec), file)
+        return replace(proof, claim=f"{proof.claim}; {LEFT[request_of(spec).gains is not None]}")
     table = file.table(*root, "w")
     if table.keys() - set(spec.cancelled):
         raise file.wrong("diagnosis.certificate.w", "names a channel that is not cancelled", id="OBS702")

@@ -31,6 +31,8 @@ def check(spec: Spec, _: Engine) -> list[Finding]:
     family, K = posed(inner), in_floats(spec.multiplier.member)
     modes = detectability(inner.posed.doubles, K, in_floats(family).edge, family.about.pace)
     unseen = f" while {names} keeps y at zero"
+    if own_request(spec).gains is not None:
+        unseen = ", of what the E that is given leaves of the plant; another E may leave more to be seen"
     found += [zeros(spec), *(m if m.holds else replace(m, sentence=m.sentence + unseen) for m in modes)]
     found += [*slopes(inner, family), *poles.findings(family, request_of(inner).bounds.poles)]
     verdict = well_posed(spec.augmented.doubles.Dqf, spec.multiplier)

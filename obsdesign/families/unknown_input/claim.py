@@ -49,7 +49,7 @@ class Claim(Proved):
         """Guarantee in doubles."""
         found = self.certificate.guarantee_at(spec.period)
         assert isinstance(found, Shifted)
-        return replace(found, shift=self.shift(spec))
+        return replace(found, shift=self.shift(spec), T=transform.projector(spec.augmented, self.E))
 
     def shift(self, spec: Spec) -> Exact | None:
         """E D of the other channels, where v is in the estimates at once."""

@@ -9,7 +9,7 @@ from obsdesign.families.incremental.claim import Claim as InnerClaim
 from obsdesign.families.outcome import Diagnosis, Outcome, Verdict
 from obsdesign.families.unknown_input.absence import missing
 from obsdesign.families.unknown_input.claim import Claim, cancelling
-from obsdesign.families.unknown_input.request import factor, reduced
+from obsdesign.families.unknown_input.request import factor, reduced, request_of
 from obsdesign.lmi.formula import Exact, in_floats
 from obsdesign.spec import Spec
 
@@ -31,7 +31,7 @@ def design(spec: Spec, engine: Engine) -> Outcome:
 
 def found(spec: Spec, E: Exact, made: Outcome) -> Outcome:
     """Outcome of the plant that is left in the terms of the spec."""
-    gains, claim = {}, None
+    gains, claim, given = {}, None, request_of(spec).gains is not None
     if made.gains:
         gains = {"E": in_floats(E), "L": 0.0 - made.gains["L1"]}
     if isinstance(made.claim, InnerClaim):
@@ -40,12 +40,18 @@ def found(spec: Spec, E: Exact, made: Outcome) -> Outcome:
     alone = f"nothing but {names} acts on this plant, and it is cancelled: the claim is the decay"
     said = [alone] if made.gains else []
     notes = tuple(text for note in made.notes for text in (said if note == UNDISTURBED else [note]))
-    return replace(made, gains=gains, claim=claim, notes=notes, diagnosis=told(made.diagnosis))
+    return replace(made, gains=gains, claim=claim, notes=notes, diagnosis=told(made.diagnosis, given))
 
 
-def told(diagnosis: Diagnosis) -> Diagnosis:
-    """Diagnosis that speaks of no injection L2, which this observer does not have."""
+def told(diagnosis: Diagnosis, given: bool) -> Diagnosis:
+    """Diagnosis that speaks of no injection L2, which there is not, nor of the plant itself where E is given."""
+    if not diagnosis:
+        return diagnosis
     reason, instead = str(diagnosis.get("reason", "")), str(diagnosis.get("suggestion", ""))
-    if "L2" in instead:
+    if given:
+        cure = "leave gains out, so that E follows from the plant, or give another E"
+        reason = f"{reason}; that is of what the E that is given leaves of the plant"
+        diagnosis = {**diagnosis, "reason": reason, "suggestion": cure}
+    elif "L2" in instead:
         diagnosis = {**diagnosis, "suggestion": FREER}
     return {**diagnosis, "reason": f"{reason}; {REDUCED}"} if "L2" in reason else diagnosis

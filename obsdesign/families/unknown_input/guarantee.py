@@ -7,7 +7,7 @@ import numpy as np
 
 from obsdesign.dissipation.guarantee import EnergyGuarantee, EnergyOfSteps
 from obsdesign.families.guarantee import Bound, Course
-from obsdesign.lmi.formula import Array
+from obsdesign.lmi.formula import Array, Float
 
 OUTWARD = 1 + 1e-12  # rounding of a norm
 
@@ -17,6 +17,7 @@ class Shifted(EnergyGuarantee):
     """V' + 2 alpha V + mu1 |z|^2 - mu2 |v|^2 <= 0 with V = eps' P eps, z = H e and e = eps + E D v."""
 
     shift: Array | None = None  # E D (n, nv), in rationals; None: e is eps
+    T: Array | None = None  # (n, n), in rationals: eps(0) = T e0, with e0 the error of xhat0
 
     def storage(self, course: Course) -> Array:
         """V(eps(t)), (M,)."""
@@ -32,6 +33,11 @@ class Shifted(EnergyGuarantee):
     def inside(self, course: Course) -> Course:
         """The same course with eps as its error."""
         return course if course.inner is None else replace(course, e=course.inner)
+
+    def entering(self, e0: Float) -> Float:
+        """Bounds on eps(0) = T e0."""
+        assert self.T is not None
+        return np.asarray(np.abs(self.T.astype(float)) @ e0 * OUTWARD)
 
     def peak(self, H: Array) -> float | None:
         """Bound on sup|H e| for sup|v| = 1: that on sup|H eps|, and |H E D|."""
