@@ -11,10 +11,12 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
-from obsdesign.dissipation.certificate import rate_of
+from obsdesign.dissipation.certificate import Certificate, rate_of
 from obsdesign.dissipation.claim import best_claim, claim
+from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.elimination import proved_central
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import doubles, searchable, small_gains
+from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scaling import scaling
 from obsdesign.dissipation.zero import silent_gains
@@ -41,6 +43,12 @@ from obsdesign.lmi.formula import Array, Values, in_floats
 from obsdesign.lmi.solve import Status
 from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
+
+LARGE = 12  # order of P from which the smallest gain takes longer to find than it is worth
+CENTRAL = (
+    "the gain is the central one of a Riccati equation, since the smallest takes long to find for a plant of this "
+    "order; `bounds: {L1: ..}` asks for a smaller one"
+)
 
 
 class Designer:
@@ -145,6 +153,8 @@ class Designer:
     def gains(self, family: Incremental, gamma: float) -> Outcome:
         """Gains of small norm that reach gamma, or else one that keeps v from the error, rounded and proved."""
         bounds = self.request.bounds
+        if (central := self.central(family, gamma)) is not None:
+            return central
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
         if not made.gains:
@@ -157,13 +167,31 @@ class Designer:
         made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
             certificate = claim(self.engine, candidate, gamma, values, self.request.kept)
-            assert candidate.L1 is not None
-            asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
-            proof = Claim(certificate, asked=asked) if certificate else None
-            made = Outcome(Verdict.UNCERTIFIED, doubles(candidate), proof)
-            if proof and proof.holds:
-                return self.completed(candidate, replace(made, status=Verdict.CERTIFIED))
+            made = self.claimed(candidate, certificate)
+            if made.status is Verdict.CERTIFIED:
+                return self.completed(candidate, made)
         return made
+
+    def claimed(self, candidate: Incremental, certificate: Certificate | None) -> Outcome:
+        """Gains with a certificate, and whether it holds, the bounds of the request included."""
+        assert candidate.L1 is not None
+        asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
+        proof = Claim(certificate, asked=asked) if certificate else None
+        status = Verdict.CERTIFIED if proof and proof.holds else Verdict.UNCERTIFIED
+        return Outcome(status, doubles(candidate), proof)
+
+    def central(self, family: Incremental, gamma: float) -> Outcome | None:
+        """Central gains of a large plant that are proved; None where the smallest are searched, or none is proved."""
+        if family.plant.n < LARGE or not self.engine.eliminates or self.request.bounds.restricted:
+            return None
+        certificate = proved_central(family, gamma, self.request.kept)
+        if certificate is None:
+            return None
+        made = self.claimed(certificate.family, certificate)
+        if made.status is not Verdict.CERTIFIED:
+            return None
+        self.notes.append(CENTRAL)
+        return self.completed(certificate.family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
@@ -254,8 +282,9 @@ class Designer:
         verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
         made = Outcome(verdict, doubles(family), Claim(certificate) if certificate else None)
         made = self.completed(family, made)
-        limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
+        limit = within(self.engine, searchable(replace(family, L1=None)))
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
+        known |= {} if limit.gap is None else {"gap": round_up(limit.gap, 2)}
         limits = (
             self.limits.best({**known, "attained": False, **self.limits.kind(rate)}) if known else {"attained": False}
         )
@@ -307,6 +336,8 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     try:
         made = designer.outcome()
     except UndecidedError:
+        if engine.distrust():  # gains are not where a Riccati equation has them: inequalities decide
+            return design(spec, engine)
         if (absent := designer.absent()) is None:
             raise
         made = absent

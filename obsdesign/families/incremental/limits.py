@@ -8,6 +8,7 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.decimals import round_up
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
@@ -40,14 +41,15 @@ class Limits:
 
     def at(self, search: Incremental, rate: fmpq) -> tuple[dict[str, Any], Level | None]:
         """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
-        answer = self.engine.minimise(search.least_gamma())
+        answer = within(self.engine, search)
         if answer.status is Status.INFEASIBLE:
             return {}, None
         free = self.request.objective in {"feasibility", "max-alpha"}
         table = (zero := vanishing(self.engine, search, answer)).table
         if answer.status is Status.OPTIMAL or table or zero.instead:
             level = Level.of_all(answer, zero)
-            known = {"gamma": level.gamma, "attained": level.attained, **self.kind(rate)}
+            gap = {} if answer.gap is None else {"gap": round_up(answer.gap, 2)}
+            known = {"gamma": level.gamma, "attained": level.attained, **gap, **self.kind(rate)}
             limits: dict[str, Any] = {"limit": self.best(known)}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
