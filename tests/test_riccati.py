@@ -85,9 +85,7 @@ def compared(seeds):
                 yield seed, name, math.sqrt(found.mu), lower, math.sqrt(answer.objective)
 
 
-@pytest.mark.parametrize(
-    ("seeds", "least"), [(range(7), 8), pytest.param(range(100, 200), 100, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("seeds", "least"), [(range(7), 8), pytest.param(range(100, 140), 40, marks=pytest.mark.slow)])
 def test_random_plants_have_the_limits_of_the_inequalities(seeds, least):
     rows = list(compared(seeds))
     assert len(rows) >= least
@@ -181,7 +179,7 @@ def test_another_solver_is_a_check_of_the_equations():
 def test_central_gains_reach_their_gamma_in_doubles(name):
     problem = family(name, *rod(12, *RODS[12]), 0.1)
     gamma = 1.05 * limit(problem)
-    found = list(central_gains(problem, gamma))
+    found = list(central_gains(problem, gamma, np.zeros(0)))
     assert found
     A, B, C, D = (getattr(problem.plant, part) for part in "ABCD")
     for one in found:

@@ -18,6 +18,7 @@ class Engine:
         self.solves = 0
         self.eliminates = solver == "clarabel"  # whether Riccati equations may find a limit: not in its cross-check
         self.eliminated = False  # whether one did
+        self.recalled: dict[tuple[bytes, ...], Answer] = {}  # what they told of which numbers
 
     @property
     def method(self) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.form import Eliminated, UnclearError, scales
 
+DINKELBACH = 20  # signals of one frequency
 RESIDUAL = 1e-8  # of the terms of the equation
 LAGRANGIAN = 1e-6  # of Z1' Z2 - Z2' Z1, which is zero unless eigenvalues on the axis were torn apart
 
@@ -113,6 +114,7 @@ class Signal:
     cost: float
     supplied: float
     apart: float  # share of what it is supplied with by the inputs that were counted apart
+    slopes: Float  # (k,), its parts in the Q_j
 
     @classmethod
     def of(cls, form: Eliminated, V: Float, apart: int) -> "Signal":
@@ -120,7 +122,8 @@ class Signal:
         supplied = energy(form.Qm, V)
         u = (form.T @ V)[len(form.T) - apart :]
         extra = float(np.sum(np.abs(u) ** 2)) * form.supply
-        return cls(energy(form.Qc, V), -supplied, extra / supplied if supplied < 0 else 1.0)
+        slopes = np.array([energy(Q, V) for Q in form.Qs])
+        return cls(energy(form.Qc, V), -supplied, extra / supplied if supplied < 0 else 1.0, slopes)
 
     @property
     def bound(self) -> float:
@@ -128,7 +131,7 @@ class Signal:
         return self.cost / self.supplied if self.supplied > 0 else -np.inf
 
 
-SILENT = Signal(0.0, 0.0, 1.0)
+SILENT = Signal(0.0, 0.0, 1.0, np.zeros(0))
 
 
 def energy(Q: Float, V: Float) -> float:
@@ -150,15 +153,22 @@ def dying(form: Eliminated, point: Equation, space: Subspace, c: Float, apart: i
     return Signal.of(form, M @ (vectors * np.sqrt(np.maximum(values, 0.0))), apart)
 
 
-def periodic(form: Eliminated, omega: float, apart: int) -> Signal:
-    """Signal of a frequency (rad/s), the one of the largest bound: z* (Qc + mu Qm) z <= 0, z = [x; w]."""
-    from scipy.linalg import eigh
+def periodic(form: Eliminated, omega: float, mu: float, apart: int) -> Signal:
+    """Signal of a frequency (rad/s), the one of the largest bound: z* (Qc + mu Qm) z <= 0, z = [x; w].
 
+    The largest eigenvalue of that at a mu gives a signal, whose bound is the next mu, until it is that of mu itself.
+    """
     n, m = form.B.shape
+    found = SILENT
     try:
         z = np.vstack([np.linalg.solve(1j * omega * np.eye(n) - form.A, form.B.astype(complex)), np.eye(m)])
-        supplied = -z.conj().T @ form.Qm @ z
-        _, vector = eigh(z.conj().T @ form.Qc @ z, supplied, subset_by_index=[m - 1, m - 1])
-    except (np.linalg.LinAlgError, ValueError):
-        return SILENT
-    return Signal.of(form, z @ vector, apart)
+    except np.linalg.LinAlgError:
+        return found
+    Qc, Qm = (z.conj().T @ Q @ z for Q in (form.Qc, form.Qm))
+    for _ in range(DINKELBACH):
+        values, vectors = np.linalg.eigh(Qc + mu * Qm)
+        signal = Signal.of(form, z @ vectors[:, -1:], apart)
+        if not values[-1] > 0 or not signal.bound > found.bound:
+            break
+        found, mu = signal, signal.bound
+    return found

@@ -2,13 +2,13 @@
 
 In (e, u), u all that acts on the error, and with P > 0 and Y to be found,
 
-    he([P; 0] [A B] + [Y; 0] [C D]) + Qc + mu Qm <= 0.
+    he([P; 0] [A B] + [Y; 0] [C D]) + Qc + sum lambda_j Q_j + mu Qm <= 0, lambda_j > 0 scales of multipliers.
 
 Y exists if and only if the (u, u) block of Q is negative and the form is negative on the kernel of [C D] (projection
 lemma). Where D has full row rank that kernel is u = -D^+ C e + Z w, Z = null(D).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class UnclearError(Exception):
 
 @dataclass(frozen=True)
 class Form:
-    """The inequality for given scales: the coefficients of P and Y, and Q = Qc + mu Qm in (e, u)."""
+    """The coefficients of P and Y, and Q in (e, u); where scales are given, their part is in Qc."""
 
     A: Float  # (n, n), the shift by the decay rate included
     B: Float  # (n, m)
@@ -32,6 +32,11 @@ class Form:
     D: Float  # (p, m)
     Qc: Float  # (n + m, n + m)
     Qm: Float  # (n + m, n + m)
+    Qs: Float  # (k, n + m, n + m), those of the scales
+
+    def scaled(self, scales: Float) -> "Form":
+        """Same for given scales (k,)."""
+        return replace(self, Qc=self.Qc + np.tensordot(scales, self.Qs, 1))
 
     @property
     def n(self) -> int:
@@ -50,20 +55,20 @@ class Form:
         n, p, m = self.n, len(self.C), len(self.Qc)
         on_states, on_outputs = np.diag(states)[:, states > 0], np.diag(outputs)[:, outputs > 0]
         more = on_states.shape[1] + on_outputs.shape[1]
-        Qc, Qm = np.zeros((m + more,) * 2), np.zeros((m + more,) * 2)
-        Qc[:m, :m], Qm[:m, :m] = self.Qc, self.Qm
+        Qc, Qm, Qs = (np.zeros((*Q.shape[:-2], m + more, m + more)) for Q in (self.Qc, self.Qm, self.Qs))
+        Qc[:m, :m], Qm[:m, :m], Qs[:, :m, :m] = self.Qc, self.Qm, self.Qs
         Qm[m:, m:] = self.supply * np.eye(more)
         B = np.hstack([self.B, on_states, np.zeros((n, on_outputs.shape[1]))])
         D = np.hstack([self.D, np.zeros((p, on_states.shape[1])), on_outputs])
-        return Form(self.A, B, self.C, D, Qc, Qm)
+        return Form(self.A, B, self.C, D, Qc, Qm, Qs)
 
     def balanced(self) -> tuple["Form", Float]:
         """Same in the states e / s, s powers of two (n,) that bring the entries near each other, and s."""
         n = self.n
         s = scales(self.A, self.B @ self.B.T, self.Qc[:n, :n] + self.C.T @ self.C)
         rows = np.concatenate([s, np.ones(self.B.shape[1])])
-        Qc, Qm = (Q * np.outer(rows, rows) for Q in (self.Qc, self.Qm))
-        return Form(self.A * s / s[:, None], self.B / s[:, None], self.C * s, self.D, Qc, Qm), s
+        Qc, Qm, Qs = (Q * np.outer(rows, rows) for Q in (self.Qc, self.Qm, self.Qs))
+        return Form(self.A * s / s[:, None], self.B / s[:, None], self.C * s, self.D, Qc, Qm, Qs), s
 
     @property
     def supply(self) -> float:
@@ -72,7 +77,7 @@ class Form:
 
     def faster(self, rate: float) -> "Form":
         """Same for an error that decays faster by a rate (1/s)."""
-        return Form(self.A + rate * np.eye(self.n), self.B, self.C, self.D, self.Qc, self.Qm)
+        return replace(self, A=self.A + rate * np.eye(self.n))
 
 
 def scales(A: Float, G: Float, Q: Float) -> Float:
@@ -115,6 +120,7 @@ def without_exact_outputs(form: Form) -> tuple[Form, Float]:
             np.vstack([D1, N2.T @ form.B]),
             keep.T @ form.Qc @ keep,
             keep.T @ form.Qm @ keep,
+            keep.T @ form.Qs @ keep,
         )
         if not form.n:
             break
@@ -169,6 +175,7 @@ class Eliminated:
     B: Float  # (n, m - p)
     Qc: Float
     Qm: Float
+    Qs: Float
     T: Float  # (e, u) = T (x, w)
     supply: float  # that of the form
 
@@ -180,4 +187,5 @@ class Eliminated:
         back = np.linalg.pinv(unit[:, None] * form.D) * unit
         Z = np.linalg.svd(form.D)[2][len(form.D) :].T if len(form.D) else np.eye(m)
         T = np.block([[np.eye(n), np.zeros((n, Z.shape[1]))], [-back @ form.C, Z]])
-        return cls(form.A - form.B @ back @ form.C, form.B @ Z, T.T @ form.Qc @ T, T.T @ form.Qm @ T, T, form.supply)
+        Qc, Qm, Qs = (T.T @ Q @ T for Q in (form.Qc, form.Qm, form.Qs))
+        return cls(form.A - form.B @ back @ form.C, form.B @ Z, Qc, Qm, Qs, T, form.supply)

@@ -119,7 +119,7 @@ class Search:
         """Signal that bounds mu from below: of a frequency on the axis, or else dying out where X is largest."""
         if point.space is not None and point.c is not None:
             return dying(self.form, point.equation, point.space, point.c, self.noises)
-        signals = [periodic(self.form, omega, self.noises) for omega in point.equation.frequencies()]
+        signals = [periodic(self.form, omega, point.mu, self.noises) for omega in point.equation.frequencies()]
         return max(signals, key=lambda signal: signal.bound, default=SILENT)
 
 
@@ -191,7 +191,8 @@ def reached(form: Form, share: float) -> Form:
 
     It bounds X from below, which doubles need, and a mode on the axis that nothing reaches is no obstacle with it.
     """
-    size = np.linalg.norm(form.B, 2) or 1.0
+    supplied = np.diag(form.Qm)[form.n :] < 0
+    size = np.linalg.norm(form.B[:, supplied], 2) or 1.0
     return form.noisy(np.full(form.n, share * size), np.zeros(len(form.C)))
 
 

@@ -184,7 +184,7 @@ class Designer:
         """Central gains of a large plant that are proved; None where the smallest are searched, or none is proved."""
         if family.plant.n < LARGE or not self.engine.eliminates or self.request.bounds.restricted:
             return None
-        certificate = proved_central(family, gamma, self.request.kept)
+        certificate = proved_central(self.engine, family, gamma, self.request.kept)
         if certificate is None:
             return None
         made = self.claimed(certificate.family, certificate)
