@@ -26,6 +26,7 @@ from obsdesign.riccati.scaled import least_scaled
 ROOM = 2e-3  # of gamma, left to the rounding of the gain
 DIGITS = (6, 8, 12)  # of a shipped gain
 OF_P, OF_SCALES = (12, 15, 17), 8  # of its witness
+LARGE = 12  # order from which the smallest gain takes longer to find than it is worth
 SEARCHED = 8  # order from which the scales of multipliers are found faster so than by inequalities
 
 

@@ -22,6 +22,10 @@ class UnclearError(Exception):
     """Doubles do not tell: a rank between `ZERO` and `CERTAIN`, or numbers that break down; the text says which."""
 
 
+class ZeroError(UnclearError):
+    """The least mu is zero, or too small to be told from it."""
+
+
 @dataclass(frozen=True)
 class Form:
     """The coefficients of P and Y, and Q in (e, u); where scales are given, their part is in Qc."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import SILENT, Equation, Signal, Subspace, dying, periodic
-from obsdesign.riccati.form import Eliminated, Form, UnclearError, without_exact_outputs
+from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
 
 SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
 UNSEEN = 2e-8  # relative: what that noise may add to mu before less of it is tried
@@ -28,6 +28,7 @@ ABOVE = 1.5  # .. of a reference above an edge that is known
 ROUNDS = 60
 NEGATIVE = -1e-9  # of the eigenvalues of the first X, relative to the largest
 HALF = 0.5  # .. and of those of every other one, relative to its reference: they are above 1 or one is below 0
+MOST = 0.9  # share of mu that is due to the noise on the states where there is no mu but for it
 BELIEVED = 1e-4  # a relative gap of gamma^2 above this is no answer
 
 
@@ -136,6 +137,8 @@ def least(form: Form) -> Least:
     for share in SHARES:
         try:
             closer = of_noisy(balanced, share, found)
+        except ZeroError:
+            raise
         except UnclearError as error:
             unclear = error
             continue
@@ -168,7 +171,7 @@ def least_peak(form: Form, H: Float) -> Least:
     noisier, mu = found
     added = (noisier - mu) / mu if mu > 0 else 1.0
     if not -NOISE < added < BELIEVED:
-        raise UnclearError("the least gamma is zero, or too small to be told from it")
+        raise ZeroError("the least gamma is zero, or too small to be told from it")
     return Least(mu, mu, max(added, 0.0))
 
 
@@ -181,6 +184,8 @@ def of_noisy(form: Form, share: float, noisier: Least | None = None) -> Least:
     inside, outside = bracket(search) if noisier is None else about(search, noisier)
     inside, best = narrowed(search, inside, outside)
     found = Least(inside.mu, best.bound, best.apart)
+    if found.added > MOST:
+        raise ZeroError("the least gamma is zero, or too small to be told from it")
     if not 1 - BELIEVED < found.lower / found.mu < 1 + BELIEVED or found.added > BELIEVED:
         raise UnclearError("the least gamma has no bound from below that is near enough")
     return found
@@ -216,13 +221,13 @@ def bracket(search: Search) -> tuple[Point, Point]:
     Raises `UnclearError`: no mu was found that has none.
     """
     inside = first(search)
-    least = inside.mu / RANGE**2
+    least = inside.mu / RANGE
     while inside.mu > least:
         point = search.at(inside.mu / STEP)
         if not point.solved:
             return inside, point
         inside = search.refer(point)
-    raise UnclearError("the least gamma is zero, or too small to be told from it")
+    raise ZeroError("the least gamma is zero, or too small to be told from it")
 
 
 def about(search: Search, noisier: Least) -> tuple[Point, Point]:

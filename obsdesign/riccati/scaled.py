@@ -12,7 +12,7 @@ import numpy as np
 
 from obsdesign.lmi.formula import Float
 from obsdesign.riccati.equation import Signal
-from obsdesign.riccati.form import Eliminated, Form, UnclearError, without_exact_outputs
+from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
 from obsdesign.riccati.least import ABOVE, BELIEVED, FAR, Least, Search, least, narrowed, reached
 
 SHARES = ((1e-4, 1e-5, 1e-6), (1e-3,))  # of the size of v: noise on every state; downwards, or else more of it
@@ -91,7 +91,7 @@ class Scales:
             inside = search.refer(outside)
             outside = search.at(inside.mu / FAR)
             if outside.mu < cap * 1e-20:
-                raise UnclearError("the least gamma is zero, or too small to be told from it")
+                raise ZeroError("the least gamma is zero, or too small to be told from it")
         inside, signal = narrowed(search, inside, outside)
         self.cut(signal, scales)
         if self.best is None or inside.mu < self.best.mu:
@@ -154,6 +154,8 @@ def least_scaled(form: Form) -> tuple[Least, Float]:
         for share in shares:
             try:
                 found = searched(balanced, share, found)
+            except ZeroError:
+                raise
             except UnclearError as error:
                 unclear = error
                 break

@@ -14,7 +14,7 @@ from obsdesign.dissipation.bounds import Range
 from obsdesign.dissipation.certificate import Certificate, rate_of
 from obsdesign.dissipation.claim import best_claim, claim
 from obsdesign.dissipation.decimals import round_up
-from obsdesign.dissipation.elimination import proved_central
+from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_central
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
@@ -44,7 +44,6 @@ from obsdesign.lmi.solve import Status
 from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
 
-LARGE = 12  # order of P from which the smallest gain takes longer to find than it is worth
 CENTRAL = (
     "the gain is the central one of a Riccati equation, since the smallest takes long to find for a plant of this "
     "order; `bounds: {L1: ..}` asks for a smaller one"
@@ -100,6 +99,9 @@ class Designer:
         if self.request.reconstruct:
             inverse = left_inverse(self.family.plant.B)
             outputs += [in_floats(inverse @ self.family.plant.A), in_floats(inverse)]
+        known = None if self.range or self.family.plant.n < LARGE else least_gamma(self.engine, in_floats(self.family))
+        if known and known.objective > 0:  # no gamma below it
+            return None
         grid = self.range.grid() if self.range else (self.lowest,)
         found = [solution for rate in grid if (solution := accurate(self.engine, replace(self.family, rate=rate)))]
         if not found:

@@ -9,6 +9,7 @@ from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
 from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
@@ -20,6 +21,7 @@ from obsdesign.families.incremental.request import Request
 from obsdesign.families.outcome import BEST_FOUND, bounded_kind
 from obsdesign.lmi.solve import Status
 
+EASY = 2.0  # times the least gamma of a large plant, where gamma is not the objective
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
 
@@ -120,7 +122,13 @@ class Limits:
         return least.target(float(self.request.slack))
 
     def moderate(self, search: Incremental) -> float:
-        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
+        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one.
+
+        Of large plants that is searched no more: `EASY` times the least gamma.
+        """
+        known = least_gamma(self.engine, search, self.request.bounds) if search.plant.n >= LARGE else None
+        if known and known.objective > 0:
+            return EASY * math.sqrt(known.objective)
         wide = self.engine.widest(search.witness(None, Bounds(poles=self.request.bounds.poles)))
         if wide.status is not Status.OPTIMAL:
             raise UndecidedError(f"no solution was found for {self.pace.said(search.rate)}: {wide.reason}", id="OBS507")
