@@ -44,11 +44,6 @@ from obsdesign.lmi.solve import Status
 from obsdesign.model.structure import undetectable
 from obsdesign.spec import Spec
 
-CENTRAL = (
-    "the gain is the central one of a Riccati equation, since the smallest takes long to find for a plant of this "
-    "order; `bounds: {L1: ..}` asks for a smaller one"
-)
-
 
 class Designer:
     """The steps of one design."""
@@ -154,11 +149,13 @@ class Designer:
 
     def gains(self, family: Incremental, gamma: float) -> Outcome:
         """Gains of small norm that reach gamma, or else one that keeps v from the error, rounded and proved."""
-        bounds = self.request.bounds
-        if (central := self.central(family, gamma)) is not None:
+        bounds, large = self.request.bounds, family.plant.n >= LARGE
+        if large and (central := self.central(family, gamma, "the smallest takes long to find for so large a plant")):
             return central
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
+        if made.status is Verdict.UNCERTIFIED and not large:
+            made = self.central(family, gamma, "no smaller one was proved") or made
         if not made.gains:
             said = f"no gain was found for gamma = {gamma:g} at {self.pace.said(family.rate)}"
             raise UndecidedError(said, id="OBS507")
@@ -182,17 +179,15 @@ class Designer:
         status = Verdict.CERTIFIED if proof and proof.holds else Verdict.UNCERTIFIED
         return Outcome(status, doubles(candidate), proof)
 
-    def central(self, family: Incremental, gamma: float) -> Outcome | None:
-        """Central gains of a large plant that are proved; None where the smallest are searched, or none is proved."""
-        if family.plant.n < LARGE or not self.engine.eliminates or self.request.bounds.restricted:
+    def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
+        """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
+        if not self.engine.eliminates or self.request.bounds.restricted:
             return None
         certificate = proved_central(self.engine, family, gamma, self.request.kept)
-        if certificate is None:
+        made = certificate and self.claimed(certificate.family, certificate)
+        if not certificate or not made or made.status is not Verdict.CERTIFIED:
             return None
-        made = self.claimed(certificate.family, certificate)
-        if made.status is not Verdict.CERTIFIED:
-            return None
-        self.notes.append(CENTRAL)
+        self.notes.append(f"the gain is the central one of a Riccati equation: {why}; bounds.L1 asks for a smaller one")
         return self.completed(certificate.family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
