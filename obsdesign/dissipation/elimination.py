@@ -1,7 +1,7 @@
 """The inequality (13) of a family as the form that a Riccati equation solves, and what comes of it.
 
 That is for continuous time, L2 given and L1 to be found. Where nonlinearities have one scale each, the least gamma is a
-search over these; of linf it is done without any.
+search over these; of the least peak gain it is done without any.
 """
 
 from collections.abc import Iterator

@@ -181,7 +181,7 @@ def of_noisy(form: Form, share: float, noisier: Least | None = None) -> Least:
     `noisier`: that with more noise, just below which it is. Raises `UnclearError`.
     """
     search = Search(Eliminated.of(reached(form, share)), form.n)
-    inside, outside = bracket(search) if noisier is None else about(search, noisier)
+    inside, outside = bracket(search) if noisier is None else close(search, noisier)
     inside, best = narrowed(search, inside, outside)
     found = Least(inside.mu, best.bound, best.apart)
     if found.added > MOST:
@@ -230,7 +230,7 @@ def bracket(search: Search) -> tuple[Point, Point]:
     raise ZeroError("the least gamma is zero, or too small to be told from it")
 
 
-def about(search: Search, noisier: Least) -> tuple[Point, Point]:
+def close(search: Search, noisier: Least) -> tuple[Point, Point]:
     """The same about what is left of a least mu with more noise. Raises `UnclearError`: it is not there."""
     far = search.at(FAR * noisier.mu)
     if far.solved:
