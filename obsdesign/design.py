@@ -52,11 +52,12 @@ class Solver:
     name: str
     solves: int
     time_s: float
+    engine: str = "lmi"  # what found the limit: lmi or riccati
 
     def written(self) -> dict[str, Any]:
         """Entry of a result file."""
         its = metadata.version(self.name if util.find_spec(self.name) else "cvxpy")
-        return {"name": self.name, "version": its, "solves": self.solves, "time_s": round(self.time_s, 4)}
+        return {"name": self.name, "version": its} | vars(self) | {"time_s": round(self.time_s, 4)}
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -158,8 +159,7 @@ class Design(Outcome):
     @property
     def solved(self) -> dict[str, Any]:
         """Sizes and units of what was solved, as a result file holds them."""
-        entries = {"scalars": self.scalars, "scaling": self.scaling}
-        return {name: entry for name, entry in entries.items() if entry}
+        return {name: of for name, of in {"scalars": self.scalars, "scaling": self.scaling}.items() if of}
 
     def remarks(self) -> list[str]:
         """Notes, and one on a design that is no better than none, and one on the steps in which it is to run."""

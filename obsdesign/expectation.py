@@ -22,7 +22,7 @@ FILE = {  # parts of a result file, each with the names that it has in every fam
     "guarantee": ("statement",),
     "observer": ("type",),
 }
-LIMIT = ("gamma", "alpha", "rho", "lipschitz", "T2", "decay", "attained", "kind", "at", "objective", "unbounded")
+LIMIT = ("gamma", "alpha", "rho", "lipschitz", "T2", "decay", "attained", "kind", "at", "objective", "unbounded", "gap")
 SUMMARY = (
     *("status", "time", "reason", "z_norm2", "v_norm2", "w_norm2", "v_norm2_infinite", "w_norm2_infinite"),
     *("z_sup", "v_sup", "w_sup", "ratio", "ratio_of", "gamma", "bounds", "bounds_omitted", "reconstruction"),

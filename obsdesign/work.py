@@ -65,7 +65,7 @@ def solve(spec: Spec, solver: str = "clarabel", report: Report = lambda *_: None
             raise within_bounds(spec, error, engine) from None
         except (OverflowError, ZeroDivisionError, np.linalg.LinAlgError) as error:
             raise UndecidedError(f"the numbers are beyond what doubles can compute: {error}", id="OBS508") from None
-    return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started))
+    return Design.of(spec, outcome, solver=Solver(solver, engine.solves, time.perf_counter() - started, engine.method))
 
 
 def check(spec: Spec) -> list[Finding]:

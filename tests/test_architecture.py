@@ -40,6 +40,7 @@ LAYERS = (
     ("guide", "files.table"),
     ("sections",),
     ("coq",),
+    ("riccati",),
     ("lmi", "expressions", "files", "tables.text", "watch"),
     ("disk",),
     ("errors",),

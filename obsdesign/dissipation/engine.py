@@ -16,6 +16,20 @@ class Engine:
         self.solver = solver
         self.report = report
         self.solves = 0
+        self.eliminates = solver == "clarabel"  # whether Riccati equations may find a limit: not in its cross-check
+        self.eliminated = False  # whether one did
+        self.recalled: dict[tuple[bytes, ...], Answer] = {}  # what they told of which numbers
+
+    @property
+    def method(self) -> str:
+        """What found the limits: lmi, or riccati where such equations told."""
+        return "riccati" if self.eliminated else "lmi"
+
+    def distrust(self) -> bool:
+        """Leave Riccati equations out from now on; False if none found a limit so far."""
+        found, self.eliminated = self.eliminated, False
+        self.eliminates = self.eliminates and not found
+        return found
 
     def minimise(
         self, problem: Problem, start: Values | None = None, reduced: Reduced | None = None, *, precise: bool = False

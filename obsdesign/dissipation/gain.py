@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
 from obsdesign.dissipation.decimals import round_up, significant
+from obsdesign.dissipation.elimination import least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scan import edge, strides
@@ -45,9 +46,10 @@ def least(engine: Engine, family: Incremental) -> Solve:
     return lambda bounds, start: engine.minimise(family.least_gamma(bounds), start)
 
 
-def within(engine: Engine, family: Incremental, bounds: Bounds) -> Answer:
-    """Least gamma^2 within bounds."""
-    return bounded(least(engine, family), bounds)
+def within(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS) -> Answer:
+    """Least gamma^2 within bounds; by Riccati equations where there are none and these tell."""
+    known = least_gamma(engine, family, bounds)
+    return known if known is not None else bounded(least(engine, family), bounds)
 
 
 def bounded(solve: Solve, bounds: Bounds) -> Answer:

@@ -66,6 +66,7 @@ class Theorem:
     statement: str  # guarantee in words for {gamma} and {rate}, with the observer written out
     monotone: bool  # whether the least gamma never decreases with the rate
     pace: Pace = ALPHA
+    peak: bool = False  # whether (13) is homogeneous in P and mu, and gamma the least with P >= H'H
     at_rest: Literal["", "strict", "weak"] = ""  # how (13) holds for the rate zero, if it may be: strict, e converges
     gain: str = "L1"  # what the injection is called in a spec
     feedback: bool = True  # whether L2 is a gain of the observer; else it is zero

@@ -57,6 +57,8 @@ def falling(engine: Engine, family: Incremental, limit: Answer) -> tuple[tuple[f
         answer = engine.minimise(family.least_gamma(Bounds(L1=rational_number(str(size)))))
         if answer.status is Status.OPTIMAL:
             rows.append((size, math.sqrt(max(answer.objective, 0.0))))
+    if limit.gap is not None and rows:
+        return tuple(rows)
     fall = np.diff(np.log([gamma for _, gamma in rows[-4:]]))
     if len(fall) < STEADY or fall.max() >= math.log(0.8):
         return ()
@@ -136,7 +138,7 @@ def vanishing(engine: Engine, family: Incremental, limit: Answer) -> Vanishing:
 
     Gamma falls towards such a gain as well.
     """
-    if family.direct:
+    if family.direct or (limit.gap is not None and limit.objective > 0):  # bounded from below by what v does
         return Vanishing()
     silent = kept_out(family)
     attained = silent is not None and engine.widest(silent.feasible()).status is Status.OPTIMAL
@@ -195,7 +197,7 @@ def settled(engine: Engine, family: Incremental, answer: Answer, bounds: Bounds 
 
     Where there is no answer, such a gain within the bounds is searched; a given gain is no other.
     """
-    if family.L1 is not None or family.direct:
+    if family.L1 is not None or family.direct or (answer.gap is not None and answer.objective > 0):
         return answer
     optimal = answer.status is Status.OPTIMAL
     attained = not optimal and silencing(engine, family, bounds) is not None

@@ -42,6 +42,7 @@ class Answer:
     ending: Ending = Ending.SOLVED  # of the last solve
     contradiction: str = ""  # that was found before any solve
     solves: int = 0
+    gap: float | None = None  # relative, of the root of the objective, where it is known
 
     @property
     def reason(self) -> str:

@@ -109,7 +109,7 @@ def spectral_norm(rows: list[list[float]]) -> float:
 
 def limit_text(limit: Mapping[str, Any]) -> str:
     """One limit."""
-    numbers = [f"{k} {v:.6g}" for k, v in limit.items() if k not in {"attained", "unbounded", "kind", "at"}]
+    numbers = [f"{k} {v:.6g}" for k, v in limit.items() if k not in {"attained", "unbounded", "kind", "at", "gap"}]
     said = [", ".join([*(["unbounded"] if limit.get("unbounded") else []), *numbers])]
     said += [", ".join(f"at {key} {value:.6g}" for key, value in limit["at"].items())] if "at" in limit else []
     said += ["the best that was found"] if limit.get("kind") == "best-found" else []

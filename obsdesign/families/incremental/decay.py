@@ -3,18 +3,20 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import NO_BOUNDS, Bounds
+from obsdesign.dissipation.elimination import least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import excluded, least, searchable, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.pace import Pace
 from obsdesign.dissipation.scan import Minimum, edge, strides
 from obsdesign.dissipation.zero import settled, share_of_widest
-from obsdesign.lmi.reduce import between
+from obsdesign.lmi.reduce import Reduced, between
 from obsdesign.lmi.solve import Answer, Status, reduction
 
 EDGE = 1e-6  # relative, of the largest rate
@@ -40,8 +42,12 @@ class Decay:
         """
         search = searchable(self.family)
         low, high = (replace(search, rate=float(end)) for end in (grid[0], grid[-1]))
-        first = reduction(low.least_gamma(self.bounds))
-        last = reduction(high.least_gamma(self.bounds), first)
+
+        @cache
+        def ends() -> tuple[Reduced, Reduced]:
+            first = reduction(low.least_gamma(self.bounds))
+            return first, reduction(high.least_gamma(self.bounds), first)
+
         neighbor: Answer | None = None
         lost = False
         for i, rate in enumerate(map(float, grid)):
@@ -50,11 +56,15 @@ class Decay:
                 yield {"rate": rate, "status": str(Status.INFEASIBLE)}
                 continue
             here = replace(search, rate=rate)
+            known = least_gamma(self.engine, here, self.bounds)
+            if known is not None:
+                yield self.point(rate, known)
+                continue
             if self.bounds.L1 is not None:
                 answer = within(self.engine, here, self.bounds)
             else:
                 problem = here.least_gamma(self.bounds)
-                reduced = between(first, last, (here.loss - low.loss) / (high.loss - low.loss))
+                reduced = between(*ends(), (here.loss - low.loss) / (high.loss - low.loss))
                 answer = self.engine.minimise(problem, neighbor.values if neighbor else None, reduced)
                 if neighbor and not near(neighbor.objective, answer.objective):
                     answer = self.engine.minimise(problem, reduced=reduced)

@@ -11,10 +11,12 @@ import numpy as np
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Range
-from obsdesign.dissipation.certificate import rate_of
+from obsdesign.dissipation.certificate import Certificate, rate_of
 from obsdesign.dissipation.claim import best_claim, claim
+from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.elimination import LARGE, least_gamma, proved_central
 from obsdesign.dissipation.engine import Engine
-from obsdesign.dissipation.gain import doubles, searchable, small_gains
+from obsdesign.dissipation.gain import doubles, searchable, small_gains, within
 from obsdesign.dissipation.inequality import Incremental
 from obsdesign.dissipation.scaling import scaling
 from obsdesign.dissipation.zero import silent_gains
@@ -92,6 +94,9 @@ class Designer:
         if self.request.reconstruct:
             inverse = left_inverse(self.family.plant.B)
             outputs += [in_floats(inverse @ self.family.plant.A), in_floats(inverse)]
+        known = None if self.range or self.family.plant.n < LARGE else least_gamma(self.engine, in_floats(self.family))
+        if known and known.objective > 0:  # no gamma below it
+            return None
         grid = self.range.grid() if self.range else (self.lowest,)
         found = [solution for rate in grid if (solution := accurate(self.engine, replace(self.family, rate=rate)))]
         if not found:
@@ -144,9 +149,13 @@ class Designer:
 
     def gains(self, family: Incremental, gamma: float) -> Outcome:
         """Gains of small norm that reach gamma, or else one that keeps v from the error, rounded and proved."""
-        bounds = self.request.bounds
+        bounds, large = self.request.bounds, family.plant.n >= LARGE
+        if large and (central := self.central(family, gamma, "the smallest takes long to find for so large a plant")):
+            return central
         silent = ((found, None) for found in silent_gains(self.engine, family, bounds))
         made = self.proved(chain(small_gains(self.engine, family, gamma, bounds), silent), gamma)
+        if made.status is Verdict.UNCERTIFIED and not large:
+            made = self.central(family, gamma, "no smaller one was proved") or made
         if not made.gains:
             said = f"no gain was found for gamma = {gamma:g} at {self.pace.said(family.rate)}"
             raise UndecidedError(said, id="OBS507")
@@ -157,13 +166,29 @@ class Designer:
         made = Outcome(Verdict.UNCERTIFIED)
         for candidate, values in candidates:
             certificate = claim(self.engine, candidate, gamma, values, self.request.kept)
-            assert candidate.L1 is not None
-            asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
-            proof = Claim(certificate, asked=asked) if certificate else None
-            made = Outcome(Verdict.UNCERTIFIED, doubles(candidate), proof)
-            if proof and proof.holds:
-                return self.completed(candidate, replace(made, status=Verdict.CERTIFIED))
+            made = self.claimed(candidate, certificate)
+            if made.status is Verdict.CERTIFIED:
+                return self.completed(candidate, made)
         return made
+
+    def claimed(self, candidate: Incremental, certificate: Certificate | None) -> Outcome:
+        """Gains with a certificate, and whether it holds, the bounds of the request included."""
+        assert candidate.L1 is not None
+        asked = held(self.request, candidate.L1, certificate.gamma) if certificate else ()
+        proof = Claim(certificate, asked=asked) if certificate else None
+        status = Verdict.CERTIFIED if proof and proof.holds else Verdict.UNCERTIFIED
+        return Outcome(status, doubles(candidate), proof)
+
+    def central(self, family: Incremental, gamma: float, why: str) -> Outcome | None:
+        """Central gains that are proved, and a note on why it is them; None where none is, or bounds ask for others."""
+        if not self.engine.eliminates or self.request.bounds.restricted:
+            return None
+        certificate = proved_central(self.engine, family, gamma, self.request.kept)
+        made = certificate and self.claimed(certificate.family, certificate)
+        if not certificate or not made or made.status is not Verdict.CERTIFIED:
+            return None
+        self.notes.append(f"the gain is the central one of a Riccati equation: {why}; bounds.L1 asks for a smaller one")
+        return self.completed(certificate.family, made)
 
     def completed(self, family: Incremental, made: Outcome) -> Outcome:
         """Design with the bound on the reconstruction of w, if it is asked for and can be proved."""
@@ -254,8 +279,9 @@ class Designer:
         verdict = Verdict.CERTIFIED if proved else Verdict.UNCERTIFIED
         made = Outcome(verdict, doubles(family), Claim(certificate) if certificate else None)
         made = self.completed(family, made)
-        limit = self.engine.minimise(searchable(replace(family, L1=None)).least_gamma())
+        limit = within(self.engine, searchable(replace(family, L1=None)))
         known = {"gamma": math.sqrt(max(limit.objective, 0.0))} if limit.status is Status.OPTIMAL else {}
+        known |= {} if limit.gap is None else {"gap": round_up(limit.gap, 2)}
         limits = (
             self.limits.best({**known, "attained": False, **self.limits.kind(rate)}) if known else {"attained": False}
         )
@@ -307,6 +333,8 @@ def design(spec: Spec, engine: Engine) -> Outcome:
     try:
         made = designer.outcome()
     except UndecidedError:
+        if engine.distrust():  # gains are not where a Riccati equation has them: inequalities decide
+            return design(spec, engine)
         if (absent := designer.absent()) is None:
             raise
         made = absent

@@ -8,6 +8,8 @@ from typing import Any
 from flint import fmpq
 
 from obsdesign.dissipation.bounds import Bounds
+from obsdesign.dissipation.decimals import round_up
+from obsdesign.dissipation.elimination import LARGE, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.dissipation.gain import norm, sized, within
 from obsdesign.dissipation.inequality import Incremental, Theorem
@@ -19,6 +21,7 @@ from obsdesign.families.incremental.request import Request
 from obsdesign.families.outcome import BEST_FOUND, bounded_kind
 from obsdesign.lmi.solve import Status
 
+EASY = 2.0  # times the least gamma of a large plant, where gamma is not the objective
 FLAT = 1e-5  # relative difference of two gammas that are taken as equal
 
 
@@ -40,14 +43,15 @@ class Limits:
 
     def at(self, search: Incremental, rate: fmpq) -> tuple[dict[str, Any], Level | None]:
         """Least gamma over all gains, and over those within the bounds; the latter is None if there are none."""
-        answer = self.engine.minimise(search.least_gamma())
+        answer = within(self.engine, search)
         if answer.status is Status.INFEASIBLE:
             return {}, None
         free = self.request.objective in {"feasibility", "max-alpha"}
         table = (zero := vanishing(self.engine, search, answer)).table
         if answer.status is Status.OPTIMAL or table or zero.instead:
             level = Level.of_all(answer, zero)
-            known = {"gamma": level.gamma, "attained": level.attained, **self.kind(rate)}
+            gap = {} if answer.gap is None else {"gap": round_up(answer.gap, 2)}
+            known = {"gamma": level.gamma, "attained": level.attained, **gap, **self.kind(rate)}
             limits: dict[str, Any] = {"limit": self.best(known)}
         elif free or self.request.bounds.restricted:
             level, limits = Level(0.0), {"limit": {"attained": False}}
@@ -119,7 +123,13 @@ class Limits:
         return least.target(float(self.request.slack))
 
     def moderate(self, search: Incremental) -> float:
-        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one."""
+        """Least gamma of gains up to twice that of the solution of widest margin, or else the gamma of that one.
+
+        Of large plants that is searched no more: `EASY` times the least gamma.
+        """
+        known = least_gamma(self.engine, search, self.request.bounds) if search.plant.n >= LARGE else None
+        if known and known.objective > 0:
+            return EASY * math.sqrt(known.objective)
         wide = self.engine.widest(search.witness(None, Bounds(poles=self.request.bounds.poles)))
         if wide.status is not Status.OPTIMAL:
             raise UndecidedError(f"no solution was found for {self.pace.said(search.rate)}: {wide.reason}", id="OBS507")

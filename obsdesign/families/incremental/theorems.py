@@ -80,6 +80,7 @@ class Linf(Incremental):
         "(P3) |z(t)| <= {gamma} sup|v| from e0 = 0; (P4) limsup |z(t)| <= {gamma} sup|v| from every e0; "
         f"for {EQUATIONS}",
         monotone=False,
+        peak=True,
     )
 
     def theorem(self, v: Values) -> tuple[Inequality, ...]:

@@ -1,0 +1,88 @@
+"""Central gains: those of the largest P, with small noises beside v that make the inequality strict in every direction.
+
+For P = X^-1 the gain L = -[X C' + (B + X S) W^-1 D'] (D W^-1 D')^-1, W = -Q_uu and S = Q_eu of the form, minimises the
+Schur complement of the inequality. It is not the smallest gain that reaches a mu.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.lmi.formula import Float
+from obsdesign.riccati.equation import Equation
+from obsdesign.riccati.form import Eliminated, Form, UnclearError
+
+FASTER = 0.01  # of the decay rate: room
+ON_STATES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)  # noise on every state, of the size of v in balanced units
+FIRST = 1e-3  # .. with which that on the outputs is chosen
+ON_OUTPUTS = tuple(10 ** (k / 2) for k in range(-8, 9))  # of the noise of an output, or of the size of v in it
+COSTLY = 1.03  # factor of |L| that a noise on the states may cost
+DEFINITE = 1e-13  # of X with a unit diagonal
+
+
+@dataclass(frozen=True)
+class Central:
+    """A gain with the P that proves it."""
+
+    L: Float  # (n, p)
+    P: Float  # (n, n)
+
+    @property
+    def size(self) -> float:
+        """Spectral norm of the gain."""
+        return float(np.linalg.norm(self.L, 2))
+
+
+def central(form: Form, rate: float, mu: float, fits: Callable[[Float], bool]) -> Iterator[Central]:
+    """Gains for a mu above the least, the small ones first and then those with more room.
+
+    `rate`: the decay rate that is in the form already; `fits`: whether an X will do.
+    """
+    balanced, s = form.balanced()
+    fast, on_states, on_outputs = balanced.faster(FASTER * rate), *sizes(balanced)
+
+    def at(states: float, outputs: float) -> Central | None:
+        noisy = fast.noisy(np.full(form.n, states * on_states), outputs * on_outputs)
+        made = solution(noisy, mu, lambda X: fits(X * np.outer(s, s)))
+        return made and Central(s[:, None] * made.L, made.P / np.outer(s, s))
+
+    found = {outputs: made for outputs in (0.0, *ON_OUTPUTS) if (made := at(FIRST, outputs))}
+    if not found:
+        return
+    best = min(found, key=lambda outputs: found[outputs].size)
+    gains = [one for states in ON_STATES if (one := at(states, best))]
+    least = min(one.size for one in gains)
+    chosen = next(i for i, one in enumerate(gains) if one.size <= COSTLY * least)
+    yield from gains[chosen::-1]
+
+
+def sizes(form: Form) -> tuple[float, Float]:
+    """Size of v in the states of a balanced form and in every output."""
+    acts = float(np.linalg.norm(form.B, 2)) or 1.0
+    noise = np.linalg.norm(form.D, axis=1)
+    slowness = max(float(np.linalg.norm(form.A, 2)), np.finfo(float).tiny) ** -0.5
+    return acts, np.where(noise > 0, noise, np.linalg.norm(form.C, axis=1) * acts * slowness)
+
+
+def solution(form: Form, mu: float, fits: Callable[[Float], bool]) -> Central | None:
+    """Central gain and P of a form with noise on every output; None where there is none that fits."""
+    n, Q = form.n, form.at(mu)
+    try:
+        if np.linalg.matrix_rank(form.D) < len(form.D):
+            return None
+        space = Equation.of(Eliminated.of(form), mu).subspace()
+        X = None if space is None else space.X
+        if X is None or not np.isfinite(X).all() or not (np.diag(X) > 0).all():
+            return None
+        d = np.sqrt(np.diag(X))
+        values, vectors = np.linalg.eigh(X / np.outer(d, d))
+        if values[0] <= DEFINITE or not fits(X):
+            return None
+        inner = vectors / np.sqrt(values) / d[:, None]
+        W, S = -Q[n:, n:], Q[:n, n:]
+        back = np.linalg.solve(W, form.D.T)
+        L = -np.linalg.solve(form.D @ back, (X @ form.C.T + (form.B + X @ S) @ back).T).T
+    except (np.linalg.LinAlgError, UnclearError):
+        return None
+    return Central(np.asarray(L), np.asarray(inner @ inner.T)) if np.isfinite(L).all() else None

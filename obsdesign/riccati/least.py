@@ -1,0 +1,272 @@
+"""The least mu of a form, between a lower bound and a mu that has a solution.
+
+P(mu), the largest solution, is concave and never decreases (the form is affine in P and mu together). So where R R' is
+X of a mu with a solution, every smaller mu with one has R^-1 X R^-T >= I, and one without has a negative eigenvalue
+there or no X at all: no small number decides. 1 / (largest eigenvalue) is concave and falls through zero at the least
+mu, unless eigenvalues of H meet on the axis before.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from obsdesign.lmi.formula import Float
+from obsdesign.riccati.equation import SILENT, Equation, Signal, Subspace, dying, periodic
+from obsdesign.riccati.form import Eliminated, Form, UnclearError, ZeroError, without_exact_outputs
+
+SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the size of v: noise on every state
+UNSEEN = 2e-8  # relative: what that noise may add to mu before less of it is tried
+PEAK_SHARES = (1e-4, 1e-5)
+STEP = 16.0  # of mu, down from where there is a solution
+FAR = 256.0  # .. whose X is the first reference
+RANGE = 1e24  # of mu: beyond it nothing is looked for
+CLOSE = 1e-9  # relative, to which the edge is found
+NOISE = 1e-6  # .. by which a bound may be wrong
+WIDER = 8.0  # factor of the step above a bound that did not climb
+ABOVE = 1.5  # .. of a reference above an edge that is known
+ROUNDS = 60
+NEGATIVE = -1e-9  # of the eigenvalues of the first X, relative to the largest
+HALF = 0.5  # .. and of those of every other one, relative to its reference: they are above 1 or one is below 0
+MOST = 0.9  # share of mu that is due to the noise on the states where there is no mu but for it
+BELIEVED = 1e-4  # a relative gap of gamma^2 above this is no answer
+
+
+@dataclass(frozen=True)
+class Least:
+    """The least mu: `mu` has a solution, and none is below `lower`."""
+
+    mu: float
+    lower: float  # .. with a small noise on every state
+    added: float  # share of mu that is due to it, to first order
+
+    @property
+    def gap(self) -> float:
+        """Relative gap of sqrt(mu)."""
+        apart = abs(self.mu / self.lower - 1) if self.mu else 0.0
+        return math.sqrt((1 + apart) / (1 - self.added)) - 1
+
+    def agrees(self, noisier: "Least") -> bool:
+        """Whether it is what is left of a least mu with more noise when most of that is gone."""
+        return noisier.mu * (1 - 2 * noisier.added) <= self.mu <= noisier.mu
+
+
+@dataclass(frozen=True)
+class Point:
+    """What is known at one mu."""
+
+    mu: float
+    equation: Equation
+    space: Subspace | None  # None: on the axis
+    X: Float | None
+    level: float  # 1 / (largest eigenvalue of R^-1 X R^-T) > 0; < 0: there is no solution; -inf: on the axis
+    c: Float | None = None  # direction in which X is largest, for a bound
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a solution."""
+        return self.level > 0
+
+
+class Search:
+    """Points of one eliminated form."""
+
+    def __init__(self, form: Eliminated, noises: int) -> None:
+        self.form, self.noises = form, noises
+        self.R: Float | None = None  # of the reference
+
+    def at(self, mu: float) -> Point:
+        """Solve the equation at a mu and hold it against the reference, if there is one."""
+        equation = Equation.of(self.form, mu)
+        space = equation.subspace()
+        none = Point(mu, equation, None, None, -math.inf)
+        if space is None:
+            return none
+        try:
+            X = space.X
+        except np.linalg.LinAlgError:
+            return none
+        if not np.isfinite(X).all():
+            return none
+        R = np.diag(space.s) if self.R is None else self.R
+        inner = np.linalg.solve(R, np.linalg.solve(R, X).T)
+        values, vectors = np.linalg.eigh((inner + inner.T) / 2)
+        good = values[0] >= (HALF if self.R is not None else NEGATIVE * max(values[-1], 0.0))
+        negative = values[values < 0]
+        level = 1 / values[-1] if good and values[-1] > 0 else 1 / negative[-1] if len(negative) else -math.inf
+        worst = vectors[:, -1] if good or not len(negative) else vectors[:, len(negative) - 1]
+        return Point(mu, equation, space, X, level, self.direction(space, np.linalg.solve(R.T, worst)))
+
+    def direction(self, space: Subspace, vector: Float) -> Float | None:
+        """Costate xi with Z1 xi the vector, so that Z2 xi = X vector; normalised."""
+        try:
+            c = np.linalg.solve(space.Z1, space.s * vector)
+        except np.linalg.LinAlgError:
+            return None
+        length = float(np.linalg.norm(c))
+        return np.asarray(c / length) if 0 < length < math.inf else None
+
+    def refer(self, point: Point) -> Point:
+        """Make a solved point the reference: its level is 1."""
+        assert point.X is not None
+        X = point.X
+        d = np.sqrt(np.maximum(np.diag(X), 1e-12 * np.diag(X).max(initial=0.0)))
+        values, vectors = np.linalg.eigh(X / np.outer(d, d))
+        kept = np.maximum(values, 1e-13 * values[-1])
+        self.R = d[:, None] * (vectors * np.sqrt(kept))
+        return Point(point.mu, point.equation, point.space, X, 1.0, point.c)
+
+    def signal(self, point: Point) -> Signal:
+        """Signal that bounds mu from below: of a frequency on the axis, or else dying out where X is largest."""
+        if point.space is not None and point.c is not None:
+            return dying(self.form, point.equation, point.space, point.c, self.noises)
+        signals = [periodic(self.form, omega, point.mu, self.noises) for omega in point.equation.frequencies()]
+        return max(signals, key=lambda signal: signal.bound, default=SILENT)
+
+
+def least(form: Form) -> Least:
+    """Least mu of a form, to `BELIEVED` or better; 0 where any mu can be reached because no order is left.
+
+    Raises `UnclearError`: the numbers do not tell, or the least mu is zero or too small to be told from it.
+    """
+    reduced, _ = without_exact_outputs(form)
+    if not reduced.n or not form.Qc.any():
+        return Least(0.0, 0.0, 0.0)
+    balanced, _ = reduced.balanced()
+    found: Least | None = None
+    for share in SHARES:
+        try:
+            closer = of_noisy(balanced, share, found)
+        except ZeroError:
+            raise
+        except UnclearError as error:
+            unclear = error
+            continue
+        if found is None or closer.agrees(found):
+            found = closer
+        if found.added <= UNSEEN or found is not closer:
+            break
+    if found is None:
+        raise unclear
+    return found
+
+
+def least_peak(form: Form, H: Float) -> Least:
+    """Least mu with P >= H'H for some P, where the form is homogeneous in P and mu: lmax(H X H') for mu = 1.
+
+    X falls with the noise on the states, and no faster than in proportion to its square as that goes to zero.
+    Raises `UnclearError`, as `least`.
+    """
+    reduced, N = without_exact_outputs(form)
+    if not reduced.n or not H.any():
+        return Least(0.0, 0.0, 0.0)
+    balanced, s = reduced.balanced()
+    output = H @ N * s
+    found: list[float] = []
+    for share in PEAK_SHARES:
+        point = Search(Eliminated.of(reached(balanced, share)), reduced.n).at(1.0)
+        if not point.solved or point.X is None or not point.equation.solved_by(point.X):
+            raise UnclearError("no P was found")
+        found.append(float(np.linalg.eigvalsh(output @ point.X @ output.T).max(initial=0.0)))
+    noisier, mu = found
+    added = (noisier - mu) / mu if mu > 0 else 1.0
+    if not -NOISE < added < BELIEVED:
+        raise ZeroError("the least gamma is zero, or too small to be told from it")
+    return Least(mu, mu, max(added, 0.0))
+
+
+def of_noisy(form: Form, share: float, noisier: Least | None = None) -> Least:
+    """Least mu with a small noise on every state, and how much of it that noise adds.
+
+    `noisier`: that with more noise, just below which it is. Raises `UnclearError`.
+    """
+    search = Search(Eliminated.of(reached(form, share)), form.n)
+    inside, outside = bracket(search) if noisier is None else close(search, noisier)
+    inside, best = narrowed(search, inside, outside)
+    found = Least(inside.mu, best.bound, best.apart)
+    if found.added > MOST:
+        raise ZeroError("the least gamma is zero, or too small to be told from it")
+    if not 1 - BELIEVED < found.lower / found.mu < 1 + BELIEVED or found.added > BELIEVED:
+        raise UnclearError("the least gamma has no bound from below that is near enough")
+    return found
+
+
+def reached(form: Form, share: float) -> Form:
+    """Same with a small noise on every state, a share of the size of v; states are balanced.
+
+    It bounds X from below, which doubles need, and a mode on the axis that nothing reaches is no obstacle with it.
+    """
+    supplied = np.diag(form.Qm)[form.n :] < 0
+    size = np.linalg.norm(form.B[:, supplied], 2) or 1.0
+    return form.noisy(np.full(form.n, share * size), np.zeros(len(form.C)))
+
+
+def first(search: Search) -> Point:
+    """A point with a solution far above the least mu; it becomes the reference.
+
+    Raises `UnclearError`: there is none.
+    """
+    mu, most = 1.0, RANGE
+    while mu < most:
+        point = search.at(mu)
+        if point.solved and search.at(FAR * mu).solved:
+            return search.refer(search.at(FAR * mu))
+        mu *= FAR
+    raise UnclearError("no gamma was found that can be reached")
+
+
+def bracket(search: Search) -> tuple[Point, Point]:
+    """Neighbours of which the first has a solution and the second has none.
+
+    Raises `UnclearError`: no mu was found that has none.
+    """
+    inside = first(search)
+    least = inside.mu / RANGE
+    while inside.mu > least:
+        point = search.at(inside.mu / STEP)
+        if not point.solved:
+            return inside, point
+        inside = search.refer(point)
+    raise ZeroError("the least gamma is zero, or too small to be told from it")
+
+
+def close(search: Search, noisier: Least) -> tuple[Point, Point]:
+    """The same about what is left of a least mu with more noise. Raises `UnclearError`: it is not there."""
+    far = search.at(FAR * noisier.mu)
+    if far.solved:
+        search.refer(far)
+        inside = search.at(noisier.mu * ABOVE)
+        if inside.solved:
+            inside = search.refer(inside)
+            outside = search.at(noisier.mu * (1 - 2 * noisier.added - NOISE))
+            if not outside.solved:
+                return inside, outside
+    raise UnclearError("the least gamma is not clear in double precision")
+
+
+def narrowed(search: Search, inside: Point, outside: Point) -> tuple[Point, Signal]:
+    """Point with a solution within `CLOSE` of the edge, and the signal of the best lower bound that was met.
+
+    A point without a solution gives a lower bound, by Newton's method for the level or by the frequencies on the axis,
+    and the next point is just above it: the bounds climb to the edge, and one point with a solution ends it.
+    Raises `UnclearError`: a bound is above a mu that has a solution.
+    """
+    best, step = SILENT, CLOSE
+    for _ in range(ROUNDS):
+        found = search.signal(outside)
+        if found.bound > inside.mu * (1 + NOISE):
+            raise UnclearError("the least gamma is not clear in double precision")
+        best = max(best, found, key=lambda signal: signal.bound)
+        if inside.mu <= max(best.bound, outside.mu) * (1 + step):
+            break
+        if found.bound <= outside.mu * (1 + CLOSE):
+            step *= WIDER
+            mu = outside.mu * (1 + step) if best.bound > 0 and step < NOISE else math.sqrt(outside.mu * inside.mu)
+        else:
+            mu = min(best.bound * (1 + step), math.sqrt(best.bound * inside.mu))
+        point = search.at(mu)
+        if point.solved:
+            inside = point
+        else:
+            outside = point
+    return inside, max(best, search.signal(inside), key=lambda signal: signal.bound)

@@ -1,0 +1,122 @@
+"""The search over the scales of multipliers by Riccati equations: known limits, and agreement with the inequalities."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.rods import beam, chain, heat, random_family
+
+import obsdesign as od
+from obsdesign.dissipation import elimination, gain
+from obsdesign.dissipation.elimination import form_of, least_gamma
+from obsdesign.dissipation.engine import Engine
+from obsdesign.families.incremental.request import posed
+from obsdesign.lmi.formula import in_floats
+from obsdesign.lmi.solve import Status
+from obsdesign.model.multiplier import Multiplier, Scaled
+from obsdesign.riccati.form import UnclearError
+from obsdesign.riccati.least import least
+from obsdesign.riccati.scaled import least_scaled
+
+SLOW = pytest.mark.slow
+KNOWN = [  # by another program, and in part by matrix inequalities
+    pytest.param(chain(4), 0.2251135, id="chain 4"),
+    pytest.param(chain(8), 0.2253533, id="chain 8"),
+    pytest.param(chain(16), 0.2253467, id="chain 16"),
+    pytest.param(chain(32), 0.2253434, id="chain 32", marks=SLOW),
+    pytest.param(chain(64), 0.232418, id="chain 64", marks=SLOW),
+    pytest.param(chain(8, springs=(0, 1, 3)), 0.2685344, id="three springs"),
+    pytest.param(heat(12), 0.0359169, id="heat 12"),
+    pytest.param(heat(32), 0.0353804, id="heat 32", marks=SLOW),
+    pytest.param(beam(8), 0.2725422, id="beam 8"),
+    pytest.param(beam(12), 0.4721457, id="beam 12"),
+    pytest.param(beam(16), 0.480687, id="beam 16"),
+    pytest.param(beam(64), 0.962, id="beam 64", marks=SLOW),
+]
+
+
+def in_doubles(text):
+    """Family of a spec in doubles."""
+    return in_floats(posed(od.load(text)))
+
+
+@pytest.mark.parametrize(("text", "known"), KNOWN)
+def test_large_plants_have_their_limits(text, known):
+    found, scales = least_scaled(form_of(in_doubles(text)))
+    assert math.sqrt(found.mu) == pytest.approx(known, rel=1e-5)
+    assert found.gap < 3e-5
+    assert (scales > 0).all()
+
+
+@pytest.mark.parametrize(("seeds", "least"), [(range(7), 2), pytest.param(range(100, 120), 9, marks=SLOW)])
+def test_random_plants_have_the_limits_of_the_inequalities(seeds, least):
+    """No limit where those are infeasible, and none below theirs."""
+    compared = 0
+    for seed in seeds:
+        family = random_family(seed)
+        answer = Engine().minimise(family.least_gamma())
+        try:
+            found, _ = least_scaled(form_of(family))
+        except UnclearError:
+            continue
+        assert answer.status is not Status.INFEASIBLE
+        if answer.status is Status.OPTIMAL:
+            assert math.sqrt(found.mu) == pytest.approx(math.sqrt(answer.objective), rel=5e-5)
+            compared += 1
+    assert compared >= least
+
+
+def test_no_scales_have_a_gamma_below_the_bound():
+    form = form_of(in_doubles(chain(8, springs=(0, 1, 3))))
+    found, scales = least_scaled(form)
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        other = least(form.scaled(scales * np.exp(0.3 * rng.normal(size=3))))
+        assert other.mu >= found.lower
+    assert least(form.scaled(scales)).mu == pytest.approx(found.mu, rel=1e-5)
+
+
+def test_the_limit_does_not_depend_on_units_of_states_and_of_f():
+    family = in_doubles(chain(8))
+    p, S = family.plant, np.diag(10.0 ** np.array([3, -2, 0, 1, 2, 4, -3, 0]))
+    back = np.linalg.inv(S)
+    plant = replace(p, A=S @ p.A @ back, Bf=1e-4 * S @ p.Bf, B=S @ p.B, C=p.C @ back, Cq=1e3 * p.Cq @ back)
+    blocks = tuple(Scaled(b.member, 1e2 * b.M11, b.M12, b.M22) for b in family.multiplier.scaled_blocks())
+    other = replace(family, plant=plant, H=family.H @ back, multiplier=Multiplier(blocks))
+    found, _ = least_scaled(form_of(other))
+    assert math.sqrt(found.mu) == pytest.approx(0.2253533, rel=1e-5)
+
+
+def test_a_design_of_a_large_plant_is_proved():
+    made = od.solve(od.load(chain(16)))
+    assert made.proved
+    assert made.verify().holds
+    assert made.limit["gamma"] == pytest.approx(0.2253467, rel=1e-5)
+    assert made.limit["gap"] < 3e-5
+    solver = made.result["solver"]
+    assert (solver["engine"], solver["solves"]) == ("riccati", 0)
+    assert np.linalg.norm(made.gains["L1"], 2) < 220
+    assert any("the gain is the central one" in note for note in made.notes)
+
+
+def test_what_the_search_does_not_find_the_inequalities_decide(monkeypatch):
+    """No common scale has a solution here, and other scales have some."""
+    monkeypatch.setattr(elimination, "SEARCHED", 2)
+    found = {}
+    for seed in range(7):
+        family = random_family(seed)
+        if least_gamma(Engine(), family) is None:
+            answer = gain.within(Engine(), family)
+            assert answer.gap is None
+            found[answer.status] = seed
+    assert found
+
+
+def test_types_without_a_scale_each_and_small_plants_are_left_to_the_inequalities():
+    text = chain(16)
+    assert form_of(in_doubles(text)) is not None
+    assert form_of(in_doubles(text.replace("slope: [-1, 1]", "slope: [0, .inf]"))) is None
+    assert form_of(in_doubles(text.replace("type: l2", "type: l2, L2: free"))) is None
+    assert least_gamma(Engine(), in_doubles(chain(4))) is None
+    assert least_gamma(Engine(), in_doubles(chain(8, type="linf", alpha=0.05))) is None
