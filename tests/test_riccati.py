@@ -11,6 +11,8 @@ from obsdesign.dissipation import gain
 from obsdesign.dissipation.elimination import central_gains, form_of, least_gamma
 from obsdesign.dissipation.engine import Engine
 from obsdesign.families.incremental import design
+from obsdesign.families.incremental.request import posed
+from obsdesign.lmi.formula import in_floats
 from obsdesign.lmi.solve import Answer, Status
 from obsdesign.model.structure import undetectable
 from obsdesign.riccati.equation import Equation
@@ -261,3 +263,18 @@ def test_other_objectives_of_a_large_plant_need_no_inequalities(told):
     assert made.proved
     assert made.result["solver"]["solves"] == 0
     assert made.limit["gamma"] < made.result["guarantee"]["gamma"] <= 1
+
+
+ILL = (  # A, B, C, D, alpha: of a form whose solution doubles do not resolve, and the least gamma by its own bound
+    ([-2, -1, -2, 0], [1000, 1000, 2000, 0], [2, 2, 1, 2], 1e-3, 0.1, 2500.0),
+    ([-2, 2, 3, 1], [200, 0, -200, 0], [2, -2, 1, -2], 1e-3, 1.0, 2214.423),
+    ([1, 2, 0], [10, -20, 0], [-2, 2, 1], 1e-2, 1.0, 146.87675),
+)
+
+
+@pytest.mark.parametrize(("A", "B", "C", "D", "alpha", "gamma"), ILL)
+def test_nothing_is_told_of_a_form_whose_limit_depends_on_its_coordinates(A, B, C, D, alpha, gamma):
+    system = {"A": np.diag(A), "B": [[b, 0] for b in B], "C": [C], "D": [[0, D]]}
+    spec = od.Spec(system=system, observer={"type": "l2", "alpha": alpha})
+    found = least_gamma(Engine("clarabel"), in_floats(posed(spec)))
+    assert found is None or found.objective == pytest.approx(gamma**2, rel=1e-4)

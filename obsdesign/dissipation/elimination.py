@@ -27,6 +27,8 @@ ROOM = 2e-3  # of gamma, left to the rounding of the gain
 DIGITS = (6, 8, 12)  # of a shipped gain
 OF_P, OF_SCALES = (12, 15, 17), 8  # of its witness
 LARGE = 12  # order from which the smallest gain takes longer to find than it is worth
+TURNS = 3  # coordinates in which a limit must be the same
+SAME = 2e-5  # relative, of mu
 SEARCHED = 8  # order from which the scales of multipliers are found faster so than by inequalities
 
 
@@ -81,6 +83,8 @@ def least_gamma(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS)
             found, scales = least_scaled(form)
         else:
             found = least_peak(form, family.H) if family.about.peak else least(form)
+        if not all(abs(mu - found.mu) <= SAME * found.mu for mu in elsewhere(form, family, scales)):
+            return None  # doubles do not tell
     except (UnclearError, np.linalg.LinAlgError, ValueError, OverflowError):  # of numbers beyond doubles as well
         return None
     engine.eliminated = True
@@ -88,6 +92,17 @@ def least_gamma(engine: Engine, family: Incremental, bounds: Bounds = NO_BOUNDS)
     values = {} if scales is None else {name: scale * ONE for name, scale in zip(names, scales, strict=True)}
     engine.recalled[key] = Answer(Status.OPTIMAL, found.mu, values, gap=found.gap)
     return engine.recalled[key]
+
+
+def elsewhere(form: Form, family: Incremental, scales: Float | None) -> Iterator[float]:
+    """The same least mu in other coordinates: of an ill-conditioned form it comes out another."""
+    form, s = form.balanced()
+    for seed in range(TURNS):
+        R = np.linalg.qr(np.random.default_rng(seed).normal(size=(form.n, form.n))).Q
+        turned = form.turned(R)
+        if scales is not None:
+            turned = turned.scaled(scales)
+        yield (least_peak(turned, family.H * s @ R.T) if family.about.peak else least(turned)).mu
 
 
 def central_gains(family: Incremental, gamma: float, scales: Float) -> Iterator[Central]:

@@ -74,6 +74,13 @@ class Form:
         Qc, Qm, Qs = (Q * np.outer(rows, rows) for Q in (self.Qc, self.Qm, self.Qs))
         return Form(self.A * s / s[:, None], self.B / s[:, None], self.C * s, self.D, Qc, Qm, Qs), s
 
+    def turned(self, R: Float) -> "Form":
+        """Same in the states R e, R orthogonal."""
+        n, rows = self.n, np.eye(len(self.Qc))
+        rows[:n, :n] = R
+        Qc, Qm, Qs = (rows @ Q @ rows.T for Q in (self.Qc, self.Qm, self.Qs))
+        return Form(R @ self.A @ R.T, R @ self.B, self.C @ R.T, self.D, Qc, Qm, Qs)
+
     @property
     def supply(self) -> float:
         """Coefficient of mu |v|^2, negative."""
