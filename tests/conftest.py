@@ -61,8 +61,9 @@ def pytest_configure(config):
 
 
 def pytest_collection_finish():
-    """What is imported lives as long as the tests: garbage is not looked for in it again and again."""
+    """What is imported lives as long as the tests: garbage is not looked for in it, nor often."""
     gc.freeze()
+    gc.set_threshold(100_000, 50, 100)
 
 
 @pytest.hookimpl(tryfirst=True)
