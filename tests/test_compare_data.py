@@ -93,20 +93,39 @@ def test_all_observers_run_on_one_log_and_are_held_against_its_truth(log):
         assert one["states"]["angle"]["t5"] == table["t"][np.flatnonzero(angle > 0.05 * angle[0])[-1] + 1]
         assert one["states"]["speed"]["t5"] == 0
         assert 0 < one["time_s"] < 1e-3
+        assert one["steps_a_row"] == 1
+        assert one["row_s"] == pytest.approx(one["time_s"])
     found = {one["type"]: one["states"]["torque"]["error_rms"] for one in report["observers"]}
     assert max(found.values()) < 30 * min(found.values())
     assert Path("on.png").read_bytes().startswith(PNG)
 
 
+def test_an_observer_of_many_cheap_steps_is_told_by_the_row(log):
+    """In steps of the spec, in four times as many, or in such as are found by halving."""
+    Path("log.csv").write_text(log)
+    text = Path("lqe.yaml").read_text()
+    Path("fine.yaml").write_text(text.replace("period: 1.0e-3, method", "period: 2.5e-4, method"))
+    Path("found.yaml").write_text(
+        text.replace("implementation: {period: 1.0e-3, method: rk4}\n", "").replace(", observer: implementation", "")
+    )
+    report = compared("lqe.yaml", "fine.yaml", "found.yaml", "--data", "log.csv")
+    one, fine, found = report["observers"]
+    assert [one["steps_a_row"], fine["steps_a_row"]] == [1, 4]
+    assert found["steps_a_row"] == pytest.approx(1e-3 / found["step"])
+    for entry in (one, fine, found):
+        assert entry["row_s"] == pytest.approx(entry["steps_a_row"] * entry["time_s"], rel=1e-12)
+    assert fine["row_s"] > one["row_s"]
+
+
 @pytest.mark.slow
-def test_two_runs_differ_in_the_time_of_a_step_only(log):
+def test_two_runs_differ_in_the_times_of_a_step_and_a_row_only(log):
     Path("log.csv").write_text(log)
     reports, figures = [], []
     for _ in range(2):
         reports.append(compared("ekf.yaml", "lqe.yaml", "--data", "log.csv"))
         figures.append(Path("compare.png").read_bytes())
         for one in reports[-1]["observers"]:
-            del one["time_s"]
+            del one["time_s"], one["row_s"]
     assert reports[0] == reports[1]
     assert figures[0] == figures[1]
 
@@ -182,7 +201,7 @@ def test_an_observer_that_escapes_says_so_beside_the_others(log):
     found = od.compare(["wild.yaml", "lqe.yaml"], data="log.csv")
     wild, lqe = found.report["observers"]
     assert "the observer has no finite value after this row" in wild["run"]
-    assert wild["time_s"] is None
+    assert wild["time_s"] is wild["row_s"] is wild["steps_a_row"] is None
     assert lqe["run"] == "done"
     assert "it ended early" in str(found)
 
@@ -211,8 +230,10 @@ def test_python_and_the_table(log):
     found = od.compare(["ekf.yaml", od.load("lqe.yaml")], data="log.csv")
     lines = str(found).splitlines()
     assert lines[0].startswith("observer")
-    assert re.search("step us  output +innovation +white  estimate +error rms +5 % s +1 % s$", lines[0])
-    assert re.search(r"^ekf +ekf +no guarantee +9 +[\d.]+ +encoder +0\.00\d+ ", lines[1])
+    assert re.search(
+        "step us +steps a row +row us  output +innovation +white  estimate +error rms +5 % s +1 % s$", lines[0]
+    )
+    assert re.search(r"^ekf +ekf +no guarantee +9 +[\d.]+ +1 +[\d.]+ +encoder +0\.00\d+ ", lines[1])
     assert "from 0" in lines[2]
     assert "ekf: no guarantee" in lines
     with pytest.raises(od.UsageError, match="nothing to compare"):

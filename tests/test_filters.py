@@ -303,6 +303,9 @@ def test_a_mode_that_is_at_the_edge_but_driven_and_one_that_grows_undriven_have_
         ),
         ("ukf", "Q: {pull: 1}, R: 1", "observer.Q.pull: unknown signal pull; allowed: w"),
         ("lqe", "Q: 1, R: {z: 1}", "observer.R.z: unknown signal z; allowed: y"),
+        ("ekf", "Q: 1, R: {x2: 1}", "observer.R.x2: unknown signal x2; allowed: y"),
+        ("ekf", "Q: 1, R: {y: 0}", "observer.R.y: 0 is not allowed; give a number > 0"),
+        ("ekf", "Q: 1, R: {}", "observer.R: y is missing; give each output a number > 0"),
         ("lqe", "Q: 1, R: 0", "observer.R: has the eigenvalue 0; it must be positive definite"),
         ("lqe", "Q: 1, R: 1, P0: 1", "observer.P0: P0 does not belong to type lqe, but to ekf or ukf"),
         ("ekf", "Q: 1, R: 1, alpha: 1", "observer.alpha: alpha does not belong to type ekf"),
@@ -318,6 +321,35 @@ def test_what_is_wrong_is_one_line(kind, weights, said):
     outcome = run("simulate", "p.yaml")
     assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1), outcome.output
     assert said in outcome.stderr
+
+
+TWO = """obsdesign: 1
+system: {disturbances: [leak, push], dynamics: {soc: leak, temp: push - temp}, outputs: {tacho: soc, ammeter: temp}}
+observer: {type: ekf, WEIGHTS}
+simulation: {horizon: 1, x0: [1, 1], w: ["0", "0"]}
+"""
+
+
+def test_what_a_mapping_leaves_out_is_as_its_key_says_or_named():
+    Path("p.yaml").write_text(TWO.replace("WEIGHTS", "Q: 1, R: {tacho: 1}"))
+    outcome = run("simulate", "p.yaml")
+    assert (outcome.exit_code, outcome.stderr.count("\n")) == (2, 1), outcome.output
+    assert "observer.R: ammeter is missing; give each output a number > 0" in outcome.stderr
+    asked = loads(TWO.replace("WEIGHTS", "Q: {leak: 2}, R: {tacho: 1, ammeter: 3}, P0: {soc: 5}")).observer
+    assert [np.diag(M).tolist() for M in (asked.Q, asked.R, asked.P0)] == [[2, 0], [1, 3], [5, 1]]
+    assert "0 for a w that is not named" in run("explain", "observer.Q").stdout
+    assert "1 for a state that is not named" in run("explain", "observer.P0").stdout
+
+
+def test_the_spread_of_sigma_points_is_no_rate_that_asks_for_a_period():
+    text = """obsdesign: 1
+system: {time: discrete, disturbances: [d], dynamics: {x: 0.9*x + d}, outputs: {y: x}}
+observer: {type: KIND, Q: 1, R: 1}
+simulation: {horizon: 20, x0: {x: 1}, w: {d: "0"}}
+"""
+    same = filter_of(text.replace("KIND", "ekf")).simulate()
+    for kind in ("ukf", "ukf, alpha: 0.5"):
+        assert filter_of(text.replace("KIND", kind)).simulate().xihat == pytest.approx(same.xihat, abs=1e-9)
 
 
 @pytest.mark.parametrize("at", ["at: {x: 0}", ""])

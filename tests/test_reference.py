@@ -6,8 +6,9 @@ import pytest
 from jsonschema import Draft202012Validator
 from support.commands import run
 
+from obsdesign.families import FAMILIES
 from obsdesign.reading import json_schema
-from obsdesign.reading.reference import entries, listed, parts, walked
+from obsdesign.reading.reference import entries, explained, listed, parts, walked
 from obsdesign.reading.schema import File
 from obsdesign.sections.document import compose
 from obsdesign.sections.values import Reader
@@ -104,3 +105,12 @@ def test_what_was_probably_meant_is_said(wrong, meant):
 def test_sections_that_only_repeat_others_are_left_out():
     (disturbance,) = parts(File.forms()["disturbance"].form)
     assert {"sinusoid", "type"} < set(disturbance.forms())
+
+
+def test_a_key_of_an_observer_names_all_types_that_have_it():
+    for name, family in FAMILIES.items():
+        for key in family.Section.forms():
+            assert name in {known for entry in entries()[f"observer.{key}"] for known in entry.types}, key
+    for key in ("Q", "R"):
+        assert "\nType ekf, ukf, lqe: " in f"\n{explained(f'observer.{key}')}"
+    assert "Type ekf, ukf: " in explained("observer.P0")

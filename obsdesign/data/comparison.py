@@ -85,6 +85,19 @@ class Errors:
 
 
 @dataclass(frozen=True)
+class Cost:
+    """CPU time of the first rows of a log, reading left out, and how many steps it is spent on."""
+
+    row: float  # s
+    steps: float  # of the observer in a row
+
+    @property
+    def written(self) -> dict[str, float]:
+        """Entries of a report."""
+        return {"time_s": self.row / self.steps, "steps_a_row": self.steps, "row_s": self.row}
+
+
+@dataclass(frozen=True)
 class LogEntrant:
     """One observer on a log, and what was found of it."""
 
@@ -97,7 +110,7 @@ class LogEntrant:
     rows: Float  # some rows for a figure: t, estimates, innovations, truth
     heads: tuple[str, ...]
     counts: Mapping[str, Any]
-    step: float | None  # s, CPU time of one; None where none is taken on its own
+    cost: Cost | None  # None where no step is taken on its own
     run: str  # done, or why it ended
 
     @property
@@ -130,7 +143,7 @@ class LogEntrant:
             "innovation_rms": {name: one["rms"] for name, one in told.items()},
             "white": {name: one["white"] for name, one in told.items()},
             "states": self.errors.report(),
-            "time_s": self.step,
+            **(self.cost.written if self.cost else dict.fromkeys(("time_s", "steps_a_row", "row_s"))),
         }
 
 
@@ -146,7 +159,7 @@ class LogComparison:
 
     @cached_property
     def report(self) -> Mapping[str, Any]:
-        """Everything that is said of them, as `--json`; `time_s` differs between two runs."""
+        """Everything that is said of them, as `--json`; `time_s` and `row_s` differ between two runs."""
         known = dict.fromkeys(name for one in self.entrants for name in one.truth)
         return {
             "plant": {"name": self.entrants[0].design.spec.name},
@@ -298,10 +311,10 @@ def shown(part: Part, known: Sequence[int]) -> Float:
     return np.column_stack([part.t, part.estimates, part.innovations, part.truth[:, known]])
 
 
-def cost_of(made: Estimation) -> float | None:
-    """CPU time of one step in s: the least of several ways along the first rows; None of measurements that come late.
+def cost_of(made: Estimation) -> Cost | None:
+    """CPU time of a row: the least of several ways along the first rows; None of measurements that come late.
 
-    Reading the log is not counted; a step is that of the observer, of which there may be several between two rows.
+    Reading the log is not counted; between two rows there may be several steps of the observer.
     """
     log, start = made.log, made.start
     if made.late_ones or start is None:
@@ -314,7 +327,9 @@ def cost_of(made: Estimation) -> float | None:
         one.run(rows.known, rows.u, rows.y, 0, made.first, made.step)
         took = time.process_time() - before
         least, spent = min(least, took), spent + max(took, 1e-6)
-    return least / steps_of(made, rows, float(start.one.period.p) / float(start.one.period.q))
+    steps = steps_of(made, rows, float(start.one.period.p) / float(start.one.period.q))
+    count = max(1, len(rows.known) - 1)
+    return Cost(least / count, steps / count)
 
 
 def first_of(log: Log) -> Rows:

@@ -13,7 +13,7 @@ from obsdesign.sections.values import Reader
 
 LOC: Loc = ("system", "period")
 TIME = re.compile(r"(?<![a-zA-Z])(s|ms|us|min|h)(?![a-zA-Z])")  # in a unit
-TIMED = ("alpha", "decay")  # keys of an observer that are in 1/s
+RATE = "1/s"  # unit of a key of an observer
 
 
 def read_period(reader: Reader, file: File, family: Family | None) -> fmpq | None:
@@ -58,9 +58,9 @@ def read_discretised(reader: Reader, system: Equations | InMatrices, family: Fam
 
 def in_seconds(file: File) -> Iterator[str]:
     """What of a spec is in seconds."""
-    for name in TIMED:
-        if getattr(file.observer, name, None) is not None:
-            yield f"observer.{name} is in 1/s"
+    for name, one in (file.observer.declared if file.observer else {}).items():
+        if one.unit == RATE and getattr(file.observer, name) is not None:
+            yield f"observer.{name} is in {RATE}"
     if file.disturbance not in (None, "unknown"):
         yield "the disturbance model is driven per second"
     for name, unit in (file.system.units if file.system else {}).items():

@@ -89,7 +89,10 @@ def walked(section: type[Section], prefix: str) -> Iterator[tuple[str, Key, type
 
 
 def parts(form: Form | type[Section]) -> Parts:
-    """Sections that may stand at a place; those that hold no more than others are left out."""
+    """Sections that may stand at a place; those that hold no more than others are left out, but for observers.
+
+    Of these the type tells which it is.
+    """
     found: Parts = []
     if isinstance(form, type):
         found = [form]
@@ -103,7 +106,12 @@ def parts(form: Form | type[Section]) -> Parts:
     elif hasattr(form, "sections"):
         found = form.sections()
     found = list(dict.fromkeys(found))
-    return [part for part in found if not any(other is not part and issubclass(other, part) for other in found)]
+    return [
+        part
+        for part in found
+        if issubclass(part, ObserverSection)
+        or not any(other is not part and issubclass(other, part) for other in found)
+    ]
 
 
 def words(form: Form | type[Section]) -> str:

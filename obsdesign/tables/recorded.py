@@ -6,9 +6,9 @@ from typing import Any
 
 from obsdesign.tables.comparison import STARTS, columns, number
 
-KNOWN = ("observer", "type", "status", "order", "step us")
+KNOWN = ("observer", "type", "status", "order", "step us", "steps a row", "row us")
 SEEN, TRUE = ("output", "innovation", "white"), ("estimate", "error rms", "5 % s", "1 % s")
-RIGHT = ("innovation", "white", "error rms", "step us")
+RIGHT = ("innovation", "white", "error rms", "step us", "steps a row", "row us")
 
 
 def recorded_table(report: Mapping[str, Any]) -> str:
@@ -29,7 +29,8 @@ def recorded_table(report: Mapping[str, Any]) -> str:
             if truth
             else ["no truth: no column is called as a state; --map STATE=COLUMN names one"]
         ),
-        "step us: CPU time of one step in microseconds, reading left out; it differs between two runs",
+        "step us, row us: CPU time of one step, and of all steps from a row to the next, in microseconds, reading left "
+        "out; they differ between two runs",
         *(f"{one['label']}: {said_of(one)}".replace("; ", ";\n  ") for one in report["observers"]),
     ]
     return "\n".join([*columns([[*KNOWN, *SEEN, *(TRUE if truth else ())], *rows], RIGHT), "", *notes])
@@ -37,8 +38,10 @@ def recorded_table(report: Mapping[str, Any]) -> str:
 
 def rows_of(observer: Mapping[str, Any], truth: bool) -> list[Sequence[str]]:
     """Rows of an observer; only the first says which it is."""
-    step = "-" if observer["time_s"] is None else f"{1e6 * observer['time_s']:.3g}"
-    known = (observer["label"], observer["type"], observer["status"], str(observer["order"]), step)
+    times = ["-"] * 3
+    if observer["time_s"] is not None:
+        times = [micro(observer["time_s"]), f"{observer['steps_a_row']:.4g}", micro(observer["row_s"])]
+    known = (observer["label"], observer["type"], observer["status"], str(observer["order"]), *times)
     seen = [
         (name, number(rms, "none"), white(observer["white"][name])) for name, rms in observer["innovation_rms"].items()
     ]
@@ -51,6 +54,11 @@ def rows_of(observer: Mapping[str, Any], truth: bool) -> list[Sequence[str]]:
         begin = known if k == 0 else ("",) * len(known)
         rows.append([*begin, *(one or ("",) * len(SEEN)), *((error or ("",) * len(TRUE)) if truth else ())])
     return rows
+
+
+def micro(time: float) -> str:
+    """Time in s as microseconds."""
+    return f"{1e6 * time:.3g}"
 
 
 def settled(time: float | None) -> str:

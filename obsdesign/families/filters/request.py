@@ -24,13 +24,14 @@ class FilterSection(ObserverSection):
 
     Q: Entries | dict[str, str] | None = key(
         WEIGHT,
-        "intensity (of samples covariance) of the white noise that w is taken for: a number, a matrix, or one by name",
+        "intensity (of samples covariance) of the white noise that w is taken for: a number, a matrix, or one by name, "
+        "0 for a w that is not named",
         otherwise="without w none is needed; with w it must be given",
         example="{w1: 100, w2: 1000}",
     )
     R: Entries | dict[str, str] = required(
         WEIGHT,
-        "intensity (of samples covariance) of the noise of y: a number, a matrix, or one by name",
+        "intensity (of samples covariance) of the noise of y: a number, a matrix, or one by name, of each output",
         example="{y1: 1.0e-2, y2: 1.0e-4}",
     )
     estimate: str = key(
@@ -45,7 +46,10 @@ class ExtendedSection(FilterSection):
     """Keys of the extended Kalman filter."""
 
     P0: Entries | dict[str, str] | None = key(
-        WEIGHT, "covariance of x at first: a number, a matrix, or one by name", otherwise="I", example="{x1: 1, x2: 36}"
+        WEIGHT,
+        "covariance of x at first: a number, a matrix, or one by name, 1 for a state that is not named",
+        otherwise="I",
+        example="{x1: 1, x2: 36}",
     )
 
 
@@ -163,7 +167,10 @@ def read_weight(
     *,
     positive: bool = False,
 ) -> Array:
-    """Weight over an axis, in doubles; a single number is a multiple of the identity."""
+    """Weight over an axis, in doubles; a single number is a multiple of the identity.
+
+    Where it must be positive and there is no default that is, each name must be given.
+    """
     loc: Loc = ("observer", what)
     size = axis.size or 0
     if written is None:
@@ -172,9 +179,11 @@ def read_weight(
         diagonal = np.full(size, default)
         for name, text in written.items():
             if name in names and names.index(name) < size:
-                diagonal[names.index(name)] = float(reader.number(text, (*loc, name), ">= 0"))
+                diagonal[names.index(name)] = float(reader.number(text, (*loc, name), "> 0" if positive else ">= 0"))
             elif names:
                 reader.wrong((*loc, name), unknown("signal", name, tuple(names), {}), at_key=True, id="OBS203")
+        if positive and not default and (missing := [name for name in names[:size] if name not in written]):
+            require_named(reader, missing, loc)
         found = np.diag(diagonal)
     elif isinstance(written, str):
         found = float(reader.number(written, loc, ">= 0")) * np.eye(size)
@@ -183,6 +192,14 @@ def read_weight(
     if reader.clean(loc) and size:
         require_weight(reader, found, loc, positive=positive)
     return found
+
+
+def require_named(reader: Reader, missing: Sequence[str], loc: Loc) -> None:
+    """Refuse a mapping without some names; where one is unknown, it may be one of these misspelt."""
+    if reader.clean(loc):
+        verb = "is" if len(missing) == 1 else "are"
+        said = f"{', '.join(missing)} {verb} missing; give each output a number > 0"
+        reader.wrong(loc, said, id="OBS205")
 
 
 def require_weight(reader: Reader, found: Array, loc: Loc, *, positive: bool) -> None:
