@@ -206,7 +206,9 @@ simulation: {horizon: 3, x0: [0.9], x0_width: [0.3], points: 51}
     for bound in report["bounds"]:
         assert (bound["until"], bound["cut"]) == (min(times.values()), len(escapes))
         assert bound["cut_by"] == ["left the region"]
-    until = f"{len(escapes)} of them until they left the region (earliest t = {min(times.values()):.4g} s), worst"
+    until = (
+        f"in {len(escapes)} of these only until they left the region (earliest t = {min(times.values()):.4g} s), worst"
+    )
     assert until in str(found)
     assert until.removesuffix(", worst") in " ".join(envelope_sheet(found).get_suptitle().split())
     (reason,) = [one for one in report["bounds_omitted"] if one["runs"] == len(escapes)]

@@ -126,6 +126,6 @@ def checked_until(bound: Mapping[str, Any]) -> str:
     """Until when a bound was checked, where that is not the end of every run; otherwise nothing."""
     if not (cut := bound["cut"]):
         return ""
-    who = "each until it" if cut == bound["checked"] else f"{cut} of them until {'they' if cut > 1 else 'it'}"
+    who = "each until it" if cut == bound["checked"] else f"in {cut} of these only until {'they' if cut > 1 else 'it'}"
     first = "earliest " if cut > 1 else ""
     return f"{who} {' or '.join(bound['cut_by'])} ({first}t = {bound['until']:.4g} s)"
