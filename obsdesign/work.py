@@ -20,11 +20,11 @@ from obsdesign.families.finding import Finding, finding
 from obsdesign.families.outcome import Outcome, Proof, Verdict
 from obsdesign.files import ResultFile
 from obsdesign.reading import load, loads
-from obsdesign.sections.changes import claimed, require_distinct
+from obsdesign.sections.changes import require_distinct
 from obsdesign.sections.scalars import described
 from obsdesign.simulate.comparison import Comparison
 from obsdesign.simulate.comparison import compare as compared
-from obsdesign.simulate.drawing import require_fitting
+from obsdesign.simulate.drawing import require_fitting, same_plant
 from obsdesign.spec import Spec
 
 __all__ = ["check", "compare", "lipschitz", "load", "read", "solve", "verify"]
@@ -124,7 +124,7 @@ def trial(
     """Design that is to be simulated: of a result file, or of a spec, with the gains of a file or solved first.
 
     `changes`: of single keys of the spec, as `load` takes them; beside a result file, of keys of `simulation:` only.
-    `labelled`: whether the gains may be those of another spec, on whose plant nothing is proved of them. Raises
+    `labelled`: whether the gains may be those of another spec; nothing is proved of them on another plant. Raises
     `UsageError`: gains go with a spec, and do not fit it; `InfeasibleError`: there are none.
     """
     if labelled and not gains:
@@ -159,20 +159,22 @@ def of_spec(gains: str, spec: Spec) -> Design:
     except UsageError as error:
         if error.problems[0].id != "OBS704":
             raise
-        said = "`simulate --labelled` runs them with this plant, with no guarantee"
+        said = "`simulate --labelled` runs them with this plant, with no guarantee where it is another"
         raise UsageError(*(replace(one, message=f"{one.message}; {said}") for one in error.problems)) from None
 
 
 def on_plant_of(design: Design, other: Spec) -> Design:
-    """Design that is run with the plant of another spec; as it is, if that is its own.
+    """Design that is run with the plant of another spec; with what is proved of it, if that is its own.
 
     Raises `UsageError`: the gains do not fit that plant.
     """
     own = design.spec
-    if (own.text, claimed(own.changes)) == (other.text, claimed(other.changes)):
-        return replace(design, spec=replace(own, simulation=other.simulation, data=other.data, changes=other.changes))
     require_fitting(own, other, design.path)
-    return replace(design, elsewhere=other)
+    if not same_plant(own, other):
+        return replace(design, elsewhere=other)
+    tried = replace(own, simulation=other.simulation or own.simulation, data=other.data)
+    there = {name: getattr(other, name) for name in ("text", "path", "changes", "origin")}
+    return replace(design, spec=replace(tried, **there))
 
 
 def otherwise(design: Design, changes: Sequence[str]) -> Design:

@@ -202,8 +202,23 @@ simulation: {horizon: 3, x0: [0.9], x0_width: [0.3], points: 51}
     assert report["errors"]["x"]["seed"] not in escapes
     assert (found.table()[1][:, -1] == 6 - len(escapes)).all()
     assert all(bound["holds"] for bound in report["bounds"])
-    assert any("left its region at t = .." in one["reason"] for one in report["bounds_omitted"])
+    times = {seed: made(text).simulate(seed=seed).summary["validity"]["left"][0]["time"] for seed in escapes}
+    for bound in report["bounds"]:
+        assert (bound["until"], bound["cut"]) == (min(times.values()), len(escapes))
+        assert bound["cut_by"] == ["left the region"]
+    until = (
+        f"in {len(escapes)} of these only until they left the region (earliest t = {min(times.values()):.4g} s), worst"
+    )
+    assert until in str(found)
+    assert until.removesuffix(", worst") in " ".join(envelope_sheet(found).get_suptitle().split())
+    (reason,) = [one for one in report["bounds_omitted"] if one["runs"] == len(escapes)]
+    assert reason["reason"].endswith(f"left its region at t = {min(times.values()):.4g} at the earliest")
     assert f"{len(escapes)} of 6" in str(found)
+    observed = made(text.replace("x**3 - x", "a*x**3 - x").replace("system", "parameters: {a: 1}\nsystem"))
+    gone = observed.montecarlo(2, x0=[1.3], x0_width=None, uncertainty={"a": 0.01})
+    assert gone.report["escaped"] == [0, 1]
+    said = "kept in 2 of 2 runs, each until it left the region (earliest t = "
+    assert said in str(gone)
     gone = made(text).montecarlo(2, x0=[3])
     assert gone.report["escaped"] == [0, 1]
     assert gone.report["errors"]["x"]["rms"] is None
@@ -228,6 +243,8 @@ def test_the_envelope_holds_the_quantiles_of_the_runs():
         f"worst: seed {found.report['errors'][name]['worst_rms_seed']}" for name in found.names
     ]
     assert "proved bounds hold in every run" in figure.get_suptitle()
+    assert "until" not in figure.get_suptitle() + str(found)
+    assert {bound["until"] for bound in found.report["bounds"]} == {None}
 
 
 def test_a_run_that_breaks_a_proved_bound_is_a_defect_and_one_that_is_observed_is_not():
@@ -244,6 +261,39 @@ def test_a_run_that_breaks_a_proved_bound_is_a_defect_and_one_that_is_observed_i
     require_all_kept(observed, "x.csv")
     assert "kept in 3 of 4 runs, worst 9 > 3 (seed 5)" in montecarlo_table(observed.report)
     assert "VIOLATED" not in montecarlo_table(observed.report) + envelope_sheet(observed).get_suptitle()
+
+
+def test_a_single_run_has_one_seed_in_the_table_and_in_the_figure():
+    found = made(PENDULUM).montecarlo(1)
+    assert str(found).splitlines()[0].split() == ["runs", "1,", "seed", "3"]
+    assert "1 run, seed 3;" in envelope_sheet(found).get_suptitle()
+
+
+def test_a_filter_has_one_line_that_says_that_nothing_is_proved():
+    found = made(KINDS["ekf"]).montecarlo(2, uncertainty=None)
+    why = "no guarantee: nothing is proved of these gains with this plant"
+    assert (found.report["no_guarantee"], found.report["bounds_omitted"]) == (why, [])
+    assert str(found).count(why) == 1
+    assert "no guarantee" in envelope_sheet(found).get_suptitle()
+
+
+def test_a_bound_that_is_stated_of_some_runs_says_so_and_why():
+    text = SCALAR % ("", "-1", "{type: sporadic, T1: 0.1, T2: 0.2}", NOISE % ("", ", dropout: 0.5"))
+    found = made(text.replace("uncertainty: {a: 0.1}, ", "")).montecarlo(8)
+    some = [bound for bound in found.report["bounds"] if bound["checked"] < 8]
+    assert some
+    for bound in some:
+        assert (
+            f"holds in {bound['kept']} of {bound['checked']} runs, not stated of the other {8 - bound['checked']}"
+            in str(found)
+        )
+        assert bound["cut_by"] == ["left the intervals between measurements"]
+    assert any("some are stated of a part of the runs" in note for note in found.report["notes"])
+    assert (
+        f"{len(found.report['bounds'])} proved bounds hold in every run of which they are stated, each until it left"
+        in (" ".join(envelope_sheet(found).get_suptitle().split()))
+    )
+    assert any("overdue at t = 0.2 at the earliest" in one["reason"] for one in found.report["bounds_omitted"])
 
 
 def test_the_part_of_a_bound_that_is_zero():
@@ -377,7 +427,8 @@ def test_gains_run_on_another_plant_where_that_is_asked_for_and_nothing_is_guara
     arguments = ["--gains", "pendulum.gains.json", "heavy.yaml", "--labelled"]
     outcome = run("simulate", *arguments)
     assert outcome.exit_code == 0, outcome.output
-    assert "no guarantee: the plant is that of heavy.yaml, and the gains in pendulum.gains.json were" in outcome.stdout
+    said = "the plant is that of heavy.yaml, and what is proved of the gains in pendulum.gains.json is of their own"
+    assert f"no guarantee: {said} plant" in outcome.stdout
     assert "\nbound " not in outcome.stdout
     told = summary(*arguments)
     assert told["bounds"] == []
@@ -388,6 +439,12 @@ def test_gains_run_on_another_plant_where_that_is_asked_for_and_nothing_is_guara
     assert [bound["proved"] for bound in many["bounds"]] == [False] * 4
     own = summary("--gains", "pendulum.gains.json", "pendulum.yaml", "--labelled")
     assert ("observed" in own, len(own["bounds"])) == (False, 4)  # its own plant
+    Path("same.yaml").write_text(
+        PENDULUM.replace("alpha: rate", "alpha: 1").replace("name: Pendulum", "name: Other\nperformance: [speed]")
+    )
+    assert summary("--gains", "pendulum.gains.json", "same.yaml", "--labelled")["bounds"] == own["bounds"]
+    many = summary("--gains", "pendulum.gains.json", "same.yaml", "--labelled", "--runs", 2)
+    assert (many.get("no_guarantee"), [bound["proved"] for bound in many["bounds"]]) == (None, [True] * 4)
     changed = summary("--gains", "pendulum.gains.json", "pendulum.yaml", "--labelled", "--set", "parameters.m=1.5")
     assert "the plant is that of pendulum.yaml with parameters.m=1.5" in changed["no_guarantee"]
 

@@ -164,7 +164,11 @@ def test_gamma_says_nothing_of_the_ratio_of_a_run_that_leaves_its_region(tmp_pat
     assert run("solve", "case.yaml", "-q").exit_code == 0
     stays = run("simulate", "case.gains.json", "--set", "simulation.horizon=0.9").stdout
     assert "; at most gamma from zero error" in stays
+    assert "holds until" not in stays
     leaves = run("simulate", "case.gains.json").stdout
+    summary = json.loads(run("simulate", "case.gains.json", "--json").stdout)
+    assert [bound["until"] for bound in summary["bounds"]] == [summary["validity"]["left"][0]["time"]] * 4
+    assert f"holds until t = {summary['bounds'][0]['until']:.4g} s: " in leaves
     assert "ratio  " in leaves
     assert "at most gamma" not in leaves
     assert "escape at t = 2 s: computed until then" in leaves

@@ -28,6 +28,7 @@ class Bound(TypedDict):
     holds: bool
     accuracy: float  # by how much the value may exceed the bound and keep it: what the integration resolves
     time: NotRequired[float]  # s, of a bound for all t: where it is tightest
+    until: NotRequired[float]  # s, up to when it was checked, where that is not the whole run
 
 
 class Rates(NamedTuple):

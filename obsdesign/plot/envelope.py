@@ -8,6 +8,7 @@ import numpy as np
 from obsdesign.plot.axis import DECADES, plain, time_axis, with_unit
 from obsdesign.plot.canvas import BOUND, ESTIMATE, TRUE, Panel, compose, drawn, legend_below, log_ticks
 from obsdesign.plot.comparison import name_axis
+from obsdesign.tables.text import checked_until, seed_range
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,8 +34,8 @@ def heading(found: "MonteCarlo") -> str:
     """Name of the spec, number of runs, and what is proved of them or that nothing is."""
     report = found.report
     lost = len(report["escaped"]) + len(report["stalled"])
-    first = report["seed"]
-    said = [f"{report['runs']} runs, seeds {first} to {first + report['runs'] - 1}", promise(found)]
+    runs = report["runs"]
+    said = [f"{runs} run{'s' * (runs > 1)}, {seed_range(report)}", promise(found)]
     said += [f"{lost} of them did not go on to the end, and are not drawn"] if lost else []
     said += [f"{len(report['left_region'])} left the region of the declared types"] if report["left_region"] else []
     said += ["nothing is drawn: every run is the same"] if found.same else []
@@ -50,7 +51,13 @@ def promise(found: "MonteCarlo") -> str:
     if broken := sum(not bound["holds"] for bound in bounds):
         return f"{broken} of {len(bounds)} bounds VIOLATED"
     every = all(bound["checked"] == found.report["runs"] for bound in bounds)
-    return f"{len(bounds)} proved bounds hold in every run{'' if every else ' that they cover'}"
+    said = f"{len(bounds)} proved bounds hold in every run{'' if every else ' of which they are stated'}"
+    stated = [one for one in found.members if one.bounds]
+    cut = {one.seed: one.bounds[0]["until"] for one in stated if "until" in one.bounds[0]}
+    why = dict.fromkeys(one.cut_by for one in stated if one.seed in cut)
+    least = min(cut.values(), default=None)
+    until = checked_until({"checked": len(stated), "cut": len(cut), "cut_by": [*why], "until": least})
+    return ", ".join(filter(None, (said, until)))
 
 
 def panel(found: "MonteCarlo", k: int) -> Panel:

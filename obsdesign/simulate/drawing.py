@@ -11,13 +11,15 @@ import numpy as np
 
 from obsdesign.errors import Problem, UsageError
 from obsdesign.reading import varied, with_simulation
-from obsdesign.sections.changes import claimed
+from obsdesign.sections.changes import claimed, opened
 from obsdesign.spec import Spec
 
 if TYPE_CHECKING:
     from obsdesign.design import Design
 
 START, PARAMETERS = 1, 2  # numbers of the generators of a seed
+WORDS = frozenset(("name", "source", "description", "reproduces", "expect"))
+BESIDE = WORDS | {"performance", "observer", "simulation", "data"}  # sections that leave the plant as it is
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,9 @@ def foreign(design: "Design", parameters: Mapping[str, float]) -> str:
     if design.elsewhere is not None:
         changed = f" with {', '.join(told)}" if (told := claimed(design.elsewhere.changes)) else ""
         there = f"{design.elsewhere.path}{changed}"
-        said.append(f"the plant is that of {there}, and the gains in {design.path} were made for another")
+        said.append(
+            f"the plant is that of {there}, and what is proved of the gains in {design.path} is of their own plant"
+        )
     if parameters:
         said.append("the plant has the parameters that were drawn, and a proof is of the nominal ones")
     return f"no guarantee: {'; '.join(said)}" if said else ""
@@ -103,6 +107,12 @@ def on_plant(spec: Spec, other: Spec) -> Spec:
     made = replace(spec, plant=other.plant, generator=other.generator, gx=other.gx, gq=other.gq, gy=other.gy)
     made = replace(made, typed=other.typed, nonlinearities=other.nonlinearities, noise=other.noise, units=other.units)
     return replace(made, simulation=other.simulation or spec.simulation)
+
+
+def same_plant(spec: Spec, other: Spec) -> bool:
+    """Whether two specs differ, as they are written, in nothing but the observer, z, how it is tried and words."""
+    one, two = (opened(each.text, each.path, each.changes).root.plain() for each in (spec, other))
+    return all(one.get(key) == two.get(key) for key in (one.keys() | two.keys()) - BESIDE)
 
 
 def require_fitting(spec: Spec, other: Spec, gains: str) -> None:

@@ -27,6 +27,7 @@ class Member:
     time: float  # s, where it ended
     bounds: list[Bound]  # those that are proved of it, or observed where nothing is
     omitted: str  # why bounds are left out, or nothing
+    cut_by: str  # what the run did when bounds were checked no longer, or nothing
     left: bool  # whether it left the region of a declared type
     rms: list[float]  # of the errors of each estimate, over its time
     peak: list[float]
@@ -80,7 +81,9 @@ def member_of(record: Record, seed: int, grid: Float) -> Member:
     left, omitted = bool(record.left), found["bounds_omitted"] or ""
     rms = np.sqrt(mean(error**2, t, in_samples=record.acting.clock is not None)).tolist()
     status = trajectory.status
-    return Member(seed, status, trajectory.time, bounds, omitted, left, rms, size.max(axis=0).tolist(), at)
+    return Member(
+        seed, status, trajectory.time, bounds, omitted, record.cut[1], left, rms, size.max(axis=0).tolist(), at
+    )
 
 
 def mean(values: Float, t: Float, *, in_samples: bool) -> Array:

@@ -15,7 +15,7 @@ from obsdesign.lmi.formula import Float
 from obsdesign.simulate.drawing import drawn, foreign, tried, uncertain
 from obsdesign.simulate.member import Member, estimates, instants, member_of, packed, unpacked
 from obsdesign.simulate.processes import shared_out
-from obsdesign.simulate.record import Record
+from obsdesign.simulate.record import UNPROVED, Record
 from obsdesign.simulate.running import recorded
 from obsdesign.simulate.scenario import noise_samples
 from obsdesign.simulate.simulation import initial, system_of
@@ -228,7 +228,7 @@ def montecarlo(
     with spec.placed():
         subject = Subject(design, spec, design.observer, design.guarantee, instants(spec))
         member, names = subject.alone(first)
-        why = foreign(design, drawn(spec).parameters)
+        why = foreign(design, drawn(spec).parameters) or (UNPROVED if member.omitted == UNPROVED else "")
         if not varies(spec, subject.observer):
             members = tuple(replace(member, seed=seed) for seed in seeds)
             return MonteCarlo(spec, names, subject.grid, members, why, same=True)

@@ -15,6 +15,9 @@ from obsdesign.simulate.system import INTEGRALS, System, Table
 from obsdesign.simulate.validity import Arguments, Leaving, leavings
 from obsdesign.spec import Spec
 
+UNPROVED = "no guarantee: nothing is proved of these gains with this plant"
+LOST = {"escape": "escaped", "stall": "stalled"}  # what a run did that came to no end, by its status
+
 
 class Record:
     """Signals and errors of a run, at the samples and at the steps of the integrator together.
@@ -179,6 +182,16 @@ class Record:
         overdue = self.schedule.until if self.schedule else np.inf
         return min([overdue, *(leaving.time for leaving in self.left)])
 
+    @property
+    def cut(self) -> tuple[float, str]:
+        """Time up to which bounds are checked, and what the run did then; infinite: they are to its end."""
+        end, status = self.trajectory.time, self.trajectory.status
+        overdue = self.schedule.until if self.schedule else np.inf
+        found = [(leaving.time, "left the region") for leaving in self.left]
+        found += [(overdue, "left the intervals between measurements")]
+        found += [(end, LOST[status])] if status in LOST else []
+        return min([one for one in found if one[0] <= end], default=(np.inf, ""), key=lambda one: one[0])
+
     @cached_property
     def uncovered(self) -> str:
         """Why no bound can be stated, or nothing."""
@@ -190,7 +203,7 @@ class Record:
         if self.guarantee is None and self.system.observer.proved:
             return f"{ESTIMATES} is how it estimates without disturbance and noise, with no bound"
         if self.guarantee is None:
-            return "no guarantee: nothing is proved of these gains with this plant"
+            return UNPROVED
         if self.acting.unmodeled:
             return self.acting.unmodeled
         if self.acting.noise.any() and not self.acting.noises:

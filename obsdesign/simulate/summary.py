@@ -97,6 +97,11 @@ def checks(record: Record) -> dict[str, Any]:
         found["validity"] = validity(
             record.spec.nonlinearities, record.left, record.guarantee is not None and not record.foreign
         )
+    until, _ = record.cut
+    if np.isfinite(until):
+        found |= {
+            key: [{**one, "until": until} for one in found[key]] for key in ("bounds", "observed") if key in found
+        }
     return found
 
 

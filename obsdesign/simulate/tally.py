@@ -1,8 +1,7 @@
 """What many runs say together: the worst of each bound and of each error, with the seed that shows it."""
 
 import re
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +17,11 @@ if TYPE_CHECKING:
 MOMENT = re.compile(r"(?<=at t = )[-+.\de]+")  # which differs from run to run
 SAME = "nothing is drawn, so that every run is the same: give simulation.x0_width, noise or uncertainty"
 
+FEWER = (
+    "which bounds are stated of a run depends on the disturbance and the noise in it and on when its guarantee ends: "
+    "some are stated of a part of the runs"
+)
+
 
 def share(bound: Bound) -> float:
     """Part of a bound that a run takes, as far as the run resolves it; infinite where it exceeds a bound that is 0."""
@@ -30,19 +34,20 @@ def report_of(found: "MonteCarlo") -> dict[str, Any]:
     """Everything that is said of some runs, as `--json`; null where a quantity has no value."""
     members, kept = found.members, found.kept
     without = {"no_guarantee": found.why} if found.why else {}
+    bounds = bounds_of(members, proved=not found.why)
     ended = {"stalled": "stall", "stopped": "stopped"}
     return {
         "runs": len(members),
         "seed": members[0].seed,
         **without,
-        "bounds": bounds_of(members, proved=not found.why),
+        "bounds": bounds,
         "bounds_omitted": omissions(members, found.why),
         "errors": {name: errors_of(kept, k) for k, name in enumerate(found.names)},
         "escaped": [one.seed for one in members if one.status == "escape"],
         **{name: [one.seed for one in members if one.status == status] for name, status in ended.items()},
         "left_region": [one.seed for one in members if one.left],
         "drawn": drawn_of(found),
-        "notes": notes_of(found),
+        "notes": notes_of(found, bounds),
     }
 
 
@@ -57,6 +62,12 @@ def bound_of(members: Sequence[Member], name: str) -> dict[str, Any]:
     pairs = [(bound, one.seed) for one in members for bound in one.bounds if bound["name"] == name]
     bound, seed = max(pairs, key=lambda pair: (not pair[0]["holds"], share(pair[0])))
     part = share(bound)
+    cut = [
+        (each["until"], one.cut_by)
+        for one in members
+        for each in one.bounds
+        if each["name"] == name and "until" in each
+    ]
     return {
         "name": name,
         "worst": part if np.isfinite(part) else None,
@@ -66,16 +77,27 @@ def bound_of(members: Sequence[Member], name: str) -> dict[str, Any]:
         "bound": bound["bound"],
         "kept": sum(each["holds"] for each, _ in pairs),
         "checked": len(pairs),
+        "until": min((time for time, _ in cut), default=None),
+        "cut": len(cut),
+        "cut_by": [*dict.fromkeys(why for _, why in cut)],
     }
 
 
 def omissions(members: Sequence[Member], why: str) -> list[dict[str, Any]]:
-    """Why bounds are left out, or not checked from some time on, with the number of runs; without those times.
+    """Why bounds are left out, or not checked from some time on, with the number of runs and the first such time.
 
     `why`: why nothing is proved of any run, which is told once.
     """
-    counts = Counter(MOMENT.sub("..", one.omitted) for one in members if one.omitted and one.omitted != why)
-    return [{"reason": reason, "runs": count} for reason, count in counts.items()]
+    told: dict[str, list[str]] = {}
+    for omitted in (one.omitted for one in members if one.omitted and one.omitted != why):
+        told.setdefault(MOMENT.sub("", omitted), []).append(omitted)
+    return [{"reason": earliest(reasons), "runs": len(reasons)} for reasons in told.values()]
+
+
+def earliest(reasons: Sequence[str]) -> str:
+    """The same reason of some runs, each with its time: that with the earliest one, which is said to be so."""
+    first = min(reasons, key=lambda reason: [float(moment) for moment in MOMENT.findall(reason)])
+    return first if len(set(reasons)) == 1 else MOMENT.sub(r"\g<0> at the earliest", first)
 
 
 def errors_of(kept: Sequence[Member], k: int) -> dict[str, Any]:
@@ -119,12 +141,14 @@ def drawn_of(found: "MonteCarlo") -> dict[str, Any]:
     }
 
 
-def notes_of(found: "MonteCarlo") -> list[str]:
+def notes_of(found: "MonteCarlo", bounds: Sequence[Mapping[str, Any]]) -> list[str]:
     """What is to be known of the runs."""
     said = [SAME] if found.same else []
     lost = len(found.members) - len(found.kept)
     if lost:
         said.append(f"errors and envelope are of the {len(found.kept)} runs that went on; {lost} did not")
+    if any(bound["checked"] < len(found.members) for bound in bounds):
+        said.append(FEWER)
     return said
 
 

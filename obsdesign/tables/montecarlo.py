@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from obsdesign.tables.text import aligned, at_most, compared, plain
+from obsdesign.tables.text import aligned, at_most, checked_until, compared, plain, seed_range
 
 MOST = 8  # seeds in a row
 
@@ -17,10 +17,10 @@ def montecarlo_table(report: Mapping[str, Any], files: tuple[str, str] | None = 
 def montecarlo_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Rows of a name and a text."""
     runs = report["runs"]
-    rows = [("runs", f"{runs}, seeds {report['seed']} to {report['seed'] + runs - 1}")]
+    rows = [("runs", f"{runs}, {seed_range(report)}")]
     rows += [("guarantee", report["no_guarantee"])] if "no_guarantee" in report else []
     rows += [("drawn", text) for text in drawn_texts(report["drawn"])]
-    rows += [("bound" if bound["proved"] else "observed", bound_text(bound)) for bound in report["bounds"]]
+    rows += [("bound" if bound["proved"] else "observed", bound_text(bound, runs)) for bound in report["bounds"]]
     rows += [("left out", f"in {one['runs']} of {runs} runs: {one['reason']}") for one in report["bounds_omitted"]]
     rows += [("error", f"{name}: {error_text(errors)}") for name, errors in report["errors"].items()]
     for key in ("escaped", "stalled", "stopped", "left_region"):
@@ -42,9 +42,11 @@ def drawn_texts(drawn: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def bound_text(bound: Mapping[str, Any]) -> str:
-    """One bound in all runs, and in the worst one."""
+def bound_text(bound: Mapping[str, Any], runs: int) -> str:
+    """One bound in all the runs of which it is stated, and in the worst one."""
     kept = f"{bound['kept']} of {bound['checked']} runs"
+    kept += f", not stated of the other {runs - bound['checked']}" if bound["checked"] < runs else ""
+    kept += f", {until}" if (until := checked_until(bound)) else ""
     verdict = "kept in" if not bound["proved"] else "holds in" if bound["holds"] else "VIOLATED, holds in"
     sign = compared(bound["value"], bound["bound"])
     worst = f"worst {bound['value']:.6g} {sign} {at_most(bound['bound'])} (seed {bound['seed']})"

@@ -147,11 +147,17 @@ def reached(time: float | None, end: float) -> str:
 def observed_text(bound: Mapping[str, Any]) -> str:
     """One bound that is proved of another plant, against the run."""
     said, value, limit = "kept" if bound["holds"] else "not kept", bound["value"], bound["bound"]
-    return f"{said}: {value:.6g} {compared(value, limit)} {at_most(limit)}   {bound['name']}; no guarantee"
+    told = f"{value:.6g} {compared(value, limit)} {at_most(limit)}   {bound['name']}; no guarantee"
+    return f"{said}{until_text(bound)}: {told}"
 
 
 def bound_text(bound: Mapping[str, Any]) -> str:
     """One bound of a guarantee against the run; where it is met by the accuracy of the run alone, with that."""
     verdict = "holds" if bound["holds"] else "VIOLATED"
     within = f" + {at_most(bound['accuracy'], 2)}, the accuracy of the run" if bound["value"] > bound["bound"] else ""
-    return f"{verdict}: {bound['value']:.6g} <= {at_most(bound['bound'])}{within}   {bound['name']}"
+    return f"{verdict}{until_text(bound)}: {bound['value']:.6g} <= {at_most(bound['bound'])}{within}   {bound['name']}"
+
+
+def until_text(bound: Mapping[str, Any]) -> str:
+    """Until when a bound was checked, where that is not the end of the run; otherwise nothing."""
+    return f" until t = {bound['until']:.4g} s" if "until" in bound else ""

@@ -114,3 +114,18 @@ def limit_text(limit: Mapping[str, Any]) -> str:
     said += [", ".join(f"at {key} {value:.6g}" for key, value in limit["at"].items())] if "at" in limit else []
     said += ["the best that was found"] if limit.get("kind") == "best-found" else []
     return "   ".join(said)
+
+
+def seed_range(report: Mapping[str, Any]) -> str:
+    """Seeds of the runs."""
+    first, last = report["seed"], report["seed"] + report["runs"] - 1
+    return f"seed {first}" if first == last else f"seeds {first} to {last}"
+
+
+def checked_until(bound: Mapping[str, Any]) -> str:
+    """Until when a bound was checked, where that is not the end of every run; otherwise nothing."""
+    if not (cut := bound["cut"]):
+        return ""
+    who = "each until it" if cut == bound["checked"] else f"in {cut} of these only until {'they' if cut > 1 else 'it'}"
+    first = "earliest " if cut > 1 else ""
+    return f"{who} {' or '.join(bound['cut_by'])} ({first}t = {bound['until']:.4g} s)"
