@@ -18,7 +18,8 @@ from obsdesign.reading.plant import Layout, Names, Reading, W, X, Y, read_matric
 from obsdesign.reading.plant_schema import AUTO
 from obsdesign.reading.terms import Typed, Types, over, read_types
 from obsdesign.sections.document import Loc, dotted
-from obsdesign.sections.values import AS_DOUBLE, Entries, Reader
+from obsdesign.sections.scalars import AS_DOUBLE
+from obsdesign.sections.values import Entries, Reader
 from obsdesign.sections.words import unknown
 from obsdesign.trial import Level
 

@@ -24,8 +24,8 @@ from obsdesign.reading.trial import read_simulation
 from obsdesign.reading.typed import in_equations, read_typed
 from obsdesign.sections.document import Document, Loc, dotted
 from obsdesign.sections.forms import ENTRY, TEXT
-from obsdesign.sections.scalars import Number, described
-from obsdesign.sections.values import AS_DOUBLE, Axis, Reader, Size
+from obsdesign.sections.scalars import AS_DOUBLE, Number, described
+from obsdesign.sections.values import Axis, Reader, Size
 from obsdesign.sections.words import unknown
 from obsdesign.spec import Nonlinearity, Request, Spec, named_by, numbered
 from obsdesign.trial import Implementation, Level

@@ -13,6 +13,7 @@ CONSTANTS = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
+AS_DOUBLE = "is read as the double"  # in a note on an irrational number
 
 
 class Number(str):

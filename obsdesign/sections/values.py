@@ -20,7 +20,7 @@ from obsdesign.expressions.functions import FUNCTIONS
 from obsdesign.lmi.formula import Array
 from obsdesign.sections.document import MAX_PROBLEMS, Document, Loc, dotted
 from obsdesign.sections.notation import as_lists, meant
-from obsdesign.sections.scalars import DATE, MAX_QUOTED, NOT_FINITE, described
+from obsdesign.sections.scalars import AS_DOUBLE, DATE, MAX_QUOTED, NOT_FINITE, described
 from obsdesign.sections.units import misread
 
 ZERO, ONE = fmpq(0), fmpq(1)
@@ -150,9 +150,6 @@ def repeated(first: Problem, *others: Problem) -> Problem:
     also = ", ".join(f"{other.line}:{other.column}" for other in others[:MOST_PLACES])
     also += f" and {len(others) - MOST_PLACES} more" if len(others) > MOST_PLACES else ""
     return replace(first, message=f"{first.message}; also at {also}") if others else first
-
-
-AS_DOUBLE = "is read as the double"  # in a note
 
 
 class Reader:
