@@ -160,7 +160,7 @@ def test_the_noise_of_a_run_has_the_rms_that_is_told():
     """The pendulum hangs, where sin has the slope 1; of another slope an error may be larger, not than what is told."""
     L1 = np.array([[-8], [-30], [-40]])
     noise = {"type": "normal", "amplitude": 0.01, "period": 0.01}
-    simulation = {"horizon": 400, "noise": noise, "points": 40001}
+    simulation = {"horizon": 200, "noise": noise, "points": 20001}
     design = analysed(PENDULUM, {"L1": L1}, disturbance="integrator", simulation=simulation)
     run = design.simulate()
     errors = np.array([run[f"hat_{name}"] - run[name] for name in ("angle", "speed", "torque")])

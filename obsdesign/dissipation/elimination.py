@@ -40,6 +40,8 @@ def form_of(family: Incremental) -> Form | None:
     p = family.plant
     if family.about.pace.sampled or family.L1 is not None or family.L2 is None or not p.B.shape[1]:
         return None
+    if family.auxiliary:  # which are in no such form
+        return None
     scales = [unknown.name for unknown in family.multiplier.unknowns() if unknown.shape == (1, 1)]
     if len(scales) < len(family.multiplier.unknowns()):
         return None

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from obsdesign.families import FAMILIES
-from obsdesign.simulate.drawing import drawn, foreign, tried
+from obsdesign.simulate.drawing import drawn, foreign, observer_of, tried
 from obsdesign.simulate.run import Run
 from obsdesign.simulate.running import run
 from obsdesign.simulate.sampling import Sampling, Schedule
@@ -25,7 +25,7 @@ def simulate(
     """
     spec = tried(design, changes or {})
     with spec.placed():
-        trial, observer = drawn(spec), design.observer
+        trial, observer = drawn(spec), observer_of(design, spec)
         why = foreign(design, trial.parameters)
         found = run(trial.spec, observer, design.guarantee, progress=progress, foreign=why)
         signals = dict(zip(observer.own, found.steps.theta.T, strict=True))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obsdesign.errors import Problem, UsageError
+from obsdesign.families.observer import Observer
 from obsdesign.reading import varied, with_simulation
 from obsdesign.sections.changes import claimed, opened
 from obsdesign.spec import Spec
@@ -34,6 +35,11 @@ class Drawn:
         """Entries of a summary, without what was not drawn."""
         parts = {"drawn_x0": dict(self.x0), "drawn_parameters": dict(self.parameters)}
         return {name: part for name, part in parts.items() if part}
+
+
+def observer_of(design: "Design", spec: Spec) -> Observer:
+    """Observer of a design as it begins in a run of a spec."""
+    return replace(design, spec=replace(design.spec, simulation=spec.simulation)).observer
 
 
 def uncertain(spec: Spec) -> bool:

@@ -12,7 +12,7 @@ from obsdesign.errors import Problem, UsageError
 from obsdesign.families.guarantee import Guarantee
 from obsdesign.families.observer import Observer
 from obsdesign.lmi.formula import Float
-from obsdesign.simulate.drawing import drawn, foreign, tried, uncertain
+from obsdesign.simulate.drawing import drawn, foreign, observer_of, tried, uncertain
 from obsdesign.simulate.member import Member, estimates, instants, member_of, packed, unpacked
 from obsdesign.simulate.processes import shared_out
 from obsdesign.simulate.record import UNPROVED, Record
@@ -226,7 +226,7 @@ def montecarlo(
     first = require_runs(spec, runs)
     seeds = list(range(first, first + runs))
     with spec.placed():
-        subject = Subject(design, spec, design.observer, design.guarantee, instants(spec))
+        subject = Subject(design, spec, observer_of(design, spec), design.guarantee, instants(spec))
         member, names = subject.alone(first)
         why = foreign(design, drawn(spec).parameters) or (UNPROVED if member.omitted == UNPROVED else "")
         if not varies(spec, subject.observer):
