@@ -149,11 +149,11 @@ def along(design: Design, log: Held) -> Course:
     parts = [*made.parts()]
     innovations, estimates = (np.vstack([getattr(p, name) for p in parts]) for name in ("innovations", "estimates"))
     if observer.supposed is None:
-        return Course(observer.outputs, innovations)
+        return Course(observer.outputs, innovations, peak=made.innovations.peak)
     t = np.concatenate([rows.known for rows in log.held])
     h = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     spread: Float = estimates[:, names:].reshape(-1, ny, ny) + observer.supposed.white / h
-    return Course(observer.outputs, innovations, spread)
+    return Course(observer.outputs, innovations, spread, made.innovations.peak)
 
 
 def supposing(observer: Observer) -> Observer:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from obsdesign.tables.comparison import columns, number
-from obsdesign.tables.estimates import whiteness
+from obsdesign.tables.estimates import ZERO, whiteness
 from obsdesign.tables.text import aligned, plain
 
 HEADER = ("innovation", "part", "rows", "rms before", "rms", "white before", "white")
@@ -37,7 +37,7 @@ def innovations(report: Mapping[str, Any]) -> list[list[str]]:
         now, before = report[part], report["before"][part]
         for name, rms in now["innovation_rms"].items():
             sizes = [number(value, "none") for value in (before["innovation_rms"][name], rms)]
-            p = [said(entry["white"][name]) for entry in (before, now)]
+            p = [said(entry, name) for entry in (before, now)]
             found.append([name, part, f"{now['rows']:,}", *sizes, *p])
     return found
 
@@ -49,8 +49,11 @@ def shown(value: Any) -> str:
     return f"[{', '.join(map(shown, value))}]" if isinstance(value, list) else plain(value)
 
 
-def said(p: float | None) -> str:
-    """What the probability of a correlation says, in a cell."""
+def said(part: Mapping[str, Any], name: str) -> str:
+    """What the probability of a correlation of an output says, in a cell."""
+    p = part["white"][name]
+    if name in part.get("zero_to_rounding", ()):
+        return ZERO
     if p is None:
         return "-"
     return "no" if whiteness(p) == "not white" else f"{p:.2g}"
