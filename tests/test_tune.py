@@ -15,7 +15,7 @@ from obsdesign.data.criterion import Course, better
 from obsdesign.data.free import chosen
 from obsdesign.data.log import Log
 from obsdesign.data.trials import Search, along, held
-from obsdesign.data.tuning import MARK, warned
+from obsdesign.data.tuning import MARK, hurried, warned
 from obsdesign.errors import UsageError
 from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
@@ -429,6 +429,23 @@ def test_a_limit_of_time_and_an_interrupt_leave_nothing(monkeypatch):
     assert outcome.exit_code == 130
     assert re.fullmatch(r"interrupted; \d+% done \(noise.y=.*\); no spec is written\n", outcome.stderr)
     assert files() == ["log.csv", "spec.yaml"]
+
+
+def test_a_filter_whose_steps_are_found_is_told_how_to_be_tuned_faster(monkeypatch):
+    monkeypatch.setattr(trials, "TRIALS", 2)
+    text = "obsdesign: 1\nsystem: {A: [[-1]], B: [[1]], C: [[1]]}\nobserver: {type: KIND}\n"
+    ekf = text.replace("KIND", "ekf, Q: 1, R: 1")
+    told = [*hurried(loads(ekf))]
+    assert [problem.id for problem in told] == ["OBS964"]
+    others = [ekf + "implementation: {period: 0.02}\n", text.replace("KIND", "l2"), PENDULUM + FILTER]
+    assert not any(problem for other in others for problem in hurried(loads(other)))
+    Path("spec.yaml").write_text(ekf)
+    noise = np.random.default_rng(0).normal(size=200)
+    Path("log.csv").write_text("t,y1\n" + "".join(f"{k / 50},{v:.6g}\n" for k, v in enumerate(noise)))
+    lines = run("tune", "spec.yaml", "log.csv", "-o", "-").stderr.splitlines()
+    assert lines[0].startswith("spec.yaml:3:")
+    assert "observer.type: without implementation each setting looks for steps" in lines[0]
+    assert run("tune", "spec.yaml", "log.csv", "-o", "-", "-q").stderr == ""
 
 
 @pytest.mark.slow

@@ -207,6 +207,14 @@ def tune(
     return made
 
 
+def hurried(spec: Spec) -> Iterator[Problem]:
+    """How a filter whose steps are found anew in every trial is tuned faster, if it is one."""
+    if spec.period is None and spec.implementation is None and not FAMILIES[spec.observer.type].proves:
+        said = "without implementation each setting looks for steps short enough for a filter in continuous time; with"
+        said += " implementation: {period: .., method: rk4}, the time between rows, or system.discretise it is faster"
+        yield spec.located(Problem(said, key="observer.type", id="OBS964"))
+
+
 def warned(made: Tuning, data: str) -> Iterator[Problem]:
     """That no setting fits a log, if none does."""
     if not made.report["fits"]:
