@@ -20,6 +20,7 @@ from obsdesign.errors import UsageError
 from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
 from obsdesign.sections.editing import edited
+from obsdesign.tables.tuning import tuning_table
 from obsdesign.work import trial
 
 H = 0.02
@@ -429,6 +430,33 @@ def test_a_limit_of_time_and_an_interrupt_leave_nothing(monkeypatch):
     assert outcome.exit_code == 130
     assert re.fullmatch(r"interrupted; \d+% done \(noise.y=.*\); no spec is written\n", outcome.stderr)
     assert files() == ["log.csv", "spec.yaml"]
+
+
+def test_a_number_that_the_log_does_not_tell_is_said_to_be_so():
+    """Where nothing pushes, R/Q is as good large as very large; where it does, it is known to less than a decade."""
+    weights = "observer: {type: ekf, Q: {push: 1.0e-4}, R: {y: 1.0e-4}}\n"
+    told = od.tune(loads(PENDULUM + weights), log(swing, *TRUTH[0], count=1500)).report
+    assert told["flat"] == {}
+    Path("spec.yaml").write_text(MOTOR + weights)
+    log(turn, 1e-7, 0.1, count=900)
+    outcome = run("tune", "spec.yaml", "log.csv", "--json", "-q")
+    report = json.loads(outcome.stdout)
+    low, high = report["flat"]["observer.R.y"]
+    assert low <= report["fitted"]["observer.R.y"] <= high
+    assert high >= 9 * low
+    assert "; the log does not tell it: values from " in tuning_table(report, "out.yaml")
+
+
+def test_whiteness_that_is_lost_on_the_rows_held_back_is_told():
+    part = {"rows": 60, "innovation_rms": {"y": 1.0}, "white": {"y": 0.4}}
+    worse = part | {"white": {"y": 1e-5}}
+    report = {"fitted": {"noise.y": 2.0}, "flat": {}, "kept": False, "ends": [], "criterion": "likelihood", "trials": 3}
+    report |= {"status": "certified", "comments": True, "train": part, "test": worse}
+    report["before"] = {"values": {"noise.y": 1.0}, "train": part, "test": part}
+    remark = "; on the rows held back those of y were white before and are not now"
+    assert remark in tuning_table(report, "out.yaml")
+    report["test"] = part
+    assert remark not in tuning_table(report, "out.yaml")
 
 
 def test_a_filter_whose_steps_are_found_is_told_how_to_be_tuned_faster(monkeypatch):
