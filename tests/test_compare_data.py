@@ -117,6 +117,35 @@ def test_an_observer_of_many_cheap_steps_is_told_by_the_row(log):
     assert fine["row_s"] > one["row_s"]
 
 
+def test_what_rounding_leaves_of_an_output_that_is_known_is_not_held_to_be_white():
+    """The plant in other arithmetic than in the spec, from where the observer begins, without noise in the last y."""
+    Path("known.yaml").write_text("""obsdesign: 1
+system:
+  time: discrete
+  inputs: [u]
+  disturbances: [w]
+  dynamics: {a: 0.9*a + 0.3*u + 0.1*w, b: 0.7*b + u}
+  outputs: {y: a, z: b}
+observer: {type: ekf, Q: 1, R: 1}
+simulation: {horizon: 3, x0: [1, 1], xhat0: [1, 1], u: sin(t), w: [0]}
+""")
+    rng, a, b, lines = np.random.default_rng(0), 1.0, 1.0, ["t,u,y,z"]
+    for k in range(400):
+        u = np.sin(0.1 * k)
+        lines.append(f"{k},{u:.17g},{a + 0.1 * rng.normal():.17g},{b:.17g}")
+        a, b = (9 * a + 3 * u) / 10, (7 * b + 10 * u) / 10
+    Path("known.csv").write_text("\n".join(lines) + "\n")
+    found = od.compare(["known.yaml"], data="known.csv")
+    (one,) = found.report["observers"]
+    assert one["zero_to_rounding"] == ["z"]
+    assert 0 < one["innovation_rms"]["z"] < 1e-14
+    assert one["white"]["z"] is None
+    assert one["white"]["y"] is not None
+    assert re.search(r" z +\S+e-1\d +zero to rounding", str(found))
+    told = run("estimate", "known.yaml", "known.csv")
+    assert re.search(r"z: mean \S+, rms \S+e-1\d, zero to rounding\n", told.stdout)
+
+
 @pytest.mark.slow
 def test_two_runs_differ_in_the_times_of_a_step_and_a_row_only(log):
     Path("log.csv").write_text(log)

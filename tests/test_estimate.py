@@ -617,6 +617,19 @@ def test_what_is_not_known_has_no_statistics():
     assert constant.report()["y"]["white"] is None
 
 
+@pytest.mark.parametrize(("size", "zero"), [(2.0, True), (3e-5, False)])
+def test_what_is_rounding_is_neither_white_nor_not(size, zero):
+    found = Innovations(("y", "z"))
+    rounding = np.cumsum(np.random.default_rng(0).normal(size=(400, 2)), axis=0) * 1e-17
+    found.add(rounding)
+    found.measured(np.array([[np.nan, 1.0], [-size, 0.0], [0.0, np.inf]]))
+    told = found.report()
+    assert (told["y"]["white"] is None) == zero
+    assert ("zero_to_rounding" in told["y"]) == zero
+    assert found.sizes().get("zero_to_rounding") == (["y", "z"] if zero else ["z"])
+    assert told["y"]["rms"] == pytest.approx(np.sqrt(np.mean(rounding[:, 0] ** 2)))
+
+
 # the command
 
 

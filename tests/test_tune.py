@@ -15,11 +15,12 @@ from obsdesign.data.criterion import Course, better
 from obsdesign.data.free import chosen
 from obsdesign.data.log import Log
 from obsdesign.data.trials import Search, along, held
-from obsdesign.data.tuning import MARK, warned
+from obsdesign.data.tuning import MARK, hurried, warned
 from obsdesign.errors import UsageError
 from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
 from obsdesign.sections.editing import edited
+from obsdesign.tables.tuning import tuning_table
 from obsdesign.work import trial
 
 H = 0.02
@@ -429,6 +430,50 @@ def test_a_limit_of_time_and_an_interrupt_leave_nothing(monkeypatch):
     assert outcome.exit_code == 130
     assert re.fullmatch(r"interrupted; \d+% done \(noise.y=.*\); no spec is written\n", outcome.stderr)
     assert files() == ["log.csv", "spec.yaml"]
+
+
+def test_a_number_that_the_log_does_not_tell_is_said_to_be_so():
+    """Where nothing pushes, R/Q is as good large as very large; where it does, it is known to less than a decade."""
+    weights = "observer: {type: ekf, Q: {push: 1.0e-4}, R: {y: 1.0e-4}}\n"
+    told = od.tune(loads(PENDULUM + weights), log(swing, *TRUTH[0], count=1500)).report
+    assert told["flat"] == {}
+    Path("spec.yaml").write_text(MOTOR + weights)
+    log(turn, 1e-7, 0.1, count=900)
+    outcome = run("tune", "spec.yaml", "log.csv", "--json", "-q")
+    report = json.loads(outcome.stdout)
+    low, high = report["flat"]["observer.R.y"]
+    assert low <= report["fitted"]["observer.R.y"] <= high
+    assert high >= 9 * low
+    assert "; the log does not tell it: values from " in tuning_table(report, "out.yaml")
+
+
+def test_whiteness_that_is_lost_on_the_rows_held_back_is_told():
+    part = {"rows": 60, "innovation_rms": {"y": 1.0}, "white": {"y": 0.4}}
+    worse = part | {"white": {"y": 1e-5}}
+    report = {"fitted": {"noise.y": 2.0}, "flat": {}, "kept": False, "ends": [], "criterion": "likelihood", "trials": 3}
+    report |= {"status": "certified", "comments": True, "train": part, "test": worse}
+    report["before"] = {"values": {"noise.y": 1.0}, "train": part, "test": part}
+    remark = "; on the rows held back those of y were white before and are not now"
+    assert remark in tuning_table(report, "out.yaml")
+    report["test"] = part
+    assert remark not in tuning_table(report, "out.yaml")
+
+
+def test_a_filter_whose_steps_are_found_is_told_how_to_be_tuned_faster(monkeypatch):
+    monkeypatch.setattr(trials, "TRIALS", 2)
+    text = "obsdesign: 1\nsystem: {A: [[-1]], B: [[1]], C: [[1]]}\nobserver: {type: KIND}\n"
+    ekf = text.replace("KIND", "ekf, Q: 1, R: 1")
+    told = [*hurried(loads(ekf))]
+    assert [problem.id for problem in told] == ["OBS964"]
+    others = [ekf + "implementation: {period: 0.02}\n", text.replace("KIND", "l2"), PENDULUM + FILTER]
+    assert not any(problem for other in others for problem in hurried(loads(other)))
+    Path("spec.yaml").write_text(ekf)
+    noise = np.random.default_rng(0).normal(size=200)
+    Path("log.csv").write_text("t,y1\n" + "".join(f"{k / 50},{v:.6g}\n" for k, v in enumerate(noise)))
+    lines = run("tune", "spec.yaml", "log.csv", "-o", "-").stderr.splitlines()
+    assert lines[0].startswith("spec.yaml:3:")
+    assert "observer.type: without implementation each setting looks for steps" in lines[0]
+    assert run("tune", "spec.yaml", "log.csv", "-o", "-", "-q").stderr == ""
 
 
 @pytest.mark.slow

@@ -45,6 +45,8 @@ def tune(
 
         with progress(quiet) as report:
             design = trial(source, "", "clarabel", report, changes)
+        tell(() if quiet else [*tuning.hurried(design.spec)])
+        with progress(quiet) as report:
             target = None if path == "-" else path
             made = tuning.tune(
                 design, data, target, columns=chosen, free=free, share=share, repair=repair, progress=report

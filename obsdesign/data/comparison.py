@@ -129,7 +129,6 @@ class LogEntrant:
 
     def written(self) -> dict[str, Any]:
         """Entry of a report."""
-        told = self.innovations.report()
         return {
             "name": self.design.spec.name,
             "label": self.label,
@@ -140,8 +139,7 @@ class LogEntrant:
             "order": self.order,
             "run": self.run,
             **self.counts,
-            "innovation_rms": {name: one["rms"] for name, one in told.items()},
-            "white": {name: one["white"] for name, one in told.items()},
+            **self.innovations.sizes(),
             "states": self.errors.report(),
             **(self.cost.written if self.cost else dict.fromkeys(("time_s", "steps_a_row", "row_s"))),
         }
@@ -290,6 +288,7 @@ def entrant(
             inside = (part.t >= window[0]) & (part.t <= window[1])
             innovations.add(part.innovations[inside])
             kept.add(shown(part, known))
+        innovations.peak = made.innovations.peak
     except UndecidedError as error:
         run = "; ".join(str(problem) for problem in error.problems)
         errors, innovations = Errors(truth, window, begin), Innovations(made.observer.outputs)

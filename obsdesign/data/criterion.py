@@ -34,23 +34,25 @@ class Course:
     outputs: tuple[str, ...]
     innovations: Float  # (K, ny); NaN where y is missing
     spread: Float | None = None  # (K, ny, ny)
+    peak: Float | None = None  # (ny,), largest |y| of the log
 
     def between(self, begin: int, end: int | None) -> "Course":
         """Some of its rows."""
         spread = None if self.spread is None else self.spread[begin:end]
-        return Course(self.outputs, self.innovations[begin:end], spread)
+        return Course(self.outputs, self.innovations[begin:end], spread, self.peak)
 
     @property
     def told(self) -> dict[str, Any]:
         """Entry of a report: rows, rms of the innovations and probability of a correlation as large, by output."""
+        return {"rows": len(self.innovations), **self.statistics.sizes()}
+
+    @property
+    def statistics(self) -> Innovations:
+        """Statistics of the innovations."""
         found = Innovations(self.outputs)
         found.add(self.innovations)
-        report = found.report()
-        return {
-            "rows": len(self.innovations),
-            "innovation_rms": {name: entry["rms"] for name, entry in report.items()},
-            "white": {name: entry["white"] for name, entry in report.items()},
-        }
+        found.peak = found.peak if self.peak is None else self.peak
+        return found
 
     @property
     def error(self) -> float:
@@ -85,15 +87,13 @@ class Course:
     @property
     def correlated(self) -> float:
         """Mean over the outputs of the sum of r^2."""
-        found = Innovations(self.outputs)
-        found.add(self.innovations)
-        rows = [entry["autocorrelation"] for entry in found.report().values()]
+        rows = [entry["autocorrelation"] for entry in self.statistics.report().values()]
         total = sum(r * r for row in rows for r in row) / len(rows)
         return total if math.isfinite(total) else math.inf
 
     @property
     def white(self) -> float:
-        """Least probability over the outputs that white noise is as correlated; 1 where nothing varies."""
+        """Least probability over the outputs that white noise is as correlated; 1 where there is none."""
         return min((p for p in self.told["white"].values() if p is not None), default=1.0)
 
     @property

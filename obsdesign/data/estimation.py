@@ -165,6 +165,7 @@ class Estimation:
         y = rows.y[:K]
         innovations = y - passed.expected
         self.innovations.add(innovations)
+        self.innovations.measured(y)
         first, self.rows = self.rows, self.rows + K
         self.missing += int(np.isnan(y).any(axis=1).sum())
         t = (rows.t if self.late_ones else rows.known)[:K]

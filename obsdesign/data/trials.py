@@ -1,7 +1,7 @@
 """Trials of an observer on a log that is held: a design, its innovations along the rows, and the search of the best."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from obsdesign.spec import Spec
 
 FINE = 0.02  # decades, to which a number is found
 TRIALS = 14  # of a search between two points of the grid, at most
+LIKELY = 4.0  # fall of 2 ln likelihood up to which a value is as good as the best: that of two standard errors
 NEAR = 0.5  # decades around what was found, of a second search
 BUILT = (Verdict.CERTIFIED, Verdict.NO_GUARANTEE)
 
@@ -54,6 +55,8 @@ class Search:
     least: dict[tuple[str, ...], float] = field(default_factory=dict)  # criterion by changes
     whitest: float = 0.0  # greatest probability of a trial
     ends: list[str] = field(default_factory=list)  # keys of which the best is at an end of what is searched
+    flat: dict[str, tuple[Free, float, float, float]] = field(default_factory=dict)  # x: best, least and most as good
+    count: int = 0  # rows
 
     def __call__(self, changes: tuple[str, ...]) -> float:
         """Criterion with some changes; infinite where there is no design, or it escapes."""
@@ -74,7 +77,7 @@ class Search:
             course = along(design, self.log).between(self.first, None)
         except (UndecidedError, UsageError, InfeasibleError, OverflowError, ZeroDivisionError, np.linalg.LinAlgError):
             return math.inf
-        self.whitest = max(self.whitest, course.white)
+        self.whitest, self.count = max(self.whitest, course.white), len(course.innovations)
         return course.wanting()
 
     def best(self, free: Sequence[Free]) -> tuple[str, ...]:
@@ -107,13 +110,34 @@ class Search:
         if values[k] == math.inf:
             return grid[k]
         worst = max(value for value in values if value < math.inf) + 1
+        tried = dict(zip(grid, values, strict=True))
+
+        def bounded(x: float) -> float:
+            tried[float(x)] = criterion(x)
+            return min(tried[float(x)], worst)
+
         found = minimize_scalar(
-            lambda x: min(criterion(x), worst),
+            bounded,
             bounds=(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]),
             method="bounded",
             options={"xatol": FINE, "maxiter": TRIALS},
         )
-        return float(found.x) if found.fun < values[k] else grid[k]
+        best = float(found.x) if found.fun < values[k] else grid[k]
+        low, high = self.as_good(tried, best)
+        self.flat.pop(free[i].key, None)
+        if high - low > 1 - FINE:
+            self.flat[free[i].key] = free[i], best, low, high
+        return best
+
+    def as_good(self, tried: Mapping[float, float], best: float) -> tuple[float, float]:
+        """Ends of the x that were tried around the best of which the likelihood is about the same, all between too."""
+        bad = [x for x, value in tried.items() if value - tried[best] > LIKELY / max(self.count, 1)]
+        below, above = (
+            max((x for x in bad if x < best), default=-math.inf),
+            min((x for x in bad if x > best), default=math.inf),
+        )
+        inside = [x for x in tried if below < x < above]
+        return min(inside), max(inside)
 
 
 def changes_of(free: Sequence[Free], at: Sequence[float | None]) -> tuple[str, ...]:
@@ -149,11 +173,11 @@ def along(design: Design, log: Held) -> Course:
     parts = [*made.parts()]
     innovations, estimates = (np.vstack([getattr(p, name) for p in parts]) for name in ("innovations", "estimates"))
     if observer.supposed is None:
-        return Course(observer.outputs, innovations)
+        return Course(observer.outputs, innovations, peak=made.innovations.peak)
     t = np.concatenate([rows.known for rows in log.held])
     h = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     spread: Float = estimates[:, names:].reshape(-1, ny, ny) + observer.supposed.white / h
-    return Course(observer.outputs, innovations, spread)
+    return Course(observer.outputs, innovations, spread, made.innovations.peak)
 
 
 def supposing(observer: Observer) -> Observer:

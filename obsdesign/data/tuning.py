@@ -28,7 +28,7 @@ from obsdesign import work
 from obsdesign.data.criterion import Course, better
 from obsdesign.data.driver import foresees
 from obsdesign.data.estimation import NOTHING
-from obsdesign.data.free import WEIGHTS, chosen, sections, times
+from obsdesign.data.free import WEIGHTS, Free, chosen, sections, times
 from obsdesign.data.log import Log
 from obsdesign.data.trials import BUILT, TRIALS, Held, Search, along, designed, held
 from obsdesign.design import Design
@@ -103,11 +103,13 @@ class Tuner:
         search = Search(self.spec, self.log.until(end), first, self.report, count * (2 if len(free) > 1 else 1))
         changes = search.best(free)
         self.report(0.99, "what is found, on all rows")
+        flat = search.flat
         for found in self.candidates(changes if search(changes) < math.inf else (), was[0]):
             design = self.design(found, path)
             now = self.judged(along(design, self.log)) if design.status in BUILT else was
             if better(now[1], was[1]):
-                return self.told(found, design, (was, now), search, source)
+                return self.told(found, design, (was, now), replace(search, flat=flat), source)
+            flat = {}  # which is around what was found first
         return self.told((), self.before, (was, was), search, source)
 
     def candidates(self, changes: tuple[str, ...], was: Course) -> Iterator[tuple[str, ...]]:
@@ -163,6 +165,7 @@ class Tuner:
             "fits": max(search.whitest, was[0].white) >= WHITE,
             "criterion": "prediction error" if was[0].spread is None else "likelihood",
             "searched": searched,
+            "flat": {key: as_good(new[key], *search.flat[key]) for key in new if key in search.flat},
             "ends": [key for key in search.ends if key in new],
             "trials": len(search.least),
             "status": str(design.status),
@@ -205,6 +208,21 @@ def tune(
     if output is not None:
         made.save(output)
     return made
+
+
+def as_good(value: Any, free: Free, best: float, low: float, high: float) -> list[Any]:
+    """Least and most of a key, x from low to high, that the log tells no more than its value at the best x from."""
+    if free.kind == "scaled":
+        return [number(times(value, 10 ** (x - best))) for x in (low, high)]
+    return [number(free.at(x)) for x in (low, high)]
+
+
+def hurried(spec: Spec) -> Iterator[Problem]:
+    """How a filter whose steps are found anew in every trial is tuned faster, if it is one."""
+    if spec.period is None and spec.implementation is None and not FAMILIES[spec.observer.type].proves:
+        said = "without implementation each setting looks for steps short enough for a filter in continuous time; with"
+        said += " implementation: {period: .., method: rk4}, the time between rows, or system.discretise it is faster"
+        yield spec.located(Problem(said, key="observer.type", id="OBS964"))
 
 
 def warned(made: Tuning, data: str) -> Iterator[Problem]:

@@ -65,6 +65,7 @@ def draw_innovation(
     look: dict[str, Any] = {"lw": 0.7} if known.mean() > FULL else {"lw": 0, "marker": ".", "markersize": 3}
     axes.plot(t[known], columns[f"innov_{name}"][known], color=COLORS[2], label="innovation", **look)
     white = "" if told["white"] is None else f", p = {told['white']:.2g} if white"
+    white = ", zero to rounding" if "zero_to_rounding" in told else white
     rms = "" if told["rms"] is None else f"rms {told['rms']:.3g}"
     axes.set(xlabel="t [s]", ylabel=f"{with_unit(name, units)} less expected", title=f"{rms}{white}")
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from obsdesign.tables.text import aligned, plain
 
+ZERO = "zero to rounding"  # of innovations
 ENGINES = {"c": "C, compiled here", "numpy": "Python: gcc is not installed"}
 
 
@@ -22,6 +23,7 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
             rows.append(("innovation", f"{name}: never known"))
             continue
         white = "" if told["white"] is None else f", {whiteness(told['white'])}"
+        white = f", {ZERO}" if "zero_to_rounding" in told else white
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
     radius = report["radius"]
     rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))

@@ -5,6 +5,7 @@ from itertools import zip_longest
 from typing import Any
 
 from obsdesign.tables.comparison import STARTS, columns, number
+from obsdesign.tables.estimates import ZERO
 
 KNOWN = ("observer", "type", "status", "order", "step us", "steps a row", "row us")
 SEEN, TRUE = ("output", "innovation", "white"), ("estimate", "error rms", "5 % s", "1 % s")
@@ -42,8 +43,10 @@ def rows_of(observer: Mapping[str, Any], truth: bool) -> list[Sequence[str]]:
     if observer["time_s"] is not None:
         times = [micro(observer["time_s"]), f"{observer['steps_a_row']:.4g}", micro(observer["row_s"])]
     known = (observer["label"], observer["type"], observer["status"], str(observer["order"]), *times)
+    zero = observer.get("zero_to_rounding", ())
     seen = [
-        (name, number(rms, "none"), white(observer["white"][name])) for name, rms in observer["innovation_rms"].items()
+        (name, number(rms, "none"), ZERO if name in zero else white(observer["white"][name]))
+        for name, rms in observer["innovation_rms"].items()
     ]
     errors = [
         (name, number(one["error_rms"], "none"), *(settled(one[key]) for key in ("t5", "t1")))
