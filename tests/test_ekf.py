@@ -130,7 +130,7 @@ def test_check_says_so_and_finds_nothing_in_the_way():
     ("before", "after", "said"),
     [
         ("push: 0.1,", "pull: 0.1,", "observer.Q.pull: unknown signal pull; allowed: push, n"),
-        ("R: {y: 1.0e-4}", "R: {}", "observer.R: has the eigenvalue 0; it must be positive definite"),
+        ("R: {y: 1.0e-4}", "R: {}", "observer.R: y is missing; give each output a number > 0"),
         ("R: {y: 1.0e-4}", "R: -1", "observer.R: -1 is not allowed; give a number >= 0"),
         ("R: {y: 1.0e-4}", "alpha: 1", "observer.alpha: alpha does not belong to type ekf"),
         ("Q: {push: 0.1, n: 0.3}, ", "", "observer.Q: is required"),

@@ -40,10 +40,8 @@ def form_of(family: Incremental) -> Form | None:
     p = family.plant
     if family.about.pace.sampled or family.L1 is not None or family.L2 is None or not p.B.shape[1]:
         return None
-    if family.auxiliary:  # which are in no such form
-        return None
     scales = [unknown.name for unknown in family.multiplier.unknowns() if unknown.shape == (1, 1)]
-    if len(scales) < len(family.multiplier.unknowns()):
+    if len(scales) < len(family.auxiliary):  # further unknowns are in no such form
         return None
     nothing = {"P": zeros((p.n, p.n), [p.A]), "Y": zeros(p.C.mT.shape, [p.C]), **dict.fromkeys(scales, 0 * ONE)}
 

@@ -32,10 +32,8 @@ def rounded(order: Sequence[Node]) -> float:
         if value.is_finite():
             with ctx.workprec(bits):
                 low, high = nearest(value.lower()), nearest(value.upper())
-            if low == high and (low or value == 0):
+            if low == high:
                 return low
-            if low == high == 0 and not value.contains(0):
-                raise ExpressionError("the value is too small for a double, and not zero", id="OBS304")
     raise ExpressionError("the value is undefined, infinite, or cannot be decided", id="OBS304")
 
 
