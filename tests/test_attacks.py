@@ -119,8 +119,14 @@ def test_no_limit_is_above_what_is_proved():
     assert guarantee["limit"]["gamma"] <= guarantee["limit_bounded"]["gamma"] <= guarantee["gamma"]
 
 
+LONG = {"sporadic": pytest.mark.sweep}  # a minute by itself
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("family", [name for name, family in FAMILIES.items() if not family.equations])
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param(name, marks=LONG.get(name, ())) for name, family in FAMILIES.items() if not family.equations],
+)
 def test_attacks_break_no_guarantee_of_random_specs_and_find_out_those_that_are_changed(family):
     outcomes, caught = Counter(), Counter()
     for seed in range(SWEEP.size(25)):

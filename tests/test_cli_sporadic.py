@@ -350,7 +350,7 @@ observer: {type: sporadic, T1: .0005, T2: .0005, decay: 1}
         (LAGS + TIMES % ", injection: predictor", 0.3),
         pytest.param(APART + TIMES % "", 1e-3, marks=pytest.mark.slow),
         (APART + TIMES % ", bounds: {L: 10}", 100),
-        pytest.param(MOTOR, 0.05, marks=pytest.mark.slow),
+        pytest.param(MOTOR, 0.05, marks=[pytest.mark.slow, pytest.mark.sweep]),
     ],
     ids=["every state", "periodic", "predictor", "no gain", "no gain within a bound", "motor"],
 )

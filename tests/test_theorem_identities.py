@@ -279,6 +279,7 @@ def accepted(library, texts):
     assert {*re.findall(r"^\w+\.(\w+)", said, re.MULTILINE)} <= AXIOMS
 
 
+@pytest.mark.slow
 @needs_coq
 def test_the_kernel_accepts_one_design_of_each_type(library, tmp_path):
     accepted(library, [theorem(name, tmp_path) for name in TYPES])

@@ -292,6 +292,7 @@ def library(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.sweep
 @needs_coq
 def test_the_kernel_accepts_every_known_function(many, library):
     accepted, said = compiled(library, many)
