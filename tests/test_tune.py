@@ -19,7 +19,7 @@ from obsdesign.data.tuning import MARK, hurried, warned
 from obsdesign.errors import UsageError
 from obsdesign.reading import loads
 from obsdesign.sections.changes import opened
-from obsdesign.sections.editing import edited
+from obsdesign.sections.editing import edited, reads
 from obsdesign.tables.tuning import tuning_table
 from obsdesign.work import trial
 
@@ -484,3 +484,10 @@ def test_without_a_compiler_it_finds_the_same(monkeypatch):
     monkeypatch.setattr(runner.shutil, "which", lambda _: None)
     assert od.tune(spec, path).report["fitted"] == pytest.approx(compiled["fitted"], rel=1e-2)
     assert not [*warned(od.tune(spec, path), path)]
+
+
+def test_a_value_that_takes_an_anchor_with_it_has_the_whole_written_anew():
+    text = "observer: {Q: {push: &a 0.01}, R: {y: *a}}\nexpect: {status: certified}\n"
+    made, kept = edited(text, "spec.yaml", ["observer.Q.push=0.02"], ("expect",))
+    assert not kept
+    assert reads(made) == {"observer": {"Q": {"push": "0.02"}, "R": {"y": "0.01"}}}

@@ -84,7 +84,9 @@ def closed(text: str, begin: int) -> int | None:
 
 
 def left_out(text: str, name: str) -> str:
-    """Text without the lines of a section, up to the key after it."""
+    """Text without the lines of a section, up to the key after it; one that is no YAML stays."""
+    if reads(text) is None:
+        return text
     sections = compose(text, "").root.value
     if not isinstance(sections, dict) or name not in sections:
         return text
