@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from support.commands import files, run
+from support.logs import log
 from support.shipped import SPECS, solved
 
 import obsdesign as od
@@ -44,13 +45,6 @@ def scalar():
     """A design, and a run of it: signals and the truth."""
     design = od.solve(loads(SCALAR))
     return design, design.simulate()
-
-
-def log(path, header, *columns, sep=","):
-    """A log with these columns, NaN where nothing stands."""
-    rows = [sep.join("" if np.isnan(x) else repr(float(x)) for x in row) for row in np.column_stack(columns)]
-    Path(path).write_text("\n".join([sep.join(header), *rows, ""]))
-    return path
 
 
 def of_run(made, path="log.csv"):

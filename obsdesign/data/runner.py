@@ -13,6 +13,7 @@ from obsdesign.data.driver import NAME, Engine, driver
 from obsdesign.exports import c
 from obsdesign.lmi.formula import Float
 from obsdesign.stepping.implemented import Implemented
+from obsdesign.stepping.open_loop import partial
 
 COMPILER = ("gcc", "-std=c99", "-O2", "-shared", "-fPIC")
 
@@ -55,8 +56,11 @@ class Compiled:
 
     engine: ClassVar[Literal["c", "numpy"]] = "c"
 
-    def __init__(self, one: Implemented, code: ctypes.CDLL, state: bytes, last: Float) -> None:
+    def __init__(
+        self, one: Implemented, code: ctypes.CDLL, state: bytes, last: Float, kept: dict[str, "Compiled | None"]
+    ) -> None:
         self.one, self.code, self.last = one, code, last
+        self.kept = kept  # the same where some outputs are not known, once it is needed
         self.state = ctypes.create_string_buffer(state, len(state))
 
     @classmethod
@@ -75,14 +79,29 @@ class Compiled:
         code.observer_run.restype = ctypes.c_long
         state = ctypes.create_string_buffer(code.observer_size())
         code.observer_init(state, None)
-        return cls(one, code, state.raw, np.full(len(one.observer.outputs), np.nan))
+        return cls(one, code, state.raw, np.full(len(one.observer.outputs), np.nan), {})
 
     def copied(self) -> "Compiled":
         """The same where it is now."""
-        return Compiled(self.one, self.code, self.state.raw, self.last.copy())
+        return Compiled(self.one, self.code, self.state.raw, self.last.copy(), self.kept)
+
+    def open(self) -> None:
+        """Be ready for rows in which outputs are missing, as the observer of which some are not known."""
+        if self.one.known:
+            return
+        if "part" not in self.kept:
+            made = partial(self.one)
+            self.kept["part"] = Compiled.of(made) if made else None
+        if other := self.kept["part"]:
+            before, after = (8 * max(1, len(one.states)) for one in (self.one, other.one))
+            raw = self.state.raw
+            state = raw[:before] + other.state.raw[before:after] + raw[before:]
+            self.one, self.code, self.state = other.one, other.code, ctypes.create_string_buffer(state, len(state))
 
     def run(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float = 0.0) -> Passed:
         """Go along rows."""
+        if np.isnan(y).any():
+            self.open()
         one, K = self.one, len(t)
         made = Passed(
             np.full((K, len(one.observer.estimates)), np.nan),

@@ -1,0 +1,170 @@
+"""Logs with holes: of an output that is missing an observer runs in open loop, of any family, by any engine."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from support.logs import log
+
+import obsdesign as od
+from obsdesign.data.interpreted import Interpreted
+from obsdesign.data.runner import Compiled
+from obsdesign.reading import loads
+from obsdesign.stepping.implemented import implemented
+from obsdesign.work import trial
+
+PERIOD = 0.01
+
+# f enters an output (Df), and the injection L2 its argument: qhat and yhat are an algebraic loop
+TWO = """
+obsdesign: 1
+name: Two rates
+system: {states: [x, z], inputs: [u], outputs: [y1, y2], A: [[-1, 1], [-2, -1]], B: [[0.1], [0.2]],
+         C: [[1, 0], [0, 1]], D: [[0.1], [0]], gx: [0, u], gy: [0.1*u, 0]}
+nonlinearities: [{f: sin(q), type: {slope: [-1, 1]}, Bf: [0.3, 0.5], Cq: [1, 0.5], Df: [0.2, 0.1]}]
+observer: {type: l2, alpha: 0.1, gains: {L1: [[-1, 0.2], [0.1, -2]], L2: [[-0.3, 0.4]]}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def two():
+    """The observer in steps of `PERIOD`, as C and in Python."""
+    design = trial(loads(f"{TWO}implementation: {{period: {PERIOD}, method: rk4}}\n"))
+    one = implemented(design.spec, design.observer)
+    return Compiled.of(one), Interpreted.of(one)
+
+
+def rate_of_two(x, u, y, known):
+    """Its equations, in which y - yhat is 0 where y is not known; the loop is solved by repetition."""
+    A, C = np.array([[-1, 1], [-2, -1.0]]), np.eye(2)
+    L1, L2, Df = np.array([[-1, 0.2], [0.1, -2]]), np.array([-0.3, 0.4]), np.array([0.2, 0.1])
+    off = np.zeros(2)
+    for _ in range(20):
+        f = np.sin(x @ [1, 0.5] + L2 @ off)
+        off = np.where(known, C @ x + Df * f + [0.1 * u, 0] - np.where(known, y, 0), 0)
+    return A @ x + np.array([0.3, 0.5]) * f + [0, u] + L1 @ off
+
+
+def course(rng, K, gap):
+    """Rows with a second output at every tenth, holes in the first beside."""
+    t = np.cumsum(rng.uniform(0.2, 1.8, K)) * gap
+    u, y = np.sin(t), np.column_stack([np.cos(t), np.sin(2 * t)])
+    y[np.arange(K) % 10 > 0, 1] = np.nan
+    y[rng.uniform(size=K) < 0.2, 0] = np.nan
+    return t, u, y
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_an_output_at_a_tenth_of_the_rate_is_left_out_between_its_rows(hold):
+    """Without steps in the spec: against an integrator to 1e-8, over each time between rows."""
+    t, u, y = course(np.random.default_rng(4), 30, 0.1)
+    found = od.estimate(trial(loads(TWO)), log("log.csv", ["t", "u", "y1", "y2"], t, u, y), hold=hold)
+    x, expected = np.zeros(2), [np.zeros(2)]
+    for k in range(len(t) - 1):
+        slope = np.where(np.isnan(y[k + 1]), 0, (y[k + 1] - y[k]) / (t[k + 1] - t[k])) * (hold == "first")
+        climb = (u[k + 1] - u[k]) / (t[k + 1] - t[k]) * (hold == "first")
+        known = np.isfinite(y[k])
+        at = lambda s, x, k=k, slope=slope, climb=climb, known=known: rate_of_two(  # noqa: E731
+            x, u[k] + climb * (s - t[k]), y[k] + slope * (s - t[k]), known
+        )
+        x = solve_ivp(at, (t[k], t[k + 1]), x, rtol=1e-8, atol=1e-10, method="DOP853").y[:, -1]
+        expected.append(x)
+    hats = np.column_stack([found["hat_x"], found["hat_z"]])
+    assert np.abs(hats - expected).max() < 3e-6 * np.abs(expected).max()
+    assert found.report["step"] > 1e-3
+    assert found.report["missing"] == np.isnan(y).any(axis=1).sum()
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=8, deadline=None)
+def test_engines_and_a_loop_by_hand_agree_wherever_holes_are(two, seed):
+    rng = np.random.default_rng(seed)
+    K = 25
+    t, u, y = PERIOD * np.arange(K), rng.normal(size=(K, 1)), rng.normal(size=(K, 2))
+    y[rng.uniform(size=(K, 2)) < rng.uniform()] = np.nan
+    x, expected = np.zeros(2), []
+    for k in range(K):
+        expected.append(x)
+        rate = lambda x, k=k: rate_of_two(x, u[k, 0], y[k], np.isfinite(y[k]))  # noqa: E731
+        k1 = rate(x)
+        k2 = rate(x + PERIOD / 2 * k1)
+        k3 = rate(x + PERIOD / 2 * k2)
+        x = x + PERIOD / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + PERIOD * k3))
+    for start in two:
+        found = start.copied().run(t, u, y, 0, first=False)
+        assert found.rows == K
+        assert found.estimates == pytest.approx(np.array(expected), rel=1e-9, abs=1e-9)
+
+
+FILTER = """
+obsdesign: 1
+name: Filter
+system: {TIME, states: [x, z], outputs: [y1, y2], A: [[0.9, 0.1], [-0.2, 0.8]], B: [[1, 0], [0, 1]],
+         C: [[1, 0], [1, 1]]}
+observer: {type: ekf, Q: [[0.1, 0.02], [0.02, 0.2]], R: [[0.5, 0.3], [0.3, 0.4]], P0: 2, ESTIMATE}
+"""
+
+
+@pytest.mark.parametrize("estimate", ["predicted", "filtered"])
+@pytest.mark.parametrize("kind", [Compiled, Interpreted])
+def test_a_filter_takes_nothing_from_what_it_does_not_know(kind, estimate):
+    """Against the ordinary filter with the rows of C and R that are known, R not being diagonal."""
+    text = FILTER.replace("TIME", "time: discrete, period: 1").replace("ESTIMATE", f"estimate: {estimate}")
+    design, rng = trial(loads(text)), np.random.default_rng(1)
+    A, C = np.array([[0.9, 0.1], [-0.2, 0.8]]), np.array([[1, 0], [1, 1.0]])
+    Q, R = np.array([[0.1, 0.02], [0.02, 0.2]]), np.array([[0.5, 0.3], [0.3, 0.4]])
+    y = rng.normal(size=(60, 2))
+    y[rng.uniform(size=(60, 2)) < 0.5] = np.nan
+    found = kind.of(implemented(design.spec, design.observer)).run(
+        np.arange(60.0), np.zeros((60, 0)), y, 0, first=False
+    )
+    x, P = np.zeros(2), 2 * np.eye(2)
+    for k in range(60):
+        i, before = np.isfinite(y[k]), x
+        K = P @ C[i].T @ np.linalg.inv(C[i] @ P @ C[i].T + R[np.ix_(i, i)])
+        x, P = x + K @ (y[k, i] - C[i] @ x), P - K @ C[i] @ P
+        assert found.estimates[k] == pytest.approx(x if estimate == "filtered" else before, rel=1e-9, abs=1e-9)
+        x, P = A @ x, A @ P @ A.T + Q
+
+
+UNKNOWN = """
+obsdesign: 1
+name: Unknown input
+system: {states: [x1, x2, x3], inputs: [u], outputs: [y1, y2], A: [[-2, -2, 0], [0, 0, 1], [0, -3, -4]],
+         B: [[1], [0], [0]], C: [[1, 0, 0], [0, 0, 1]], gx: [0, 0, u], gy: [u, 0]}
+observer: {type: unknown-input, alpha: 0.5}
+"""
+
+
+def test_an_output_that_estimates_hold_at_once_goes_on_by_the_plant():
+    """While y1 is not known, xhat goes on as the plant does, with y2 injected where that is known."""
+    design = od.solve(loads(UNKNOWN))
+    E, L = (np.asarray(design.gains[name], dtype=float) for name in ("E", "L"))
+    A, C = np.array([[-2, -2, 0], [0, 0, 1], [0, -3, -4.0]]), np.array([[1, 0, 0], [0, 0, 1.0]])
+    t, u, y = course(np.random.default_rng(7), 40, 0.1)
+    y[0] = 1.0, 0.5
+    found = od.estimate(design, log("log.csv", ["t", "u", "y1", "y2"], t, u, y))
+    xi, m = np.zeros(3), y[0] - [u[0], 0]
+    for k in range(len(t)):
+        known = np.isfinite(y[k])
+        m = np.where(known, y[k] - [u[k], 0], m)
+        xhat = xi + E @ m
+        assert [found[f"hat_{x}"][k] for x in ("x1", "x2", "x3")] == pytest.approx(xhat, rel=1e-4, abs=1e-4)
+        if k + 1 == len(t):
+            break
+
+        def rate(_, s, k=k, known=known):
+            xi, m = s[:3], s[3:]
+            xhat = xi + E @ m
+            moves = A @ xhat + [0, 0, u[k]]
+            own = (np.eye(3) - E @ C) @ moves + L @ np.where(known, np.where(known, y[k], 0) - C @ xhat - [u[k], 0], 0)
+            return [*own, *np.where(known, 0, C @ moves)]
+
+        s = solve_ivp(rate, (t[k], t[k + 1]), [*xi, *m], rtol=1e-10, atol=1e-12).y[:, -1]
+        xi, m = s[:3], s[3:]
