@@ -10,6 +10,7 @@ from support.logs import log
 import obsdesign as od
 from obsdesign.data.interpreted import Interpreted
 from obsdesign.data.runner import Compiled
+from obsdesign.errors import UsageError
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
 from obsdesign.work import trial
@@ -168,3 +169,18 @@ def test_an_output_that_estimates_hold_at_once_goes_on_by_the_plant():
 
         s = solve_ivp(rate, (t[k], t[k + 1]), [*xi, *m], rtol=1e-10, atol=1e-12).y[:, -1]
         xi, m = s[:3], s[3:]
+
+
+def test_an_observer_that_begins_with_y_waits_for_it():
+    """Rows before the first that has it have no estimates; from there on it is as on a log that begins there."""
+    t, u, y = course(np.random.default_rng(7), 30, 0.1)
+    y[:7, 0], y[7] = np.nan, (1.0, 0.5)
+    design, names = od.solve(loads(UNKNOWN)), ["t", "u", "y1", "y2"]
+    found = od.estimate(design, log("log.csv", names, t, u, y))
+    later = od.estimate(design, log("later.csv", names, t[7:], u[7:], y[7:]))
+    assert np.isnan(found["hat_x1"][:7]).all()
+    assert found["hat_x2"][7:] == pytest.approx(later["hat_x2"], rel=1e-4, abs=1e-5)
+    assert found.report["waited"] == {"rows": 7, "for": ["y1"]}
+    y[:, 0] = np.nan
+    with pytest.raises(UsageError, match="no row has y1, with which this observer begins"):
+        od.estimate(design, log("log.csv", names, t, u, y))

@@ -318,7 +318,9 @@ def cost_of(made: Estimation) -> Cost | None:
     log, start = made.log, made.start
     if made.late_ones or start is None:
         return None
-    rows = first_of(Log(log.table, log.spec, log.where, log.repair, truth=log.truth))
+    rows = first_of(Log(log.table, log.spec, log.where, log.repair, truth=log.truth)).cut(made.waited)
+    if not len(rows.t):
+        return None
     least, spent = math.inf, 0.0
     while spent < LEAST:
         one = start.copied()

@@ -35,6 +35,9 @@ class Radius:
     start: float  # V_0
     v2: float  # |v|^2
     premise: str  # under which they hold
+    outputs: tuple[int, ...]  # places of the outputs y = C x + gy + D v, without f, of which xhat knows no y yet
+    reach_of_outputs: Float  # of C e of these
+    direct: Float  # |D| of these
 
     def storage(self, k: Array) -> Float:
         """Bound on sqrt(V) at rows."""
@@ -50,6 +53,11 @@ class Radius:
         """Radii of the arguments of f at rows, (K, nq)."""
         return np.asarray(self.storage(k)[:, None] * self.reach_of_arguments)
 
+    def contradicted(self, innovations: Float, k: Array) -> Array:
+        """Rows of which an innovation is larger than what the premise allows: |y - yhat| <= reach sqrt(V) + |D| |v|."""
+        bound = self.storage(k)[:, None] * self.reach_of_outputs + OUTWARD * self.direct * np.sqrt(self.v2)
+        return np.asarray((np.abs(innovations[:, self.outputs]) > bound).any(axis=1))
+
 
 def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius | str:
     """Radii of the estimates of a design on a log, or why there are none."""
@@ -64,19 +72,22 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     if where.v_sup is None or (missing := [name for name in states if name not in where.e0]):
         what = "v_sup" if where.v_sup is None else f"e0 of {', '.join(missing)}"
         return f"data: {{{what}}} is not given"
-    rates, rows = guarantee.rates(), outputs(spec, estimates)
+    rates, rows, p = guarantee.rates(), outputs(spec, estimates), spec.augmented
     assert isinstance(rates, Steps)
-    v2 = float(where.v_sup) ** 2 * (float(gain_of(spec.augmented, peaks=True)) if spec.observer.filtered else 1.0)
+    v2 = float(where.v_sup) ** 2 * (float(gain_of(p, peaks=True)) if spec.observer.filtered else 1.0)
     if spec.continuous is not None and spec.continuous.defect:
         v2 += 1.0  # the defect, as a channel of length 1
     names = tuple(rows)
     H = np.array([rows[name] for name in names], dtype=object).reshape(len(names), len(states))
     P: Any = guarantee.P  # type: ignore[attr-defined]
     e0 = guarantee.entering(np.array([float(where.e0[name]) for name in states]))  # type: ignore[attr-defined]
-    reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
+    reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, p.Cq))
     if not np.isfinite([*reach, *of_q]).all():
         return "the estimates hold the noise of y at once"
-    return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec))
+    plain = tuple(i for i, row in enumerate(p.Df) if not (row != 0).any() and not spec.observer.filtered)
+    of_y = np.asarray(guarantee.reach(p.C[list(plain)])) if plain else np.zeros(0)
+    direct = np.array([np.linalg.norm([approximate(entry) for entry in p.D[i]]) for i in plain])
+    return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec), plain, of_y, direct)
 
 
 def largest(P: Exact, e0: Float) -> float:

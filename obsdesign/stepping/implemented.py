@@ -63,6 +63,12 @@ class Implemented:
         """Whether what is expected of y does not depend on it, so that it can stand for what is missing."""
         return not any(name in self.observer.outputs for name in self.predict.given)
 
+    @property
+    def begins_with(self) -> tuple[str, ...]:
+        """Outputs without which no estimate begins: those that a start depends on, or that estimates hold at once."""
+        needed = {*self.motions, *(self.begin.given if self.begin else ())}
+        return tuple(name for name in self.observer.outputs if name in needed)
+
     @cached_property
     def dt(self) -> str:
         """Name of the time of a part of a step."""

@@ -14,6 +14,11 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
     holes = f", {report['missing']:,} with something missing" if report["missing"] else ""
     rows = [("rows", f"{report['rows']:,}{holes}")]
     rows += [("late", f"{report['late']:,} rows")] if report["late"] else []
+    gaps, waited = report.get("gaps"), report.get("waited")
+    rows += [("gaps", f"{gaps:,} samples without a row, taken as rows without outputs")] if gaps else []
+    if waited:
+        known = " and ".join(waited["for"])
+        rows.append(("begins", f"at the first row with {known}; {waited['rows']:,} before it have no estimates"))
     counts = report.get("repaired", {}).items()
     rows += [("repaired", ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts))] if counts else []
     steps = f", in steps of {plain(report['step'])} s, found by halving" if report["step"] else ""
@@ -27,6 +32,10 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
     radius = report["radius"]
     rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
+    if told := report.get("contradicted"):
+        rows.append(
+            ("contradicted", f"{told:,} innovations are larger than v_sup and e0 allow: these, or the plant, are wrong")
+        )
     if report["uncovered"]:
         rows.append(("uncovered", f"{report['uncovered']:,} rows, of which nothing is proved (column covered)"))
     return aligned([*rows, ("estimates", samples), ("figure", figure or "none")])
