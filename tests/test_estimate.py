@@ -22,6 +22,7 @@ from obsdesign.errors import UndecidedError, UsageError
 from obsdesign.files import table
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
+from obsdesign.tables.estimates import estimates_table
 from obsdesign.work import trial
 
 SCALAR = """
@@ -320,6 +321,7 @@ def test_a_gap_of_whole_periods_is_as_many_rows_without_outputs(scalar):
     assert found["t"] == pytest.approx(made.t, abs=1e-12)
     assert found.rows == pytest.approx(whole.rows, nan_ok=True)
     assert (found.report["rows"], found.report["missing"], found.report["gaps"]) == (len(y), 5, 5)
+    assert "5 samples without a row" in estimates_table(found.report, "", "")
 
 
 def test_a_gap_may_lie_between_two_blocks(scalar, monkeypatch):
@@ -340,7 +342,7 @@ def test_innovations_that_the_premise_does_not_allow_are_counted(scalar):
     for factor in (0.999, 1.001):
         y[40, 0] = made.y[40, 0] - found["innov_y"][40] + factor * bound[40]
         told = od.estimate(design, log("log.csv", ["t", "force", "y"], made.t, made.u, y)).report
-        assert ("contradicted" in told) == (factor > 1)
+        assert ("contradicted" in told) == ("contradicts these" in estimates_table(told, "", "")) == (factor > 1)
 
 
 def test_a_known_input_that_is_missing_ends_what_is_proved(scalar):

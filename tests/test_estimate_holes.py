@@ -13,6 +13,7 @@ from obsdesign.data.runner import Compiled
 from obsdesign.errors import UsageError
 from obsdesign.reading import loads
 from obsdesign.stepping.implemented import implemented
+from obsdesign.tables.estimates import estimates_table
 from obsdesign.work import trial
 
 PERIOD = 0.01
@@ -181,6 +182,7 @@ def test_an_observer_that_begins_with_y_waits_for_it():
     assert np.isnan(found["hat_x1"][:7]).all()
     assert found["hat_x2"][7:] == pytest.approx(later["hat_x2"], rel=1e-4, abs=1e-5)
     assert found.report["waited"] == {"rows": 7, "for": ["y1"]}
+    assert "at the first row with y1; 7 before it" in estimates_table(found.report, "", "")
     y[:, 0] = np.nan
     with pytest.raises(UsageError, match="no row has y1, with which this observer begins"):
         od.estimate(design, log("log.csv", names, t, u, y))

@@ -32,10 +32,9 @@ def estimates_table(report: Mapping[str, Any], samples: str, figure: str) -> str
         rows.append(("innovation", f"{name}: mean {plain(told['mean'])}, rms {plain(told['rms'])}{white}"))
     radius = report["radius"]
     rows.append(("radii", f"if {radius['premise']}" if "premise" in radius else f"none: {radius['none']}"))
-    if told := report.get("contradicted"):
-        rows.append(
-            ("contradicted", f"{told:,} innovations are larger than v_sup and e0 allow: these, or the plant, are wrong")
-        )
+    if count := report.get("contradicted"):
+        said = "with a larger innovation than v_sup and e0 allow: the log contradicts these, or the plant of the spec"
+        rows.append(("contradicted", f"{count:,} rows {said}"))
     if report["uncovered"]:
         rows.append(("uncovered", f"{report['uncovered']:,} rows, of which nothing is proved (column covered)"))
     return aligned([*rows, ("estimates", samples), ("figure", figure or "none")])
