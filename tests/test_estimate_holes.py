@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from support.logs import log
 
 import obsdesign as od
@@ -104,6 +105,25 @@ def test_engines_and_a_loop_by_hand_agree_wherever_holes_are(two, seed):
         assert found.estimates == pytest.approx(np.array(expected), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("kind", [Compiled, Interpreted])
+def test_exact_steps_are_exact_of_what_is_left(kind):
+    """Of a linear plant with a fast injection, in rows of all kinds, against the matrix exponential."""
+    text = TWO.replace("f: sin(q)", "f: 0*q").replace("[[-1, 0.2], [0.1, -2]]", "[[-900, 2], [1, -800]]")
+    design = trial(loads(f"{text}implementation: {{period: {PERIOD}, method: exact}}\n"))
+    rng, K = np.random.default_rng(2), 30
+    t, u, y = PERIOD * np.cumsum(rng.uniform(0.3, 2, K)), rng.normal(size=(K, 1)), rng.normal(size=(K, 2))
+    y[rng.uniform(size=K) < 0.4, 1] = np.nan
+    found = kind.of(implemented(design.spec, design.observer)).run(t, u, y, 0, first=False)
+    A, L1, x = np.array([[-1, 1], [-2, -1.0]]), np.array([[-900, 2.0], [1, -800]]), np.zeros(2)
+    for k in range(K):
+        assert found.estimates[k] == pytest.approx(x, rel=1e-9, abs=1e-9)
+        known = np.diag(np.isfinite(y[k]).astype(float))
+        b = [0, u[k, 0]] - L1 @ known @ (np.nan_to_num(y[k]) - [0.1 * u[k, 0], 0])
+        if k + 1 < K:
+            grown = expm((t[k + 1] - t[k]) * np.block([[A + L1 @ known, b[:, None]], [np.zeros((1, 3))]]))
+            x = grown[:2, :2] @ x + grown[:2, 2]
+
+
 FILTER = """
 obsdesign: 1
 name: Filter
@@ -144,9 +164,15 @@ observer: {type: unknown-input, alpha: 0.5}
 """
 
 
-def test_an_output_that_estimates_hold_at_once_goes_on_by_the_plant():
+@pytest.fixture(scope="module")
+def unknown():
+    """Design of an unknown-input observer."""
+    return od.solve(loads(UNKNOWN))
+
+
+def test_an_output_that_estimates_hold_at_once_goes_on_by_the_plant(unknown):
     """While y1 is not known, xhat goes on as the plant does, with y2 injected where that is known."""
-    design = od.solve(loads(UNKNOWN))
+    design = unknown
     E, L = (np.asarray(design.gains[name], dtype=float) for name in ("E", "L"))
     A, C = np.array([[-2, -2, 0], [0, 0, 1], [0, -3, -4.0]]), np.array([[1, 0, 0], [0, 0, 1.0]])
     t, u, y = course(np.random.default_rng(7), 40, 0.1)
@@ -172,11 +198,11 @@ def test_an_output_that_estimates_hold_at_once_goes_on_by_the_plant():
         xi, m = s[:3], s[3:]
 
 
-def test_an_observer_that_begins_with_y_waits_for_it():
+def test_an_observer_that_begins_with_y_waits_for_it(unknown):
     """Rows before the first that has it have no estimates; from there on it is as on a log that begins there."""
     t, u, y = course(np.random.default_rng(7), 30, 0.1)
     y[:7, 0], y[7] = np.nan, (1.0, 0.5)
-    design, names = od.solve(loads(UNKNOWN)), ["t", "u", "y1", "y2"]
+    design, names = unknown, ["t", "u", "y1", "y2"]
     found = od.estimate(design, log("log.csv", names, t, u, y))
     later = od.estimate(design, log("later.csv", names, t[7:], u[7:], y[7:]))
     assert np.isnan(found["hat_x1"][:7]).all()

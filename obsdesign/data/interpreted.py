@@ -11,11 +11,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from obsdesign.data.driver import NAME, ROUNDING, Engine
-from obsdesign.data.runner import Passed
+from obsdesign.data.runner import Passed, along
 from obsdesign.exports import python
 from obsdesign.lmi.formula import Float
 from obsdesign.stepping.implemented import Implemented
-from obsdesign.stepping.open_loop import partial
+from obsdesign.stepping.open_loop import Mask, partial
 
 Values = Sequence[float]
 Function = Callable[..., tuple[float, ...]]
@@ -29,12 +29,13 @@ class StuckError(Exception):
 class Interpreted:
     """The observer in Python, with its state and the y that was known last, NaN where none was."""
 
+    plain: Implemented  # all outputs of which are known
     one: Implemented
     functions: dict[str, Function]
     x: tuple[float, ...]
     last: tuple[float, ...]
     begun: bool
-    kept: dict[str, "Interpreted | None"] = field(default_factory=dict)  # the same where some outputs are not known
+    kept: dict[Mask | None, "Interpreted | None"] = field(default_factory=dict)  # those of which some are not
     engine: ClassVar[Literal["c", "numpy"]] = "numpy"
 
     @classmethod
@@ -43,30 +44,29 @@ class Interpreted:
         subject = Engine(NAME, one, (), {})
         code = loaded(python.functions(subject))
         functions = {which: finite(getattr(code, which)) for which in subject.routines}
-        return cls(one, functions, one.begins, (math.nan,) * len(subject.outputs), one.begin is None)
+        return cls(one, one, functions, one.begins, (math.nan,) * len(subject.outputs), one.begin is None)
 
     def copied(self) -> "Interpreted":
         """The same where it is now."""
         return replace(self)
 
-    def open(self) -> None:
-        """Be ready for rows in which outputs are missing, as the observer of which some are not known."""
-        if self.one.known:
-            return
-        if "part" not in self.kept:
-            made = partial(self.one)
-            self.kept["part"] = Interpreted.of(made) if made else None
-        if other := self.kept["part"]:
+    def open(self, mask: Mask | None) -> None:
+        """Be the observer of which some outputs are not known, as `partial` makes it, where it makes one."""
+        if mask not in self.kept:
+            made = partial(self.plain, mask)
+            self.kept[mask] = Interpreted.of(made) if made else None
+        if other := self.kept[mask]:
             self.one, self.functions = other.one, other.functions
             self.x = (*self.x, *other.x[len(self.x) :])
 
     def run(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float = 0.0) -> Passed:
         """Go along rows."""
-        if np.isnan(y).any():
-            self.open()
+        return along(self, t, u, y, begin, first, h)
+
+    def go(self, t: Float, u: Float, y: Float, begin: int, first: bool, h: float) -> Passed:
+        """Go along rows as the observer that it is now."""
         T, U, Y, K = t.tolist(), u.tolist(), y.tolist(), len(t)
-        width = len(self.one.observer.estimates), len(self.one.observer.outputs), len(self.one.watched)
-        found: tuple[list[Values], ...] = tuple([(math.nan,) * n] * K for n in width)
+        found: tuple[list[Values], ...] = tuple([(math.nan,) * n] * K for n in self.one.width)
         k, done = 0, K
         try:
             for k in range(K):

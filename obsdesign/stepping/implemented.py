@@ -59,6 +59,11 @@ class Implemented:
             raise UsageError(f"{said}: this observer is not written in steps", id="OBS920")
 
     @property
+    def width(self) -> tuple[int, int, int]:
+        """Numbers of estimates, outputs, and arguments of f that are watched."""
+        return len(self.observer.estimates), len(self.observer.outputs), len(self.watched)
+
+    @property
     def foresees(self) -> bool:
         """Whether what is expected of y does not depend on it, so that it can stand for what is missing."""
         return not any(name in self.observer.outputs for name in self.predict.given)

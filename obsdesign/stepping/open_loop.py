@@ -15,17 +15,22 @@ from obsdesign.stepping.motion import ZERO
 CHOICE = parse("where(known > 0, a, b)", ["known", "a", "b"])
 
 
-def partial(one: Implemented) -> Implemented | None:
+Mask = tuple[bool, ...]  # whether each output is known
+
+
+def partial(one: Implemented, mask: Mask | None = None) -> Implemented | None:
     """Observer with further inputs that are 1 for each output that is known and else 0, by which it does so.
 
     In the place of y_j stands yhat_j wherever y_j is not known, in each stage of a step, so that nothing is injected;
     gains of a filter are 0 then, also in its covariance. An output that estimates hold at once goes on from where it
     was known last (`motion`). None where what is expected at the beginning of a step is all that a step needs.
+
+    `mask`: which outputs are known, whatever these inputs say: the linear part, of which `exact` is, depends on it.
     """
     observer = one.observer
     if observer.jump or (not one.method and not observer.silent and one.foresees):
         return None
-    return OpenLoop(one).made
+    return OpenLoop(one, mask).made
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,7 @@ class OpenLoop:
     """The observer, and the names of what is new in it."""
 
     one: Implemented
+    mask: Mask | None
 
     @cached_property
     def taken(self) -> set[str]:
@@ -65,6 +71,8 @@ class OpenLoop:
 
     def chosen(self, output: str, there: Expression, else_: Expression) -> Expression:
         """One of two, by whether an output is known."""
+        if self.mask is not None:
+            return there if self.mask[self.one.observer.outputs.index(output)] else else_
         flag = ahead(self.known[output]) if self.one.observer.following else self.known[output]
         return CHOICE.substituted({"known": Expression.variable(flag), "a": there, "b": else_})
 
