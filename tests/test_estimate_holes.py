@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from support.logs import log
+from support.shipped import solved
 
 import obsdesign as od
 from obsdesign.data.interpreted import Interpreted
@@ -212,3 +213,39 @@ def test_an_observer_that_begins_with_y_waits_for_it(unknown):
     y[:, 0] = np.nan
     with pytest.raises(UsageError, match="no row has y1, with which this observer begins"):
         od.estimate(design, log("log.csv", names, t, u, y))
+
+
+def test_a_filter_in_steps_predicts_alone_where_y_is_missing():
+    """x' = -x + w, y = x + v in steps of h: x and P by hand, a correction with R/h in the steps that have y."""
+    system = "{states: [x], outputs: [y], A: [[-1]], B: [[1]], C: [[1]]}"
+    text = f"obsdesign: 1\nname: Steps\nsystem: {system}\nobserver: {{type: ekf, Q: 2, R: 0.1, P0: 3}}\n"
+    design = trial(loads(f"{text}implementation: {{period: {PERIOD}, method: rk4}}\n"))
+    rng = np.random.default_rng(3)
+    y = rng.normal(size=(80, 1))
+    y[rng.uniform(size=(80, 1)) < 0.6] = np.nan
+    start = Interpreted.of(implemented(design.spec, design.observer))
+    found = start.run(PERIOD * np.arange(80), np.zeros((80, 0)), y, 0, first=False).estimates[:, 0]
+    x, P, decay = 0.0, 3.0, np.exp(-PERIOD)
+    for k in range(80):
+        assert found[k] == pytest.approx(x, rel=1e-7, abs=1e-9)
+        K = P / (P + 0.1 / PERIOD) * np.isfinite(y[k, 0])
+        x, P = decay * (x + K * (np.nan_to_num(y[k, 0]) - x)), decay**2 * (1 - K) * P + (1 - decay**2)
+
+
+def test_in_samples_an_output_that_estimates_hold_goes_on_by_the_plant():
+    """xhat = xi + E y, where y is that of the plant a sample after xhat where it is not known."""
+    spec, design = solved("unknown-input-sampled")
+    p, E, L = spec.plant.doubles, *(np.asarray(design.gains[name], dtype=float) for name in "EL")
+    f, rng = spec.nonlinearities[0].f[0].scalar(["q"]), np.random.default_rng(0)
+    y = rng.normal(size=(40, 2))
+    y[1:][rng.uniform(size=(39, 2)) < 0.5] = np.nan
+    start = Interpreted.of(implemented(spec, design.observer))
+    found = start.run(float(spec.period) * np.arange(40), np.zeros((40, 0)), y, 0, first=False).estimates
+    xi, m = np.zeros(3), y[0]
+    for k in range(40):
+        known = np.isfinite(y[k])
+        xhat = xi + E @ np.where(known, y[k], m)
+        assert found[k] == pytest.approx(xhat, rel=1e-9, abs=1e-9)
+        following = p.A @ xhat + p.Bf[:, 0] * f(float(p.Cq[0] @ xhat))
+        xi = following - E @ p.C @ following + L @ np.where(known, np.nan_to_num(y[k]) - p.C @ xhat, 0)
+        m = p.C @ following
