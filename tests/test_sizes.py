@@ -76,6 +76,20 @@ def test_a_gain_that_cancels_the_disturbance_attains_the_limit_of_zero(power):
     assert design.guarantee.gamma <= 1e-2 * 10.0**power
 
 
+def test_a_limit_is_not_called_zero_where_w_acts_and_no_output_tells_of_it():
+    """From w1 to e, with w2 = -C x / D and so y = 0, there is a gain that no L1 changes; by hand, in 60 digits, 269.6.
+
+    Doubles hardly see it: w acts with 100, and y is told to 1e-4.
+    """
+    A, B = [[0, -2, -3], [-3, -2, -3], [-2, -1, 0]], [[0, 0], [100, 0], [-100, 0]]
+    system = {"A": A, "B": B, "C": [[-2, 1, -2]], "D": [[0, 1e-4]]}
+    with pytest.raises(od.UndecidedError, match=r"give `bounds: {L1: "):
+        od.solve(od.Spec(system=system, observer={"type": "l2", "alpha": 1}))
+    design = od.solve(od.Spec(system=system, observer={"type": "l2", "alpha": 1, "bounds": {"L1": 1e5}}))
+    assert design.status == "certified"
+    assert 269.6 < design.limit_bounded["gamma"] < design.guarantee.gamma < 300
+
+
 @pytest.mark.parametrize("kind", ["l2", "linf"])
 def test_a_plant_without_a_disturbance_has_gains_within_bounds(kind):
     system = {"A": [[-1, 0], [0, -2]], "C": [[1, 0]]}
