@@ -91,6 +91,16 @@ def test_a_limit_is_not_called_zero_where_w_acts_and_no_output_tells_of_it():
 
 
 @pytest.mark.parametrize("kind", ["l2", "linf"])
+def test_where_the_smallest_gain_is_not_proved_a_larger_one_on_the_way_to_it_is(kind):
+    """A of rank 1 and no v: with P near singular a gain of nothing looks as if it moved the pole 0 to -0.6."""
+    first, second = np.array([[1.3], [0.837]]), np.array([[-1.258, 0.967]])
+    system = {"A": (first @ second).tolist(), "C": [[-0.85, 1.32], [0.3, -1.73]]}
+    design = od.solve(od.Spec(system=system, observer={"type": kind, "L2": 0, "alpha": 0.6}))
+    assert design.status == "certified"
+    assert max(np.linalg.eigvals(system["A"] + np.array(design.gains["L1"]) @ system["C"]).real) < -0.6
+
+
+@pytest.mark.parametrize("kind", ["l2", "linf"])
 def test_a_plant_without_a_disturbance_has_gains_within_bounds(kind):
     system = {"A": [[-1, 0], [0, -2]], "C": [[1, 0]]}
     block = {"f": "tanh(q)", "type": "tanh", "Bf": [1, 0], "Cq": [0, 1]}
