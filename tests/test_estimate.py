@@ -577,7 +577,76 @@ def test_others_use_a_late_row_when_it_arrives(scalar):
     path = log("log.csv", ["t", "force", "y", "rx"], made.t - 0.03, made.u, made.y, made.t)
     found = od.estimate(design, path, columns={"arrival": "rx"})
     assert found["hat_x"].tolist() == od.estimate(design, of_run(made, "other.csv"))["hat_x"].tolist()
-    assert found.report["radius"]["none"] == "rows are used when they arrive, and nothing is proved of that"
+    assert found.report["stale"] == {"rows": len(made.t), "longest": pytest.approx(0.03)}
+    assert found.report["uncovered"] == len(made.t)
+    assert np.isnan(found["radius_x"]).all()
+
+
+def test_radii_end_at_the_first_row_that_is_used_after_its_time(scalar):
+    design, made = scalar
+    expected = od.estimate(design, of_run(made))
+    late = np.where(np.arange(len(made.t)) == 20, 0.05, 0.0)
+    path = log("late.csv", ["t", "force", "y", "rx"], made.t - late, made.u, made.y, made.t)
+    found = od.estimate(design, path, columns={"arrival": "rx"})
+    assert found["radius_x"][:20].tolist() == expected["radius_x"][:20].tolist()
+    assert np.isnan(found["radius_x"][20:]).all()
+    assert found.report["radius"]["premise"].endswith("up to the first that is used after its time")
+
+
+MOVING = """
+obsdesign: 1
+name: Cart
+system: {states: [place, speed], inputs: [force], outputs: [y], A: [[0, 1], [-1, -0.5]], B: [[0], [1]], C: [[1, 0]],
+         gx: [0, force]}
+observer: {type: l2, gains: {L1: [[-2], [-1]]}, alpha: 0.1}
+"""
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_the_newest_row_holds_from_its_arrival(hold, compiled, monkeypatch):
+    """Some rows come together, and some after newer ones, which changes nothing; a small loop says the same."""
+    if not compiled:
+        monkeypatch.setattr(runner.shutil, "which", lambda _: None)
+    rng, K = np.random.default_rng(5), 60
+    t = np.arange(K) * 0.1
+    arrival = np.sort(t + np.where(rng.random(K) < 0.3, rng.uniform(0.1, 0.5, K), 0.01))
+    order = np.argsort(t + np.where(rng.random(K) < 0.3, 0.25, 0.0), kind="stable")
+    arrival = np.maximum.accumulate(np.maximum(arrival, t[order]))
+    arrival[11] = arrival[10] = max(arrival[10:12])
+    signals = np.column_stack([np.cos(2 * t), np.sin(3 * t)])[order]
+    path = log("late.csv", ["t", "force", "y", "rx"], t[order], signals, arrival)
+    monkeypatch.setattr(table, "BLOCK", 500)  # bytes of a block, so that rows wait for those of the next
+    found = od.estimate(od.solve(loads(MOVING)), path, columns={"arrival": "rx"}, hold=hold)
+
+    used = np.flatnonzero(t[order] >= np.maximum.accumulate(t[order]))
+    A, C, L = np.array([[0, 1], [-1, -0.5]]), np.array([1.0, 0]), np.array([-2.0, -1])
+
+    def held(s, now):
+        place = used[used <= now][-1]
+        after = used[used > now]
+        if hold == "zero" or not len(after) or arrival[after[0]] == arrival[place]:
+            return signals[place]
+        share = (s - arrival[place]) / (arrival[after[0]] - arrival[place])
+        return signals[place] + share * (signals[after[0]] - signals[place])
+
+    def rate(s, x, now):
+        u, y = held(s, now)
+        return A @ x + np.array([0, u]) + L * (C @ x - y)
+
+    x, expected = np.zeros(2), [np.zeros(2)]
+    for k in range(K - 1):
+        if arrival[k + 1] > arrival[k]:
+            run = solve_ivp(rate, (arrival[k], arrival[k + 1]), x, args=(k,), rtol=1e-10, atol=1e-12)
+            x = run.y[:, -1]
+        expected.append(x)
+    assert found["t"] == pytest.approx(arrival)
+    hats = np.column_stack([found["hat_place"], found["hat_speed"]])
+    assert np.abs(hats - expected).max() < 3e-6
+    dropped = K - len(used)
+    assert found.report["late"] == found.report["lost"] == dropped > 5
+    assert np.isnan(found["innov_y"]).sum() == dropped
+    assert found.report["stale"]["longest"] == pytest.approx((arrival - t[order])[used].max())
 
 
 # innovations

@@ -296,7 +296,7 @@ def entrant(
     counts: dict[str, Any] = {
         "rows": made.rows,
         "missing": made.missing,
-        "late": made.late,
+        "late": made.late or made.delays.unused,
         "uncovered": made.uncovered,
     }
     counts |= {"engine": made.engine, "step": made.step or None}

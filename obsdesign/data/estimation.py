@@ -10,7 +10,7 @@ from typing import IO, Any, Literal, cast
 import numpy as np
 
 from obsdesign.data.innovations import Innovations
-from obsdesign.data.late import History
+from obsdesign.data.late import Delays, History
 from obsdesign.data.log import Log, Rows
 from obsdesign.data.radius import Radius, radius
 from obsdesign.data.runner import Passed, Runner, runner
@@ -59,7 +59,7 @@ class Estimation:
         self.innovations = Innovations(self.observer.outputs)
         self.radius = radius(design, log.where, self.names)
         self.rows = self.missing = self.late = self.lost = self.uncovered = 0
-        self.engine = ""
+        self.engine, self.delays = "", Delays()
         self.step = self.coarsest = 0.0  # s, between rows; 0: that of the spec
         self.left = False
         self.start: Runner | None = None  # the observer before the first row
@@ -162,19 +162,20 @@ class Estimation:
     def part(self, rows: Rows, passed: Passed) -> Part:
         """Rows as they are written, and counted."""
         K = len(passed.estimates)
-        y = rows.y[:K]
-        innovations = y - passed.expected
+        rows = Rows(*(part[:K] for part in rows))
+        y, fresh = rows.y, self.delays.timely(rows) if not self.late_ones else np.ones(K, dtype=bool)
+        innovations = np.where(rows.unused[:, None], np.nan, y - passed.expected)
         self.innovations.add(innovations)
         self.innovations.measured(y)
         first, self.rows = self.rows, self.rows + K
         self.missing += int(np.isnan(y).any(axis=1).sum())
-        t = (rows.t if self.late_ones else rows.known)[:K]
+        t = rows.t if self.late_ones else rows.known
         radii = self.radius.along(np.arange(first, first + K)) if isinstance(self.radius, Radius) else np.zeros((K, 0))
-        known = ~rows.guessed[:K] & np.isfinite(y).all(axis=1)
+        known = ~rows.guessed & np.isfinite(y).all(axis=1) & fresh
         covered = self.inside(passed.arguments, first, known, self.timely(t, y)) & self.covers
         radii = np.where(covered[:, None], radii, np.nan)
         self.uncovered += int((~covered).sum())
-        return Part(t, passed.estimates, innovations, radii, covered, rows.truth[:K])
+        return Part(t, passed.estimates, innovations, radii, covered, rows.truth)
 
     @cached_property
     def covers(self) -> bool:
@@ -226,8 +227,9 @@ class Estimation:
         return {
             "rows": self.rows,
             "missing": self.missing,
-            "late": self.late,
-            **({"lost": self.lost} if self.lost else {}),
+            "late": self.late or self.delays.unused,
+            **({"lost": lost} if (lost := self.lost or self.delays.unused) else {}),
+            **self.delays.report(),
             "engine": self.engine,
             "step": self.step or None,
             "uncovered": self.uncovered,

@@ -33,6 +33,7 @@ class Rows(NamedTuple):
     lines: Array  # (K,), of the file
     guessed: Array  # (K,), whether some of u was missing
     truth: Float  # (K, m), of what is known of the plant beside u and y; NaN where it is missing
+    unused: Array  # (K,), whether it came after newer ones: its u and y are those that hold then, not its own
 
 
 def table(path: str) -> Table:
@@ -129,7 +130,13 @@ class Log:
             )
 
     def rows(self) -> Iterator[Rows]:
-        """All rows, some at a time."""
+        """All rows, some at a time; where measurements are used when they arrive, the newest are."""
+        if self.where.arrival and not FAMILIES[self.spec.observer.type].sampled:
+            return newest(self.risen(), self.where.hold == "first")
+        return self.risen()
+
+    def risen(self) -> Iterator[Rows]:
+        """Rows in the order in which they are known."""
         last, values = -np.inf, np.full(len(self.spec.inputs), np.nan)
         for rows in self.ordered() if self.repair else self.raw():
             made = self.filled(rows, values)
@@ -152,7 +159,8 @@ class Log:
             known = np.fmax(values[:, -1], t) if self.where.arrival else t
             u, y = values[:, 1 : 1 + nu], values[:, 1 + nu : 1 + nu + ny]
             truth = values[:, 1 + nu + ny : 1 + len(self.signals)]
-            yield Rows(t, u, y, known, block.lines, np.asarray(np.isnan(u).any(axis=1)), truth)
+            guessed, unused = np.asarray(np.isnan(u).any(axis=1)), np.zeros(len(t), dtype=bool)
+            yield Rows(t, u, y, known, block.lines, guessed, truth, unused)
 
     def ordered(self) -> Iterator[Rows]:
         """Rows in order, each instant once, those without one left out."""
@@ -166,12 +174,14 @@ class Log:
                 )
         if not held:
             return
-        rows = Rows(*(np.concatenate(parts) for parts in zip(*held, strict=True)))
+        rows = joined(held)
         timed = np.isfinite(rows.known)
         self.counts["without_time"] += int((~timed).sum())
-        order = np.flatnonzero(timed)[np.argsort(rows.known[timed], kind="stable")]
+        order = np.flatnonzero(timed)[np.lexsort((rows.t[timed], rows.known[timed]))]
         self.counts["moved"] += int((np.diff(rows.known[timed]) < 0).sum())
         once = np.diff(rows.known[order], prepend=-np.inf) > 0
+        if self.where.arrival:  # several may arrive at once
+            once |= np.diff(rows.t[order], prepend=-np.inf) != 0
         self.counts["repeated"] += int((~once).sum())
         order = order[once]
         for k in range(0, len(order), ROWS):
@@ -191,7 +201,8 @@ class Log:
     def require_rising(self, rows: Rows, last: float) -> None:
         """Refuse rows that are not each after the one before, or of a plant in samples not a period after it."""
         gaps = np.diff(rows.known, prepend=last)
-        if len(wrong := np.flatnonzero(~(gaps > 0))):
+        together = bool(self.where.arrival) and self.spec.period is None
+        if len(wrong := np.flatnonzero(~(gaps > 0) & ~(together & (gaps == 0)))):
             k = int(wrong[0])
             t, before = rows.known[k], rows.known[k - 1] if k else last
             what = not_rising(t, before)
@@ -215,3 +226,52 @@ class Log:
             said += f", and {late[k]:.3g} s off its sample; rows of this plant are {period:g} s apart"
             said += "; give a row without values where one is missing"
             raise self.table.wrong(said, int(rows.lines[k]), id="OBS811")
+
+
+def newest(blocks: Iterator[Rows], first: bool) -> Iterator[Rows]:
+    """Rows that are used when they arrive: one that was made before a newer one has the u and y that hold then.
+
+    `first`: these go on straight lines from one row that is used to the next, so that others wait for that.
+    """
+    latest, before = -np.inf, list[Rows]()  # time of the newest row; the last that was used, and what waits
+    for rows in blocks:
+        reached = np.fmax.accumulate(np.concatenate([[latest], rows.t]))
+        latest = reached[-1]
+        made = joined([*before, rows._replace(unused=rows.t < reached[:-1])])
+        place = np.flatnonzero(~made.unused)
+        end = int(place[-1]) + 1 if first else len(made.t)
+        found = standing(part_of(made, 0, end), first)
+        yield from nonempty(part_of(found, bool(before), end))
+        before = [part_of(found, place[-1], place[-1] + 1), part_of(made, end, len(made.t))]
+    if before:
+        yield from nonempty(part_of(standing(joined(before), first), 1, None))
+
+
+def standing(rows: Rows, first: bool) -> Rows:
+    """Rows, the first of which is used, with u and y of the others as they hold then."""
+    at, K = np.arange(len(rows.t)), len(rows.t)
+    place = np.maximum.accumulate(np.where(rows.unused, 0, at))
+    if not first:
+        return rows._replace(u=rows.u[place], y=rows.y[place])
+    after = np.minimum.accumulate(np.where(rows.unused, K, at)[::-1])[::-1]
+    after = np.where(after == K, place, after)
+    span = rows.known[after] - rows.known[place]
+    share = ((rows.known - rows.known[place]) / np.where(span > 0, span, 1.0))[:, None]
+    u, y = (part[place] + np.nan_to_num(share * (part[after] - part[place])) for part in (rows.u, rows.y))
+    return rows._replace(u=u, y=y)
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Rows one after the other."""
+    return Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def part_of(rows: Rows, begin: int, end: int | None) -> Rows:
+    """Rows from one on, up to another."""
+    return Rows(*(column[begin:end] for column in rows))
+
+
+def nonempty(rows: Rows) -> Iterator[Rows]:
+    """Rows, if there are any."""
+    if len(rows.t):
+        yield rows

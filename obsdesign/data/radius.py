@@ -58,7 +58,7 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
         return "nothing is proved of these gains"
     if FAMILIES[spec.observer.type].sampled or FAMILIES[spec.observer.type].equations:
         return f"of type {spec.observer.type} none is computed along a log"
-    if why := uncovered(design, where):
+    if why := uncovered(design):
         return why
     states = (*spec.plant.states, *spec.model_states)
     if where.v_sup is None or (missing := [name for name in states if name not in where.e0]):
@@ -76,7 +76,7 @@ def radius(design: Design, where: Recorded, estimates: Sequence[str]) -> Radius 
     reach, of_q = (np.asarray(guarantee.reach(M)) if len(M) else np.zeros(0) for M in (H, spec.augmented.Cq))
     if not np.isfinite([*reach, *of_q]).all():
         return "the estimates hold the noise of y at once"
-    return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec))
+    return Radius(names, reach, of_q, rates, largest(P, e0), v2, premise(spec, timed=bool(where.arrival)))
 
 
 def largest(P: Exact, e0: Float) -> float:
@@ -98,7 +98,7 @@ def outputs(spec: Spec, estimates: Sequence[str]) -> dict[str, Array]:
     return {name: row for name, row in found.items() if name in estimates}
 
 
-def uncovered(design: Design, where: Recorded) -> str:
+def uncovered(design: Design) -> str:
     """Why what is proved says nothing of a log, or nothing."""
     spec, p = design.spec, design.spec.augmented
     loops = (p.Dqf != 0).any() or (p.Dq != 0).any() or spec.observer.filtered
@@ -114,7 +114,6 @@ def uncovered(design: Design, where: Recorded) -> str:
         "nothing is proved of the continuous plant: give discretise a defect": (
             spec.continuous is not None and spec.continuous.defect is None
         ),
-        "rows are used when they arrive, and nothing is proved of that": bool(where.arrival),
         "the claim holds for ranges of known inputs or outputs, which are not followed along a log": (
             any(block.others for block in spec.nonlinearities)
         ),
@@ -125,10 +124,12 @@ def uncovered(design: Design, where: Recorded) -> str:
     return next((why for why, applies in reasons.items() if applies), "")
 
 
-def premise(spec: Spec) -> str:
-    """What has to be true of a log for the radii to hold."""
+def premise(spec: Spec, *, timed: bool = False) -> str:
+    """What has to be true of a log for the radii to hold; `timed`: it says when each row became known."""
     said = "|v| <= v_sup at all samples, errors at the first row within e0, the plant as in the spec, rows its samples"
     if spec.continuous is not None:
         said = f"{said}, q and w no faster than defect says, and known inputs constant over each period"
+    if timed:
+        said = f"{said}, up to the first that is used after its time"
     assumed = [f"assumed: {' and '.join(spec.assumed)}"] if spec.assumed else []
     return "; ".join([said, *assumed])
